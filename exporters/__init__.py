@@ -1,0 +1,1 @@
+"""The exporters that come with terrain-forge, one folder per format."""

@@ -1,0 +1,1 @@
+"""Reading digital terrain models and putting them onto the site's grid."""

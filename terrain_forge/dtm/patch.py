@@ -1,0 +1,30 @@
+"""The piece of a DTM that a site is made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.records import Record
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DtmPatch(Record):
+    """Heights of a DTM over a site's area and its context, holes filled, in the source's own grid."""
+
+    heights: NDArray[np.float64]
+    """Heights above the body's datum [m], shape [rows, columns], in the source's row order."""
+    to_pixel: tuple[float, float, float, float, float, float]
+    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
+    coordinates and whole numbers are sample centres."""
+    crs: str
+    """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    posting: float
+    """Distance of the samples on the ground [m], the coarser of the two directions."""
+    filled: int
+    """Samples within the patch that were holes."""
+
+    def __post_init__(self) -> None:
+        self.freeze("heights", np.float64, ("rows", "columns"))

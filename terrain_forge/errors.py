@@ -1,0 +1,27 @@
+"""The errors that a user can cause or meet; everything else is a bug in terrain-forge."""
+
+from __future__ import annotations
+
+
+class TerrainForgeError(Exception):
+    """Base of all errors with a message meant for the user: where, what was found, what is allowed."""
+
+
+class RecipeError(TerrainForgeError):
+    """The recipe asks for something that does not exist or cannot be (exit status 2)."""
+
+
+class DataError(TerrainForgeError):
+    """An input file cannot be used as what the recipe says it is (exit status 2)."""
+
+
+class OutputError(TerrainForgeError):
+    """The output folder cannot be written or is not a terrain-forge world (exit status 2)."""
+
+
+class ExportError(TerrainForgeError):
+    """A format cannot hold this world with these options (exit status 2)."""
+
+
+class SimulationError(TerrainForgeError):
+    """A simulation could not be carried to an end that means anything (exit status 1)."""

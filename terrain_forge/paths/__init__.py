@@ -1,0 +1,1 @@
+"""Routes in the plane, known before the ground, and trajectories on it."""

@@ -1,0 +1,74 @@
+"""Finding what can be plugged in: exporters, of ours and of other packages."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol, cast
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.specs import Spec
+from terrain_forge.world import World
+
+EXPORTERS = "terrain_forge.exporters"
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportReport:
+    """What an exporter did."""
+
+    files: tuple[Path, ...]
+    """Files written, relative to the export's directory."""
+    losses: tuple[str, ...]
+    """What the format cannot say, a sentence each, with the size of the error where there is one."""
+
+
+class Exporter(Protocol):
+    """A module (or object) that writes a world in one format."""
+
+    Options: type[Spec]
+    """Frozen dataclass of the format's options, each with a default and documented."""
+
+    def export(self, world: World, directory: Path, *, options: Any) -> ExportReport:
+        """Write `world` into the existing, empty `directory`.
+
+        Raises:
+            ExportError: if the format cannot hold this world with these options.
+        """
+
+
+def exporter_names() -> list[str]:
+    """Names of the exporters that are installed, working or not."""
+    return sorted({point.name for point in entry_points(group=EXPORTERS)})
+
+
+def exporter(name: str) -> Exporter:
+    """The exporter of that name.
+
+    Raises:
+        RecipeError: if none has it, or if it cannot be imported; lists those that are installed.
+    """
+    found = {point.name: point for point in entry_points(group=EXPORTERS)}
+    if name not in found:
+        raise RecipeError(f"unknown exporter {name!r}, installed: {', '.join(sorted(found))}")
+    module = _load(found[name])
+    if module is None:
+        raise RecipeError(f"exporter {name!r} is installed but broken (see the warning above)")
+    return cast(Exporter, module)
+
+
+def _load(point: EntryPoint) -> ModuleType | None:
+    try:
+        module = point.load()
+        missing = [part for part in ("Options", "export") if not hasattr(module, part)]
+    except Exception as error:  # whatever a foreign package raises must not break ours
+        _log.warning("exporter %r (%s) is skipped: %s", point.name, point.value, error)
+        return None
+    if missing:
+        _log.warning("exporter %r (%s) is skipped: has no %s", point.name, point.value, missing[0])
+        return None
+    return cast(ModuleType, module)

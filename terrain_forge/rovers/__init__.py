@@ -1,0 +1,1 @@
+"""Rover descriptions as data, one for every simulator."""

@@ -1,0 +1,153 @@
+"""Where a world lies: the Site, resolved once from the recipe, and windows of its lattice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.bodies import Body
+from terrain_forge.dtm.patch import DtmPatch
+from terrain_forge.records import Record
+
+if TYPE_CHECKING:
+    from terrain_forge.paths.route import Route
+    from terrain_forge.recipe import Recipe
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Window(Record):
+    """A rectangle of lattice cells of one Site; its nodes are one more each way."""
+
+    column: int
+    """First cell, counted east from the site's western edge."""
+    row: int
+    """First cell, counted north from the site's southern edge."""
+    columns: int
+    """Cells from west to east."""
+    rows: int
+    """Cells from south to north."""
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 1:
+            raise ValueError(f"Window of {self.columns} × {self.rows} cells: at least 1 × 1")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roughness(Record):
+    """Self-affine roughness of the ground: RMS deviation ν(L) = deviation · (L / 1 m)^hurst.
+
+    Shepard et al. 2001, doi:10.1029/2000JE001429.
+    """
+
+    hurst: float
+    """Hurst exponent, 0 to 1."""
+    deviation: float
+    """RMS deviation at a baseline of 1 m [m]."""
+    source: str
+    """Where the figures come from, for the report."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Image(Record):
+    """An image that a layer uses, read when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    values: NDArray[np.float64]
+    """0 to 1 (integers divided by their type's largest value, floats as they are), rows run north."""
+
+    def __post_init__(self) -> None:
+        self.freeze("values", np.float64, ("rows", "columns"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Site(Record):
+    """A place on a body with everything that must not depend on the window that is made of it.
+
+    Its frame is ENU in true metres; the origin is the centre of the area at the datum height.
+    """
+
+    name: str
+    """Name of the world."""
+    seed: int
+    """Root of all randomness."""
+    body: Body
+    """The planet or moon."""
+    size: tuple[float, float]
+    """Area, node to node, east and north [m]."""
+    spacing: float
+    """Distance of the ground's nodes [m]."""
+    crs: str
+    """WKT of the local CRS (transverse Mercator at the centre); empty where nothing is georeferenced."""
+    lonlat: tuple[float, float] | None
+    """Longitude and latitude of the origin [rad], where known."""
+    datum_height: float
+    """Height of world z = 0 above the body's datum [m]."""
+    slope: tuple[float, float]
+    """Rise per metre east and north of the plane that levelling takes away; (0, 0) if not levelled."""
+    dtm: DtmPatch | None
+    """The source heights with context around the area; None for a flat site."""
+    roughness: Roughness
+    """What the fractal layer continues."""
+    largest_rock: float
+    """Exposed diameter that no rock of the site exceeds [m]."""
+    images: tuple[Image, ...]
+    """Images that layers use."""
+    routes: tuple[Route, ...]
+    """The recipe's routes, known before terrain and rocks."""
+    recipe_json: str
+    """The resolved recipe as canonical JSON."""
+
+    @cached_property
+    def recipe(self) -> Recipe:
+        """The resolved recipe."""
+        from terrain_forge.recipe import recipe_from_json
+
+        return recipe_from_json(self.recipe_json)
+
+    @property
+    def west(self) -> float:
+        """East coordinate of the western edge [m]."""
+        return -0.5 * self.size[0]
+
+    @property
+    def south(self) -> float:
+        """North coordinate of the southern edge [m]."""
+        return -0.5 * self.size[1]
+
+    @property
+    def window(self) -> Window:
+        """The whole site."""
+        columns, rows = (round(length / self.spacing) for length in self.size)
+        return Window(column=0, row=0, columns=columns, rows=rows)
+
+    @property
+    def georeferenced(self) -> bool:
+        """Whether the site knows where on its body it lies."""
+        return bool(self.crs)
+
+    def axes(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """East coordinates of the window's node columns and north ones of its rows [m].
+
+        Computed from the site's own lattice, so that every window has the same bits.
+        """
+        columns = window.column + np.arange(window.columns + 1)
+        rows = window.row + np.arange(window.rows + 1)
+        return self.west + columns * self.spacing, self.south + rows * self.spacing
+
+    def padded(self, window: Window, margin: float) -> Window:
+        """The window grown by at least `margin` [m] on each side, as far as the site goes."""
+        cells = int(np.ceil(margin / self.spacing))
+        whole = self.window
+        column, row = max(window.column - cells, 0), max(window.row - cells, 0)
+        east = min(window.column + window.columns + cells, whole.columns)
+        north = min(window.row + window.rows + cells, whole.rows)
+        return Window(column=column, row=row, columns=east - column, rows=north - row)
+
+    def image(self, path: str) -> NDArray[np.float64]:
+        """Values of the image that the recipe calls `path`."""
+        return next(image.values for image in self.images if image.path == path)

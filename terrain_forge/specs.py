@@ -1,0 +1,37 @@
+"""What the recipe's parts have in common, without pydantic: stages own their specs, `recipe` composes.
+
+A spec is a small frozen dataclass beside the stage that it configures. Its fields carry their limits
+as `annotated_types`, and a string under each field is that field's documentation in docs/recipe.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from annotated_types import Ge, Gt, Interval, Len, MinLen, Predicate
+
+Positive = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Ge(0)]
+Fraction = Annotated[float, Interval(ge=0, le=1)]
+Pair = tuple[float, float]
+PositivePair = tuple[Positive, Positive]
+
+
+def _is_file_name(text: str) -> bool:
+    return bool(text) and text not in (".", "..") and not any(c in text for c in "/\\:\0\n\r\t")
+
+
+FileName = Annotated[str, MinLen(1), Len(1, 100), Predicate(_is_file_name)]
+"""A name that may become a file's or a folder's: no separator, so that it cannot leave its folder."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spec:
+    """Base of all recipe parts: unknown keys are refused, no NaN or infinity."""
+
+    __pydantic_config__: ClassVar[dict[str, object]] = {
+        "extra": "forbid",
+        "allow_inf_nan": False,
+        "use_attribute_docstrings": True,
+    }

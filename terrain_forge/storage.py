@@ -1,0 +1,49 @@
+"""Saving and loading a World: its arrays in one npz, everything else in one json beside it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import OutputError
+from terrain_forge.records import from_plain, to_plain
+from terrain_forge.world import World
+
+FORMAT = 1
+
+
+def save_world(world: World, directory: Path) -> list[Path]:
+    """Write `directory`/world/world.json and arrays.npz; returns both."""
+    folder = directory / "world"
+    folder.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, NDArray[Any]] = {}
+    plain = {"format": FORMAT, "world": to_plain(world, arrays, "world")}
+    text, binary = folder / "world.json", folder / "arrays.npz"
+    text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+    return [text, binary]
+
+
+def load_world(directory: Path) -> World:
+    """Read what `save_world` wrote."""
+    import terrain_forge.paths.route  # noqa: F401  (registers Route among the records)
+
+    text = directory / "world" / "world.json"
+    try:
+        plain = json.loads(text.read_text(encoding="utf-8"))
+        if plain.get("format") != FORMAT:
+            found = plain.get("format")
+            raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
+        with np.load(text.with_name("arrays.npz"), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        world = from_plain(plain["world"], arrays)
+    except OutputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise OutputError(f"{directory}: holds no readable terrain-forge world ({error})") from None
+    assert isinstance(world, World)
+    return world

@@ -1,0 +1,1 @@
+"""Checks of a built world by the consumers of its files, and the report of them."""

@@ -1,0 +1,418 @@
+"""The hand-off types between the stages. See docs/conventions.md for frames, units and the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terrain_forge.frames import compass_to_direction, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.records import Record
+from terrain_forge.rovers.description import Rover
+from terrain_forge.site import Site, Window
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Heightfield(Record):
+    """A node-registered grid; the surface is its triangulation, each cell cut south-west to north-east."""
+
+    elevation: NDArray[np.float32]
+    """Heights [m], shape [rows, columns]; rows run north, columns run east."""
+    spacing: float
+    """Distance of neighbouring nodes [m]."""
+    origin: tuple[float, float]
+    """East and north coordinate of node [0, 0] [m]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("elevation", np.float32, ("rows", "columns"))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of nodes."""
+        return self.elevation.shape[0], self.elevation.shape[1]
+
+    @property
+    def east(self) -> Array:
+        """East coordinates of the columns [m]."""
+        return self.origin[0] + np.arange(self.shape[1]) * self.spacing
+
+    @property
+    def north(self) -> Array:
+        """North coordinates of the rows [m]."""
+        return self.origin[1] + np.arange(self.shape[0]) * self.spacing
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north edge [m]."""
+        west, south = self.origin
+        rows, columns = self.shape
+        return west, south, west + (columns - 1) * self.spacing, south + (rows - 1) * self.spacing
+
+    def covers(self, east: ArrayLike, north: ArrayLike) -> NDArray[np.bool_]:
+        """Which points lie on the grid (edges count, to a billionth of a cell)."""
+        column = (np.asarray(east, np.float64) - self.origin[0]) / self.spacing
+        row = (np.asarray(north, np.float64) - self.origin[1]) / self.spacing
+        rows, columns = self.shape
+        slack = 1e-9
+        inside_east = (column >= -slack) & (column <= columns - 1 + slack)
+        return inside_east & (row >= -slack) & (row <= rows - 1 + slack)
+
+    def height_at(self, east: ArrayLike, north: ArrayLike) -> Array:
+        """Height [m] of the triangulated surface under points of the grid [m].
+
+        Raises:
+            ValueError: if a point lies outside the grid.
+        """
+        if not np.all(self.covers(east, north)):
+            raise ValueError(f"point outside the grid (west, south, east, north: {self.bounds})")
+        column = (np.asarray(east, np.float64) - self.origin[0]) / self.spacing
+        row = (np.asarray(north, np.float64) - self.origin[1]) / self.spacing
+        rows, columns = self.shape
+        i = np.clip(np.floor(column).astype(np.int64), 0, columns - 2)
+        j = np.clip(np.floor(row).astype(np.int64), 0, rows - 2)
+        u, v = column - i, row - j
+        z = self.elevation
+        sw, se = z[j, i].astype(np.float64), z[j, i + 1].astype(np.float64)
+        nw, ne = z[j + 1, i].astype(np.float64), z[j + 1, i + 1].astype(np.float64)
+        below = sw + u * (se - sw) + v * (ne - se)
+        above = sw + v * (nw - sw) + u * (ne - nw)
+        result: Array = np.where(u >= v, below, above)
+        return result
+
+    def cut(self, *, column: int, row: int, columns: int, rows: int) -> Heightfield:
+        """The sub-grid that starts at node (column, row) and has so many cells each way."""
+        origin = (self.origin[0] + column * self.spacing, self.origin[1] + row * self.spacing)
+        nodes = self.elevation[row : row + rows + 1, column : column + columns + 1]
+        return Heightfield(elevation=nodes, spacing=self.spacing, origin=origin)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mesh(Record):
+    """A triangle mesh."""
+
+    vertices: Array
+    """Positions [m], shape [vertices, 3]."""
+    faces: NDArray[np.int32]
+    """Corner indices, counter-clockwise seen from outside, shape [faces, 3]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("vertices", np.float64, ("vertices", 3))
+        self.freeze("faces", np.int32, ("faces", 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockPrototype(Record):
+    """One rock shape. Frame: origin at the centre of mass, z up as the rock rests, mean axis 1 m."""
+
+    family: str
+    """Which generator made it."""
+    meshes: tuple[Mesh, ...]
+    """Watertight visual meshes, finest first (levels of detail); the first one is the rock's shape."""
+    hulls: tuple[Mesh, ...]
+    """Convex collision parts."""
+    volume: float
+    """Volume of the first mesh [m³]."""
+    inertia: Array
+    """Inertia tensor of the first mesh about its centre of mass for a density of 1 kg/m³, shape [3, 3]."""
+    hull_excess: float
+    """Summed volume of the hulls over the volume of the mesh, minus 1."""
+    reach: float
+    """Over all tilts and burials that resting allows: the largest horizontal distance of any point of
+    the rock from its centre of mass, as a fraction of the exposed diameter."""
+
+    def __post_init__(self) -> None:
+        self.freeze("inertia", np.float64, (3, 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockLibrary(Record):
+    """The rock shapes that a world uses; many worlds can share one."""
+
+    prototypes: tuple[RockPrototype, ...]
+    """The shapes; rocks name them by index."""
+    seed: int
+    """The library's own seed."""
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of all vertices and faces, hexadecimal."""
+        digest = sha256()
+        for prototype in self.prototypes:
+            for mesh in (*prototype.meshes, *prototype.hulls):
+                digest.update(mesh.vertices.tobytes())
+                digest.update(mesh.faces.tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockField(Record):
+    """The rocks of a world, one row each, ordered by id."""
+
+    populations: tuple[str, ...]
+    """Names of the populations; rocks name them by index."""
+    id: NDArray[np.int32]
+    """Unique within the site and the same in every window of it, shape [rocks]."""
+    population: NDArray[np.int32]
+    """Index into `populations`, shape [rocks]."""
+    prototype: NDArray[np.int32]
+    """Index into the library, shape [rocks]."""
+    position: Array
+    """Centre of mass in the world frame [m], shape [rocks, 3]."""
+    quaternion: Array
+    """Rotation (w, x, y, z) from the prototype's axes to the world's, shape [rocks, 4]."""
+    scale: Array
+    """Size in units of the prototype, shape [rocks]."""
+    diameter: Array
+    """Exposed plan diameter [m], shape [rocks]."""
+    height: Array
+    """Top of the rock above the ground's tangent plane at its centre [m], shape [rocks]."""
+    buried_fraction: Array
+    """Part of the rock's extent across the tangent plane that lies below it, 0 to 1, shape [rocks]."""
+    volume: Array
+    """Volume of the whole rock [m³], shape [rocks]."""
+    mass: Array
+    """Mass [kg], shape [rocks]."""
+
+    def __post_init__(self) -> None:
+        for name in ("id", "population", "prototype"):
+            self.freeze(name, np.int32, ("rocks",))
+        self.freeze("position", np.float64, ("rocks", 3))
+        self.freeze("quaternion", np.float64, ("rocks", 4))
+        for name in ("scale", "diameter", "height", "buried_fraction", "volume", "mass"):
+            self.freeze(name, np.float64, ("rocks",))
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> RockField:
+        """The rocks of a mask or of an index array."""
+        names = ("id", "population", "prototype", "position", "quaternion", "scale", "diameter")
+        names += ("height", "buried_fraction", "volume", "mass")
+        return self.replace(**{name: getattr(self, name)[rows] for name in names})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Poses(Record):
+    """Poses of a moving frame at some times."""
+
+    position: Array
+    """Origin in the world frame [m], shape [times, 3]."""
+    rpy: Array
+    """Roll, pitch, yaw [rad], continuous in time, shape [times, 3]."""
+    velocity: Array
+    """Velocity of the origin in the world frame [m/s], shape [times, 3]."""
+    acceleration: Array
+    """Acceleration of the origin in the world frame [m/s²], shape [times, 3]."""
+
+    @property
+    def quaternion(self) -> Array:
+        """Rotation (w, x, y, z) to the world frame, shape [times, 4]."""
+        return quaternion_from_rpy(self.rpy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory(Record):
+    """Motion of the rover's `base_link` (x forward): a C² spline through samples."""
+
+    name: str
+    """Name of the path."""
+    time: Array
+    """Sample times, from 0 [s], shape [samples]."""
+    position: Array
+    """Origin of base_link in the world frame [m], shape [samples, 3]."""
+    rpy: Array
+    """Roll, pitch, yaw [rad], continuous (yaw is not wrapped), shape [samples, 3]."""
+    closed: bool
+    """Whether the path ends where it began."""
+
+    def __post_init__(self) -> None:
+        self.freeze("time", np.float64, ("samples",))
+        self.freeze("position", np.float64, (len(self.time), 3))
+        self.freeze("rpy", np.float64, (len(self.time), 3))
+
+    @property
+    def quaternion(self) -> Array:
+        """Rotation (w, x, y, z) of each sample, shape [samples, 4]."""
+        return quaternion_from_rpy(self.rpy)
+
+    @property
+    def length(self) -> float:
+        """Length of the path through the samples [m]."""
+        return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.time, np.hstack([self.position, self.rpy]))
+
+    def at(self, time: ArrayLike) -> Poses:
+        """Poses, velocities and accelerations at times [s] within the trajectory."""
+        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        values = self._spline(times)
+        return Poses(
+            position=values[:, :3],
+            rpy=values[:, 3:],
+            velocity=self._spline(times, 1)[:, :3],
+            acceleration=self._spline(times, 2)[:, :3],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Appearance(Record):
+    """What the ground and the rocks look like."""
+
+    ground_rgb: NDArray[np.uint8]
+    """sRGB colour of each node of the ground, rows run north, shape [rows, columns, 3]."""
+    rock_rgb: NDArray[np.uint8]
+    """sRGB colour of each population's rocks, shape [populations, 3]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("ground_rgb", np.uint8, ("rows", "columns", 3))
+        self.freeze("rock_rgb", np.uint8, ("populations", 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lighting(Record):
+    """The Sun and the sky."""
+
+    sun_azimuth: float
+    """Where the Sun stands, clockwise from north [rad]."""
+    sun_elevation: float
+    """Height of the Sun above the horizon [rad]."""
+    irradiance: float
+    """Irradiance of a surface that faces the Sun [W/m²]."""
+    sky_rgb: tuple[float, float, float]
+    """Colour of the sky, linear 0 to 1."""
+
+    @property
+    def towards_sun(self) -> Array:
+        """Unit vector (east, north, up) from the ground to the Sun."""
+        return compass_to_direction(self.sun_azimuth, self.sun_elevation)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class World(Record):
+    """Everything that exporters, truth, pictures and validation need."""
+
+    site: Site
+    """The place."""
+    window: Window
+    """The part of the site that this world is."""
+    ground: Heightfield
+    """The bare ground."""
+    appearance: Appearance
+    """Colours."""
+    library: RockLibrary
+    """Rock shapes."""
+    field: RockField
+    """Rocks whose centre lies in the window."""
+    neighbours: RockField
+    """Rocks of the site whose centre lies outside the window but which reach into it."""
+    trajectories: tuple[Trajectory, ...]
+    """Paths on the ground."""
+    rover: Rover
+    """Who drives."""
+    lighting: Lighting
+    """Sun and sky."""
+    unplaced: tuple[int, ...]
+    """Rocks of each population that found no free place, counted over the rocks of this window."""
+    provenance: tuple[tuple[str, str], ...]
+    """Inputs: path as the recipe writes it, SHA-256."""
+
+    def tiles(self, *, cells: int = 1024) -> Iterator[World]:
+        """The world in tiles of at most `cells` cells each way, row by row from the south-west.
+
+        Tiles share their border nodes; a rock belongs to the tile of its centre.
+        """
+        columns = range(0, self.window.columns, cells)
+        rows = range(0, self.window.rows, cells)
+        if len(columns) * len(rows) == 1:
+            yield self
+            return
+        for row in rows:
+            for column in columns:
+                yield self._tile(column, row, cells)
+
+    def _tile(self, column: int, row: int, cells: int) -> World:
+        columns = min(cells, self.window.columns - column)
+        rows = min(cells, self.window.rows - row)
+        ground = self.ground.cut(column=column, row=row, columns=columns, rows=rows)
+        own = owned(self.field, ground, self.ground)
+        reach = self.field.diameter.max(initial=0.0) + self.neighbours.diameter.max(initial=0.0)
+        everyone = merge(self.field, self.neighbours)
+        near = touches(everyone, ground, float(reach)) & ~np.isin(everyone.id, self.field.id[own])
+        colours = self.appearance.ground_rgb[row : row + rows + 1, column : column + columns + 1]
+        return self.replace(
+            window=Window(
+                column=self.window.column + column,
+                row=self.window.row + row,
+                columns=columns,
+                rows=rows,
+            ),
+            ground=ground,
+            appearance=self.appearance.replace(ground_rgb=colours),
+            field=self.field.select(own),
+            neighbours=everyone.select(near),
+        )
+
+    def save(self, directory: Path) -> list[Path]:
+        """Store the world in `directory`/world; returns the files."""
+        from terrain_forge.storage import save_world
+
+        return save_world(self, Path(directory))
+
+    @staticmethod
+    def load(directory: Path | str) -> World:
+        """The world of a built folder.
+
+        Raises:
+            OutputError: if the folder holds no world of this version.
+        """
+        from terrain_forge.storage import load_world
+
+        return load_world(Path(directory))
+
+
+def merge(one: RockField, other: RockField) -> RockField:
+    """Both fields' rocks, ordered by id."""
+    order = np.argsort(np.concatenate([one.id, other.id]), kind="stable")
+    names = ("id", "population", "prototype", "position", "quaternion", "scale", "diameter")
+    names += ("height", "buried_fraction", "volume", "mass")
+    joined = {n: np.concatenate([getattr(one, n), getattr(other, n)])[order] for n in names}
+    return one.replace(**joined)
+
+
+def owned(field: RockField, part: Heightfield, whole: Heightfield) -> NDArray[np.bool_]:
+    """Which rocks belong to a part: centre in it, a shared border counting to the east and north."""
+    west, south, east, north = part.bounds
+    x, y = field.position[:, 0], field.position[:, 1]
+    last_east, last_north = east >= whole.bounds[2], north >= whole.bounds[3]
+    inside_east = (x >= west) & ((x < east) | last_east)
+    result: NDArray[np.bool_] = inside_east & (y >= south) & ((y < north) | last_north)
+    return result
+
+
+def touches(field: RockField, part: Heightfield, reach: float) -> NDArray[np.bool_]:
+    """Which rocks have their centre within `reach` [m] of a part of the ground."""
+    west, south, east, north = part.bounds
+    x, y = field.position[:, 0], field.position[:, 1]
+    inside_east = (x >= west - reach) & (x <= east + reach)
+    result: NDArray[np.bool_] = inside_east & (y >= south - reach) & (y <= north + reach)
+    return result
+
+
+def rotations(field: RockField) -> Array:
+    """Rotation matrices of the rocks, shape [rocks, 3, 3]."""
+    return matrix_from_quaternion(field.quaternion)

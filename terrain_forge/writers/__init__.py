@@ -1,0 +1,1 @@
+"""File writers that exporters and truth share."""

@@ -1,0 +1,170 @@
+"""A small asymmetric world made by hand: every flip, transpose and swapped axis shows on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from terrain_forge.bodies import MARS
+from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.rovers.description import Rover
+from terrain_forge.site import Roughness, Site
+from terrain_forge.world import (
+    Appearance,
+    Heightfield,
+    Lighting,
+    Mesh,
+    RockField,
+    RockLibrary,
+    RockPrototype,
+    Trajectory,
+    World,
+)
+
+SIZE = (24.0, 16.0)
+SPACING = 0.25
+
+
+def hill(east, north):
+    """A tilted plane with one off-centre bump and some ripples [m]."""
+    bump = 1.2 * np.exp(-((east - 6) ** 2 + (north + 3) ** 2) / 8)
+    return 0.05 * east - 0.02 * north + bump + 0.03 * np.sin(3.1 * east + 1.7 * north)
+
+
+def site() -> Site:
+    """A flat Mars site of 24 × 16 m that nothing was planned for."""
+    return Site(
+        name="by-hand",
+        seed=1,
+        body=MARS,
+        size=SIZE,
+        spacing=SPACING,
+        crs="",
+        lonlat=None,
+        datum_height=0.0,
+        slope=(0.0, 0.0),
+        dtm=None,
+        roughness=Roughness(hurst=0.6, deviation=0.05, source="test"),
+        largest_rock=2.0,
+        images=(),
+        routes=(),
+        recipe_json="{}",
+    )
+
+
+def ground() -> Heightfield:
+    """The hill on the site's lattice."""
+    east, north = site().axes(site().window)
+    return Heightfield(
+        elevation=hill(east[None, :], north[:, None]),
+        spacing=SPACING,
+        origin=(float(east[0]), float(north[0])),
+    )
+
+
+def _prototype(stretch: tuple[float, float, float], seed: int) -> RockPrototype:
+    random = np.random.default_rng(seed)
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    vertices = ball.vertices * stretch * random.uniform(0.85, 1.0, (len(ball.vertices), 1))
+    mesh = trimesh.Trimesh(vertices, ball.faces).convex_hull
+    mesh.apply_translation(-mesh.center_mass)
+    mesh.apply_scale(1.0 / float(np.mean(mesh.extents)))
+    shape = Mesh(vertices=mesh.vertices, faces=mesh.faces)
+    inertia = mesh.moment_inertia
+    return RockPrototype(
+        family="test",
+        meshes=(shape,),
+        hulls=(shape,),
+        volume=float(mesh.volume),
+        inertia=np.asarray(inertia),
+        hull_excess=0.0,
+        reach=0.8,
+    )
+
+
+def library() -> RockLibrary:
+    """Three convex, asymmetric shapes."""
+    stretches = [(1.0, 0.8, 0.6), (1.2, 0.7, 0.7), (0.9, 0.9, 0.5)]
+    prototypes = tuple(_prototype(s, n) for n, s in enumerate(stretches))
+    return RockLibrary(prototypes=prototypes, seed=0)
+
+
+def field(count: int = 40) -> RockField:
+    """Rocks of two populations lying half buried, yawed at random, away from the edge."""
+    random = np.random.default_rng(5)
+    shapes = library().prototypes
+    prototype = random.integers(0, len(shapes), count)
+    scale = random.uniform(0.2, 1.2, count)
+    xy = random.uniform((-10.5, -6.5), (10.5, 6.5), (count, 2))
+    z = ground().height_at(xy[:, 0], xy[:, 1])
+    rpy = np.stack([random.uniform(-0.2, 0.2, count)] * 2 + [random.uniform(-3, 3, count)], -1)
+    volume = np.array([shapes[p].volume for p in prototype]) * scale**3
+    return RockField(
+        populations=("pebbles", "boulders"),
+        id=np.arange(count),
+        population=(scale > 0.7).astype(int),
+        prototype=prototype,
+        position=np.column_stack([xy, z]),
+        quaternion=quaternion_from_rpy(rpy),
+        scale=scale,
+        diameter=scale,
+        height=0.4 * scale,
+        buried_fraction=np.full(count, 0.5),
+        volume=volume,
+        mass=volume * MARS.rock_density,
+    )
+
+
+def trajectory() -> Trajectory:
+    """An open arc over the ground whose yaw passes π without wrapping."""
+    time = np.arange(0, 20, 1 / 12)
+    angle = 0.5 + 0.2 * time
+    xy = np.stack([7 * np.cos(angle), 5 * np.sin(angle)], -1)
+    z = ground().height_at(xy[:, 0], xy[:, 1])
+    yaw = np.unwrap(np.arctan2(np.gradient(xy[:, 1]), np.gradient(xy[:, 0])))
+    zero = np.zeros_like(yaw)
+    return Trajectory(
+        name="arc",
+        time=time,
+        position=np.column_stack([xy, z]),
+        rpy=np.stack([zero + 0.02, zero - 0.03, yaw], -1),
+        closed=False,
+    )
+
+
+def no_rover() -> Rover:
+    """A rover without any part, for what needs none."""
+    return Rover(
+        name="none",
+        links=(),
+        wheels=(),
+        sensors=(),
+        torque_limit=1.0,
+        speed_limit=1.0,
+        tilt_limit=0.5,
+        clearance=0.2,
+    )
+
+
+def world(*, rocks: int = 40, rover: Rover | None = None) -> World:
+    """The whole world."""
+    land = ground()
+    return World(
+        site=site(),
+        window=site().window,
+        ground=land,
+        appearance=Appearance(
+            ground_rgb=np.full((*land.shape, 3), (166, 110, 74)),
+            rock_rgb=np.array([(112, 84, 69), (100, 75, 60)]),
+        ),
+        library=library(),
+        field=field(rocks),
+        neighbours=field(0),
+        trajectories=(trajectory(),),
+        rover=rover or no_rover(),
+        lighting=Lighting(
+            sun_azimuth=4.0, sun_elevation=0.6, irradiance=586.2, sky_rgb=MARS.sky_rgb
+        ),
+        unplaced=(0, 0),
+        provenance=(),
+    )
