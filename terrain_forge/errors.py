@@ -4,7 +4,16 @@ from __future__ import annotations
 
 
 class TerrainForgeError(Exception):
-    """Base of all errors with a message meant for the user: where, what was found, what is allowed."""
+    """Base of all errors with a message meant for the user: what was found, what is allowed.
+
+    Args:
+        message: one line.
+        key: where in the recipe, such as ("dtm", "source"); the recipe's file adds name and line.
+    """
+
+    def __init__(self, message: str, *, key: tuple[str | int, ...] = ()) -> None:
+        super().__init__(message)
+        self.key = key
 
 
 class RecipeError(TerrainForgeError):

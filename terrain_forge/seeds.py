@@ -46,6 +46,15 @@ def uniform(hashed):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def uniforms(key, count):  # type: ignore[no-untyped-def]
+    """Uniforms in (0, 1) of the addresses 0 … count - 1 under a key, shape [count]."""
+    drawn = np.empty(count)
+    for n in range(count):
+        drawn[n] = uniform(mix(key, n))
+    return drawn
+
+
+@njit(cache=True)
 def poisson(hashed, mean):  # type: ignore[no-untyped-def]
     """A Poisson count by inversion of one uniform; `mean` up to 600 (exp(-mean) must not underflow)."""
     u = uniform(hashed)

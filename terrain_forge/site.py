@@ -97,6 +97,8 @@ class Site(Record):
     """Exposed diameter that no rock of the site exceeds [m]."""
     images: tuple[Image, ...]
     """Images that layers use."""
+    inputs: tuple[tuple[str, str], ...]
+    """Input files: path as the recipe writes it, SHA-256."""
     routes: tuple[Route, ...]
     """The recipe's routes, known before terrain and rocks."""
     recipe_json: str
@@ -124,6 +126,11 @@ class Site(Record):
         """The whole site."""
         columns, rows = (round(length / self.spacing) for length in self.size)
         return Window(column=0, row=0, columns=columns, rows=rows)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north edge [m]."""
+        return self.west, self.south, -self.west, -self.south
 
     @property
     def georeferenced(self) -> bool:

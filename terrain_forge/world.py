@@ -68,6 +68,12 @@ class Heightfield(Record):
         inside_east = (column >= -slack) & (column <= columns - 1 + slack)
         return inside_east & (row >= -slack) & (row <= rows - 1 + slack)
 
+    def holds(self, points: Array, *, margin: float) -> bool:
+        """Whether all points, shape [n, 2], lie on the grid, at least `margin` [m] from its edge."""
+        west, south, east, north = self.bounds
+        low, high = np.array([west, south]) + margin, np.array([east, north]) - margin
+        return bool(np.all((points >= low) & (points <= high)))
+
     def height_at(self, east: ArrayLike, north: ArrayLike) -> Array:
         """Height [m] of the triangulated surface under points of the grid [m].
 
@@ -130,6 +136,9 @@ class RockPrototype(Record):
     reach: float
     """Over all tilts and burials that resting allows: the largest horizontal distance of any point of
     the rock from its centre of mass, as a fraction of the exposed diameter."""
+    rise: float
+    """Over the same tilts and burials: the largest height of the rock above the ground's tangent plane,
+    as a fraction of the exposed diameter."""
 
     def __post_init__(self) -> None:
         self.freeze("inertia", np.float64, (3, 3))
@@ -328,8 +337,6 @@ class World(Record):
     """Sun and sky."""
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
-    provenance: tuple[tuple[str, str], ...]
-    """Inputs: path as the recipe writes it, SHA-256."""
 
     def tiles(self, *, cells: int = 1024) -> Iterator[World]:
         """The world in tiles of at most `cells` cells each way, row by row from the south-west.
@@ -349,10 +356,9 @@ class World(Record):
         columns = min(cells, self.window.columns - column)
         rows = min(cells, self.window.rows - row)
         ground = self.ground.cut(column=column, row=row, columns=columns, rows=rows)
-        own = owned(self.field, ground, self.ground)
-        reach = self.field.diameter.max(initial=0.0) + self.neighbours.diameter.max(initial=0.0)
         everyone = merge(self.field, self.neighbours)
-        near = touches(everyone, ground, float(reach)) & ~np.isin(everyone.id, self.field.id[own])
+        own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
+        near = touches(everyone, ground, self.library) & ~own
         colours = self.appearance.ground_rgb[row : row + rows + 1, column : column + columns + 1]
         return self.replace(
             window=Window(
@@ -363,7 +369,7 @@ class World(Record):
             ),
             ground=ground,
             appearance=self.appearance.replace(ground_rgb=colours),
-            field=self.field.select(own),
+            field=everyone.select(own),
             neighbours=everyone.select(near),
         )
 
@@ -394,22 +400,30 @@ def merge(one: RockField, other: RockField) -> RockField:
     return one.replace(**joined)
 
 
-def owned(field: RockField, part: Heightfield, whole: Heightfield) -> NDArray[np.bool_]:
-    """Which rocks belong to a part: centre in it, a shared border counting to the east and north."""
+Bounds = tuple[float, float, float, float]
+
+
+def owned(field: RockField, part: Heightfield, whole: Bounds) -> NDArray[np.bool_]:
+    """Which rocks belong to a part of the ground: those whose centre lies in it.
+
+    Borders count to the part on their east and north, the outer ones of the whole to the last part.
+    """
     west, south, east, north = part.bounds
     x, y = field.position[:, 0], field.position[:, 1]
-    last_east, last_north = east >= whole.bounds[2], north >= whole.bounds[3]
-    inside_east = (x >= west) & ((x < east) | last_east)
-    result: NDArray[np.bool_] = inside_east & (y >= south) & ((y < north) | last_north)
+    inside_east = (x >= west) & ((x < east) | (east >= whole[2]))
+    result: NDArray[np.bool_] = inside_east & (y >= south) & ((y < north) | (north >= whole[3]))
     return result
 
 
-def touches(field: RockField, part: Heightfield, reach: float) -> NDArray[np.bool_]:
-    """Which rocks have their centre within `reach` [m] of a part of the ground."""
+def touches(field: RockField, part: Heightfield, library: RockLibrary) -> NDArray[np.bool_]:
+    """Which rocks may reach into a part of the ground: those whose circle of reach does."""
+    reaches = np.array([prototype.reach for prototype in library.prototypes])
+    reach = reaches[field.prototype] * field.diameter
     west, south, east, north = part.bounds
     x, y = field.position[:, 0], field.position[:, 1]
-    inside_east = (x >= west - reach) & (x <= east + reach)
-    result: NDArray[np.bool_] = inside_east & (y >= south - reach) & (y <= north + reach)
+    away_east = np.maximum(np.maximum(west - x, x - east), 0.0)
+    away_north = np.maximum(np.maximum(south - y, y - north), 0.0)
+    result: NDArray[np.bool_] = np.hypot(away_east, away_north) <= reach
     return result
 
 

@@ -47,6 +47,7 @@ def site() -> Site:
         roughness=Roughness(hurst=0.6, deviation=0.05, source="test"),
         largest_rock=2.0,
         images=(),
+        inputs=(),
         routes=(),
         recipe_json="{}",
     )
@@ -79,6 +80,7 @@ def _prototype(stretch: tuple[float, float, float], seed: int) -> RockPrototype:
         inertia=np.asarray(inertia),
         hull_excess=0.0,
         reach=0.8,
+        rise=1.0,
     )
 
 
@@ -166,5 +168,4 @@ def world(*, rocks: int = 40, rover: Rover | None = None) -> World:
             sun_azimuth=4.0, sun_elevation=0.6, irradiance=586.2, sky_rgb=MARS.sky_rgb
         ),
         unplaced=(0, 0),
-        provenance=(),
     )

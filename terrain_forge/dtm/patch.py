@@ -16,7 +16,7 @@ class DtmPatch(Record):
 
     heights: NDArray[np.float64]
     """Heights above the body's datum [m], shape [rows, columns], in the source's row order."""
-    to_pixel: tuple[float, float, float, float, float, float]
+    to_pixel: tuple[float, ...]
     """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
     coordinates and whole numbers are sample centres."""
     crs: str

@@ -1,0 +1,225 @@
+"""Writing a world: everything in the output folder, which appears whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from terrain_forge.errors import OutputError
+from terrain_forge.manifest import NAME, read_manifest, write_manifest
+from terrain_forge.pipeline import plan, realise
+from terrain_forge.recipe import ExportOrder, Recipe, export_orders
+from terrain_forge.world import World
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildResult:
+    """What a build left behind."""
+
+    directory: Path
+    """The output folder."""
+    world: World
+    """The world that is in it."""
+    passed: bool
+    """Whether every validation check passed."""
+    losses: dict[str, tuple[str, ...]]
+    """What each export cannot say, by its folder."""
+
+
+class Stopwatch:
+    """Wall times of the stages, for timings.json and the progress bar."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._name = ""
+        self._since = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+        self.figures: dict[str, float] = {}
+
+    def __call__(self, stage: str) -> None:
+        """Begin a stage, and end the one before."""
+        now = time.perf_counter()
+        if self._name:
+            self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._since
+        self._name, self._since = stage, now
+        self._progress(stage)
+
+    def write(self, directory: Path) -> None:
+        """End the last stage and write timings.json."""
+        self("done")
+        timings = {
+            "wall_time_s": {name: round(value, 4) for name, value in self.seconds.items()},
+            "total_s": round(sum(self.seconds.values()), 4),
+            **self.figures,
+        }
+        (directory / "timings.json").write_text(json.dumps(timings, indent=1) + "\n")
+
+
+def build(
+    recipe: Recipe,
+    out: Path | str | None = None,
+    *,
+    folder: Path | str = ".",
+    only: tuple[str, ...] | None = None,
+    progress: Progress = lambda stage: None,
+) -> BuildResult:
+    """Make a recipe's world and write all of it.
+
+    Args:
+        recipe: what to make.
+        out: output folder; by default the recipe's name in the current folder. An older world of ours
+            is replaced when the new one is whole.
+        folder: what the recipe's paths are relative to.
+        only: folders of the exports to write; by default all of the recipe.
+        progress: told the name of each stage as it begins.
+
+    Raises:
+        RecipeError, DataError, ExportError: the recipe cannot be built; nothing is written.
+        OutputError: `out` exists and is not ours.
+    """
+    watch = Stopwatch(progress)
+    watch("plan")
+    out = Path(out or recipe.name)
+    require_ours(out)
+    orders = chosen(export_orders(recipe), only)
+    site = plan(recipe, folder=folder)
+    world = realise(site, progress=watch)
+    with replacing(out) as directory:
+        losses = write(world, directory, orders=orders, watch=watch)
+        passed = assess(world, directory, watch=watch)
+    return BuildResult(directory=out, world=world, passed=passed, losses=losses)
+
+
+def write(
+    world: World, directory: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
+) -> dict[str, tuple[str, ...]]:
+    """Write the world, its exports, truth, paths and picture; returns the exports' losses."""
+    from terrain_forge.paths.files import write_trajectory
+    from terrain_forge.preview import write_preview
+    from terrain_forge.truth.bundle import write_truth
+
+    watch("world")
+    world.save(directory)
+    losses = {}
+    for order in orders:
+        watch(f"export {order.folder}")
+        losses[order.folder] = export(world, directory, order)
+    watch("truth")
+    write_truth(world, directory)
+    (directory / "paths").mkdir(exist_ok=True)
+    for trajectory in world.trajectories:
+        write_trajectory(trajectory, directory / "paths")
+    watch("preview")
+    write_preview(world, directory / "preview.png")
+    return losses
+
+
+def export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]:
+    """Write one export into its folder of `directory`, whole or not at all; returns its losses."""
+    with replacing(directory / order.folder, known=True) as folder:
+        report = order.exporter.export(world, folder, options=order.options)
+    return report.losses
+
+
+def assess(world: World, directory: Path, *, watch: Stopwatch) -> bool:
+    """Validate what lies in the folder, write its report page, timings and manifest."""
+    from terrain_forge.report_page import write_report_page
+    from terrain_forge.validation.checks import validate
+    from terrain_forge.validation.spec import ValidateSpec
+
+    watch("validation")
+    spec = world.site.recipe.validate or ValidateSpec()
+    result = validate(world, directory, spec=spec)
+    watch.figures.update(result.timings)
+    watch("report page")
+    write_report_page(world, directory)
+    watch("manifest")
+    write_manifest(world.site, directory)
+    watch.write(directory)
+    return result.passed
+
+
+def chosen(
+    orders: tuple[ExportOrder, ...], only: tuple[str, ...] | None
+) -> tuple[ExportOrder, ...]:
+    """The exports that `only` names, by folder.
+
+    Raises:
+        OutputError: for a name that the recipe does not export.
+    """
+    folders = [order.folder for order in orders]
+    for name in only or ():
+        if name not in folders:
+            raise OutputError(
+                f"--only {name}: the recipe exports {', '.join(folders) or 'nothing'}"
+            )
+    return orders if only is None else tuple(order for order in orders if order.folder in only)
+
+
+def require_ours(out: Path) -> None:
+    """Refuse an output folder that exists and was not made by us."""
+    if not out.exists() and not out.is_symlink():
+        parent = out.absolute().parent
+        if parent.exists() and not parent.is_dir():
+            raise OutputError(f"{parent} is not a folder")
+        return
+    if not out.is_dir() or (any(out.iterdir()) and not (out / NAME).is_file()):
+        raise OutputError(
+            f"{out} exists and is not a terrain-forge world; remove it or choose another with -o"
+        )
+    if (out / NAME).is_file():
+        read_manifest(out)
+
+
+@contextmanager
+def replacing(target: Path, *, known: bool = False) -> Iterator[Path]:
+    """A temporary sibling folder that takes the target's place when the block ends well.
+
+    An older target is set aside until then. Leftovers of builds that were killed are cleared away.
+
+    Args:
+        target: the folder to make.
+        known: whether the target lies in a folder of ours already, so that no leftovers are sought.
+    """
+    target = target.absolute()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if not known:
+        _clear_leftovers(target)
+    fresh = target.with_name(f".{target.name}.new-{os.getpid()}")
+    aside = target.with_name(f".{target.name}.old-{os.getpid()}")
+    try:
+        fresh.mkdir()
+    except OSError as error:
+        raise OutputError(f"{target.parent} cannot be written: {error.strerror}") from None
+    try:
+        yield fresh
+        if target.exists():
+            target.rename(aside)
+        fresh.rename(target)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        if aside.exists() and not target.exists():
+            aside.rename(target)
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _clear_leftovers(target: Path) -> None:
+    """Remove what killed builds of this target left; bring back a world that one had set aside."""
+    for kind in ("new", "old"):
+        for left in sorted(target.parent.glob(f".{target.name}.{kind}-*")):
+            process = left.name.rpartition("-")[2]
+            if process.isdigit() and Path(f"/proc/{process}").exists():
+                continue
+            if kind == "old" and not target.exists():
+                left.rename(target)
+            else:
+                shutil.rmtree(left, ignore_errors=True)

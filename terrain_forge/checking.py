@@ -1,0 +1,83 @@
+"""What `terrain-forge check` says: the DTM described, the recipe checked, the cost estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees
+from pathlib import Path
+
+from terrain_forge.bodies import BODIES
+from terrain_forge.dtm.describe import Description, describe
+from terrain_forge.dtm.raster import open_raster
+from terrain_forge.dtm.spec import RasterDtm
+from terrain_forge.errors import DataError
+from terrain_forge.limits import expected_nodes, expected_rocks, memory_needed
+from terrain_forge.pipeline import plan
+from terrain_forge.recipe import Recipe, export_orders
+
+
+def check_recipe(recipe: Recipe, folder: Path) -> Iterator[str]:
+    """Lines that say what a recipe will make; the DTM comes first, even where it cannot serve.
+
+    Raises:
+        RecipeError, DataError: if the recipe cannot be built.
+    """
+    if isinstance(recipe.dtm, RasterDtm):
+        raster = open_raster(recipe.dtm, body=BODIES[recipe.body], folder=folder)
+        with raster.dataset:
+            yield f"DTM {recipe.dtm.source}"
+            yield from _lines(describe(raster))
+    orders = export_orders(recipe)
+    site = plan(recipe, folder=folder)
+    window = site.window
+    yield f"site {site.name} on {site.body.name}, {site.size[0]:g} × {site.size[1]:g} m"
+    if site.lonlat:
+        yield f"  centre       {degrees(site.lonlat[0]):.5f}° E {degrees(site.lonlat[1]):.5f}° N"
+    yield f"  grid         {window.columns + 1} × {window.rows + 1} nodes at {site.spacing:g} m"
+    yield (
+        f"  roughness    H = {site.roughness.hurst:.2f}, {site.roughness.deviation * 100:.2g} cm "
+        f"at 1 m ({site.roughness.source})"
+    )
+    if site.dtm is not None and site.dtm.filled:
+        yield f"  holes        {site.dtm.filled} samples within the site are filled"
+    yield f"  rocks        about {expected_rocks(recipe):,.0f}, up to {site.largest_rock:.3g} m"
+    for route in site.routes:
+        yield f"  path         {route.name}: {route.length:.1f} m, {route.length / route.speed:.0f} s"
+    yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
+    yield f"cost           {cost(recipe)}"
+
+
+def check_raster(path: Path) -> list[str]:
+    """Lines that say what a raster file is.
+
+    Raises:
+        DataError: if it is none.
+    """
+    spec = RasterDtm(source=path.name, size_m=(1.0, 1.0))
+    for body in BODIES.values():
+        try:
+            raster = open_raster(spec, body=body, folder=path.parent)
+        except DataError as error:
+            if error.key != ("body",):
+                raise
+            continue
+        with raster.dataset:
+            return [f"DTM {path}", *_lines(describe(raster))]
+    raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
+
+
+def cost(recipe: Recipe) -> str:
+    """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
+    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe)
+    seconds = 1.5 + nodes / 1e6 + rocks / 30e3
+    return (
+        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks: about {seconds:.0f} s without a drive, "
+        f"{0.3 + memory_needed(recipe) / 1e9:.1f} GB"
+    )
+
+
+def _lines(description: Description) -> Iterator[str]:
+    for name, value in description.facts:
+        yield f"  {name:<12} {value}"
+    for warning in description.warnings:
+        yield f"  warning      {warning}"

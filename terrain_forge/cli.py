@@ -1,0 +1,235 @@
+"""The command line: `terrain-forge build recipe.yaml` and its companions.
+
+Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 an internal error;
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terrain_forge import __version__
+from terrain_forge.errors import SimulationError, TerrainForgeError
+
+if TYPE_CHECKING:
+    from terrain_forge.recipe_file import RecipeFile
+
+FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+
+_OUT = click.argument("out", type=click.Path(path_type=Path))
+_RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
+_SET = click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change a key of the recipe, such as terrain.spacing_m=0.25; may be given several times.",
+)
+_SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="terrain-forge")
+@click.option("--debug", is_flag=True, help="Log more, and show tracebacks.")
+def cli(debug: bool) -> None:
+    """Make planetary worlds for rovers: ground, rocks, paths and truth, for Gazebo, MuJoCo and USD.
+
+    Start with `terrain-forge init`, which writes a first recipe with comments, then
+    `terrain-forge build hello.yaml`.
+    """
+    logging.basicConfig(
+        level=logging.DEBUG if debug else logging.WARNING,
+        format="%(levelname)s: %(message)s",
+        stream=sys.stderr,
+    )
+    for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+@cli.command()
+@_RECIPE
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), help="Output folder [default: ./NAME]."
+)
+@_SEED
+@_SET
+@click.option("--only", metavar="FORMATS", help="Write only these exports, such as sdf,mjcf.")
+def build(
+    recipe: Path, out: Path | None, seed: int | None, changes: tuple[str, ...], only: str | None
+) -> None:
+    """Build a world from RECIPE, check it, and write it to a folder.
+
+    The folder appears whole or not at all; an older world of ours in its place is replaced.
+    """
+    from terrain_forge import build as building
+
+    file = _load(recipe, seed, changes)
+    out = out or Path(file.recipe.name)
+    if out.absolute() in (file.path.absolute(), *file.path.absolute().parents):
+        folder_is_ours = (out / "manifest.json").is_file()
+        if folder_is_ours:
+            raise click.UsageError(f"{out} would be replaced, and the recipe lies in it")
+    with _Bar() as progress, _located(file):
+        result = building.build(
+            file.recipe, out, folder=file.folder, only=_names(only), progress=progress
+        )
+    _say(
+        f"{result.directory}: {len(result.world.field):,} rocks, "
+        f"{len(result.world.trajectories)} paths, see {result.directory / 'report.html'}"
+    )
+    _finish(result.passed, result.directory)
+
+
+@cli.command()
+@_RECIPE
+@_SEED
+@_SET
+def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
+    """Check RECIPE and its inputs, say what its DTM is and what a build costs. Builds nothing.
+
+    RECIPE may also be a raster file: then only that is described.
+    """
+    from terrain_forge.checking import check_raster, check_recipe
+
+    if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
+        _say("\n".join(check_raster(recipe)))
+        return
+    file = _load(recipe, seed, changes)
+    with _located(file):
+        for line in check_recipe(file.recipe, file.folder):
+            _say(line)
+
+
+@cli.command()
+@_OUT
+@click.option("--only", required=True, metavar="FORMATS", help="Formats to write, such as usd.")
+def export(out: Path, only: str) -> None:
+    """Write further formats from the world built in OUT."""
+    from terrain_forge import rework
+
+    with _Bar() as progress:
+        passed = rework.export(out, _names(only) or (), progress=progress)
+    _finish(passed, out)
+
+
+@cli.command()
+@_OUT
+def validate(out: Path) -> None:
+    """Validate the world built in OUT again."""
+    from terrain_forge import rework
+
+    with _Bar() as progress:
+        passed = rework.validate(out, progress=progress)
+    _say((out / "validation" / "report.json").as_posix())
+    _finish(passed, out)
+
+
+@cli.command()
+@_OUT
+def view(out: Path) -> None:
+    """Look at the world built in OUT: opens its report page."""
+    from terrain_forge.manifest import read_manifest
+
+    read_manifest(out)
+    page = (out / "report.html").absolute()
+    _say(str(page))
+    click.launch(page.as_uri())
+
+
+@cli.command()
+@click.argument("directory", type=click.Path(path_type=Path), default=Path())
+def init(directory: Path) -> None:
+    """Write a first recipe with comments, and the DTM that it uses, into DIRECTORY."""
+    from terrain_forge.starter import write_starter
+
+    recipe = write_starter(directory)
+    _say(f"{recipe}: edit it, then run  terrain-forge build {recipe}")
+
+
+def _load(path: Path, seed: int | None, changes: tuple[str, ...]) -> RecipeFile:
+    from terrain_forge.recipe_file import load_recipe
+
+    return load_recipe(path, changes=changes if seed is None else (*changes, f"seed={seed}"))
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _say(text: str) -> None:
+    click.echo(text)
+
+
+def _finish(passed: bool, out: Path) -> None:
+    if passed:
+        return
+    click.echo(
+        f"{out}: a validation check failed, see {out / 'validation' / 'report.json'}", err=True
+    )
+    sys.exit(FAILED_CHECK)
+
+
+class _Bar:
+    """The progress bar: stages counted, shown only on a terminal."""
+
+    def __enter__(self) -> Callable[[str], None]:
+        from tqdm import tqdm
+
+        self._bar = tqdm(
+            disable=not sys.stderr.isatty(), bar_format="{desc:<24} {n_fmt:>3} stages, {elapsed}"
+        )
+        return self._advance
+
+    def _advance(self, stage: str) -> None:
+        self._bar.set_description_str(stage, refresh=False)
+        self._bar.update()
+        self._bar.refresh()
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+
+class _located:  # noqa: N801 (a context manager, used as a function)
+    """Adds the recipe's file and line to errors that name a key of it."""
+
+    def __init__(self, file: RecipeFile) -> None:
+        self._file = file
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, _: Any, error: BaseException | None, __: Any) -> None:
+        if isinstance(error, TerrainForgeError) and error.key:
+            raise type(error)(self._file.locate(error)) from None
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit."""
+    # A polite kill must clean up as Ctrl-C does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    debug = "--debug" in (sys.argv[1:] if arguments is None else arguments)
+    try:
+        cli.main(args=arguments, prog_name="terrain-forge", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(WRONG_INPUT)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted, nothing was left behind", err=True)
+        sys.exit(INTERRUPTED)
+    except TerrainForgeError as error:
+        if debug:
+            traceback.print_exc()
+        click.echo(f"terrain-forge: {error}", err=True)
+        sys.exit(FAILED_CHECK if isinstance(error, SimulationError) else WRONG_INPUT)
+    except Exception:
+        traceback.print_exc()
+        click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
+        sys.exit(INTERNAL)

@@ -1,0 +1,65 @@
+"""Map projections: the site's local CRS, and pointwise transforms between it and the source's."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import DataError
+
+Array = NDArray[np.float64]
+
+
+def transform(source: str, target: str, x: Array, y: Array) -> tuple[Array, Array]:
+    """Coordinates in the CRS `target` (WKT) of points in the CRS `source`, of any shape."""
+    from rasterio.crs import CRS
+    from rasterio.warp import transform as warp
+
+    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    out = warp(CRS.from_wkt(source), CRS.from_wkt(target), x.ravel().tolist(), y.ravel().tolist())
+    return np.reshape(out[0], x.shape), np.reshape(out[1], x.shape)
+
+
+def ellipsoid(crs: str) -> tuple[float, float]:
+    """Semi-major and semi-minor axis [m] of a CRS's body.
+
+    Raises:
+        DataError: if the CRS names none.
+    """
+    import re
+
+    match = re.search(r'(?:SPHEROID|ELLIPSOID)\["[^"]*",\s*([\d.eE+]+),\s*([\d.eE+]+)', crs)
+    if match is None:
+        raise DataError("the CRS names no ellipsoid")
+    major, inverse_flattening = float(match[1]), float(match[2])
+    return major, major * (1.0 - 1.0 / inverse_flattening) if inverse_flattening else major
+
+
+def geographic_crs(crs: str) -> str:
+    """WKT of longitude and latitude in degrees on the same ellipsoid as `crs`."""
+    major, minor = ellipsoid(crs)
+    return _wkt(f"+proj=longlat +a={major!r} +b={minor!r} +no_defs")
+
+
+def local_crs(crs: str, lon_deg: float, lat_deg: float) -> str:
+    """WKT of the transverse Mercator centred on a point, on the same ellipsoid as `crs`.
+
+    True to scale at the centre; 5 km away lengths are off by less than 2 parts in a million.
+    """
+    major, minor = ellipsoid(crs)
+    return _wkt(
+        f"+proj=tmerc +lat_0={float(lat_deg)!r} +lon_0={float(lon_deg)!r} +k=1 +x_0=0 +y_0=0 "
+        f"+a={major!r} +b={minor!r} +units=m +no_defs"
+    )
+
+
+def body_crs(radius: float) -> str:
+    """WKT of longitude and latitude in degrees on a sphere of that radius [m]."""
+    return _wkt(f"+proj=longlat +a={float(radius)!r} +b={float(radius)!r} +no_defs")
+
+
+def _wkt(proj: str) -> str:
+    from rasterio.crs import CRS
+
+    wkt: str = CRS.from_proj4(proj).to_wkt()
+    return wkt

@@ -1,0 +1,81 @@
+"""The recipe's `dtm` part: where the heights come from and which piece of them is the site."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Interval
+
+from terrain_forge.specs import Pair, Positive, PositivePair, Spec
+
+Longitude = Annotated[float, Interval(ge=-180, le=360)]
+Latitude = Annotated[float, Interval(ge=-90, le=90)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Centre(Spec):
+    """Centre of the site: exactly one of the three."""
+
+    offset_m: Pair | None = None
+    """Metres east and north of the DTM's centre."""
+    crs: Pair | None = None
+    """x and y in the DTM's own coordinate reference system."""
+    lonlat_deg: tuple[Longitude, Latitude] | None = None
+    """Longitude (positive east) and latitude [degrees]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RasterDtm(Spec):
+    """Heights from a raster file: anything that GDAL opens."""
+
+    kind: Literal["raster"] = "raster"
+    source: str
+    """The file, its path relative to the recipe (for PDS3 with a detached label: the label)."""
+    size_m: PositivePair
+    """Size of the site, node to node, east and north [m]; whole multiples of the spacing."""
+    centre: Centre = Centre(offset_m=(0.0, 0.0))
+    """Where the site's centre lies; by default in the middle of the DTM."""
+    level: Literal["none", "plane"] = "none"
+    """`plane` takes the best-fit plane away, so that the site is level on the whole."""
+    band: Annotated[int, Ge(1)] = 1
+    """Which band of the raster holds the heights."""
+    nodata: float | None = None
+    """A value that means "no data", besides those that the file declares."""
+    extent_m: PositivePair | None = None
+    """For a raster without georeference: its size on the ground, east and north [m]."""
+    pixel_is: Literal["area", "point"] = "area"
+    """For a raster without georeference: whether `extent_m` reaches to the outer pixels' edges (area) or
+    their centres (point, as in height maps of 2^n+1 pixels)."""
+    height_range_m: Pair | None = None
+    """For integers without a vertical scale: heights of 0 and of the type's largest value [m]."""
+    height_scale: Annotated[float, Gt(0)] | None = None
+    """Metres per unit of the raster, instead of what the file declares."""
+    height_offset_m: float | None = None
+    """Height of the value 0 [m], instead of what the file declares."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatDtm(Spec):
+    """No DTM: level ground at the body's datum, that the layers shape."""
+
+    kind: Literal["flat"] = "flat"
+    size_m: PositivePair
+    """Size of the site, node to node, east and north [m]; whole multiples of the spacing."""
+    lonlat_deg: tuple[Longitude, Latitude] | None = None
+    """Where on the body the site lies [degrees]; without it nothing is georeferenced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayDtm(Spec):
+    """Heights given in Python, as `plan(recipe, heights=array)`: rows run north, columns east."""
+
+    kind: Literal["array"] = "array"
+    posting_m: Positive
+    """Distance of the array's samples [m]."""
+    size_m: PositivePair
+    """Size of the site around the array's centre, node to node, east and north [m]."""
+    level: Literal["none", "plane"] = "none"
+    """`plane` takes the best-fit plane away."""
+    lonlat_deg: tuple[Longitude, Latitude] | None = None
+    """Where on the body the site lies [degrees]; without it nothing is georeferenced."""

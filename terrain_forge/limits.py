@@ -1,0 +1,86 @@
+"""Checks of a whole recipe that no single key can make, before any data is read."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.recipe import Recipe
+
+BYTES_PER_NODE = 120
+"""Peak memory of a build for each node of the ground (measured by benchmarks/)."""
+BYTES_PER_ROCK = 1500
+"""Peak memory of a build for each rock (measured by benchmarks/)."""
+
+
+def require_paths(recipe: Recipe) -> None:
+    """Refuse names of paths that occur twice, and a drive along a path that does not exist."""
+    paths = [path.name for path in recipe.paths]
+    for name, times in Counter(paths).items():
+        if times > 1:
+            raise RecipeError(f"{times} paths are called {name!r}", key=("paths",))
+    driven = driven_path(recipe)
+    if driven is not None and driven not in paths:
+        known = ", ".join(paths) or "none"
+        raise RecipeError(
+            f"no path is called {driven!r}, there are: {known}", key=("validate", "drive")
+        )
+
+
+def driven_path(recipe: Recipe) -> str | None:
+    """Name of the path that the validation drives, if any."""
+    drive = recipe.validate.drive_spec if recipe.validate else None
+    return drive.path if drive else None
+
+
+def require_lattice(recipe: Recipe) -> None:
+    """Refuse an area that is not a whole number of cells each way."""
+    spacing = recipe.terrain.spacing_m
+    for size in recipe.dtm.size_m:
+        cells = size / spacing
+        if round(cells) < 2 or abs(cells - round(cells)) > 1e-6 * max(cells, 1.0):
+            nearest = max(round(cells), 2) * spacing
+            raise RecipeError(
+                f"{size:g} m is not a whole number (2 or more) of cells of {spacing:g} m; "
+                f"{nearest:g} m would be",
+                key=("dtm", "size_m"),
+            )
+
+
+def require_fits(recipe: Recipe) -> None:
+    """Refuse a world that would not fit into this machine's memory."""
+    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe)
+    needed = memory_needed(recipe)
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > there:
+        key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
+        raise RecipeError(
+            f"{nodes:.3g} nodes and {rocks:.3g} rocks need about {needed / 1e9:.3g} GB of memory, "
+            f"this machine has {there / 1e9:.3g} GB; choose a larger spacing, a smaller area or "
+            "larger rocks",
+            key=key,
+        )
+
+
+def memory_needed(recipe: Recipe) -> float:
+    """Estimated peak memory of a build [bytes]."""
+    return expected_nodes(recipe) * BYTES_PER_NODE + expected_rocks(recipe) * BYTES_PER_ROCK
+
+
+def expected_nodes(recipe: Recipe) -> float:
+    """Nodes of the ground."""
+    east, north = recipe.dtm.size_m
+    spacing = recipe.terrain.spacing_m
+    return (east / spacing + 1) * (north / spacing + 1)
+
+
+def expected_rocks(recipe: Recipe) -> float:
+    """Expected number of rocks of all populations."""
+    area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
+    total = 0.0
+    for population in recipe.rocks.populations:
+        low, high = population.diameter_range(area)
+        law = population.size_frequency
+        total += area * float(law.cumulative_number(low) - law.cumulative_number(high))
+    return total

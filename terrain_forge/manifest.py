@@ -1,0 +1,79 @@
+"""The manifest: what a world was made from, by what, and the hash of every file."""
+
+from __future__ import annotations
+
+import json
+import platform
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import terrain_forge
+from terrain_forge.errors import OutputError
+from terrain_forge.inputs import sha256
+from terrain_forge.site import Site
+
+NAME = "manifest.json"
+FORMAT = 1
+_PACKAGES = ("numpy", "scipy", "numba", "rasterio", "manifold3d", "coacd", "embreex", "mujoco")
+_PACKAGES += ("usd-core", "matplotlib", "pillow", "pydantic")
+_FREE = ("dataset/", "validation/consumers/")
+
+
+def write_manifest(site: Site, directory: Path) -> Path:
+    """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes."""
+    manifest = {
+        "terrain_forge": terrain_forge.__version__,
+        "format": FORMAT,
+        "name": site.name,
+        "seed": site.seed,
+        "recipe": json.loads(site.recipe_json),
+        "versions": {"python": platform.python_version(), **_versions()},
+        "inputs": dict(site.inputs),
+        "outputs": _hashes(directory),
+    }
+    path = directory / NAME
+    text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+    return path
+
+
+def read_manifest(directory: Path) -> dict[str, Any]:
+    """The manifest of a built world.
+
+    Raises:
+        OutputError: if the folder holds none of ours.
+    """
+    try:
+        manifest = json.loads((directory / NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})") from None
+    if not isinstance(manifest, dict) or "terrain_forge" not in manifest:
+        raise OutputError(f"{directory}/{NAME} is not terrain-forge's")
+    return manifest
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _hashes(directory: Path) -> dict[str, str]:
+    names = sorted(
+        path.relative_to(directory).as_posix() for path in directory.rglob("*") if path.is_file()
+    )
+    names = [name for name in names if _is_promised(name)]
+    with ThreadPoolExecutor() as pool:
+        return dict(zip(names, pool.map(lambda n: sha256(directory / n), names), strict=True))
+
+
+def _is_promised(name: str) -> bool:
+    """Whether equal builds must agree in this file."""
+    changing = name in (NAME, "timings.json") or name.endswith(".log")
+    return not changing and not name.startswith(_FREE)

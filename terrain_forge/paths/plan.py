@@ -1,0 +1,91 @@
+"""Routes from the recipe, before there is any ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.paths.route import Route
+from terrain_forge.paths.spec import Corridor, PathSpec, Spline
+from terrain_forge.rovers.description import Rover
+
+Array = NDArray[np.float64]
+
+STEP = 0.02
+"""Distance of a route's points [m]."""
+CORRIDOR_MARGIN = 0.4
+"""What a default corridor is wider than the rover [m]."""
+
+
+def plan_route(spec: PathSpec, *, rover: Rover, driven: bool) -> Route:
+    """The route of a path, its corridor resolved.
+
+    Raises:
+        RecipeError: if two neighbouring points are the same.
+    """
+    position, heading, distance = _trace(spec.route)
+    corridor = spec.corridor or (Corridor() if driven else Corridor(width_m=0.0))
+    width = corridor.width_m
+    return Route(
+        name=spec.name,
+        position=position,
+        heading=heading,
+        distance=distance,
+        closed=spec.route.closed,
+        speed=spec.speed_m_s,
+        corridor_width=rover.width + CORRIDOR_MARGIN if width is None else width,
+        corridor_clearance=corridor.clearance_m,
+    )
+
+
+def require_inside(route: Route, *, size: tuple[float, float], rover: Rover) -> None:
+    """Refuse a route on which a corner of the rover would leave the terrain.
+
+    Raises:
+        RecipeError: with the farthest point.
+    """
+    forward = np.stack([np.cos(route.heading), np.sin(route.heading)], -1)
+    left = np.stack([-forward[:, 1], forward[:, 0]], -1)
+    corners = [
+        route.position + 0.5 * (along * rover.length * forward + across * rover.width * left)
+        for along in (-1, 1)
+        for across in (-1, 1)
+    ]
+    excess = np.abs(np.concatenate(corners)) - 0.5 * np.asarray(size)
+    if excess.max() > 0.0:
+        worst = route.position[np.argmax(excess.max(axis=1)) % len(route.position)]
+        raise RecipeError(
+            f"path {route.name!r} leaves the terrain by {excess.max():.2f} m at "
+            f"({worst[0]:.1f}, {worst[1]:.1f}) m; the site reaches {size[0] / 2:g} m east and "
+            f"{size[1] / 2:g} m north of its centre",
+            key=("paths",),
+        )
+
+
+def _trace(spline: Spline) -> tuple[Array, Array, Array]:
+    """Points every few centimetres of the C² curve, headings, and distances along it."""
+    from scipy.interpolate import CubicSpline
+
+    points = np.asarray(spline.points_m, np.float64)
+    if spline.closed:
+        points = np.vstack([points, points[:1]])
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if chords.min() < 1e-6:
+        at = int(np.argmin(chords))
+        raise RecipeError(
+            f"points {at} and {(at + 1) % len(spline.points_m)} of the spline are the same",
+            key=("paths",),
+        )
+    # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
+    # doi:10.1016/0010-4485(89)90003-1).
+    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(chords))])
+    curve = CubicSpline(knots, points, bc_type="periodic" if spline.closed else "natural")
+    fine = np.linspace(0.0, knots[-1], 64 * len(points) + 1)
+    rough = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    count = max(int(np.ceil(rough[-1] / STEP)), 2)
+    parameter = np.interp(np.linspace(0.0, rough[-1], count + 1), rough, fine)
+    position, tangent = curve(parameter), curve(parameter, 1)
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    heading = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
+    return position, heading, np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,86 @@
+"""Laying a route on the ground: the motion of the rover's base_link."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import rpy_from_matrix
+from terrain_forge.paths.route import Route
+from terrain_forge.paths.spec import PathSpec
+from terrain_forge.rovers.description import Rover
+from terrain_forge.seeds import stage_key, uniforms
+from terrain_forge.world import Heightfield, Trajectory
+
+Array = NDArray[np.float64]
+
+_FOOTPRINT = 7
+"""Ground heights taken along each side of the rover's footprint."""
+
+
+def lay_trajectory(
+    route: Route, *, spec: PathSpec, ground: Heightfield, rover: Rover, seed: int
+) -> Trajectory:
+    """The motion along a route at constant speed, on the bare ground.
+
+    Height and tilt are those of the least-squares plane through the ground under the rover's
+    footprint; shake is added to the angles. The duration is rounded to whole samples, so that a
+    closed path ends in the pose in which it began (its yaw whole turns on).
+    """
+    steps = max(round(route.length / route.speed * spec.rate_hz), 4)
+    along = np.linspace(0.0, route.length, steps + 1)
+    east = np.interp(along, route.distance, route.position[:, 0])
+    north = np.interp(along, route.distance, route.position[:, 1])
+    heading = np.interp(along, route.distance, route.heading)
+    height, rpy = _stand(ground, rover, np.stack([east, north], -1), heading)
+    rpy += _shake(spec, steps, seed)
+    return Trajectory(
+        name=route.name,
+        time=np.arange(steps + 1) / spec.rate_hz,
+        position=np.stack([east, north, height + spec.height_m], -1),
+        rpy=rpy,
+        closed=route.closed,
+    )
+
+
+def _stand(
+    ground: Heightfield, rover: Rover, position: Array, heading: Array
+) -> tuple[Array, Array]:
+    """Height of the ground plane under the rover [m] and its roll, pitch, yaw [rad]."""
+    x = np.linspace(-0.5, 0.5, _FOOTPRINT) * rover.length
+    y = np.linspace(-0.5, 0.5, _FOOTPRINT) * rover.width
+    forward = np.stack([np.cos(heading), np.sin(heading)], -1)
+    left = np.stack([-forward[:, 1], forward[:, 0]], -1)
+    offsets = x[None, :, None, None] * forward[:, None, None, :]
+    offsets = offsets + y[None, None, :, None] * left[:, None, None, :]
+    points = position[:, None, None, :] + offsets
+    heights = ground.height_at(points[..., 0], points[..., 1])
+    rise = np.mean(heights * x[None, :, None], axis=(1, 2)) / np.mean(x**2)
+    bank = np.mean(heights * y[None, None, :], axis=(1, 2)) / np.mean(y**2)
+    axis_x = _unit(np.column_stack([forward, rise]))
+    axis_y = np.column_stack([left, bank])
+    axis_z = _unit(np.cross(axis_x, axis_y))
+    rotation = np.stack([axis_x, np.cross(axis_z, axis_x), axis_z], axis=-1)
+    rpy = rpy_from_matrix(rotation)
+    rpy[:, 2] = heading
+    return heights.mean(axis=(1, 2)), rpy
+
+
+def _unit(vectors: Array) -> Array:
+    result: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return result
+
+
+def _shake(spec: PathSpec, steps: int, seed: int) -> Array:
+    """Angles [rad] of band-limited noise, shape [samples, 3]; the last sample is the first again."""
+    if spec.shake.rms_deg == 0.0:
+        return np.zeros((steps + 1, 3))
+    key = stage_key(seed, f"paths/{spec.name}/shake")
+    radius, angle = uniforms(key, 6 * (steps // 2 + 1)).reshape(2, steps // 2 + 1, 3)
+    spectrum = np.sqrt(-2.0 * np.log(radius)) * np.exp(2j * np.pi * angle)
+    frequency = np.fft.rfftfreq(steps, 1.0 / spec.rate_hz)
+    spectrum[(frequency > spec.shake.cutoff_hz) | (frequency == 0.0)] = 0.0
+    noise = np.fft.irfft(spectrum, n=steps, axis=0)
+    rms = np.sqrt(np.mean(noise**2, axis=0))
+    noise *= np.radians(spec.shake.rms_deg) / np.where(rms > 0.0, rms, 1.0)
+    return np.vstack([noise, noise[:1]])

@@ -1,0 +1,175 @@
+"""The recipe: the whole schema, composed of the stages' own specs, and its canonical JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from annotated_types import Ge, Interval, Lt, MinLen
+from pydantic import Discriminator, Tag, TypeAdapter
+
+from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, RasterDtm
+from terrain_forge.errors import RecipeError
+from terrain_forge.paths.spec import PathSpec
+from terrain_forge.registry import exporter
+from terrain_forge.rocks.populations import RocksSpec
+from terrain_forge.specs import FileName, Positive, Spec
+from terrain_forge.terrain.appearance import AppearanceSpec
+from terrain_forge.terrain.layer import Layer, layer_types
+from terrain_forge.validation.spec import ValidateSpec
+
+if TYPE_CHECKING:
+    from terrain_forge.registry import Exporter
+
+    AnyLayer = Layer
+else:
+    AnyLayer = Annotated[
+        __import__("typing").Union[
+            tuple(Annotated[kind, Tag(kind.kind)] for kind in layer_types())
+        ],
+        Discriminator("kind"),
+    ]
+
+
+def _dtm_kind(value: Any) -> str:
+    given = value.get("kind", "raster") if isinstance(value, dict) else getattr(value, "kind", "")
+    return str(given)
+
+
+Dtm = Annotated[
+    Annotated[RasterDtm, Tag("raster")]
+    | Annotated[FlatDtm, Tag("flat")]
+    | Annotated[ArrayDtm, Tag("array")],
+    Discriminator(_dtm_kind),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TerrainSpec(Spec):
+    """The ground's grid and what shapes it."""
+
+    spacing_m: Positive
+    """Distance of the ground's nodes [m]; a wheel needs a few per radius, say 0.05 to 0.25."""
+    layers: tuple[AnyLayer, ...] = ()
+    """Displacement layers, added in this order."""
+    appearance: AppearanceSpec = AppearanceSpec()
+    """Colours of the ground."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunSpec(Spec):
+    """Where the Sun stands."""
+
+    azimuth_deg: Annotated[float, Interval(ge=-360, le=360)] = 250.0
+    """Compass direction, clockwise from north [degrees]."""
+    elevation_deg: Annotated[float, Interval(gt=0, le=90)] = 35.0
+    """Height above the horizon [degrees]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe(Spec):
+    """Everything that makes a world."""
+
+    schema: Literal[1] = 1
+    """Version of the recipe's format."""
+    name: FileName
+    """Name of the world, and of its folder unless the command line gives another."""
+    seed: Annotated[int, Ge(0), Lt(2**63)] = 0
+    """Root of all randomness: the same seed makes the same world."""
+    body: Literal["mars", "moon"]
+    """The planet or moon."""
+    dtm: Dtm
+    """Where the heights come from."""
+    terrain: TerrainSpec
+    """The ground."""
+    rocks: RocksSpec = RocksSpec()
+    """The rocks; none by default."""
+    paths: tuple[PathSpec, ...] = ()
+    """Paths of the rover."""
+    sun: SunSpec = SunSpec()
+    """The Sun."""
+    rover: str = "morpheus"
+    """The rover, by name."""
+    exports: Annotated[tuple[FileName, ...], MinLen(0)] | dict[FileName, dict[str, Any]] = (
+        "sdf",
+        "mjcf",
+        "usd",
+    )
+    """Formats to write: a list, or a mapping from a folder's name to `kind` and the format's options."""
+    validate: ValidateSpec | None = None
+    """What the finished world is tested by; without it, only what needs no drive."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOrder:
+    """One folder of an export: which exporter fills it, and how."""
+
+    folder: str
+    kind: str
+    exporter: Exporter
+    options: Any
+
+
+RESERVED = ("world", "truth", "paths", "validation")
+"""Folders of a world that no export may be called."""
+
+
+@cache
+def adapter() -> TypeAdapter[Recipe]:
+    """Pydantic's view of the schema."""
+    return TypeAdapter(Recipe)
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of a recipe, for editors and for docs/recipe.md."""
+    schema = adapter().json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def recipe_json(recipe: Recipe) -> str:
+    """Canonical JSON of a recipe, defaults written out."""
+    plain = adapter().dump_python(recipe, mode="json")
+    return json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def recipe_from_json(text: str) -> Recipe:
+    """The recipe of a canonical JSON."""
+    return adapter().validate_json(text, strict=True)
+
+
+def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
+    """The recipe's exports with their exporters found and their options checked.
+
+    Raises:
+        RecipeError: for an unknown exporter or option, or a folder that the world needs itself.
+    """
+    exports = recipe.exports
+    if not isinstance(exports, dict):
+        exports = {name: {} for name in exports}
+    return tuple(_order(folder, dict(options)) for folder, options in exports.items())
+
+
+def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
+    key = ("exports", folder)
+    if folder in RESERVED:
+        raise RecipeError(f"{folder!r} is a folder of every world, choose another", key=key)
+    kind = options.pop("kind", folder)
+    try:
+        found = exporter(kind)
+        checked = TypeAdapter(found.Options).validate_json(json.dumps(options), strict=True)
+    except RecipeError as error:
+        raise RecipeError(str(error), key=key) from None
+    except ValueError as error:
+        raise RecipeError(_option_message(kind, found, error), key=key) from None
+    return ExportOrder(folder=folder, kind=kind, exporter=found, options=checked)
+
+
+def _option_message(kind: str, found: Exporter, error: ValueError) -> str:
+    first = error.errors()[0]  # type: ignore[attr-defined]
+    option = ".".join(map(str, first["loc"]))
+    if first["type"] == "unexpected_keyword_argument":
+        allowed = sorted(found.Options.__dataclass_fields__)
+        return f"{kind} has no option {option!r}, it has: {', '.join(allowed) or 'none'}"
+    return f"option {option!r} of {kind}: {first['msg']}, found {first['input']!r}"

@@ -1,0 +1,60 @@
+"""Work on a world that is built already: further exports, and validation anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from terrain_forge.build import Stopwatch, assess
+from terrain_forge.build import export as export_folder
+from terrain_forge.errors import OutputError
+from terrain_forge.manifest import read_manifest
+from terrain_forge.recipe import ExportOrder, export_orders
+from terrain_forge.world import World
+
+Progress = Callable[[str], None]
+
+
+def export(
+    out: Path | str, only: tuple[str, ...], *, progress: Progress = lambda stage: None
+) -> bool:
+    """Write further formats from a built world, then validate; returns whether all checks passed.
+
+    A name is a folder of the recipe's exports, with its options, or else an exporter, with defaults.
+
+    Raises:
+        OutputError: if the folder is not a world of ours.
+        RecipeError: for an unknown exporter.
+    """
+    out = Path(out)
+    watch = Stopwatch(progress)
+    read_manifest(out)
+    watch("load")
+    world = World.load(out)
+    for order in _orders(world, only):
+        watch(f"export {order.folder}")
+        export_folder(world, out, order)
+    return assess(world, out, watch=watch)
+
+
+def validate(out: Path | str, *, progress: Progress = lambda stage: None) -> bool:
+    """Validate a built world again; returns whether all checks passed.
+
+    Raises:
+        OutputError: if the folder is not a world of ours.
+    """
+    out = Path(out)
+    watch = Stopwatch(progress)
+    read_manifest(out)
+    watch("load")
+    return assess(World.load(out), out, watch=watch)
+
+
+def _orders(world: World, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:
+    if not only:
+        raise OutputError("--only names no format")
+    planned = {order.folder: order for order in export_orders(world.site.recipe)}
+    further = tuple(name for name in dict.fromkeys(only) if name not in planned)
+    recipe = world.site.recipe.__class__(**{**vars(world.site.recipe), "exports": further})
+    found = {**planned, **{order.folder: order for order in export_orders(recipe)}}
+    return tuple(found[name] for name in dict.fromkeys(only))

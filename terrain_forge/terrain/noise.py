@@ -1,0 +1,95 @@
+"""Coherent noise that is addressed by position: aperiodic, and the same in every window.
+
+Gradient noise (Perlin 2002, doi:10.1145/566654.566636) over a lattice whose gradients come from a hash
+of (key, octave, cell), so that it never repeats. Each octave is rotated and shifted, so that no two
+lattices share their zeros.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from terrain_forge.seeds import mix, uniform, zigzag
+
+Array = NDArray[np.float64]
+
+_TURN = 1.1071487177940904  # atan 2: no small multiple of it is close to a quarter turn
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)
+_GRADIENTS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
+
+
+@njit(cache=True, inline="always")
+def _corner(key, i, j, dx, dy):  # type: ignore[no-untyped-def]
+    index = mix(mix(key, zigzag(i)), zigzag(j)) >> np.uint64(56)
+    return _GRADIENTS[index, 0] * dx + _GRADIENTS[index, 1] * dy
+
+
+@njit(cache=True, inline="always")
+def gradient_noise(key, x, y):  # type: ignore[no-untyped-def]
+    """Gradient noise of a unit lattice at (x, y), about -0.7 to 0.7, zero at the lattice points."""
+    i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
+    u, v = x - i, y - j
+    fade_u = u * u * u * (u * (u * 6.0 - 15.0) + 10.0)
+    fade_v = v * v * v * (v * (v * 6.0 - 15.0) + 10.0)
+    south = _corner(key, i, j, u, v)
+    south += fade_u * (_corner(key, i + 1, j, u - 1.0, v) - south)
+    north = _corner(key, i, j + 1, u, v - 1.0)
+    north += fade_u * (_corner(key, i + 1, j + 1, u - 1.0, v - 1.0) - north)
+    return south + fade_v * (north - south)
+
+
+@njit(cache=True, parallel=True)
+def _sum_octaves(key, east, north, wavelengths, amplitudes):  # type: ignore[no-untyped-def]
+    total = np.zeros((north.size, east.size))
+    for row in prange(north.size):
+        for octave in range(wavelengths.size):
+            octave_key = mix(key, np.uint64(octave))
+            shift_x = 1024.0 * uniform(mix(octave_key, np.uint64(1)))
+            shift_y = 1024.0 * uniform(mix(octave_key, np.uint64(2)))
+            cos = np.cos(octave * _TURN) / wavelengths[octave]
+            sin = np.sin(octave * _TURN) / wavelengths[octave]
+            amplitude = amplitudes[octave]
+            for column in range(east.size):
+                x = cos * east[column] - sin * north[row] + shift_x
+                y = sin * east[column] + cos * north[row] + shift_y
+                total[row, column] += amplitude * gradient_noise(octave_key, x, y)
+    return total
+
+
+def octaves(
+    key: np.uint64, *, east: Array, north: Array, wavelengths: Array, amplitudes: Array
+) -> Array:
+    """Sum of noise octaves at the nodes of a grid, shape [north, east].
+
+    Args:
+        key: what the noise is, from `seeds.stage_key`.
+        east: coordinates of the columns [m].
+        north: coordinates of the rows [m].
+        wavelengths: lattice distance of each octave [m].
+        amplitudes: factor of each octave, in the unit of the result.
+    """
+    return np.asarray(
+        _sum_octaves(
+            key,
+            np.ascontiguousarray(east, np.float64),
+            np.ascontiguousarray(north, np.float64),
+            np.asarray(wavelengths, np.float64),
+            np.asarray(amplitudes, np.float64),
+        )
+    )
+
+
+def fbm(
+    key: np.uint64, east: Array, north: Array, wavelength: float, count: int, gain: float = 0.5
+) -> Array:
+    """Fractal sum of `count` octaves from `wavelength` [m] downwards, each `gain` times the last."""
+    steps = np.arange(count)
+    return octaves(
+        key,
+        east=east,
+        north=north,
+        wavelengths=wavelength * 0.5**steps,
+        amplitudes=gain**steps,
+    )
