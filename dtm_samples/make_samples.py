@@ -1,8 +1,9 @@
 """Makes the synthetic DTMs in this folder: `python dtm_samples/make_samples.py`.
 
-They are statistics, not places. Each is a self-affine surface made by spectral synthesis with a given
-RMS deviation ν(1 m) and Hurst exponent (Shepard et al. 2001, doi:10.1029/2000JE001429); the lunar one
-carries fresh and worn craters besides. Float32 GeoTIFF in the IAU 2015 equirectangular CRS of its body.
+They are statistics, not places. Each is a self-affine surface made by spectral synthesis with a
+given RMS deviation ν(1 m) and Hurst exponent (Shepard et al. 2001, doi:10.1029/2000JE001429); the
+lunar one carries fresh and worn craters besides. Float32 GeoTIFF in the IAU 2015 equirectangular
+CRS of its body.
 """
 
 from __future__ import annotations

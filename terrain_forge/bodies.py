@@ -1,9 +1,9 @@
 """The planetary bodies, as cited values in SI units.
 
 Sources: NASA Space Science Data Coordinated Archive fact sheets (Williams; gravity, radii); solar
-irradiance is the solar constant 1361 W/m² (Kopp & Lean 2011, doi:10.1029/2010GL045777) divided by the
-square of the mean distance in astronomical units. The Mars gravity and sky colour are those that the
-seed's Gazebo world uses too.
+irradiance is the solar constant 1361 W/m² (Kopp & Lean 2011, doi:10.1029/2010GL045777) divided by
+the square of the mean distance in astronomical units. The Mars gravity and sky colour are those
+that the seed's Gazebo world uses too.
 """
 
 from __future__ import annotations

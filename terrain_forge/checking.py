@@ -42,7 +42,8 @@ def check_recipe(recipe: Recipe, folder: Path) -> Iterator[str]:
         yield f"  holes        {site.dtm.filled} samples within the site are filled"
     yield f"  rocks        about {expected_rocks(recipe):,.0f}, up to {site.largest_rock:.3g} m"
     for route in site.routes:
-        yield f"  path         {route.name}: {route.length:.1f} m, {route.length / route.speed:.0f} s"
+        duration = route.length / route.speed
+        yield f"  path         {route.name}: {route.length:.1f} m, {duration:.0f} s"
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     yield f"cost           {cost(recipe)}"
 
@@ -71,8 +72,8 @@ def cost(recipe: Recipe) -> str:
     nodes, rocks = expected_nodes(recipe), expected_rocks(recipe)
     seconds = 1.5 + nodes / 1e6 + rocks / 30e3
     return (
-        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks: about {seconds:.0f} s without a drive, "
-        f"{0.3 + memory_needed(recipe) / 1e9:.1f} GB"
+        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks: about {seconds:.0f} s "
+        f"without a drive, {0.3 + memory_needed(recipe) / 1e9:.1f} GB"
     )
 
 

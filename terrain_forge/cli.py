@@ -1,7 +1,7 @@
 """The command line: `terrain-forge build recipe.yaml` and its companions.
 
-Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 an internal error;
-130 interrupted.
+Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 an internal
+error; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def build(
 
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
-    from terrain_forge import build as building
+    from terrain_forge import building
 
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
@@ -197,7 +197,7 @@ class _Bar:
         self._bar.close()
 
 
-class _located:  # noqa: N801 (a context manager, used as a function)
+class _located:
     """Adds the recipe's file and line to errors that name a key of it."""
 
     def __init__(self, file: RecipeFile) -> None:

@@ -1,7 +1,8 @@
 """Conversions at the boundaries, one named function each (docs/conventions.md).
 
-Inside terrain-forge: right-handed ENU, metres, radians, quaternions (w, x, y, z), grid rows that run
-north. Degrees, image rows, other quaternion orders exist only where a file or a person needs them.
+Inside terrain-forge: right-handed ENU, metres, radians, quaternions (w, x, y, z), grid rows that
+run north. Degrees, image rows, other quaternion orders exist only where a file or a person needs
+them.
 """
 
 from __future__ import annotations
@@ -81,5 +82,5 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
 
 
 def rpy_from_quaternion(quaternion: Array) -> Array:
-    """Roll, pitch, yaw [rad], shape [..., 3], of quaternions (w, x, y, z); wrapped, not continuous."""
+    """Roll, pitch, yaw [rad], wrapped, shape [..., 3], of quaternions (w, x, y, z)."""
     return rpy_from_matrix(matrix_from_quaternion(quaternion))

@@ -1,6 +1,6 @@
 """The ground's surface as a triangle mesh: the one triangulation that every format shares.
 
-Vertices are the nodes row by row from the south-west; each cell is cut from south-west to north-east.
+Vertices are the nodes, row by row from the south-west; a cell is cut from there to the north-east.
 """
 
 from __future__ import annotations

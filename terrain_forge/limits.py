@@ -34,6 +34,17 @@ def driven_path(recipe: Recipe) -> str | None:
     return drive.path if drive else None
 
 
+def require_centre(recipe: Recipe) -> None:
+    """Refuse a centre that is given in two ways, or in none."""
+    centre = getattr(recipe.dtm, "centre", None)
+    given = [name for name, value in vars(centre).items() if value is not None] if centre else []
+    if centre and len(given) != 1:
+        found = " and ".join(given) or "none"
+        raise RecipeError(
+            f"one of offset_m, crs and lonlat_deg, found {found}", key=("dtm", "centre")
+        )
+
+
 def require_lattice(recipe: Recipe) -> None:
     """Refuse an area that is not a whole number of cells each way."""
     spacing = recipe.terrain.spacing_m

@@ -1,8 +1,9 @@
 """The pipeline: plan a Site from a recipe, realise a World of a window of it.
 
-    recipe ─plan─► Site (+ Routes) ─realise(window)─► World: ground ► rock library ► rock field ► paths
+    recipe ─plan─► Site (+ Routes) ─realise(window)─► World: ground ► rock library ► rock field ►
+    paths
 
-Writing the World is `build`'s task (terrain_forge/build.py).
+Writing the World is `build`'s task (terrain_forge/building.py).
 """
 
 from __future__ import annotations
@@ -16,17 +17,23 @@ from numpy.typing import NDArray
 from terrain_forge.bodies import BODIES
 from terrain_forge.dtm.survey import survey
 from terrain_forge.inputs import hash_inputs, read_images
-from terrain_forge.limits import driven_path, require_fits, require_lattice, require_paths
+from terrain_forge.limits import (
+    driven_path,
+    require_centre,
+    require_fits,
+    require_lattice,
+    require_paths,
+)
 from terrain_forge.paths.plan import plan_route, require_inside
 from terrain_forge.paths.trajectory import lay_trajectory
 from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
 from terrain_forge.rocks.library import make_library
-from terrain_forge.rocks.populations import check_rocks, largest_rock
+from terrain_forge.rocks.populations import PopulationSpec, check_rocks, largest_rock
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import scatter
 from terrain_forge.rovers.catalogue import find_rover
 from terrain_forge.site import Site, Window
-from terrain_forge.terrain.appearance import colour_ground, colour_rocks
+from terrain_forge.terrain.appearance import colour_ground, stencil_reach
 from terrain_forge.terrain.ground import shape_ground
 from terrain_forge.world import Appearance, Lighting, World, owned, touches
 
@@ -55,6 +62,7 @@ def plan(
     body, rover = BODIES[recipe.body], find_rover(recipe.rover)
     area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
     require_paths(recipe)
+    require_centre(recipe)
     require_lattice(recipe)
     check_rocks(recipe.rocks, area)
     require_fits(recipe)
@@ -93,11 +101,12 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = _s
     """
     recipe, window = site.recipe, window or site.window
     populations = recipe.rocks.populations
-    margin = site.padded(window, 2.0 * site.largest_rock + 2.0 * site.spacing)
+    reach = max(2.0 * site.largest_rock + 2.0 * site.spacing, stencil_reach(site))
+    margin = site.padded(window, reach)
 
     progress("ground")
     land = shape_ground(site=site, window=margin, layers=recipe.terrain.layers)
-    colours = colour_ground(site=site, window=margin, ground=land, spec=recipe.terrain.appearance)
+    colours = colour_ground(site=site, window=window, ground=land, spec=recipe.terrain.appearance)
     progress("rock library")
     library = make_library(recipe.rocks.library)
     progress("rocks")
@@ -117,8 +126,8 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = _s
         window=window,
         ground=ground,
         appearance=Appearance(
-            ground_rgb=colours[row : row + window.rows + 1, column : column + window.columns + 1],
-            rock_rgb=colour_rocks(site.body, populations),
+            ground_rgb=colours,
+            rock_rgb=_rock_colours(site, populations),
         ),
         library=library,
         field=everyone.select(own),
@@ -136,3 +145,8 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = _s
         ),
         unplaced=scattered.unplaced,
     )
+
+
+def _rock_colours(site: Site, populations: tuple[PopulationSpec, ...]) -> NDArray[np.uint8]:
+    colours = [population.rgb or site.body.rock_rgb for population in populations]
+    return np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8)

@@ -97,7 +97,8 @@ class Recipe(Spec):
         "mjcf",
         "usd",
     )
-    """Formats to write: a list, or a mapping from a folder's name to `kind` and the format's options."""
+    """Formats to write: a list, or a mapping from a folder's name to `kind` and the format's
+    options."""
     validate: ValidateSpec | None = None
     """What the finished world is tested by; without it, only what needs no drive."""
 

@@ -24,7 +24,8 @@ class ExportReport:
     files: tuple[Path, ...]
     """Files written, relative to the export's directory."""
     losses: tuple[str, ...]
-    """What the format cannot say, a sentence each, with the size of the error where there is one."""
+    """What the format cannot say, a sentence each, with the size of the error where there is
+    one."""
 
 
 class Exporter(Protocol):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from terrain_forge.build import Stopwatch, assess
-from terrain_forge.build import export as export_folder
+from terrain_forge.building import Stopwatch, assess
+from terrain_forge.building import export as export_folder
 from terrain_forge.errors import OutputError
 from terrain_forge.manifest import read_manifest
 from terrain_forge.recipe import ExportOrder, export_orders
@@ -20,7 +20,8 @@ def export(
 ) -> bool:
     """Write further formats from a built world, then validate; returns whether all checks passed.
 
-    A name is a folder of the recipe's exports, with its options, or else an exporter, with defaults.
+    A name is a folder of the recipe's exports, with its options, or else an exporter, with
+    defaults.
 
     Raises:
         OutputError: if the folder is not a world of ours.

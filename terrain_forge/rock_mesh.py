@@ -1,4 +1,4 @@
-"""Rocks as triangles of the world: which level of detail will do, and many rocks merged into one mesh."""
+"""Rocks as triangles: which level of detail will do, and many rocks merged into one mesh."""
 
 from __future__ import annotations
 
@@ -29,16 +29,18 @@ def outline_error(mesh: Mesh, reference: Mesh) -> float:
 
 
 def coarse_shape(prototype: RockPrototype, tolerance: float) -> Mesh:
-    """The shape of fewest faces whose outline is within `tolerance` [mean axes] of the finest mesh's.
+    """The shape of fewest faces whose outline is the finest mesh's within `tolerance` [mean axes].
 
-    Chosen from the coarser levels of detail and, where one hull stands for the whole rock, that hull;
-    where none is so close, the closest of them.
+    Chosen from the coarser levels of detail and, where one hull stands for the whole rock, that
+    hull; where none is so close, the closest of them.
     """
-    finest, *coarser = prototype.meshes
+    finest, coarser = prototype.meshes[0], prototype.meshes[1:]
     hull = prototype.hulls if len(prototype.hulls) == 1 else ()
-    candidates = sorted([*coarser, *hull], key=lambda mesh: len(mesh.faces)) or [finest]
+    candidates: list[Mesh] = sorted([*coarser, *hull], key=lambda mesh: len(mesh.faces))
     errors = [outline_error(mesh, finest) for mesh in candidates]
     fitting = (n for n, error in enumerate(errors) if error <= tolerance)
+    if not candidates:
+        return finest
     return candidates[next(fitting, int(np.argmin(errors)))]
 
 
@@ -88,7 +90,7 @@ def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic],
 
 @njit(cache=True, nogil=True)
 def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
-    """Depth [m] of a point under the triangulated ground; below zero above it or beside the grid."""
+    """Depth [m] of a point under the triangulated ground; negative above it or beside the grid."""
     elevation, west, south, spacing = ground
     column, row = (x - west) / spacing, (y - south) / spacing
     rows, columns = elevation.shape

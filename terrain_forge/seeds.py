@@ -56,7 +56,7 @@ def uniforms(key, count):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def poisson(hashed, mean):  # type: ignore[no-untyped-def]
-    """A Poisson count by inversion of one uniform; `mean` up to 600 (exp(-mean) must not underflow)."""
+    """A Poisson count by inversion of one uniform; `mean` up to 600, where exp underflows."""
     u = uniform(hashed)
     probability = np.exp(-mean)
     cumulative = probability

@@ -58,7 +58,8 @@ class Image(Record):
     path: str
     """As the recipe writes it."""
     values: NDArray[np.float64]
-    """0 to 1 (integers divided by their type's largest value, floats as they are), rows run north."""
+    """0 to 1 (integers divided by their type's largest value, floats as they are), rows run
+    north."""
 
     def __post_init__(self) -> None:
         self.freeze("values", np.float64, ("rows", "columns"))
@@ -82,13 +83,15 @@ class Site(Record):
     spacing: float
     """Distance of the ground's nodes [m]."""
     crs: str
-    """WKT of the local CRS (transverse Mercator at the centre); empty where nothing is georeferenced."""
+    """WKT of the local CRS (transverse Mercator at the centre); empty where nothing is
+    georeferenced."""
     lonlat: tuple[float, float] | None
     """Longitude and latitude of the origin [rad], where known."""
     datum_height: float
     """Height of world z = 0 above the body's datum [m]."""
     slope: tuple[float, float]
-    """Rise per metre east and north of the plane that levelling takes away; (0, 0) if not levelled."""
+    """Rise per metre east and north of the plane that levelling takes away; (0, 0) if not
+    levelled."""
     dtm: DtmPatch | None
     """The source heights with context around the area; None for a flat site."""
     roughness: Roughness

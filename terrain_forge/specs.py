@@ -1,7 +1,8 @@
-"""What the recipe's parts have in common, without pydantic: stages own their specs, `recipe` composes.
+"""What the recipe's parts have in common; stages own their specs, `recipe` composes them.
 
-A spec is a small frozen dataclass beside the stage that it configures. Its fields carry their limits
-as `annotated_types`, and a string under each field is that field's documentation in docs/recipe.md.
+A spec is a small frozen dataclass beside the stage that it configures. Its fields carry their
+limits as `annotated_types`, and a string under each field is that field's documentation in
+docs/recipe.md.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ def _is_file_name(text: str) -> bool:
 
 
 FileName = Annotated[str, MinLen(1), Len(1, 100), Predicate(_is_file_name)]
-"""A name that may become a file's or a folder's: no separator, so that it cannot leave its folder."""
+"""A name that may become a file's or a folder's: no separator, so that it cannot leave its
+folder."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The hand-off types between the stages. See docs/conventions.md for frames, units and the surface."""
+"""The hand-off types between the stages (docs/conventions.md: frames, units, surface)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Heightfield(Record):
-    """A node-registered grid; the surface is its triangulation, each cell cut south-west to north-east."""
+    """A grid of nodes; the surface triangulates it, cells cut south-west to north-east."""
 
     elevation: NDArray[np.float32]
     """Heights [m], shape [rows, columns]; rows run north, columns run east."""
@@ -69,7 +69,7 @@ class Heightfield(Record):
         return inside_east & (row >= -slack) & (row <= rows - 1 + slack)
 
     def holds(self, points: Array, *, margin: float) -> bool:
-        """Whether all points, shape [n, 2], lie on the grid, at least `margin` [m] from its edge."""
+        """Whether all points, shape [n, 2], lie at least `margin` [m] within the grid."""
         west, south, east, north = self.bounds
         low, high = np.array([west, south]) + margin, np.array([east, north]) - margin
         return bool(np.all((points >= low) & (points <= high)))
@@ -119,26 +119,28 @@ class Mesh(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RockPrototype(Record):
-    """One rock shape. Frame: origin at the centre of mass, z up as the rock rests, mean axis 1 m."""
+    """One rock shape: origin at its centre of mass, z up as it rests, mean axis 1 m."""
 
     family: str
     """Which generator made it."""
     meshes: tuple[Mesh, ...]
-    """Watertight visual meshes, finest first (levels of detail); the first one is the rock's shape."""
+    """Watertight visual meshes, finest first (levels of detail); the first one is the rock's
+    shape."""
     hulls: tuple[Mesh, ...]
     """Convex collision parts."""
     volume: float
     """Volume of the first mesh [m³]."""
     inertia: Array
-    """Inertia tensor of the first mesh about its centre of mass for a density of 1 kg/m³, shape [3, 3]."""
+    """Inertia tensor of the first mesh about its centre of mass for a density of 1 kg/m³, shape
+    [3, 3]."""
     hull_excess: float
     """Summed volume of the hulls over the volume of the mesh, minus 1."""
     reach: float
-    """Over all tilts and burials that resting allows: the largest horizontal distance of any point of
-    the rock from its centre of mass, as a fraction of the exposed diameter."""
+    """Over all tilts and burials that resting allows: the largest horizontal distance of any point
+    of the rock from its centre of mass, as a fraction of the exposed diameter."""
     rise: float
-    """Over the same tilts and burials: the largest height of the rock above the ground's tangent plane,
-    as a fraction of the exposed diameter."""
+    """Over the same tilts and burials: the largest height of the rock above the ground's tangent
+    plane, as a fraction of the exposed diameter."""
 
     def __post_init__(self) -> None:
         self.freeze("inertia", np.float64, (3, 3))
@@ -187,7 +189,8 @@ class RockField(Record):
     height: Array
     """Top of the rock above the ground's tangent plane at its centre [m], shape [rocks]."""
     buried_fraction: Array
-    """Part of the rock's extent across the tangent plane that lies below it, 0 to 1, shape [rocks]."""
+    """Part of the rock's extent across the tangent plane that lies below it, 0 to 1, shape
+    [rocks]."""
     volume: Array
     """Volume of the whole rock [m³], shape [rocks]."""
     mass: Array

@@ -95,7 +95,8 @@ def test_ground_lies_where_the_raster_does(tmp_path, transform_):
 
 
 def test_site_metres_are_true(tmp_path):
-    """An equirectangular map with its true parallel at the equator stretches east at 60° N by two."""
+    """An equirectangular map with its true parallel at the equator stretches east at 60° N by
+    two."""
     write_raster(tmp_path / "dtm.tif", transform=from_origin(0.0, 3556500.0, 1.0, 1.0))
     site, _ = look(RasterDtm(source="dtm.tif", size_m=(80.0, 80.0)), tmp_path)
     lon, lat = np.degrees(site.lonlat)

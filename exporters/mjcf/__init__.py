@@ -1,1 +1,6 @@
-"""TODO."""
+"""MJCF: the world and the scene for MuJoCo, and for what else reads its XML."""
+
+from .export import export
+from .options import Options
+
+__all__ = ["Options", "export"]

@@ -1,1 +1,6 @@
-"""TODO."""
+"""Gazebo's SDF: a world of models that Gazebo Classic and the newer gz-sim load."""
+
+from .export import export
+from .options import Options
+
+__all__ = ["Options", "export"]

@@ -25,7 +25,7 @@ class Description:
 
 
 def describe(raster: Raster) -> Description:
-    """Describe an open raster: format, place, posting, what its numbers mean, what is wrong with it."""
+    """Say what an open raster is, where it lies, what its numbers mean, what is wrong with it."""
     dataset, band = raster.dataset, raster.band
     rows, columns = raster.shape
     posting = ground_posting(raster)
@@ -108,8 +108,8 @@ def _meaning(raster: Raster) -> str:
     dtype = raster.dataset.dtypes[raster.band - 1]
     if raster.reference_radius:
         return (
-            f"radius: value × {raster.scale:g} + {raster.offset:.10g} m from the body's centre; heights "
-            f"are taken above {raster.reference_radius:.10g} m"
+            f"radius: value × {raster.scale:g} + {raster.offset:.10g} m from the body's centre; "
+            f"heights are taken above {raster.reference_radius:.10g} m"
         )
     if not raster.vertical_known:
         return f"unknown: {dtype} without a vertical scale, an image or a stretched height map"
@@ -137,8 +137,8 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
     if quantum and raster.vertical_known and (dtype.itemsize == 1 or quantum >= 0.02):
         found.append(
-            f"{8 * dtype.itemsize} bits: heights come in stairs of {_metres(quantum)}, which a wheel "
-            "feels"
+            f"{8 * dtype.itemsize} bits: heights come in stairs of {_metres(quantum)}, "
+            "which a wheel feels"
         )
     if raster.dataset.count > 1:
         found.append(f"{raster.dataset.count} bands: dtm.band chooses the one with the heights")

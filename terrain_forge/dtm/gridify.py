@@ -13,8 +13,8 @@ from terrain_forge.site import Site, Window
 Array = NDArray[np.float64]
 
 ANCHOR_CELLS = 32
-"""Nodes between the anchors at which the projection is computed exactly. Between them it is linear: at
-0.25 m, off by less than (8 m)²/(8 R), a hundred-thousandth of a millimetre of ground."""
+"""Nodes between the anchors at which the projection is computed exactly. Between them it is
+linear: at 0.25 m, off by less than (8 m)²/(8 R), a hundred-thousandth of a millimetre of ground."""
 
 
 def dtm_heights(*, site: Site, window: Window) -> Array:
@@ -42,7 +42,7 @@ def patch_pixels(patch: DtmPatch, local_crs: str, east: Array, north: Array) -> 
 
 
 def _source_positions(site: Site, window: Window) -> tuple[Array, Array]:
-    """Where the window's nodes lie in the patch, linear between anchors of the site's own lattice."""
+    """Where the window's nodes lie in the patch, linear between anchors of the lattice."""
     assert site.dtm is not None
     columns, rows = (_Anchors(n, m) for n, m in _extents(window))
     east = site.west + columns.nodes * site.spacing

@@ -12,7 +12,7 @@ from terrain_forge.records import Record
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DtmPatch(Record):
-    """Heights of a DTM over a site's area and its context, holes filled, in the source's own grid."""
+    """Heights of a DTM over a site and its context, holes filled, in the source's grid."""
 
     heights: NDArray[np.float64]
     """Heights above the body's datum [m], shape [rows, columns], in the source's row order."""

@@ -33,7 +33,8 @@ class Raster:
     scale: float
     """Metres per unit."""
     offset: float
-    """Height of the value 0 above the datum, or the distance from the centre of a radius product [m]."""
+    """Height of the value 0 above the datum, or the distance from the centre of a radius product
+    [m]."""
     reference_radius: float
     """What is taken off a radius product to make heights of it [m]; 0 for heights."""
     vertical_known: bool
@@ -41,8 +42,8 @@ class Raster:
     crs: str
     """WKT; empty if the raster is not georeferenced."""
     to_pixel: tuple[float, ...]
-    """Affine from x, y (CRS, or metres from the raster's centre) to fractional sample indices; empty
-    where neither the file nor the recipe tells."""
+    """Affine from x, y (CRS, or metres from the raster's centre) to fractional sample indices;
+    empty where neither the file nor the recipe tells."""
     nodata: float | None
     """The recipe's own nodata value."""
 
@@ -83,7 +84,8 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     """Open the recipe's DTM.
 
     Raises:
-        DataError: if the file is missing or no raster, or has no such band, or if the recipe must say
+        DataError: if the file is missing or no raster, or has no such band, or if the recipe must
+        say
             where it lies or how high it is.
     """
     import rasterio

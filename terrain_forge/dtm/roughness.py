@@ -19,8 +19,8 @@ HURST_LIMITS = (0.5, 0.95)
 def fit_roughness(heights: Array, posting: float, body: Body) -> Roughness:
     """Hurst exponent and RMS deviation at 1 m from the structure function of a detrended DTM.
 
-    With fewer than 4 × 32 posts a side the fit would mean nothing, and the body's figures are taken.
-    Shepard et al. 2001, doi:10.1029/2000JE001429.
+    With fewer than 4 × 32 posts a side the fit would mean nothing, and the body's figures are
+    taken. Shepard et al. 2001, doi:10.1029/2000JE001429.
     """
     if min(heights.shape) < 4 * LONGEST:
         return body_roughness(

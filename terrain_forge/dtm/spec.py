@@ -45,8 +45,8 @@ class RasterDtm(Spec):
     extent_m: PositivePair | None = None
     """For a raster without georeference: its size on the ground, east and north [m]."""
     pixel_is: Literal["area", "point"] = "area"
-    """For a raster without georeference: whether `extent_m` reaches to the outer pixels' edges (area) or
-    their centres (point, as in height maps of 2^n+1 pixels)."""
+    """For a raster without georeference: whether `extent_m` reaches to the outer pixels' edges
+    (area) or their centres (point, as in height maps of 2^n+1 pixels)."""
     height_range_m: Pair | None = None
     """For integers without a vertical scale: heights of 0 and of the type's largest value [m]."""
     height_scale: Annotated[float, Gt(0)] | None = None

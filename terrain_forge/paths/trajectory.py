@@ -72,7 +72,7 @@ def _unit(vectors: Array) -> Array:
 
 
 def _shake(spec: PathSpec, steps: int, seed: int) -> Array:
-    """Angles [rad] of band-limited noise, shape [samples, 3]; the last sample is the first again."""
+    """Band-limited noise on the angles [rad], shape [samples, 3], that ends as it begins."""
     if spec.shake.rms_deg == 0.0:
         return np.zeros((steps + 1, 3))
     key = stage_key(seed, f"paths/{spec.name}/shake")

@@ -108,7 +108,7 @@ class Sensor(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rover(Record):
-    """A wheeled rover. base_link: x forward, y left, z up, origin on the ground between the wheels."""
+    """A wheeled rover. base_link: x forward, y left, z up, origin on the ground amid the wheels."""
 
     name: str
     """Name, as the recipe writes it."""

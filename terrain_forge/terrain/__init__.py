@@ -1,1 +1,1 @@
-"""The ground: the DTM on the site's lattice and the layers that are added to it, and its colours."""
+"""The ground: the DTM on the site's lattice, the layers that are added to it, its colours."""

@@ -22,7 +22,8 @@ class Layer(Spec):
     """One step of the ground: a spec with the relief that it adds.
 
     A subclass has a field `kind` (a Literal with its default) and is found if its module lies in
-    `terrain_forge.terrain.layers` or is named by an entry point of the group `terrain_forge.layers`.
+    `terrain_forge.terrain.layers` or is named by an entry point of the group
+    `terrain_forge.layers`.
     """
 
     def images(self) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """Coherent noise that is addressed by position: aperiodic, and the same in every window.
 
-Gradient noise (Perlin 2002, doi:10.1145/566654.566636) over a lattice whose gradients come from a hash
-of (key, octave, cell), so that it never repeats. Each octave is rotated and shifted, so that no two
-lattices share their zeros.
+Gradient noise (Perlin 2002, doi:10.1145/566654.566636) over a lattice whose gradients come from a
+hash of (key, octave, cell), so that it never repeats. Each octave is rotated and shifted, so that
+no two lattices share their zeros.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def octaves(
 def fbm(
     key: np.uint64, east: Array, north: Array, wavelength: float, count: int, gain: float = 0.5
 ) -> Array:
-    """Fractal sum of `count` octaves from `wavelength` [m] downwards, each `gain` times the last."""
+    """Fractal sum of `count` octaves from `wavelength` [m] down, each `gain` times the last."""
     steps = np.arange(count)
     return octaves(
         key,

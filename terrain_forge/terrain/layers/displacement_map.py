@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 class DisplacementMap(Layer):
     """Height from an image: value × height, value 0 to 1 (8 and 16 bit: of the type's range).
 
-    North is up. The image covers the whole site, its outer pixels' centres on the site's edges, or is
-    laid in tiles of a given size.
+    North is up. The image covers the whole site, its outer pixels' centres on the site's edges, or
+    is laid in tiles of a given size.
     """
 
     kind: Literal["displacement_map"] = "displacement_map"

@@ -28,10 +28,10 @@ _STRUCTURE = np.array(
 
 @dataclass(frozen=True, kw_only=True)
 class Fractal(Layer):
-    """Self-affine relief: RMS deviation ν(L) = ν(1 m)·L^H (Shepard et al. 2001,
-    doi:10.1029/2000JE001429).
+    """Self-affine relief of the RMS deviation ν(L) = ν(1 m)·L^H.
 
-    Without figures of its own it takes those that were fitted to the DTM.
+    Shepard et al. 2001, doi:10.1029/2000JE001429. Without figures of its own it takes those that
+    were fitted to the DTM.
     """
 
     kind: Literal["fractal"] = "fractal"
@@ -59,10 +59,10 @@ class Fractal(Layer):
 
 
 def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Array:
-    """Factors of noise octaves, halving in wavelength, whose sum has ν(L) = deviation·(L/1 m)^hurst.
+    """Factors of noise octaves, halving in wavelength, whose sum is self-affine.
 
-    An endless sum of octaves λ with factors a·λ^H has the mean square difference a²·K(H)·L^2H, where
-    K is the sum over all octaves of 2^(2Hn)·D(2^-n), averaged over a factor 2 of L.
+    An endless sum of octaves λ with factors a·λ^H has the mean square difference a²·K(H)·L^2H,
+    where K is the sum over all octaves of 2^(2Hn)·D(2^-n), averaged over a factor 2 of L.
     """
     octave = np.arange(-60, 61)
     phases = np.arange(8) / 8.0

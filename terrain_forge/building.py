@@ -75,7 +75,8 @@ def build(
 
     Args:
         recipe: what to make.
-        out: output folder; by default the recipe's name in the current folder. An older world of ours
+        out: output folder; by default the recipe's name in the current folder. An older world of
+        ours
             is replaced when the new one is whole.
         folder: what the recipe's paths are relative to.
         only: folders of the exports to write; by default all of the recipe.

@@ -1,0 +1,215 @@
+"""The MJCF export: `world.xml` with the place, `scene.xml` with the rover and the paths in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.registry import ExportReport
+from terrain_forge.world import Trajectory, World
+from terrain_forge.writers.mesh import write_stl
+
+from .ground import GroundPart, ground_part
+from .options import Options
+from .rocks import SCALE_ERROR, mesh_assets, mesh_files, rock_classes, rock_geoms, rock_materials
+from .rover import rover_actuators, rover_body, rover_classes, rover_sensors
+from .xml import element
+
+Array = NDArray[np.float64]
+_LARGEST_FIELD = 4096
+"""Cells of a height field each way; larger grounds become several."""
+_SCENE_EXTENT = 8.0
+"""What the viewer of `scene.xml` opens with, around the rover [m]."""
+_PATH_SITES = 400
+_PATH_RGBA = (1.0, 0.85, 0.1, 0.6)
+
+
+def export(world: World, directory: Path, *, options: Options) -> ExportReport:
+    """Write `world.xml`, `scene.xml` and `assets/` into `directory`."""
+    tiles = list(world.tiles(cells=_LARGEST_FIELD))
+    grounds = [ground_part(tile, f"ground_{n}" if n else "ground") for n, tile in enumerate(tiles)]
+    files = {
+        "world.xml": _world_xml(world, tiles, grounds, options).encode(),
+        "scene.xml": _scene_xml(world, options).encode(),
+    }
+    for part in grounds:
+        files |= part.files
+    (directory / "assets").mkdir(exist_ok=True)
+    for name, content in files.items():
+        (directory / name).write_bytes(content)
+    hulls = mesh_files(world.library)
+    for name, hull in hulls.items():
+        write_stl(directory / name, vertices=hull.vertices, faces=hull.faces)
+    return ExportReport(files=tuple(map(Path, (*files, *hulls))), losses=_losses(options))
+
+
+def _losses(options: Options) -> tuple[str, ...]:
+    shared = f"A rock's size is rounded by at most {SCALE_ERROR:.0%}; `exact_scale: true` keeps it."
+    return (
+        *(() if options.exact_scale else (shared,)),
+        "Rocks are drawn by their convex collision hulls.",
+        "Rocks are static: their masses are not part of the model.",
+        "The Sun is a light without size or irradiance in physical units.",
+        "A lidar is a bare site; its figures are not part of the model.",
+    )
+
+
+def _world_xml(
+    world: World, tiles: list[World], grounds: list[GroundPart], options: Options
+) -> str:
+    fields = [tile.field for tile in tiles]
+    exact = options.exact_scale
+    assets = [asset for part in grounds for asset in part.assets]
+    assets += [_sky(world), *rock_materials(world)]
+    assets += mesh_assets(world.library, fields, exact_scale=exact)
+    bodies = [_sun(world), *(part.geom for part in grounds)]
+    for field in fields:
+        bodies += rock_geoms(world.library, field, exact_scale=exact)
+    west, south, east, north = world.ground.bounds
+    centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
+    parts = [
+        *_settings(world, options, shown=_extent(world)),
+        element("statistic", center=centre, extent=_extent(world)),
+        element("default", [element("default", _static(options, world), class_="static")]),
+        element("asset", assets),
+        element("worldbody", bodies),
+    ]
+    return element("mujoco", parts, model=world.site.name) + "\n"
+
+
+def _settings(world: World, options: Options, *, shown: float) -> list[str]:
+    """What MuJoCo would otherwise take from its own defaults, which have changed over versions.
+
+    `shown` is the extent [m] of what the viewer opens with; clipping planes are multiples of it.
+    """
+    flags = [element("flag", sleep="enable")] if options.sleep else []
+    option = element(
+        "option",
+        flags,
+        timestep=options.timestep_s,
+        gravity=(0.0, 0.0, -world.site.body.gravity),
+        integrator="implicitfast",
+        cone="elliptic",
+        impratio=10,
+        solver="Newton",
+        jacobian="sparse",
+    )
+    visual = [
+        element("headlight", ambient=(0.25,) * 3, diffuse=(0.1,) * 3, specular=(0.0,) * 3),
+        element("quality", shadowsize=4096),
+        element("map", znear=0.02 / shown, zfar=10 * _extent(world) / shown),
+        element("global", offwidth=1920, offheight=1080),
+    ]
+    compiler = element("compiler", angle="radian", autolimits="true")
+    return [compiler, option, element("visual", visual)]
+
+
+def _static(options: Options, world: World) -> list[str]:
+    """Defaults of ground and rocks: they meet what moves, never each other."""
+    contact = element(
+        "geom",
+        contype=0,
+        conaffinity=1,
+        condim=3,
+        friction=(options.friction, 0.005, 0.0001),
+        solref=(0.02, 1.0),
+    )
+    ground = element("default", [element("geom", type="hfield", group=0)], class_="ground")
+    rock = element("geom", type="mesh", group=1)
+    rocks = element("default", [rock, *rock_classes(world)], class_="rock")
+    return [contact, ground, rocks]
+
+
+def _sun(world: World) -> str:
+    towards = world.lighting.towards_sun
+    return element(
+        "light",
+        name="sun",
+        directional="true",
+        dir=-towards,
+        pos=towards * _extent(world),
+        diffuse=(0.85,) * 3,
+        ambient=(0.1,) * 3,
+        specular=(0.1,) * 3,
+        castshadow="true",
+    )
+
+
+def _sky(world: World) -> str:
+    """The sky's colour at the horizon, darker above; linear light shown as sRGB by its 2.2 root."""
+    horizon = np.power(world.lighting.sky_rgb, 1 / 2.2)
+    gradient = {"type": "skybox", "builtin": "gradient", "rgb1": 0.75 * horizon, "rgb2": horizon}
+    return element("texture", name="sky", width=256, height=1536, **gradient)
+
+
+def _extent(world: World) -> float:
+    west, south, east, north = world.ground.bounds
+    return max(east - west, north - south)
+
+
+def _scene_xml(world: World, options: Options) -> str:
+    position, quaternion = start_pose(world)
+    parts = [element("include", file="world.xml"), *_settings(world, options, shown=_SCENE_EXTENT)]
+    bodies = [_replay_body(position, quaternion)]
+    for trajectory in world.trajectories:
+        bodies += _path_sites(trajectory)
+    parts.append(element("statistic", center=position, extent=_SCENE_EXTENT))
+    if world.rover.links:
+        bodies.append(rover_body(world.rover, position, quaternion))
+        parts += [
+            element("default", rover_classes(options.friction)),
+            element("actuator", rover_actuators(world.rover)),
+            element("sensor", rover_sensors(world.rover)),
+        ]
+    parts.append(element("worldbody", bodies))
+    return element("mujoco", parts, model=f"{world.site.name} scene") + "\n"
+
+
+def start_pose(world: World) -> tuple[Array, Array]:
+    """Position [m] and quaternion of base_link: the first path's start, or the ground's centre.
+
+    Raised so that no wheel reaches into the ground; the rover settles within a second.
+    """
+    if world.trajectories:
+        start = world.trajectories[0]
+        position, rpy = start.position[0].copy(), start.rpy[0]
+    else:
+        west, south, east, north = world.ground.bounds
+        x, y = (west + east) / 2, (south + north) / 2
+        position = np.array([x, y, float(world.ground.height_at(x, y))])
+        rpy = np.zeros(3)
+    quaternion = quaternion_from_rpy(rpy)
+    position[2] += _lift(world, position, matrix_from_quaternion(quaternion))
+    return position, quaternion
+
+
+def _lift(world: World, position: Array, rotation: Array) -> float:
+    """How far [m] the ground reaches above the lowest points of the wheels."""
+    lowest = [wheel.centre - (0.0, 0.0, wheel.radius) for wheel in world.rover.wheels]
+    if not lowest:
+        return 0.0
+    points = position + np.array(lowest) @ rotation.T
+    points = points[world.ground.covers(points[:, 0], points[:, 1])]
+    above = world.ground.height_at(points[:, 0], points[:, 1]) - points[:, 2]
+    return float(above.max(initial=0.0))
+
+
+def _path_sites(trajectory: Trajectory) -> list[str]:
+    """Beads along a path, `<path>_<n>`, in a group of their own that a viewer can switch off."""
+    count = min(_PATH_SITES, len(trajectory.time))
+    beads = trajectory.position[np.linspace(0, len(trajectory.time) - 1, count).round().astype(int)]
+    return [
+        element(
+            "site", name=f"{trajectory.name}_{n}", pos=bead, size=0.02, group=2, rgba=_PATH_RGBA
+        )
+        for n, bead in enumerate(beads)
+    ]
+
+
+def _replay_body(position: Array, quaternion: Array) -> str:
+    """A mocap body that replays poses of base_link, whatever moves it."""
+    marker = element("site", name="path_frame", type="box", size=(0.1, 0.02, 0.01), rgba=_PATH_RGBA)
+    return element("body", [marker], name="path", mocap="true", pos=position, quat=quaternion)

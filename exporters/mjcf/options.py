@@ -1,0 +1,26 @@
+"""What a recipe can choose about the MJCF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
+
+from terrain_forge.specs import Positive, Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the MJCF export; the defaults suit a wheeled rover of 10 to 1000 kg."""
+
+    timestep_s: Annotated[float, Interval(gt=0, le=0.01)] = 0.002
+    """Time step of the simulation."""
+    friction: Positive = 0.7
+    """Coefficient of sliding friction between the rover and both ground and rocks."""
+    exact_scale: bool = False
+    """Whether each rock gets its exact size. MuJoCo stores a mesh per size, so by default sizes are
+    rounded to steps that change no rock by more than 1 %, which loads many times faster."""
+    sleep: bool = False
+    """Whether to set MuJoCo's `sleep` flag, which makes worlds of many rocks step up to three times
+    faster; only versions of MuJoCo that know it can load the files then."""

@@ -1,0 +1,83 @@
+"""A rover that replays a trajectory: an SDF actor with a script of waypoints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from terrain_forge.frames import Array
+from terrain_forge.rovers.description import Rover, Shape
+from terrain_forge.world import Trajectory
+
+from . import material
+from .markup import Lines, element, numbers
+
+
+def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str) -> Lines:
+    """An actor that moves `base_link` along the trajectory, looking like the rover at rest.
+
+    Angles are continuous: Gazebo interpolates them as plain numbers, and a wrapped yaw would make
+    the rover spin. Tension 0 makes its spline smooth; more would brake at each waypoint.
+    """
+    times, poses = waypoints(trajectory)
+    stops = [
+        f"<waypoint><time>{time:.3f}</time><pose>{pose}</pose></waypoint>"
+        for time, pose in zip(times.tolist(), map(_pose_text, poses.tolist()), strict=True)
+    ]
+    path = element("trajectory", stops, id="0", type="drive", tension="0")
+    script = element(
+        "script",
+        element("loop", "true" if trajectory.closed else "false"),
+        element("delay_start", "0"),
+        element("auto_start", "true"),
+        path,
+    )
+    return element("actor", script, element("link", *_visuals(rover), name="base_link"), name=name)
+
+
+def waypoints(trajectory: Trajectory) -> tuple[Array, Array]:
+    """The trajectory at its sample times, moved to whole milliseconds.
+
+    gz-sim cuts times to milliseconds, so the poses are those of the moved times.
+
+    Returns:
+        Times [s], shape [n], and x, y, z [m], roll, pitch, yaw [rad, continuous], shape [n, 6].
+    """
+    last = np.floor(trajectory.time[-1] * 1000)
+    milliseconds = np.unique(np.minimum(np.rint(trajectory.time * 1000), last))
+    times = milliseconds / 1000
+    poses = trajectory.at(times)
+    return times, np.hstack([poses.position, poses.rpy])
+
+
+def _pose_text(pose: list[float]) -> str:
+    return " ".join(f"{value + 0.0:.7f}" for value in pose)
+
+
+def _visuals(rover: Rover) -> list[Lines]:
+    if not any(link.shapes for link in rover.links):
+        box = element("geometry", element("box", element("size", "1 1 1")))
+        look = material.plain((0.8, 0.8, 0.8))
+        return [element("visual", element("pose", "0 0 0.5 0 0 0"), box, look, name="box")]
+    origins: dict[str, Array] = {}
+    visuals = []
+    for link in rover.links:
+        origins[link.name] = origins.get(link.parent, np.zeros(3)) + link.origin
+        for number, shape in enumerate(link.shapes):
+            name = f"{link.name}_{number}"
+            visuals.append(_visual(shape, origins[link.name], name))
+    return visuals
+
+
+def _visual(shape: Shape, origin: Array, name: str) -> Lines:
+    pose = element("pose", numbers([*(origin + shape.position), *shape.rpy]))
+    look = material.plain(shape.rgb)
+    return element("visual", pose, element("geometry", _solid(shape)), look, name=name)
+
+
+def _solid(shape: Shape) -> Lines:
+    if shape.kind == "box":
+        return element("box", element("size", numbers(shape.size)))
+    radius = element("radius", numbers(shape.size[:1]))
+    if shape.kind == "sphere":
+        return element("sphere", radius)
+    return element("cylinder", radius, element("length", numbers(shape.size[1:])))

@@ -1,0 +1,95 @@
+"""The SDF export from first to last."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from terrain_forge.registry import ExportReport
+from terrain_forge.rock_mesh import coarse_shape, outline_error
+from terrain_forge.world import Mesh, World
+from terrain_forge.writers.naming import file_name
+
+from . import ground, rocks
+from .actor import replay_actor
+from .markup import Lines
+from .model import Model
+from .options import Options
+from .scenery import write_world
+
+
+def export(world: World, directory: Path, *, options: Options) -> ExportReport:
+    """Write world.sdf, scene.sdf (with a replay of each trajectory) and their models.
+
+    The models' names begin with the world's, so that several worlds can share one resource path.
+    """
+    name = file_name(world.site.name)
+    models = [
+        Model(folder=directory / "models" / full, name=full, flavour=options.flavour)
+        for full in (f"{name}_ground", f"{name}_rocks")
+    ]
+    coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]
+    _write_models(world, *models, coarse=coarse, options=options)
+    actors = [
+        replay_actor(trajectory, world.rover, name=file_name(trajectory.name))
+        for trajectory in world.trajectories
+    ]
+    write_world(directory / "world.sdf", world, name=name, models=models, actors=[])
+    write_world(directory / "scene.sdf", world, name=name, models=models, actors=actors)
+    files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    return ExportReport(files=tuple(files), losses=_losses(world, coarse, options))
+
+
+def _write_models(
+    world: World, ground_model: Model, rock_model: Model, *, coarse: list[Mesh], options: Options
+) -> None:
+    friction = options.friction
+    blocks_of_shape = cache(ground.shape_blocks)
+    names: list[str] = []
+    parts: list[Lines] = []
+    links: list[Lines] = []
+    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
+        names.append(f"ground_{number:03}")
+        parts += ground.write_tile(
+            tile,
+            world,
+            ground_model,
+            name=names[-1],
+            friction=friction,
+            blocks_of_shape=blocks_of_shape,
+        )
+        links.append(
+            rocks.write_tile(tile, world, rock_model, number=number, coarse=coarse, options=options)
+        )
+    title = f"{world.site.name}: ground"
+    ground.write_model(ground_model, title=title, tiles=names, parts=parts)
+    rocks.write_model(world, rock_model, links=links, options=options)
+
+
+def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
+    """What SDF, or this export of it, does not say."""
+    losses = [
+        "Rocks are static: their masses and inertias are not in the models.",
+        "SDF lights have no radiometric unit: the Sun shines with 1, its "
+        f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
+        "Actors replay the path without colliding and carry no sensors.",
+    ]
+    if world.site.georeferenced:
+        version = "1.9" if options.flavour == "gz" else "1.6"
+        losses.append(
+            f"SDF {version} knows no surface but the Earth's: longitude and latitude are left out."
+        )
+    shapes = world.library.prototypes
+    small = int((world.field.diameter < options.individual_min_m).sum())
+    if small:
+        errors = [outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True)]
+        losses.append(
+            f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
+            f"separate, their outline off by up to {100 * max(errors):.1f} % of their size."
+        )
+    excess = max((shape.hull_excess for shape in shapes), default=0.0)
+    if excess > 0:
+        losses.append(
+            f"Rocks collide as convex parts, up to {100 * excess:.1f} % larger than the rock."
+        )
+    return tuple(losses)

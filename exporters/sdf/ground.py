@@ -1,0 +1,76 @@
+"""The ground as a static model: one mesh and one texture per tile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from terrain_forge.frames import image_rows
+from terrain_forge.ground_mesh import (
+    grid_faces,
+    grid_normals,
+    grid_texture_coordinates,
+    grid_vertices,
+)
+from terrain_forge.world import World
+from terrain_forge.writers.image import write_png
+from terrain_forge.writers.mesh import obj_faces, obj_rows
+
+from . import material
+from .markup import Lines, element
+from .model import Model, mesh, surface
+
+Blocks = tuple[memoryview, memoryview]
+
+
+def write_tile(
+    tile: World,
+    whole: World,
+    model: Model,
+    *,
+    name: str,
+    friction: float,
+    blocks_of_shape: Callable[[int, int], Blocks],
+) -> list[Lines]:
+    """Write one tile's mesh and texture; returns its collision and visual.
+
+    Args:
+        tile: The tile.
+        whole: The world that it is part of.
+        model: The model of the ground.
+        name: Name of the tile's files and elements.
+        friction: Coulomb friction.
+        blocks_of_shape: `shape_blocks`, which remembers what it made for earlier tiles.
+    """
+    with model.path(f"meshes/{name}.obj").open("wb") as file:
+        file.write(obj_rows(b"v", grid_vertices(tile.ground)))
+        file.write(obj_rows(b"vn", grid_normals(tile.ground, whole.ground)))
+        file.writelines(blocks_of_shape(*tile.ground.shape))
+    pixels = image_rows(tile.appearance.ground_rgb)
+    write_png(model.path(f"materials/textures/{name}.png"), pixels)
+    return _visual_and_collision(model, name, friction)
+
+
+def shape_blocks(rows: int, columns: int) -> Blocks:
+    """The lines of an OBJ that depend on the tile's shape alone: texture coordinates and faces.
+
+    They are most of the file, and nearly all tiles have the same shape.
+    """
+    texture_coordinates = obj_rows(b"vt", grid_texture_coordinates(rows, columns))
+    return texture_coordinates, obj_faces(grid_faces(rows, columns), textured=True)
+
+
+def write_model(model: Model, *, title: str, tiles: list[str], parts: list[Lines]) -> None:
+    """Write the model of the named tiles' collisions and visuals: one link of them all."""
+    if model.flavour == "classic":
+        material.write_scripts(model, [f"{name}.png" for name in tiles])
+    model.write(title=title, links=[element("link", *parts, name="ground")])
+
+
+def _visual_and_collision(model: Model, name: str, friction: float) -> list[Lines]:
+    """Both from one OBJ: it has the normals that Gazebo's physics asks of a collision mesh."""
+    geometry = mesh(model.uri(f"meshes/{name}.obj"))
+    look = material.textured(model, f"{name}.png")
+    return [
+        element("collision", geometry, surface(friction), name=f"{name}_collision"),
+        element("visual", geometry, look, name=f"{name}_visual"),
+    ]

@@ -1,0 +1,62 @@
+"""A static model in its own folder: the unit that Gazebo finds, loads and places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from .markup import Lines, element, numbers, write_document
+
+SPEC_VERSION = {"gz": "1.9", "classic": "1.6"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """Where a model's files go and how SDF refers to them."""
+
+    folder: Path
+    """`models/NAME` of the export."""
+    name: str
+    """Name of the model, and of its folder."""
+    flavour: str
+    """`gz` or `classic`."""
+
+    def path(self, name: str) -> Path:
+        """The path of one of the model's files; makes its folder."""
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def uri(self, name: str) -> str:
+        """The URI of one of the model's files."""
+        return f"model://{self.name}/{name}"
+
+    def write(self, *, title: str, links: list[Lines]) -> None:
+        """Write model.sdf, a static model of the links, and model.config."""
+        version = SPEC_VERSION[self.flavour]
+        body = element("model", element("static", "true"), *links, name=self.name)
+        write_document(self.path("model.sdf"), version, body)
+        config = element(
+            "model",
+            element("name", title),
+            element("version", "1.0"),
+            element("sdf", "model.sdf", version=version),
+            element("author", element("name", "terrain-forge")),
+            element("description", title),
+        )
+        text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *config]) + "\n"
+        self.path("model.config").write_text(text, encoding="utf-8", newline="\n")
+
+
+def mesh(uri: str) -> Lines:
+    """The geometry of a mesh file."""
+    return element("geometry", element("mesh", element("uri", uri)))
+
+
+def surface(friction: float) -> Lines:
+    """What a collision feels like; gz-sim reads ODE's names too."""
+    mu = numbers([friction])
+    return element(
+        "surface",
+        element("friction", element("ode", element("mu", mu), element("mu2", mu))),
+    )

@@ -1,0 +1,30 @@
+"""What can be chosen for an SDF export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Interval
+
+from terrain_forge.specs import NotNegative, Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the SDF export."""
+
+    kind: Literal["sdf"] = "sdf"
+    """The exporter, where the export's folder has another name."""
+    flavour: Literal["gz", "classic"] = "gz"
+    """`gz` writes SDF 1.9 for Gazebo Fortress and later, `classic` SDF 1.6 for Gazebo 9 to 11."""
+    individual_min_m: NotNegative = 0.5
+    """Rocks of at least this exposed diameter are visuals and collisions of their own, which share
+    their shapes' meshes; smaller ones are merged into one mesh per tile and population, since each
+    collision more slows every step of the physics."""
+    outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.02
+    """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
+    tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
+    """Cells of the ground's grid per mesh, each way."""
+    friction: NotNegative = 0.7
+    """Coulomb friction of ground and rocks."""

@@ -1,0 +1,59 @@
+"""The USD export from first to last."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terrain_forge.registry import ExportReport
+from terrain_forge.rock_mesh import coarse_shape, outline_error
+from terrain_forge.world import Mesh, World
+
+from .ground import write_ground
+from .library import write_library
+from .options import Options
+from .replay import write_scene
+from .rocks import write_rocks
+from .scenery import write_world
+
+
+def export(world: World, directory: Path, *, options: Options) -> ExportReport:
+    """Write world.usda, scene.usda (with a replay of each trajectory) and their assets."""
+    assets = directory / "assets"
+    assets.mkdir()
+    write_library(world.library, assets)
+    coarse = [coarse_shape(p, options.outline_error) for p in world.library.prototypes]
+    tiles = []
+    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
+        ground, rocks = f"ground_{number:03}", f"rocks_{number:03}"
+        write_ground(tile, world, assets, name=ground, friction=options.friction)
+        write_rocks(tile, world, assets, name=rocks, coarse=coarse, options=options)
+        tiles.append((ground, rocks))
+    write_world(directory / "world.usda", world, tiles=tiles)
+    write_scene(directory / "scene.usda", world, base="./world.usda")
+    files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    return ExportReport(files=tuple(files), losses=_losses(world, coarse, options))
+
+
+def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
+    """What USD, or this export of it, does not say."""
+    losses = [
+        "Rocks are static: their masses and inertias are not in the stage.",
+        "Rocks in pictures are turned by half-precision quaternions (errors below 0.001 rad).",
+        "USD lights have no physical unit: intensities are W/m² and want an exposure.",
+    ]
+    if world.site.georeferenced:
+        losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
+    shapes = world.library.prototypes
+    small = int((world.field.diameter < options.collider_min_m).sum())
+    if small:
+        errors = [outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True)]
+        losses.append(
+            f"{small} rocks below {options.collider_min_m:g} m share one collider per tile, "
+            f"its outline off by up to {100 * max(errors):.1f} % of a rock's size."
+        )
+    excess = max((shape.hull_excess for shape in shapes), default=0.0)
+    if excess > 0:
+        losses.append(
+            f"Rocks collide as convex parts, up to {100 * excess:.1f} % larger than the rock."
+        )
+    return tuple(losses)

@@ -1,0 +1,47 @@
+"""The ground: per tile one mesh that is seen and collided with alike, and its texture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Sdf, UsdGeom, UsdPhysics, Vt
+
+from terrain_forge.frames import image_rows
+from terrain_forge.ground_mesh import (
+    grid_faces,
+    grid_normals,
+    grid_texture_coordinates,
+    grid_vertices,
+)
+from terrain_forge.world import World
+from terrain_forge.writers.image import write_png
+
+from .layer import define_mesh, label, make_collider, new_stage, save
+from .material import bind, define_textured
+
+
+def write_ground(tile: World, whole: World, assets: Path, *, name: str, friction: float) -> None:
+    """Write `assets`/NAME.usdc and its texture NAME.png for one tile of the world."""
+    stage = new_stage(assets / f"{name}.usdc", name)
+    ground = tile.ground
+    faces = grid_faces(*ground.shape)
+    mesh = define_mesh(stage, f"/{name}/surface", grid_vertices(ground), faces)
+    normals = grid_normals(ground, whole.ground)
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    _texture_coordinates(mesh, ground.shape)
+    make_collider(mesh, UsdPhysics.Tokens.none)
+    label(mesh.GetPrim(), "ground")
+    write_png(assets / f"{name}.png", image_rows(tile.appearance.ground_rgb))
+    look = define_textured(stage, f"/{name}/Looks/regolith", f"./{name}.png", friction)
+    bind(mesh.GetPrim(), look)
+    save(stage)
+
+
+def _texture_coordinates(mesh: UsdGeom.Mesh, shape: tuple[int, int]) -> None:
+    coordinates = grid_texture_coordinates(*shape).astype(np.float32)
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+        "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+    )
+    primvar.Set(Vt.Vec2fArray.FromNumpy(coordinates))

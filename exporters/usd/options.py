@@ -1,0 +1,27 @@
+"""What can be chosen for a USD export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Interval
+
+from terrain_forge.specs import NotNegative, Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the USD export."""
+
+    kind: Literal["usd"] = "usd"
+    """The exporter, where the export's folder has another name."""
+    collider_min_m: NotNegative = 0.5
+    """Rocks of at least this exposed diameter get a convex collider of their own; the smaller ones
+    share one static collider mesh per tile."""
+    outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.02
+    """Largest error of a shared collider's outline, as a fraction of the rock's size."""
+    tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 512
+    """Cells of the ground's grid per mesh and payload, each way."""
+    friction: NotNegative = 0.7
+    """Coulomb friction of ground and rocks."""

@@ -1,0 +1,5 @@
+"""`python -m terrain_forge` is `terrain-forge`."""
+
+from terrain_forge.cli import main
+
+main()

@@ -1,0 +1,211 @@
+"""The strips along driven routes that no rock above the corridor's clearance may enter."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from terrain_forge.paths.route import Route
+from terrain_forge.site import Site, Window
+
+Array = NDArray[np.float64]
+
+_BIN = 1.0
+_MAX_BINS = 1000
+_LINES_PER_HALF_WIDTH = 25
+
+
+class Corridors(NamedTuple):
+    """The corridors of a site, their segments sorted into square bins for fast distances."""
+
+    half_width: Array
+    """Half the width of each corridor [m], shape [corridors]."""
+    clearance: Array
+    """Height that no rock within exceeds [m], shape [corridors]."""
+    segments: Array
+    """East and north of both ends [m], shape [segments, 4]."""
+    corridor: NDArray[np.int64]
+    """Corridor of each segment, shape [segments]."""
+    origin: Array
+    """South-western corner of the bins [m], shape [2]."""
+    bin_size: float
+    """Side of a bin [m]."""
+    bins: NDArray[np.int64]
+    """Columns and rows of bins, shape [2]."""
+    first: NDArray[np.int64]
+    """Where each bin's segments begin in `members`, row by row, shape [bins + 1]."""
+    members: NDArray[np.int64]
+    """Segments that touch a bin."""
+
+
+def corridors(routes: tuple[Route, ...]) -> Corridors:
+    """The corridors of those routes that have one."""
+    kept = [route for route in routes if route.corridor_width > 0.0]
+    pairs = [np.hstack([r.position[:-1], r.position[1:]]) for r in kept]
+    segments = np.concatenate(pairs) if pairs else np.zeros((0, 4))
+    ends = segments.reshape(-1, 2)
+    origin = ends.min(axis=0, initial=np.inf) if len(ends) else np.zeros(2)
+    span = ends.max(axis=0) - origin if len(ends) else np.zeros(2)
+    bin_size = max(_BIN, float(span.max()) / _MAX_BINS)
+    bins = (span // bin_size).astype(np.int64) + 1
+    first, members = _sort_into_bins(segments, origin, bin_size, bins)
+    return Corridors(
+        half_width=np.array([0.5 * r.corridor_width for r in kept]),
+        clearance=np.array([r.corridor_clearance for r in kept]),
+        segments=segments,
+        corridor=np.repeat(np.arange(len(kept)), [len(p) for p in pairs]),
+        origin=origin,
+        bin_size=bin_size,
+        bins=bins,
+        first=first,
+        members=members,
+    )
+
+
+def in_corridor(site: Site, xy: Array) -> NDArray[np.bool_]:
+    """Which points (east, north) [m], shape [points, 2], lie in a corridor of the site."""
+    inside: NDArray[np.bool_] = _inside(corridors(site.routes), np.asarray(xy, np.float64))
+    return inside
+
+
+def corridor_area(site: Site, window: Window) -> float:
+    """Area [m²] of a window that lies in a corridor, overlaps counted once.
+
+    Exact along east, by lines half a fiftieth of a corridor apart along north.
+    """
+    strips = corridors(site.routes)
+    if len(strips.half_width) == 0:
+        return 0.0
+    east, north = site.axes(window)
+    step = float(strips.half_width.min()) / _LINES_PER_HALF_WIDTH
+    lines = int(np.ceil((north[-1] - north[0]) / step))
+    return float(_area(strips, east[0], east[-1], north[0], north[-1], lines))
+
+
+@njit(cache=True)
+def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
+    """Distance [m] of a point to each corridor's middle, shape [corridors]; at most `limit`."""
+    squares = np.full(len(strips.half_width), limit * limit)
+    i0, i1 = _bin_range(strips, 0, x - limit, x + limit)
+    j0, j1 = _bin_range(strips, 1, y - limit, y + limit)
+    for j in range(j0, j1):
+        for i in range(i0, i1):
+            b = j * strips.bins[0] + i
+            for m in range(strips.first[b], strips.first[b + 1]):
+                s = strips.members[m]
+                c = strips.corridor[s]
+                squares[c] = min(squares[c], _square_distance(strips.segments[s], x, y))
+    return np.sqrt(squares)
+
+
+@njit(cache=True, inline="always")
+def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
+    dx, dy = segment[2] - segment[0], segment[3] - segment[1]
+    px, py = x - segment[0], y - segment[1]
+    square = dx * dx + dy * dy
+    part = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    ex, ey = px - part * dx, py - part * dy
+    return ex * ex + ey * ey
+
+
+@njit(cache=True)
+def _bin_range(strips, axis, low, high):  # type: ignore[no-untyped-def]
+    """First bin, and one past the last, that an interval of coordinates touches."""
+    count = strips.bins[axis]
+    first = np.floor((low - strips.origin[axis]) / strips.bin_size)
+    last = np.floor((high - strips.origin[axis]) / strips.bin_size)
+    return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
+
+
+@njit(cache=True)
+def _sort_into_bins(segments, origin, size, bins):  # type: ignore[no-untyped-def]
+    first = np.zeros(bins[0] * bins[1] + 1, dtype=np.int64)
+    members = np.zeros(0, dtype=np.int64)
+    for fill in range(2):
+        cursor = first.copy()
+        for s in range(len(segments)):
+            a, b, c, d = segments[s]
+            i0, i1 = int((min(a, c) - origin[0]) // size), int((max(a, c) - origin[0]) // size)
+            j0, j1 = int((min(b, d) - origin[1]) // size), int((max(b, d) - origin[1]) // size)
+            for j in range(j0, min(j1 + 1, bins[1])):
+                for i in range(i0, min(i1 + 1, bins[0])):
+                    n = j * bins[0] + i
+                    if fill:
+                        members[cursor[n]] = s
+                        cursor[n] += 1
+                    else:
+                        first[n + 1] += 1
+        if not fill:
+            first = np.cumsum(first)
+            members = np.zeros(first[-1], dtype=np.int64)
+    return first, members
+
+
+@njit(cache=True)
+def _inside(strips, xy):  # type: ignore[no-untyped-def]
+    inside = np.zeros(len(xy), dtype=np.bool_)
+    limit = 0.0
+    for width in strips.half_width:
+        limit = max(limit, width)
+    for n in range(len(xy)):
+        away = distances(strips, xy[n, 0], xy[n, 1], limit)
+        for c in range(len(away)):
+            inside[n] |= away[c] < strips.half_width[c]
+    return inside
+
+
+@njit(cache=True)
+def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-def]
+    step = (north - south) / lines
+    widest = strips.half_width.max()
+    lows, highs = np.empty(len(strips.members)), np.empty(len(strips.members))
+    length = 0.0
+    for line in range(lines):
+        y = south + (line + 0.5) * step
+        j0, j1 = _bin_range(strips, 1, y - widest, y + widest)
+        count = 0
+        for m in range(strips.first[j0 * strips.bins[0]], strips.first[j1 * strips.bins[0]]):
+            s = strips.members[m]
+            low, high = _chord(strips.segments[s], strips.half_width[strips.corridor[s]], y)
+            low, high = max(low, west), min(high, east)
+            if low < high:
+                lows[count], highs[count] = low, high
+                count += 1
+        reached = west
+        for n in np.argsort(lows[:count]):
+            length += max(highs[n] - max(lows[n], reached), 0.0)
+            reached = max(reached, highs[n])
+    return length * step
+
+
+@njit(cache=True)
+def _chord(segment, radius, y):  # type: ignore[no-untyped-def]
+    """West and east end of the line north = y within `radius` of a segment; infinite if it misses.
+
+    The ends are where segment + sqrt(radius² - s²), a concave function of the place along the
+    segment, is largest, s being that place's distance south of the line.
+    """
+    dx, dy = segment[2] - segment[0], segment[3] - segment[1]
+    offset = y - segment[1]
+    length = np.sqrt(dx * dx + dy * dy)
+    first, last = 0.0, 1.0
+    if dy != 0.0:
+        ends = (offset - radius) / dy, (offset + radius) / dy
+        first, last = max(first, min(ends)), min(last, max(ends))
+    if first > last or (dy == 0.0 and abs(offset) > radius):
+        return np.inf, -np.inf
+    west, east = np.inf, -np.inf
+    for side in (-1.0, 1.0):
+        if dy != 0.0:
+            best = (offset + side * radius * dx / length * np.sign(dy)) / dy
+        else:
+            best = 1.0 if side * dx > 0.0 else 0.0
+        part = min(max(best, first), last)
+        south = offset - part * dy
+        half = np.sqrt(max(radius * radius - south * south, 0.0))
+        west = min(west, segment[0] + part * dx - half)
+        east = max(east, segment[0] + part * dx + half)
+    return west, east

@@ -1,0 +1,315 @@
+"""The plan outline of a rock's exposed part, its diameter, and how far a resting rock can reach.
+
+The exposed diameter D is what size-frequency laws speak of: the mean of the largest width of the
+plan outline and of the width across it, of the part above the ground's tangent plane. It is
+computed exactly: the exposed part's corners are the mesh's vertices above the plane and the points
+where its edges cross it, and the widths of their convex hull in plan are those of the outline.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from terrain_forge.world import Mesh
+
+Array = NDArray[np.float64]
+
+MAX_TILT = np.radians(40.0)
+"""Steepest ground that a rock follows [rad]; on steeper ground it lies as on this."""
+MAX_BURIED = 0.6
+"""Largest part of a rock's extent that resting buries."""
+
+FOOTPRINT_DIRECTIONS = 32
+"""Directions in which a footprint is known, evenly around."""
+
+_BOUND_YAWS = 12
+_BOUND_TILTS = 3
+_BOUND_BURIALS = 4
+_BOUND_MARGIN = 1.04
+_DIRECTIONS = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-1.0, 1.0)])
+
+
+def edges(mesh: Mesh) -> NDArray[np.int32]:
+    """Edges of a closed mesh, each once, as pairs of vertex indices, shape [edges, 2]."""
+    directed = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    return directed[directed[:, 0] < directed[:, 1]]
+
+
+def exposed_outline(mesh: Mesh, *, rotation: Array, normal: Array, buried: float) -> Array:
+    """Convex hull of the plan outline of a rock's exposed part.
+
+    Args:
+        mesh: The closed mesh of the rock.
+        rotation: Matrix from the mesh's axes to the world's, shape [3, 3].
+        normal: Unit normal of the ground's tangent plane in the world frame, shape [3].
+        buried: Part of the rock's extent along `normal` that lies below the plane, 0 to 1.
+
+    Returns:
+        Corners in counter-clockwise order, relative to the mesh's origin [m], shape [corners, 2].
+    """
+    up = np.asarray(rotation, np.float64).T @ np.asarray(normal, np.float64)
+    low, high = extent(mesh.vertices, up)
+    level = low + buried * (high - low)
+    outline: Array = convex_hull(
+        exposed_points(mesh.vertices, edges(mesh), np.asarray(rotation, np.float64), up, level)
+    )
+    return outline
+
+
+def bounds(mesh: Mesh) -> tuple[float, float]:
+    """Reach and rise of a prototype over all the ways in which it may come to rest.
+
+    Sweeps the tilt of the ground (0 to `MAX_TILT`), the rock's yaw on it and its burial (0 to
+    `MAX_BURIED`), with a margin of 4 % for what lies between the samples.
+
+    Returns:
+        Reach: largest horizontal distance of any vertex, buried or not, from the mesh's origin;
+        rise: largest vertical distance of a vertex above the tangent plane; both over the exposed
+        diameter.
+    """
+    reach, rise, _ = _sweep(mesh.vertices, edges(mesh))
+    return float(reach) * _BOUND_MARGIN, float(rise) * _BOUND_MARGIN
+
+
+def footprint(mesh: Mesh) -> Array:
+    """Support function of the plan area that holds a rock however it comes to rest.
+
+    Over the same tilts and burials as `bounds` and with the same margin: how far the rock, buried
+    parts too, reaches from its origin along each of `FOOTPRINT_DIRECTIONS` directions.
+
+    Returns:
+        Distances over the exposed diameter, along directions counter-clockwise from where the yaw
+        turns the prototype's x axis, shape [directions].
+    """
+    _, _, support = _sweep(mesh.vertices, edges(mesh))
+    footprint: Array = support * _BOUND_MARGIN
+    return footprint
+
+
+@njit(cache=True)
+def resting_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
+    """The rotation that turns by `yaw` [rad] about z, then leans z the short way to a unit normal.
+
+    Returns:
+        Quaternion (w, x, y, z), shape [4].
+    """
+    w = np.sqrt(0.5 * (1.0 + up))
+    x, y = -0.5 * north / w, 0.5 * east / w
+    cos, sin = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    return np.array([w * cos, x * cos + y * sin, y * cos - x * sin, w * sin])
+
+
+@njit(cache=True)
+def rotation_matrix(quaternion):  # type: ignore[no-untyped-def]
+    """The matrix of a unit quaternion (w, x, y, z), shape [3, 3]."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@njit(cache=True)
+def extent(vertices, direction):  # type: ignore[no-untyped-def]
+    """Lowest and highest coordinate [m] of the vertices along a direction."""
+    low, high = np.inf, -np.inf
+    for v in range(len(vertices)):
+        along = (
+            vertices[v, 0] * direction[0]
+            + vertices[v, 1] * direction[1]
+            + vertices[v, 2] * direction[2]
+        )
+        low, high = min(low, along), max(high, along)
+    return low, high
+
+
+@njit(cache=True)
+def exposed_diameter(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
+    """Exposed plan diameter [m]; arguments as of `exposed_points`."""
+    return mean_width(convex_hull(exposed_points(vertices, edges, rotation, up, level)))
+
+
+@njit(cache=True)
+def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
+    """Corners, in plan, of the part of a mesh above a plane.
+
+    Args:
+        vertices: Vertices of the mesh [m], shape [vertices, 3].
+        edges: Pairs of vertex indices, shape [edges, 2].
+        rotation: Matrix from the mesh's axes to the world's, shape [3, 3].
+        up: Unit normal of the plane in the mesh's axes, shape [3].
+        level: Coordinate of the plane along `up` [m].
+
+    Returns:
+        East and north [m] of the vertices above the plane and of the crossings, shape [points, 2].
+    """
+    count = len(vertices)
+    above = np.empty(count)
+    east, north = np.empty(count), np.empty(count)
+    points = np.empty((count + len(edges), 2))
+    found = 0
+    for v in range(count):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        above[v] = x * up[0] + y * up[1] + z * up[2] - level
+        east[v] = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z
+        north[v] = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z
+        if above[v] >= 0.0:
+            points[found, 0], points[found, 1] = east[v], north[v]
+            found += 1
+    for e in range(len(edges)):
+        a, b = edges[e, 0], edges[e, 1]
+        if (above[a] >= 0.0) != (above[b] >= 0.0):
+            part = above[a] / (above[a] - above[b])
+            points[found, 0] = east[a] + part * (east[b] - east[a])
+            points[found, 1] = north[a] + part * (north[b] - north[a])
+            found += 1
+    return points[:found]
+
+
+@njit(cache=True)
+def convex_hull(points):  # type: ignore[no-untyped-def]
+    """Convex hull of points in the plane, counter-clockwise, shape [corners, 2] (Andrew 1979)."""
+    kept = _sorted(_outside_octagon(points))
+    count = len(kept)
+    chain = np.empty(2 * count + 1, dtype=np.int64)
+    size = 0
+    for sweep in range(2):
+        start = size + 1
+        for n in range(count):
+            p = n if sweep == 0 else count - 1 - n
+            while size > start and _turn(kept, chain[size - 2], chain[size - 1], p) <= 0.0:
+                size -= 1
+            chain[size] = p
+            size += 1
+        size -= 1
+    hull = np.empty((max(size, 1), 2))
+    for n in range(len(hull)):
+        hull[n, 0], hull[n, 1] = kept[chain[n], 0], kept[chain[n], 1]
+    return hull
+
+
+@njit(cache=True)
+def mean_width(hull):  # type: ignore[no-untyped-def]
+    """Mean of a convex polygon's diameter and of its width across that [m]."""
+    longest, east, north = 0.0, 1.0, 0.0
+    for a in range(len(hull)):
+        for b in range(a):
+            dx, dy = hull[a, 0] - hull[b, 0], hull[a, 1] - hull[b, 1]
+            square = dx * dx + dy * dy
+            if square > longest:
+                longest, east, north = square, dx, dy
+    low, high = np.inf, -np.inf
+    for a in range(len(hull)):
+        across = east * hull[a, 1] - north * hull[a, 0]
+        low, high = min(low, across), max(high, across)
+    length = np.sqrt(longest)
+    return 0.5 * (length + (high - low) / length) if length > 0.0 else 0.0
+
+
+@njit(cache=True, inline="always")
+def _turn(points, a, b, c):  # type: ignore[no-untyped-def]
+    """Twice the area of the triangle a, b, c: positive for a turn to the left."""
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    return ux * (points[c, 1] - points[a, 1]) - uy * (points[c, 0] - points[a, 0])
+
+
+@njit(cache=True)
+def _outside_octagon(points):  # type: ignore[no-untyped-def]
+    """The points that are not strictly inside the octagon of the extremes in eight directions.
+
+    Most points of a rock are, and need no sorting (Akl & Toussaint 1978).
+    """
+    sides = _octagon(points)
+    kept = np.empty((len(points), 2))
+    size = 0
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        inside = True
+        for k in range(8):
+            inside = inside and sides[k, 0] * x + sides[k, 1] * y < sides[k, 2]
+        if not inside:
+            kept[size, 0], kept[size, 1] = x, y
+            size += 1
+    return kept[:size]
+
+
+@njit(cache=True)
+def _octagon(points):  # type: ignore[no-untyped-def]
+    """Sides as a x + b y < c inside; c is infinite where two corners are one point."""
+    best = np.zeros(8, dtype=np.int64)
+    for k in range(4):
+        a, b = _DIRECTIONS[k, 0], _DIRECTIONS[k, 1]
+        low, high = np.inf, -np.inf
+        for n in range(len(points)):
+            along = a * points[n, 0] + b * points[n, 1]
+            if along > high:
+                high, best[k] = along, n
+            if along < low:
+                low, best[k + 4] = along, n
+    sides = np.empty((8, 3))
+    for k in range(8):
+        p, q = points[best[k]], points[best[(k + 1) & 7]]
+        sides[k, 0], sides[k, 1] = q[1] - p[1], p[0] - q[0]
+        same = p[0] == q[0] and p[1] == q[1]
+        sides[k, 2] = np.inf if same else sides[k, 0] * p[0] + sides[k, 1] * p[1]
+    return sides
+
+
+@njit(cache=True)
+def _sorted(points):  # type: ignore[no-untyped-def]
+    """Sort points in place by east, then north (Shell's method: short lists, no recursion)."""
+    for gap in (701, 301, 132, 57, 23, 10, 4, 1):
+        for n in range(gap, len(points)):
+            x, y = points[n, 0], points[n, 1]
+            m = n
+            while m >= gap and (
+                points[m - gap, 0] > x or (points[m - gap, 0] == x and points[m - gap, 1] > y)
+            ):
+                points[m, 0], points[m, 1] = points[m - gap, 0], points[m - gap, 1]
+                m -= gap
+            points[m, 0], points[m, 1] = x, y
+    return points
+
+
+@njit(cache=True)
+def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
+    """Largest reach, rise and support over all ways to rest, each over the exposed diameter."""
+    up = np.array([0.0, 0.0, 1.0])
+    low, high = extent(vertices, up)
+    reach = rise = 0.0
+    support = np.zeros(FOOTPRINT_DIRECTIONS)
+    for step in range(1 + _BOUND_TILTS * _BOUND_YAWS):
+        tilt = MAX_TILT * ((step + _BOUND_YAWS - 1) // _BOUND_YAWS) / _BOUND_TILTS
+        azimuth = 2.0 * np.pi * step / _BOUND_YAWS
+        east, north = np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
+        rotation = rotation_matrix(resting_rotation(east, north, np.cos(tilt), 0.0))
+        smallest = np.inf
+        for burial in range(_BOUND_BURIALS + 1):
+            level = low + (high - low) * MAX_BURIED * burial / _BOUND_BURIALS
+            diameter = exposed_diameter(vertices, edges, rotation, up, level)
+            rise = max(rise, (high - level) / np.cos(tilt) / diameter)
+            smallest = min(smallest, diameter)
+        distance, along = _spread(vertices, rotation)
+        reach = max(reach, distance / smallest)
+        support = np.maximum(support, along / smallest)
+    return reach, rise, support
+
+
+@njit(cache=True)
+def _spread(vertices, rotation):  # type: ignore[no-untyped-def]
+    """Largest horizontal distance of a vertex, and the largest along each footprint direction."""
+    hull = convex_hull(np.ascontiguousarray(vertices @ rotation[:2].T))
+    farthest = np.sqrt((hull * hull).sum(axis=1).max())
+    along = np.empty(FOOTPRINT_DIRECTIONS)
+    for d in range(FOOTPRINT_DIRECTIONS):
+        angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS
+        along[d] = (hull[:, 0] * np.cos(angle) + hull[:, 1] * np.sin(angle)).max()
+    return farthest, along

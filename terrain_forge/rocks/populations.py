@@ -1,0 +1,112 @@
+"""The recipe's rocks: populations, each with its sizes, its burial and its looks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from annotated_types import Interval
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.rocks.library import LibrarySpec
+from terrain_forge.rocks.size_frequency import SizeFrequency, largest_diameter
+from terrain_forge.specs import FileName, Fraction, Positive, Spec
+
+MAX_POPULATIONS = 64
+"""Populations of a site; a rock's id holds the population's index and its number."""
+MAX_ROCKS = 2**25
+"""Rocks of one population."""
+MAX_COVER = 0.4
+"""Part of the ground that all rocks may cover; more cannot be packed without overlap."""
+
+BuriedFraction = Annotated[float, Interval(ge=0, le=0.5)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PopulationSpec(Spec):
+    """Rocks of one kind, scattered at random."""
+
+    name: FileName
+    """Name, unique among the populations; it also addresses the population's randomness."""
+    size_frequency: SizeFrequency
+    """How many rocks of which size there are."""
+    diameter_m: tuple[Positive, Positive | None]
+    """Smallest and largest exposed plan diameter [m]; without a largest, that which one rock of the
+    whole area is expected to exceed."""
+    buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)
+    """Smallest and largest part of a rock's height that lies below the ground, 0 to 0.5; uniform
+    between. No measured distribution is known; the older a surface, the deeper its rocks."""
+    rgb: tuple[Fraction, Fraction, Fraction] | None = None
+    """Colour, sRGB 0 to 1; by default that of the body's rocks."""
+    density_kg_m3: Positive | None = None
+    """Density [kg/m³]; by default that of the body's rocks."""
+
+    def diameter_range(self, area: float) -> tuple[float, float]:
+        """Smallest and largest diameter [m] on an area [m²]; equal where no rock is expected."""
+        smallest, largest = self.diameter_m
+        if largest is None:
+            largest = max(smallest, largest_diameter(self.size_frequency, area))
+        return smallest, largest
+
+
+@dataclass(frozen=True, kw_only=True)
+class RocksSpec(Spec):
+    """All rocks of a world."""
+
+    library: LibrarySpec = field(default_factory=LibrarySpec)
+    """The rock shapes."""
+    populations: tuple[PopulationSpec, ...] = ()
+    """The populations, in any order; none for bare ground."""
+
+
+def largest_rock(rocks: RocksSpec, area: float) -> float:
+    """Exposed diameter [m] that no rock on an area [m²] exceeds; 0 without populations."""
+    return max((p.diameter_range(area)[1] for p in rocks.populations), default=0.0)
+
+
+def check_rocks(rocks: RocksSpec, area: float) -> None:
+    """Refuse rocks that contradict themselves or that cannot lie on an area [m²].
+
+    Raises:
+        RecipeError: for a name that is given twice, a range upside down, too many populations or
+            rocks, or more cover than can be packed.
+    """
+    populations = rocks.populations
+    if len(populations) > MAX_POPULATIONS:
+        raise RecipeError(
+            f"rocks.populations: {len(populations)} populations, at most {MAX_POPULATIONS}"
+        )
+    for name, times in Counter(p.name for p in populations).items():
+        if times > 1:
+            raise RecipeError(f"rocks.populations: name {name!r} is given {times} times, once each")
+    cover = sum(_check_population(population, area) for population in populations)
+    if cover > MAX_COVER:
+        raise RecipeError(
+            f"rocks.populations: the rocks would cover {cover:.3g} of the ground, "
+            f"at most {MAX_COVER} can be packed without overlap"
+        )
+
+
+def _check_population(population: PopulationSpec, area: float) -> float:
+    """Check one population; the part of the ground that its rocks cover."""
+    where = f"rocks.populations.{population.name}"
+    low, high = population.diameter_m
+    if high is not None and high <= low:
+        raise RecipeError(
+            f"{where}.diameter_m: from {low:g} m to {high:g} m; give the smaller one first"
+        )
+    shallow, deep = population.buried_fraction
+    if deep < shallow:
+        raise RecipeError(
+            f"{where}.buried_fraction: from {shallow:g} to {deep:g}; give the smaller one first"
+        )
+    law = population.size_frequency
+    smallest, largest = population.diameter_range(area)
+    count = float(law.cumulative_number(smallest) - law.cumulative_number(largest)) * area
+    if count > 0.9 * MAX_ROCKS:
+        raise RecipeError(
+            f"{where}: {count:.3g} rocks on {area:.3g} m², at most {0.9 * MAX_ROCKS:.3g}; "
+            "raise the smallest diameter"
+        )
+    return float(law.cumulative_area(smallest) - law.cumulative_area(largest))

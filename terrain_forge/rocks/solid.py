@@ -1,0 +1,53 @@
+"""Volume, centre of mass and inertia of a closed mesh, exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.records import Record
+from terrain_forge.world import Mesh
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MassProperties(Record):
+    """Mass properties of a homogeneous solid of density 1 kg/m³."""
+
+    volume: float
+    """Volume [m³]; positive where the faces point outward."""
+    centre: Array
+    """Centre of mass [m], shape [3]."""
+    inertia: Array
+    """Inertia tensor about the centre of mass [kg m²], shape [3, 3]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("centre", np.float64, (3,))
+        self.freeze("inertia", np.float64, (3, 3))
+
+
+def mass_properties(mesh: Mesh) -> MassProperties:
+    """Integrate over the signed tetrahedra between the origin and each face of a closed mesh.
+
+    With s the sum of a tetrahedron's corners a, b, c (the fourth is the origin) and V its volume,
+    the integral of x xᵀ over it is V/20 (s sᵀ + a aᵀ + b bᵀ + c cᵀ); the inertia is tr(C) 1 - C of
+    their sum C. Tonon 2004, doi:10.3844/jmssp.2005.8.11.
+    """
+    corners = mesh.vertices[mesh.faces]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    volumes = np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
+    volume = volumes.sum()
+    sums = corners.sum(axis=1)
+    centre = np.einsum("i,ij->j", volumes, sums) / (4.0 * volume)
+    second = np.einsum("ij,ik->jk", volumes[:, None] * sums, sums)
+    for corner in (a, b, c):
+        second += np.einsum("ij,ik->jk", volumes[:, None] * corner, corner)
+    central = second / 20.0 - volume * np.outer(centre, centre)
+    return MassProperties(
+        volume=float(volume),
+        centre=centre,
+        inertia=np.trace(central) * np.eye(3) - central,
+    )

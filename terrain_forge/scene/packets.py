@@ -1,0 +1,148 @@
+"""Rays in packets of eight, laid out as Embree's `RTCRayHit8`, traced from compiled kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange, types
+from numpy.typing import NDArray
+
+LANES = 8
+"""Rays of a packet; eight is the native width of AVX2."""
+(
+    ORIGIN_X,
+    ORIGIN_Y,
+    ORIGIN_Z,
+    NEAR,
+    DIRECTION_X,
+    DIRECTION_Y,
+    DIRECTION_Z,
+    TIME,
+    FAR,
+    MASK,
+    RAY_ID,
+    FLAGS,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
+    U,
+    V,
+    TRIANGLE,
+    GEOMETRY,
+    INSTANCE,
+    COPY,
+    ACTIVE,
+) = range(22)
+ROWS = 24
+"""The 21 words of a ray and its hit, the mask of active lanes, and padding to whole cache lines."""
+PACKET_BYTES = 4 * ROWS * LANES
+NOTHING = np.uint32(0xFFFFFFFF)
+"""Embree's index where there is none; also an active lane's mask."""
+CHUNKS = 64
+"""Parts that a job is divided into, whatever the number of threads."""
+
+_address = types.intp
+_query = types.void(_address, _address, _address, _address)
+intersect8 = types.ExternalFunction("rtcIntersect8", _query)
+occluded8 = types.ExternalFunction("rtcOccluded8", _query)
+
+
+def packet_memory(count: int = CHUNKS) -> NDArray[np.float32]:
+    """Room for packets on a cache line's boundary, shape [count, ROWS, LANES]."""
+    line = 64
+    raw = np.zeros(count * PACKET_BYTES + line, dtype=np.uint8)
+    start = -raw.ctypes.data % line
+    whole = raw[start : start + count * PACKET_BYTES]
+    return whole.view(np.float32).reshape(count, ROWS, LANES)
+
+
+@njit(cache=True)
+def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-untyped-def]
+    """Put an active ray into a lane: origin and direction as triples."""
+    ray[ORIGIN_X, lane], ray[ORIGIN_Y, lane], ray[ORIGIN_Z, lane] = origin
+    ray[DIRECTION_X, lane], ray[DIRECTION_Y, lane], ray[DIRECTION_Z, lane] = direction
+    ray[NEAR, lane], ray[FAR, lane], ray[TIME, lane] = near, far, 0.0
+    word[MASK, lane], word[RAY_ID, lane], word[FLAGS, lane] = NOTHING, 0, 0
+    word[GEOMETRY, lane], word[INSTANCE, lane], word[COPY, lane] = NOTHING, NOTHING, NOTHING
+    word[ACTIVE, lane] = NOTHING
+
+
+@njit(cache=True)
+def hit_rock(word, lane):  # type: ignore[no-untyped-def]
+    """Row of the rock that a lane hit, -1 for the ground, -2 for nothing."""
+    if word[GEOMETRY, lane] == NOTHING:
+        return -2
+    if word[INSTANCE, lane] == NOTHING:
+        return -1
+    return np.int64(word[COPY, lane])
+
+
+@njit(cache=True)
+def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
+    """Outward unit normal in the scene's frame of the triangle that a lane hit."""
+    x = np.float64(ray[NORMAL_X, lane])
+    y = np.float64(ray[NORMAL_Y, lane])
+    z = np.float64(ray[NORMAL_Z, lane])
+    if rock >= 0:
+        turn = rotation[rock]
+        x, y, z = (
+            turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
+            turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
+            turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
+        )
+    elif z < 0.0:
+        x, y, z = -x, -y, -z
+    length = np.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+@njit(cache=True)
+def _load(ray, word, lane, origins, directions, row, far):  # type: ignore[no-untyped-def]
+    origin = (origins[row, 0], origins[row, 1], origins[row, 2])
+    direction = (directions[row, 0], directions[row, 1], directions[row, 2])
+    set_ray(ray, word, lane, origin, direction, np.float32(0.0), far)
+
+
+@njit(cache=True, parallel=True)
+def cast_packets(scene, query, origins, directions, rotation, packets, distance, normal, rock):  # type: ignore[no-untyped-def]
+    """Fill `distance`, `normal` and `rock` with the first hit of each ray."""
+    words = packets.view(np.uint32)
+    base = packets.ctypes.data
+    count = len(origins)
+    share = -(-count // (LANES * CHUNKS)) * LANES
+    for chunk in prange(CHUNKS):
+        ray, word, address = packets[chunk], words[chunk], base + chunk * PACKET_BYTES
+        for first in range(chunk * share, min((chunk + 1) * share, count), LANES):
+            filled = min(LANES, count - first)
+            word[ACTIVE] = 0
+            for lane in range(filled):
+                _load(ray, word, lane, origins, directions, first + lane, np.float32(np.inf))
+            intersect8(address + 4 * ACTIVE * LANES, scene, address, query)
+            for lane in range(filled):
+                row = first + lane
+                rock[row] = hit_rock(word, lane)
+                if rock[row] == -2:
+                    distance[row] = np.inf
+                    normal[row] = 0.0
+                else:
+                    distance[row] = ray[FAR, lane]
+                    x, y, z = hit_normal(ray, lane, rock[row], rotation)
+                    normal[row, 0], normal[row, 1], normal[row, 2] = x, y, z
+
+
+@njit(cache=True, parallel=True)
+def occlude_packets(scene, query, origins, directions, reach, packets, blocked):  # type: ignore[no-untyped-def]
+    """Fill `blocked`: whether anything lies within `reach` [m] along each ray."""
+    words = packets.view(np.uint32)
+    base = packets.ctypes.data
+    count = len(origins)
+    share = -(-count // (LANES * CHUNKS)) * LANES
+    for chunk in prange(CHUNKS):
+        ray, word, address = packets[chunk], words[chunk], base + chunk * PACKET_BYTES
+        for first in range(chunk * share, min((chunk + 1) * share, count), LANES):
+            filled = min(LANES, count - first)
+            word[ACTIVE] = 0
+            for lane in range(filled):
+                _load(ray, word, lane, origins, directions, first + lane, reach)
+            occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
+            for lane in range(filled):
+                blocked[first + lane] = ray[FAR, lane] < 0.0

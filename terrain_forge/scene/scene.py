@@ -1,0 +1,198 @@
+"""The ground and the rocks of a world as one thing that rays can be cast at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terrain_forge.errors import TerrainForgeError
+from terrain_forge.scene import packets
+from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
+from terrain_forge.world import Heightfield, RockField, RockLibrary, World, merge, rotations
+
+Array = NDArray[np.float64]
+
+GROUND = -1
+"""What `Hits.rock` holds where a ray met the ground."""
+MISSED = -2
+"""What `Hits.rock` holds where a ray met nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hits:
+    """The first thing that each ray met."""
+
+    distance: NDArray[np.float32]
+    """From the ray's origin [m]; infinite where missed, shape [rays]."""
+    normal: NDArray[np.float32]
+    """Outward unit normal of the surface in the world frame; zero where missed, shape [rays, 3]."""
+    rock: NDArray[np.int32]
+    """Row of `RayScene.rocks`, or GROUND, or MISSED, shape [rays]."""
+
+
+class RayScene:
+    """The triangulated ground and instanced rocks in Embree. Use it in a `with` block, or close it.
+
+    Embree computes in 32 bits; rays are moved to a frame at the ground's middle first, so that the
+    error does not grow with the place of a tile in its site.
+    """
+
+    def __init__(self, *, ground: Heightfield, library: RockLibrary, rocks: RockField) -> None:
+        _check_engine()
+        self.ground = ground
+        """The bare ground."""
+        self.rocks = rocks
+        """The rocks, whose rows the hits name."""
+        self.origin: Array = _middle(ground)
+        """Where the scene's own frame lies in the world [m], shape [3]."""
+        self.rotation: Array = rotations(rocks)
+        """Rotation of each rock, shape [rocks, 3, 3]."""
+        self._shapes: list[EmbreeScene] = []
+        self._whole = EmbreeScene()
+        self._whole.add_grid(_vertices(ground, self.origin))
+        if len(rocks):
+            self._shapes = [_shape(p.meshes[0].vertices, p.meshes[0].faces) for p in library.prototypes]
+            self._whole.add_instances(
+                self._shapes,
+                which=rocks.prototype,
+                transforms=_transforms(rocks, self.rotation, self.origin),
+            )
+        self._whole.commit()
+
+    @property
+    def handle(self) -> int:
+        """Embree's scene, for kernels that trace for themselves; its frame begins at `origin`."""
+        if not self._whole.handle:
+            raise ValueError("the ray scene is closed")
+        return self._whole.handle
+
+    def cast(self, origins: ArrayLike, directions: ArrayLike, *, coherent: bool = False) -> Hits:
+        """What rays meet first.
+
+        Args:
+            origins: start points in the world frame [m], shape [rays, 3] or [3].
+            directions: of any length but zero, shape [rays, 3] or [3].
+            coherent: neighbouring rays run side by side (faster; the result is the same).
+        """
+        start, towards = self._rays(origins, directions)
+        distance = np.empty(len(start), dtype=np.float32)
+        normal = np.empty((len(start), 3), dtype=np.float32)
+        rock = np.empty(len(start), dtype=np.int32)
+        query = COHERENT if coherent else INCOHERENT
+        memory = packets.packet_memory()
+        packets.cast_packets(
+            self.handle, query, start, towards, self.rotation, memory, distance, normal, rock
+        )
+        return Hits(distance=distance, normal=normal, rock=rock)
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        reach: float = np.inf,
+        coherent: bool = False,
+    ) -> NDArray[np.bool_]:
+        """Whether rays meet anything within `reach` [m], shape [rays]; arguments as for `cast`."""
+        start, towards = self._rays(origins, directions)
+        blocked = np.empty(len(start), dtype=np.bool_)
+        query = COHERENT if coherent else INCOHERENT
+        memory = packets.packet_memory()
+        packets.occlude_packets(
+            self.handle, query, start, towards, np.float32(reach), memory, blocked
+        )
+        return blocked
+
+    def close(self) -> None:
+        """Give the memory back; the scene cannot be used any more."""
+        for scene in (self._whole, *self._shapes):
+            scene.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _rays(
+        self, origins: ArrayLike, directions: ArrayLike
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        start, towards = np.broadcast_arrays(
+            np.atleast_2d(np.asarray(origins, np.float64)) - self.origin,
+            np.atleast_2d(np.asarray(directions, np.float64)),
+        )
+        unit = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+        return np.ascontiguousarray(start, np.float32), np.ascontiguousarray(unit, np.float32)
+
+
+def open_scene(world: World) -> RayScene:
+    """The ray scene of a world: its ground, its rocks and those that reach into it.
+
+    Raises:
+        TerrainForgeError: where Embree is missing or of another version.
+    """
+    rocks = merge(world.field, world.neighbours)
+    return RayScene(ground=world.ground, library=world.library, rocks=rocks)
+
+
+def _middle(ground: Heightfield) -> Array:
+    west, south, east, north = ground.bounds
+    lowest, highest = float(ground.elevation.min()), float(ground.elevation.max())
+    return 0.5 * np.array([west + east, south + north, lowest + highest])
+
+
+def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:
+    """The ground's nodes from north to south, so that Embree's cut runs south-west to north-east."""
+    vertices = np.empty((*ground.shape, 3), dtype=np.float32)
+    vertices[..., 0] = ground.east - origin[0]
+    vertices[..., 1] = (ground.north - origin[1])[::-1, None]
+    vertices[..., 2] = ground.elevation[::-1] - origin[2]
+    return vertices
+
+
+def _shape(vertices: Array, faces: NDArray[np.int32]) -> EmbreeScene:
+    scene = EmbreeScene()
+    scene.add_triangles(vertices, faces)
+    scene.commit()
+    return scene
+
+
+def _transforms(rocks: RockField, rotation: Array, origin: Array) -> NDArray[np.float32]:
+    transforms = np.empty((len(rocks), 3, 4), dtype=np.float32)
+    transforms[:, :, :3] = rotation * rocks.scale[:, None, None]
+    transforms[:, :, 3] = rocks.position - origin
+    return transforms
+
+
+@cache
+def _check_engine() -> None:
+    """Cast one ray at a copy of a triangle, so that a foreign memory layout cannot go unnoticed."""
+    device()
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    triangle = _shape(corners, np.array([[0, 1, 2]], dtype=np.int32))
+    whole = EmbreeScene()
+    lifts = np.array([[[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0]], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2]]])
+    whole.add_instances([triangle], which=np.zeros(2, np.int32), transforms=lifts.astype(np.float32))
+    whole.commit()
+    distance, normal = np.empty(1, np.float32), np.empty((1, 3), np.float32)
+    rock = np.empty(1, np.int32)
+    start, towards = np.array([[0.2, 0.2, 5.0]], np.float32), np.array([[0, 0, -1]], np.float32)
+    turns, memory = np.stack([np.eye(3)] * 2), packets.packet_memory()
+    packets.cast_packets(
+        whole.handle, INCOHERENT, start, towards, turns, memory, distance, normal, rock
+    )
+    found = [float(distance[0]), int(rock[0]), *normal[0].tolist()]
+    whole.release()
+    triangle.release()
+    if not np.allclose(found, [3.0, 1.0, 0.0, 0.0, 1.0], atol=1e-6):
+        raise TerrainForgeError(f"ray tracing: Embree answers a test ray with {found}")

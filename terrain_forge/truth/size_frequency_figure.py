@@ -1,0 +1,104 @@
+"""The picture of the size-frequency proof, truth/size_frequency.png."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+_COLOURS = ("#b4552d", "#2f6f8f", "#5f8a3a", "#7a4f9a", "#b58a1e")
+_TOGETHER = "#d9cfc3"
+_INK = "#4a433d"
+_TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
+
+
+def write_figure(proof: dict[str, Any], path: Path) -> None:
+    """Draw cumulative number and cover over diameter; equal proof, equal bytes."""
+    figure = Figure(figsize=(11, 4.8), dpi=120, layout=None, facecolor="white")
+    FigureCanvasAgg(figure)
+    number, cover = figure.subplots(1, 2)
+    figure.subplots_adjust(left=0.075, right=0.985, bottom=0.13, top=0.89, wspace=0.2)
+    parts = [
+        (part, _COLOURS[n % len(_COLOURS)], 1.8) for n, part in enumerate(proof["populations"])
+    ]
+    if len(parts) > 1:
+        parts.insert(0, ({"name": "together", **proof["together"]}, _TOGETHER, 4.5))
+    for part, colour, width in parts:
+        _draw(number, part, "number", colour, width)
+        _draw(cover, part, "cover", colour, width)
+    _finish(number, "Cumulative number", "Rocks larger than D per m²")
+    _finish(cover, "Cumulative cover, Σ πD²/4", "Area covered by rocks larger than D")
+    if parts:
+        everything = parts[0][0]
+        _limit(number, everything, "number", proof["area_m2"])
+        _limit(cover, everything, "cover", proof["area_m2"])
+        number.legend(loc="lower left", frameon=False, fontsize=9, labelcolor=_INK)
+        _explain(cover, proof["confidence"])
+    figure.savefig(path, metadata={"Software": None})
+
+
+def _draw(axes: Axes, part: dict[str, Any], quantity: str, colour: str, width: float) -> None:
+    curve = part["curve"]
+    diameter = curve["diameter_m"]
+    low, high = curve[f"{quantity}_low"], curve[f"{quantity}_high"]
+    axes.fill_between(diameter, low, high, color=colour, alpha=0.16, linewidth=0)
+    number = f"{part['count']['realised']:,}".replace(",", " ")
+    # Matplotlib takes a pair of dollars for a formula and hides labels that begin with "_".
+    label = f"{number} {part['name']}".replace("$", r"\$")
+    realised = [value if value > 0 else float("nan") for value in curve[f"{quantity}_realised"]]
+    axes.plot(diameter, realised, color=colour, linewidth=width, label=label)
+    axes.plot(diameter, curve[f"{quantity}_wanted"], color=_INK, linewidth=1, linestyle="--")
+
+
+def _finish(axes: Axes, title: str, label: str) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.xaxis.set_major_locator(FixedLocator(_TICKS))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_major_formatter(FuncFormatter(_power_of_ten))
+    # A fixed place and plain text: measuring titles and typesetting formulas takes time.
+    axes.set_title(title, loc="left", fontsize=11, color=_INK, y=1.02)
+    axes.set_xlabel("Exposed plan diameter D [m]", color=_INK)
+    axes.set_ylabel(label, color=_INK)
+    axes.grid(color="#e4ddd5", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=_INK, length=0)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color("#b9aea2")
+
+
+def _power_of_ten(value: float, _: int | None) -> str:
+    exponent = str(round(math.log10(value)))
+    return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _limit(axes: Axes, part: dict[str, Any], quantity: str, area: float) -> None:
+    """Show down to half an expected rock: beyond, a cumulative law falls to zero."""
+    curve = part["curve"]
+    expected = [number * area for number in curve["number_wanted"]]
+    last = max((n for n, count in enumerate(expected) if count >= 0.5), default=0)
+    lowest, highest = curve[f"{quantity}_wanted"][last], curve[f"{quantity}_wanted"][0]
+    if lowest > 0:
+        axes.set_ylim(0.6 * lowest, 1.8 * highest)
+    possible = [
+        d for d, high in zip(curve["diameter_m"], curve["number_high"], strict=True) if high
+    ]
+    axes.set_xlim(0.95 * curve["diameter_m"][0], 1.1 * possible[-1] if possible else None)
+
+
+def _explain(axes: Axes, confidence: float) -> None:
+    axes.plot([], [], color=_INK, linewidth=1.8, label="this world")
+    axes.plot([], [], color=_INK, linewidth=1, linestyle="--", label="the law")
+    axes.fill_between(
+        [], [], [], color=_INK, alpha=0.16, label=f"{confidence:.0%} of right samples"
+    )
+    handles, _ = axes.get_legend_handles_labels()
+    axes.legend(handles=handles[-3:], loc="lower left", frameon=False, fontsize=9, labelcolor=_INK)

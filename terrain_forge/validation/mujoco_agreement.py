@@ -1,0 +1,133 @@
+"""The exported MJCF seen through MuJoCo: heights and rocks by rays, gravity, the rover's mass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import SimulationError
+from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.validation.agreement import ground_check
+from terrain_forge.validation.check import Check, at_most, failed
+from terrain_forge.validation.surface_mesh import heights_on
+from terrain_forge.world import Mesh, World
+
+Array = NDArray[np.float64]
+
+ROCKS = 200
+"""How many rocks are looked at."""
+ROCK_LIMIT = 0.01
+"""A rock's top may be off by this part of its diameter."""
+_GROUND_GROUP, _ROCK_GROUP = 0, 1
+
+
+def mujoco_agreement(world: World, model: Any, name: str, at: Array) -> list[Check]:
+    """Checks of a loaded world.xml or scene.xml against the world it was exported from.
+
+    Args:
+        world: The world.
+        model: The MuJoCo model.
+        name: The export's folder, for the checks' names.
+        at: Points on the ground, shape [n, 2] [m].
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    sky = float(world.ground.elevation.max()) + 1.0
+    heights = np.array([_ray(model, data, (*p, sky), _GROUND_GROUP)[0] for p in at])
+    gravity = abs(float(model.opt.gravity[2]) + world.site.body.gravity)
+    return [
+        ground_check(world, name, at, heights),
+        *_rock_checks(world, model, data, name),
+        at_most(f"{name}: gravity", gravity, 1e-6, unit="m/s²", note="difference to the body's"),
+    ]
+
+
+def rover_mass_check(world: World, model: Any, name: str) -> Check:
+    """The difference of the masses in a scene [kg] to the rover's."""
+    off = abs(float(model.body_mass.sum()) - world.rover.mass)
+    return at_most(f"{name}: rover's mass", off, 1e-6, unit="kg", note="difference to the rover's")
+
+
+def sample_model(world: World, folder: Path) -> Any:
+    """The exported world.xml as MuJoCo loads it, with a sample of its rocks.
+
+    Compiling a mesh for every rock would take longer than the whole build.
+
+    Raises:
+        SimulationError: if MuJoCo cannot load it.
+    """
+    root = ElementTree.parse(folder / "world.xml").getroot()
+    body, asset = root.find("worldbody"), root.find("asset")
+    if body is None or asset is None:
+        raise SimulationError(f"{folder / 'world.xml'} has no ground")
+    wanted = {f"rock_{world.field.id[row]}" for row in _sampled_rows(world)}
+    body[:] = [e for e in body if not e.get("mesh") or _rock_of(e.get("name", "")) in wanted]
+    used = {element.get("mesh") for element in body}
+    asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
+    names = {str(item.get("file")) for item in asset if item.get("file")}
+    files = {name: (folder / name).read_bytes() for name in sorted(names)}
+    try:
+        text = ElementTree.tostring(root, encoding="unicode")
+        return mujoco.MjModel.from_xml_string(text, files)
+    except ValueError as error:
+        raise SimulationError(f"{folder / 'world.xml'}: MuJoCo cannot load it: {error}") from None
+
+
+def _rock_of(geom: str) -> str:
+    """The rock `rock_<id>` that a geom `rock_<id>` or `rock_<id>_<part>` belongs to."""
+    return "_".join(geom.split("_")[:2])
+
+
+def _sampled_rows(world: World) -> NDArray[np.int64]:
+    """Rows of the rocks that are looked at: evenly over all of them, and the largest."""
+    count = len(world.field)
+    rows = np.linspace(0, count - 1, min(ROCKS, count)).round().astype(np.int64)
+    largest = np.argsort(world.field.diameter, kind="stable")[-1:]
+    return np.union1d(rows, largest) if count else rows
+
+
+def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
+    """Tops of rocks above their centres of mass, and that they are the rocks' own."""
+    rows = _sampled_rows(world)
+    if not len(rows):
+        return []
+    worst = 0.0
+    for row in rows:
+        x, y = world.field.position[row, :2]
+        top = _top(world, int(row))
+        height, geom = _ray(model, data, (x, y, top + 1.0), _ROCK_GROUP)
+        rock = f"rock_{world.field.id[row]}"
+        own = geom >= 0 and _rock_of(model.geom(geom).name) == rock
+        if not own and height > top:
+            continue  # another rock hangs over it, which is not this check's business
+        if not own:
+            return [failed(f"{name}: rocks", f"{rock} is not where it should be")]
+        worst = max(worst, abs(height - top) / float(world.field.diameter[row]))
+    note = f"largest difference of tops in diameters, {len(rows)} rocks"
+    return [at_most(f"{name}: rocks", worst, ROCK_LIMIT, note=note)]
+
+
+def _top(world: World, row: int) -> float:
+    """Height of a rock's collision hulls above its centre of mass [m]."""
+    field = world.field
+    turned = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
+    placed = [
+        Mesh(vertices=hull.vertices @ turned.T + field.position[row], faces=hull.faces)
+        for hull in world.library.prototypes[field.prototype[row]].hulls
+    ]
+    centre = field.position[row : row + 1, :2]
+    return max(float(heights_on(hull, centre)[0]) for hull in placed)
+
+
+def _ray(model: Any, data: Any, start: tuple[float, ...], group: int) -> tuple[float, int]:
+    """Height [m] and geom that a ray straight down meets first; NaN and -1 if none."""
+    geom = np.full(1, -1, dtype=np.int32)
+    groups = (np.arange(6) == group).astype(np.uint8)
+    down = np.array([0.0, 0.0, -1.0])
+    distance = mujoco.mj_ray(model, data, np.array(start), down, groups, 1, -1, geom)
+    return (start[2] - distance, int(geom[0])) if distance >= 0 else (float("nan"), -1)

@@ -1,0 +1,122 @@
+"""Reading back the meshes that were exported, and the height of their surface under points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from terrain_forge.world import Mesh
+
+Array = NDArray[np.float64]
+
+_STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attributes", "<u2")])
+
+
+def read_mesh(path: Path) -> Mesh:
+    """The triangles of an OBJ or of a binary STL.
+
+    Raises:
+        ValueError: for any other file.
+    """
+    content = np.fromfile(path, dtype=np.uint8)
+    if path.suffix.lower() == ".obj":
+        vertices, faces = _read_obj(content)
+        return Mesh(vertices=vertices, faces=faces)
+    if path.suffix.lower() == ".stl":
+        corners = content[84:].view(_STL_RECORD)["corners"].reshape(-1, 3)
+        return Mesh(vertices=corners, faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    raise ValueError(f"{path}: neither OBJ nor STL")
+
+
+def heights_on(mesh: Mesh, points: Array) -> Array:
+    """Height [m] of the highest face at each point, shape [n, 2]; NaN beside the mesh."""
+    order = np.argsort(points[:, 0], kind="stable")
+    heights = np.full(len(points), -np.inf)
+    _raise_to_faces(mesh.vertices, mesh.faces, points[order], order, heights)
+    return np.where(np.isfinite(heights), heights, np.nan)
+
+
+@njit(cache=True)
+def _raise_to_faces(vertices, faces, points, order, heights):  # type: ignore[no-untyped-def]
+    """Raise each height to that of the faces there; points ascend in x, `order` is their place."""
+    for face in range(len(faces)):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        ax, ay = vertices[a, 0], vertices[a, 1]
+        bx, by = vertices[b, 0] - ax, vertices[b, 1] - ay
+        cx, cy = vertices[c, 0] - ax, vertices[c, 1] - ay
+        area = bx * cy - by * cx
+        if area == 0.0:
+            continue
+        slack = 1e-9
+        n = _first_from(points, ax + min(0.0, bx, cx))
+        while n < len(points) and points[n, 0] <= ax + max(0.0, bx, cx):
+            px, py = points[n, 0] - ax, points[n, 1] - ay
+            u, v = (px * cy - py * cx) / area, (bx * py - by * px) / area
+            if u >= -slack and v >= -slack and u + v <= 1.0 + slack:
+                base = vertices[a, 2]
+                z = base + u * (vertices[b, 2] - base) + v * (vertices[c, 2] - base)
+                heights[order[n]] = max(heights[order[n]], z)
+            n += 1
+
+
+@njit(cache=True, inline="always")
+def _first_from(points, x):  # type: ignore[no-untyped-def]
+    """The first of the points, ascending in x, that is not west of `x`."""
+    low, high = 0, len(points)
+    while low < high:
+        middle = (low + high) // 2
+        if points[middle, 0] < x:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def _read_obj(text):  # type: ignore[no-untyped-def]
+    """Vertices and triangles of an OBJ's `v` and `f` lines."""
+    room = np.sum(text == 10) + 1
+    vertices, faces = np.empty((room, 3)), np.empty((room, 3), dtype=np.int32)
+    vertex_count, face_count, at = 0, 0, 0
+    while at < len(text) - 1:
+        is_vertex = text[at] == 118 and text[at + 1] == 32
+        is_face = text[at] == 102 and text[at + 1] == 32
+        at += 1
+        if is_vertex or is_face:
+            for corner in range(3):
+                number, at = _read_number(text, at)
+                if is_vertex:
+                    vertices[vertex_count, corner] = number
+                else:
+                    faces[face_count, corner] = int(number) - 1
+            vertex_count += is_vertex
+            face_count += is_face
+        while at < len(text) and text[at] != 10:
+            at += 1
+        at += 1
+    return vertices[:vertex_count], faces[:face_count]
+
+
+@njit(cache=True)
+def _read_number(text, at):  # type: ignore[no-untyped-def]
+    """The decimal number after blanks, and where the next word begins."""
+    while text[at] == 32:
+        at += 1
+    negative = text[at] == 45
+    if negative:
+        at += 1
+    digits, decimals, after_point = 0.0, 0, False
+    while at < len(text) and (48 <= text[at] <= 57 or text[at] == 46):
+        if text[at] == 46:
+            after_point = True
+        else:
+            digits = 10.0 * digits + (text[at] - 48)
+            decimals += after_point
+        at += 1
+    while at < len(text) and text[at] != 32 and text[at] != 10:
+        at += 1
+    number = digits / 10.0**decimals
+    return (-number if negative else number), at

@@ -1,0 +1,92 @@
+"""GeoTIFFs of node grids: north-up, PixelIsArea, each node at the centre of its pixel."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import image_rows
+from terrain_forge.site import Site
+from terrain_forge.world import Heightfield
+
+
+def write_geotiff(
+    path: Path,
+    grid: NDArray[np.float32] | NDArray[np.int32],
+    *,
+    world_ground: Heightfield,
+    site: Site,
+    units: str = "m",
+    nodata: float | None = None,
+    description: str = "",
+) -> None:
+    """Write one value per node of the ground as a GeoTIFF in the site's local CRS.
+
+    The image reaches half a cell beyond the outermost nodes, so that pixel centres are the nodes.
+    Its tags say how world heights become heights above the body's datum.
+
+    Args:
+        path: The file.
+        grid: Values, float32 or int32, shape [rows, columns] of the ground; rows run north.
+        world_ground: The lattice that the values belong to.
+        site: Gives the CRS, the datum height and the levelling plane.
+        units: Unit of the values; empty for none.
+        nodata: The value that means "nothing here".
+        description: What the band holds, in a few words.
+
+    Raises:
+        ValueError: if the grid has another shape than the ground.
+    """
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
+    if grid.shape != world_ground.shape:
+        raise ValueError(f"{path.name}: grid {grid.shape}, ground {world_ground.shape}")
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "width": grid.shape[1],
+        "height": grid.shape[0],
+        "count": 1,
+        "dtype": grid.dtype,
+        "crs": site.crs or None,
+        "transform": _pixel_to_world(world_ground),
+        "nodata": nodata,
+        "compress": "deflate",
+        "zlevel": 1,
+        "predictor": 3 if grid.dtype.kind == "f" else 1,
+    }
+    with warnings.catch_warnings():
+        # A window whose corner is the origin, at 1 m, looks like "no transform" to rasterio.
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path, "w", **profile) as file:
+            file.write(np.ascontiguousarray(image_rows(grid)), 1)
+            file.set_band_description(1, description)
+            file.set_band_unit(1, units)
+            file.update_tags(AREA_OR_POINT="Area", **_height_tags(site))
+
+
+def _pixel_to_world(ground: Heightfield) -> Any:
+    """Affine from the image's pixel corners to east and north [m]."""
+    from rasterio.transform import from_origin
+
+    west, _, _, north = ground.bounds
+    half = 0.5 * ground.spacing
+    return from_origin(west - half, north + half, ground.spacing, ground.spacing)
+
+
+def _height_tags(site: Site) -> dict[str, str]:
+    east, north = site.slope
+    return {
+        "TERRAIN_FORGE_SITE": site.name,
+        "TERRAIN_FORGE_BODY": site.body.name,
+        "TERRAIN_FORGE_DATUM_HEIGHT_M": repr(float(site.datum_height)),
+        "TERRAIN_FORGE_LEVEL_SLOPE_EAST": repr(float(east)),
+        "TERRAIN_FORGE_LEVEL_SLOPE_NORTH": repr(float(north)),
+        "TERRAIN_FORGE_HEIGHT_ABOVE_DATUM": (
+            "z + DATUM_HEIGHT_M + LEVEL_SLOPE_EAST * x + LEVEL_SLOPE_NORTH * y"
+        ),
+    }

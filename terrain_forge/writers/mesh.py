@@ -1,0 +1,201 @@
+"""Triangle meshes as OBJ text and as binary STL, written at the speed of the disk.
+
+OBJ carries normals and texture coordinates and shares vertices; STL is smaller than an OBJ with
+normals and is read faster. Both hold plain coordinates: no hidden unit, axis swap or offset.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64] | NDArray[np.float32]
+Indices = NDArray[np.int32]
+
+_DECIMALS = {b"v": 6, b"vn": 4, b"vt": 6}
+# Sign, up to twelve digits before the point, the point, six after it, and a blank.
+_WIDEST_NUMBER = 21
+_LARGEST = 1e12
+_STL_HEADER = b"binary STL by terrain-forge, metres, z up"
+
+
+def write_obj(
+    path: Path,
+    *,
+    vertices: Floats,
+    faces: Indices,
+    normals: Floats,
+    texture_coordinates: Floats | None = None,
+) -> None:
+    """Write a mesh with one normal (and texture coordinate) per vertex as OBJ.
+
+    Gazebo's physics drops the collision of an OBJ without normals, so there is none without.
+
+    Args:
+        path: The file.
+        vertices: Positions [m], shape [vertices, 3]; written to a micrometre.
+        faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
+        normals: Unit normals, shape [vertices, 3].
+        texture_coordinates: u to the right, v upwards, 0 to 1, shape [vertices, 2].
+    """
+    textured = texture_coordinates is not None
+    blocks = [obj_rows(b"v", vertices), obj_rows(b"vn", normals)]
+    if texture_coordinates is not None:
+        blocks.append(obj_rows(b"vt", texture_coordinates))
+    blocks.append(obj_faces(faces, textured=textured))
+    with Path(path).open("wb") as file:
+        file.writelines(blocks)
+
+
+def obj_rows(tag: bytes, values: Floats) -> memoryview:
+    """OBJ lines `tag x y …` (tag v, vn or vt) of rows of numbers, shape [rows, numbers].
+
+    Raises:
+        ValueError: if a number is not below 1e12, which no coordinate in metres is.
+    """
+    if not np.all(np.abs(values) < _LARGEST):
+        raise ValueError(f"OBJ {tag.decode()}: a number is not finite or not below {_LARGEST:g}")
+    room = len(values) * (len(tag) + 1 + values.shape[1] * _WIDEST_NUMBER)
+    text = np.empty(room, dtype=np.uint8)
+    used = _put_rows(text, np.frombuffer(tag, np.uint8), values, _DECIMALS[tag])
+    return text[:used].data
+
+
+def obj_faces(faces: Indices, *, textured: bool) -> memoryview:
+    """OBJ lines `f a/a/a …` whose corners use one index for position, texture and normal."""
+    digits = len(str(int(faces.max(initial=0)) + 1))
+    room = len(faces) * (3 + 3 * (3 * digits + 3))
+    text = np.empty(room, dtype=np.uint8)
+    return text[: _put_faces(text, faces, textured)].data
+
+
+def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
+    """Write a mesh as binary STL with the normals of its faces.
+
+    Args:
+        path: The file.
+        vertices: Positions [m], shape [vertices, 3]; stored as float32.
+        faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
+    """
+    # A record is 12 float32 and one uint16: as rows of 25 uint16 it needs no unaligned access.
+    records = np.empty((len(faces), 25), dtype=np.uint16)
+    _fill_stl(records, vertices, faces)
+    with Path(path).open("wb") as file:
+        file.write(_STL_HEADER.ljust(80))
+        file.write(np.uint32(len(faces)).tobytes())
+        file.write(records.data)
+
+
+def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
+    """Unit normals of the vertices of a mesh, the faces weighted by area, shape [vertices, 3]."""
+    corners = np.asarray(vertices, np.float64)[faces]
+    weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros((len(vertices), 3))
+    for corner in range(3):
+        for axis in range(3):
+            summed = np.bincount(faces[:, corner], weighted[:, axis], minlength=len(vertices))
+            normals[:, axis] += summed
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals[length[:, 0] == 0] = (0, 0, 1)
+    unit: NDArray[np.float64] = normals / np.where(length > 0, length, 1)
+    return unit
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _put_integer(text, at, number):  # type: ignore[no-untyped-def]
+    """Write a positive integer in decimal; returns where the text goes on."""
+    width = 1
+    power = 10
+    while number >= power:
+        width += 1
+        power *= 10
+    for place in range(width):
+        text[at + width - 1 - place] = 48 + number % 10
+        number //= 10
+    return at + width
+
+
+@njit(cache=True, nogil=True)
+def _put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def]
+    """Write a number rounded to so many decimals (unit = 10**decimals), without trailing zeros."""
+    scaled = np.int64(np.rint(abs(value) * unit))
+    if value < 0 and scaled > 0:
+        text[at] = 45
+        at += 1
+    whole = scaled // unit
+    fraction = scaled - whole * unit
+    at = _put_integer(text, at, whole)
+    if fraction == 0:
+        return at
+    while fraction % 10 == 0:
+        fraction //= 10
+        decimals -= 1
+    text[at] = 46
+    for place in range(decimals):
+        text[at + decimals - place] = 48 + fraction % 10
+        fraction //= 10
+    return at + decimals + 1
+
+
+@njit(cache=True, nogil=True)
+def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
+    unit = 10**decimals
+    at = 0
+    for row in range(values.shape[0]):
+        for character in tag:
+            text[at] = character
+            at += 1
+        for column in range(values.shape[1]):
+            text[at] = 32
+            at = _put_number(text, at + 1, np.float64(values[row, column]), decimals, unit)
+        text[at] = 10
+        at += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
+    at = 0
+    for face in range(faces.shape[0]):
+        text[at] = 102
+        at += 1
+        for corner in range(3):
+            index = np.int64(faces[face, corner]) + 1
+            text[at] = 32
+            start = at + 1
+            at = _put_integer(text, start, index)
+            width = at - start
+            text[at] = 47
+            at += 1
+            if textured:
+                text[at : at + width] = text[start : start + width]
+                at += width
+            text[at] = 47
+            at += 1
+            text[at : at + width] = text[start : start + width]
+            at += width
+        text[at] = 10
+        at += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _fill_stl(records, vertices, faces):  # type: ignore[no-untyped-def]
+    number = np.empty(12, dtype=np.float32)
+    halves = number.view(np.uint16)
+    for face in range(faces.shape[0]):
+        for corner in range(3):
+            for axis in range(3):
+                number[3 + 3 * corner + axis] = vertices[faces[face, corner], axis]
+        ax, ay, az = number[6] - number[3], number[7] - number[4], number[8] - number[5]
+        bx, by, bz = number[9] - number[3], number[10] - number[4], number[11] - number[5]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        scale = 1.0 / length if length > 0 else 0.0
+        number[0], number[1], number[2] = nx * scale, ny * scale, nz * scale
+        for half in range(24):
+            records[face, half] = halves[half]
+        records[face, 24] = 0

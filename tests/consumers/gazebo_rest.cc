@@ -1,0 +1,82 @@
+// Lets Gazebo Fortress' physics (ign-physics5 with DART) run a world, as gz-sim would, without a display.
+// Usage: gazebo_rest PLUGIN WORLD MODELS MODEL SECONDS. Prints where MODEL's first link then is: x y z.
+#include <chrono>
+#include <iostream>
+#include <string>
+
+#include <ignition/common/MeshManager.hh>
+#include <ignition/math/eigen3/Conversions.hh>
+#include <ignition/physics/ConstructEmpty.hh>
+#include <ignition/physics/ForwardStep.hh>
+#include <ignition/physics/FrameSemantics.hh>
+#include <ignition/physics/GetEntities.hh>
+#include <ignition/physics/RequestEngine.hh>
+#include <ignition/physics/World.hh>
+#include <ignition/physics/mesh/MeshShape.hh>
+#include <ignition/physics/sdf/ConstructModel.hh>
+#include <ignition/physics/sdf/ConstructWorld.hh>
+#include <ignition/plugin/Loader.hh>
+#include <sdf/sdf.hh>
+
+namespace math = ignition::math::eigen3;
+namespace physics = ignition::physics;
+
+struct Features
+    : physics::FeatureList<physics::LinkFrameSemantics, physics::ForwardStep, physics::GetEntities,
+                           physics::sdf::ConstructSdfWorld, physics::sdf::ConstructSdfModel,
+                           physics::mesh::AttachMeshShapeFeature, physics::CollisionDetector> {};
+
+// The physics library leaves meshes to its host: attach every mesh of the world to its link.
+template <typename WorldPtr>
+bool AttachMeshes(const WorldPtr &world, const sdf::World &description, const std::string &models) {
+  const std::string scheme = "model://";
+  for (uint64_t m = 0; m < description.ModelCount(); ++m) {
+    const auto *model = description.ModelByIndex(m);
+    for (uint64_t l = 0; l < model->LinkCount(); ++l) {
+      const auto *link = model->LinkByIndex(l);
+      auto body = world->GetModel(model->Name())->GetLink(link->Name());
+      for (uint64_t c = 0; c < link->CollisionCount(); ++c) {
+        const auto *collision = link->CollisionByIndex(c);
+        const auto *shape = collision->Geom()->MeshShape();
+        if (!shape) continue;
+        const auto path = models + "/" + shape->Uri().substr(scheme.size());
+        const auto *mesh = ignition::common::MeshManager::Instance()->Load(path);
+        if (!mesh) return false;
+        body->AttachMeshShape(collision->Name(), *mesh, math::convert(collision->RawPose()),
+                              math::convert(shape->Scale()));
+      }
+    }
+  }
+  return true;
+}
+
+int main(int argc, char **argv) {
+  if (argc != 6) {
+    std::cerr << "usage: gazebo_rest PLUGIN WORLD MODELS MODEL SECONDS\n";
+    return 2;
+  }
+  ignition::plugin::Loader loader;
+  for (const auto &name : loader.LoadLib(argv[1])) {
+    auto engine = physics::RequestEngine3d<Features>::From(loader.Instantiate(name));
+    if (!engine) continue;
+    sdf::ParserConfig config;
+    config.AddURIPath("model://", argv[3]);
+    sdf::Root root;
+    if (!root.Load(argv[2], config).empty()) return 1;
+    const auto *description = root.WorldByIndex(0);
+    auto world = engine->ConstructWorld(*description);
+    world->SetCollisionDetector("bullet");
+    if (!AttachMeshes(world, *description, argv[3])) return 1;
+    physics::ForwardStep::Input input;
+    physics::ForwardStep::Output output;
+    physics::ForwardStep::State state;
+    const std::chrono::milliseconds step(2);
+    input.Get<std::chrono::steady_clock::duration>() = step;
+    for (int n = 0; n < std::stod(argv[5]) * 500; ++n) world->Step(output, state, input);
+    const auto pose = world->GetModel(argv[4])->GetLink(0)->FrameDataRelativeToWorld().pose;
+    std::cout.precision(9);
+    std::cout << pose.translation().transpose() << "\n";
+    return 0;
+  }
+  return 1;
+}

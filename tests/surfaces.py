@@ -1,0 +1,30 @@
+"""Independent ways to ask a triangle mesh for heights, for tests of what was exported."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def top_under(vertices, faces, points):
+    """Highest z of the triangles under each point (x, y), brute force; -inf where there is none."""
+    a, b, c = (np.asarray(vertices, np.float64)[faces[:, n]] for n in range(3))
+    e1, e2 = (b - a)[:, :2], (c - a)[:, :2]
+    area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
+    flat = np.abs(area) > 1e-14
+    a, b, c, e1, e2, area = (values[flat] for values in (a, b, c, e1, e2, area))
+    tops = np.empty(len(points))
+    for n, point in enumerate(np.asarray(points)):
+        d = point - a[:, :2]
+        u = (d[:, 0] * e2[:, 1] - d[:, 1] * e2[:, 0]) / area
+        v = (e1[:, 0] * d[:, 1] - e1[:, 1] * d[:, 0]) / area
+        inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
+        z = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
+        tops[n] = z[inside].max(initial=-np.inf)
+    return tops
+
+
+def random_points(ground, count, seed):
+    """Points (east, north) spread over a grid, kept off its outermost millimetre."""
+    west, south, east, north = ground.bounds
+    low, high = np.array([west, south]) + 1e-3, np.array([east, north]) - 1e-3
+    return np.random.default_rng(seed).uniform(low, high, (count, 2))

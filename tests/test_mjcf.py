@@ -1,0 +1,237 @@
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+from terrain_forge.exporters import mjcf
+from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
+
+from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.validation.surface_mesh import heights_on
+from terrain_forge.world import Heightfield, Mesh
+from tests import worlds
+
+SKY = 1000.0
+
+
+@pytest.fixture(scope="module")
+def world():
+    return worlds.world(rover=morpheus())
+
+
+@pytest.fixture(scope="module")
+def exported(world, tmp_path_factory):
+    return export(world, tmp_path_factory.mktemp("mjcf"))
+
+
+def export(world, folder, **options):
+    mjcf.export(world, folder, options=mjcf.Options(**options))
+    return folder
+
+
+def load(folder, name="world.xml"):
+    model = mujoco.MjModel.from_xml_path(str(folder / name))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def ray_down(model, data, x, y, group):
+    geom = np.zeros(1, np.int32)
+    groups = (np.arange(6) == group).astype(np.uint8)
+    distance = mujoco.mj_ray(model, data, (x, y, SKY), (0, 0, -1), groups, 1, -1, geom)
+    assert distance >= 0
+    return SKY - distance, model.geom(int(geom[0])).name
+
+
+def largest_ground_error(world, folder, count=500):
+    model, data = load(folder)
+    west, south, east, north = world.ground.bounds
+    points = np.random.default_rng(3).uniform((west, south), (east, north), (count, 2))
+    found = [ray_down(model, data, *point, group=0)[0] for point in points]
+    return np.abs(found - world.ground.height_at(*points.T)).max()
+
+
+def test_rays_meet_the_triangulated_ground(world, exported):
+    limit = 1e-6 * np.ptp(world.ground.elevation)
+    assert largest_ground_error(world, exported) < limit
+
+
+def test_a_window_away_from_the_centre_lies_where_it_should(world, tmp_path):
+    tile = list(world.tiles(cells=40))[-1]
+    assert tile.ground.bounds[0] > 0
+    assert largest_ground_error(tile, export(tile, tmp_path)) < 1e-5
+
+
+def test_a_ground_of_several_fields_is_one_ground(world, tmp_path, monkeypatch):
+    module = sys.modules["terrain_forge.exporters.mjcf.export"]
+    monkeypatch.setattr(module, "_LARGEST_FIELD", 32)
+    folder = export(world, tmp_path)
+    model, _ = load(folder)
+    assert model.nhfield == 6
+    assert sum(model.geom(n).name.startswith("rock_") for n in range(model.ngeom)) == 40
+    assert largest_ground_error(world, folder) < 1e-5
+
+
+def flat(world, height):
+    elevation = np.full(world.ground.shape, height)
+    return world.replace(
+        ground=world.ground.replace(elevation=elevation),
+        field=world.field.select(np.array([], dtype=int)),
+        trajectories=(),
+    )
+
+
+def test_a_ball_rests_on_a_flat_ground(world, tmp_path):
+    folder = export(flat(world, 3.25), tmp_path)
+    ball = """<mujoco><include file="world.xml"/><worldbody><body pos="1 2 3.5"><freejoint/>
+        <geom type="sphere" size="0.2" mass="5"/></body></worldbody></mujoco>"""
+    (folder / "ball.xml").write_text(ball)
+    model, data = load(folder, "ball.xml")
+    mujoco.mj_step(model, data, 3000)
+    np.testing.assert_allclose(data.qpos[:3], (1, 2, 3.45), atol=1e-3)
+
+
+def test_rocks_lie_as_in_the_field_when_sizes_are_exact(world, tmp_path):
+    few = world.replace(field=world.field.select(np.arange(8)))
+    model, data = load(export(few, tmp_path, exact_scale=True))
+    rng = np.random.default_rng(2)
+    for row in range(8):
+        matrix = matrix_from_quaternion(few.field.quaternion[row]) * few.field.scale[row]
+        hull = few.library.prototypes[few.field.prototype[row]].hulls[0]
+        placed = Mesh(vertices=hull.vertices @ matrix.T + few.field.position[row], faces=hull.faces)
+        reach = 0.25 * few.field.scale[row]
+        points = few.field.position[row, :2] + rng.uniform(-reach, reach, (10, 2))
+        for point, height in zip(points, heights_on(placed, points), strict=True):
+            found, name = ray_down(model, data, *point, group=1)
+            if name == f"rock_{few.field.id[row]}":
+                assert found == pytest.approx(height, abs=1e-5)
+            else:
+                assert found > height  # a neighbour of this hand-made field covers it
+
+
+def test_shared_sizes_are_few_and_near():
+    scale = np.geomspace(0.1, 3.0, 5000)
+    shared = shared_scale(scale)
+    assert np.abs(shared / scale - 1).max() <= SCALE_ERROR + 1e-12
+    assert len(np.unique(shared)) < 180
+    np.testing.assert_array_equal(shared_scale(shared), shared)
+
+
+def test_losses_name_what_is_rounded(world, tmp_path):
+    rounded = mjcf.export(world, tmp_path, options=mjcf.Options()).losses
+    exact = mjcf.export(world, tmp_path, options=mjcf.Options(exact_scale=True)).losses
+    assert set(rounded) - set(exact) == {rounded[0]}
+    assert "1%" in rounded[0]
+
+
+def test_every_file_is_reported_and_the_same_each_time(world, exported, tmp_path):
+    report = mjcf.export(world, tmp_path, options=mjcf.Options())
+    written = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
+    assert sorted(report.files) == written
+    for name in written:
+        assert (tmp_path / name).read_bytes() == (exported / name).read_bytes()
+
+
+def test_the_scene_holds_the_rover_and_the_world_does_not(world, exported):
+    bare, _ = load(exported)
+    scene, data = load(exported, "scene.xml")
+    assert bare.nbody == 1
+    assert scene.nu == 6
+    assert scene.body_mass.sum() == pytest.approx(world.rover.mass, abs=1e-9)
+    for link in world.rover.links:
+        body = scene.body(link.name)
+        assert body.mass[0] == pytest.approx(link.mass)
+        turn = matrix_from_quaternion(body.iquat)
+        np.testing.assert_allclose(turn @ np.diag(body.inertia) @ turn.T, link.inertia, atol=1e-8)
+    for wheel in world.rover.wheels:
+        turn = data.body("base_link").xmat.reshape(3, 3)
+        centre = data.body("base_link").xpos + turn @ wheel.centre
+        np.testing.assert_allclose(data.body(wheel.link).xpos, centre, atol=1e-8)
+
+
+def test_gravity_is_the_bodys(world, exported):
+    model, _ = load(exported, "scene.xml")
+    np.testing.assert_array_equal(model.opt.gravity, (0, 0, -world.site.body.gravity))
+
+
+def test_the_rover_stands_on_its_start_and_settles_there(world, exported):
+    model, data = load(exported, "scene.xml")
+    start = world.trajectories[0].position[0]
+    assert data.contact.dist.min(initial=0.0) > -0.01
+    mujoco.mj_step(model, data, 1500)
+    position = data.body("base_link").xpos
+    assert np.hypot(*(position - start)[:2]) < 0.05
+    assert abs(position[2] - world.ground.height_at(*position[:2])) < 0.06
+    assert np.abs(data.qvel).max() < 0.01
+
+
+def test_cameras_look_along_their_sensors_x(world, exported):
+    _, data = load(exported, "scene.xml")
+    body = data.body("base_link")
+    for sensor in world.rover.sensors:
+        if sensor.kind == "camera":
+            axes = data.cam(sensor.name).xmat.reshape(3, 3)
+            local = matrix_from_quaternion(quaternion_from_rpy(sensor.rpy))
+            wanted = body.xmat.reshape(3, 3) @ local
+            np.testing.assert_allclose(-axes[:, 2], wanted[:, 0], atol=1e-7)
+            np.testing.assert_allclose(axes[:, 1], wanted[:, 2], atol=1e-7)
+
+
+def test_the_texture_has_north_at_the_top(world, tmp_path):
+    colours = np.array(world.appearance.ground_rgb)
+    colours[-1, 0] = (1, 2, 3)
+    marked = world.replace(appearance=world.appearance.replace(ground_rgb=colours))
+    picture = np.asarray(Image.open(export(marked, tmp_path) / "assets/ground.png"))
+    np.testing.assert_array_equal(picture[0, 0], (1, 2, 3))
+
+
+def test_the_sun_shines_from_where_it_stands(world, exported):
+    model, _ = load(exported)
+    np.testing.assert_allclose(model.light("sun").dir, -world.lighting.towards_sun, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ['Gale\'s "crater" <1> & Töne', "bell\x07 and \ufffe end"])
+def test_any_name_makes_readable_xml(world, tmp_path, name):
+    named = world.replace(site=world.site.replace(name=name))
+    model, _ = load(export(named, tmp_path), "scene.xml")
+    assert model.nu == 6
+
+
+def test_a_world_without_paths_puts_the_rover_in_the_middle(world, tmp_path):
+    level = flat(world, -2.0)
+    _, data = load(export(level, tmp_path), "scene.xml")
+    np.testing.assert_allclose(data.body("base_link").xpos, (0, 0, -2.0), atol=1e-6)
+
+
+def test_a_world_without_a_rover_has_a_scene_too(world, tmp_path):
+    model, _ = load(export(world.replace(rover=worlds.no_rover()), tmp_path), "scene.xml")
+    assert model.nu == 0
+
+
+@pytest.mark.skipif(
+    not hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"), reason="this MuJoCo knows no sleep"
+)
+def test_sleep_is_set_only_on_demand(world, exported, tmp_path):
+    asleep, _ = load(export(world, tmp_path, sleep=True))
+    awake, _ = load(exported)
+    flag = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    assert asleep.opt.enableflags & flag
+    assert not awake.opt.enableflags & flag
+
+
+def test_a_steep_ground_keeps_its_heights(world, tmp_path):
+    random = np.random.default_rng(4)
+    rough = Heightfield(
+        elevation=random.uniform(-300, 900, world.ground.shape), spacing=0.25, origin=(-12, -8)
+    )
+    cliffs = flat(world, 0.0).replace(ground=rough)
+    assert largest_ground_error(cliffs, export(cliffs, tmp_path)) < 1e-6 * 1200
+
+
+def test_exporting_imports_no_simulator():
+    code = "import sys, terrain_forge.exporters.mjcf; sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

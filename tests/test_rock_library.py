@@ -1,0 +1,227 @@
+"""The rock library against trimesh's geometry, closed forms and what physics engines need."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from numpy.random import Generator, Philox
+from pydantic import TypeAdapter, ValidationError
+
+from terrain_forge.rocks import outline
+from terrain_forge.rocks.carving import Sphere, carve, convex_faces, fibonacci_sphere
+from terrain_forge.rocks.collision import collision_hull
+from terrain_forge.rocks.library import LibrarySpec, lay_down, make_library
+from terrain_forge.rocks.shapes import FAMILIES, block, projections
+from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.world import Mesh
+
+SPEC = LibrarySpec(shapes=16, seed=7, families=("block", "slab", "cobble", "vesicular"))
+
+
+@pytest.fixture(scope="module")
+def library():
+    return make_library(SPEC)
+
+
+@pytest.fixture(scope="module", params=range(SPEC.shapes))
+def rock(request, library):
+    return library.prototypes[request.param]
+
+
+def solid(mesh):
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
+
+
+def heights(mesh, directions):
+    """Support function: how far the mesh extends along each direction."""
+    return projections(directions, mesh.vertices).max(axis=1)
+
+
+def test_levels_of_detail_are_closed_outward_surfaces(rock):
+    assert [len(mesh.faces) for mesh in rock.meshes] == [1280, 320, 80]
+    for mesh in rock.meshes:
+        body = solid(mesh)
+        assert body.is_watertight
+        assert body.is_winding_consistent
+        assert body.volume > 0
+        assert body.euler_number == 2
+        assert body.area_faces.min() > 0
+
+
+def test_surface_never_cuts_itself(rock):
+    """Some point sees every face from inside: the centre of carving, no longer the origin."""
+    from scipy.optimize import linprog
+
+    for mesh in rock.meshes:
+        body = solid(mesh)
+        offsets = np.einsum("ij,ij->i", body.face_normals, mesh.vertices[mesh.faces[:, 0]])
+        constraints = np.column_stack([body.face_normals, np.ones(len(offsets))])
+        deepest = linprog([0, 0, 0, -1], A_ub=constraints, b_ub=offsets, bounds=[(None, None)] * 4)
+        assert deepest.x[3] > 0
+
+
+def test_mass_properties_are_those_of_trimesh(rock):
+    body = solid(rock.meshes[0])
+    assert rock.volume == pytest.approx(body.volume, rel=1e-9)
+    np.testing.assert_allclose(rock.inertia, body.moment_inertia, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(body.center_mass, 0, atol=1e-10)
+
+
+def test_mass_properties_of_a_box_far_from_the_origin():
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    moved = Mesh(vertices=box.vertices + np.array([5.0, -3.0, 2.0]), faces=box.faces)
+    found = mass_properties(moved)
+    assert found.volume == pytest.approx(6.0)
+    np.testing.assert_allclose(found.centre, [5, -3, 2])
+    np.testing.assert_allclose(found.inertia, np.diag([13.0, 10.0, 5.0]) * 6 / 12, atol=1e-9)
+
+
+def test_mean_axis_is_one_and_the_rock_lies_flat(rock):
+    extents = np.ptp(rock.meshes[0].vertices, axis=0)
+    assert extents.mean() == pytest.approx(1.0, abs=1e-12)
+    assert extents[0] >= extents[1] >= extents[2]
+
+
+def test_rock_rests_on_a_facet_under_its_centre_of_mass(rock):
+    vertices = rock.meshes[0].vertices
+    feet = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-9]
+    assert len(feet) >= 3
+    facet = trimesh.points.PointCloud(np.vstack([feet, feet + np.array([0, 0, 1])])).convex_hull
+    assert facet.contains([[0, 0, feet[0, 2] + 0.5]])[0]
+
+
+def test_axis_ratios_follow_the_distributions():
+    axes = np.array([block(Generator(Philox(key=n))).axes for n in range(400)])
+    b, c = axes[:, 1] / axes[:, 0], axes[:, 2] / axes[:, 0]
+    assert b.mean() == pytest.approx(0.8, abs=0.02)
+    assert b.std() == pytest.approx(0.1, abs=0.015)
+    assert c.mean() == pytest.approx(0.55, abs=0.025)
+    assert c.std() == pytest.approx(0.12, abs=0.02)
+
+
+def test_rock_has_the_axes_that_were_drawn():
+    blank = block(Generator(Philox(key=5)))
+    shape = lay_down(carve(blank, Sphere()), blank.axes)[0]
+    np.testing.assert_allclose(np.ptp(shape.vertices, axis=0), blank.axes, rtol=1e-12)
+
+
+def test_collision_hull_is_convex_small_and_close(rock):
+    (hull,) = rock.hulls
+    body = solid(hull)
+    assert len(hull.vertices) <= 64
+    assert body.is_watertight
+    assert body.is_convex
+    assert body.volume / rock.volume - 1 == pytest.approx(rock.hull_excess, abs=1e-9)
+    assert -0.03 < rock.hull_excess < 0.10
+    shape = rock.meshes[0]
+    offsets = np.einsum("ij,ij->i", body.face_normals, hull.vertices[hull.faces[:, 0]])
+    beyond = projections(shape.vertices, body.face_normals) - offsets
+    assert beyond.max() < 0.025
+    directions = fibonacci_sphere(1000)
+    error = np.abs(heights(hull, directions) - heights(shape, directions))
+    assert error.max() < 0.025
+    upward = directions[:, 2] > np.cos(np.radians(25))
+    assert error[upward].max() < 0.015
+    assert error[upward].mean() < 0.008
+
+
+def test_mujoco_takes_the_hull_as_it_is_and_the_rock_stays(rock):
+    (hull,) = rock.hulls
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="rock", uservert=hull.vertices.ravel(), userface=hull.faces.ravel())
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
+    body = spec.worldbody.add_body(pos=[0, 0, -hull.vertices[:, 2].min()])
+    body.add_freejoint()
+    body.explicitinertial = True
+    body.mass = 2900.0 * rock.volume
+    body.fullinertia = 2900.0 * rock.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="rock")
+    model = spec.compile()
+    assert model.mesh_graph[0] == len(hull.vertices)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=1000)
+    assert data.qpos[3] > np.cos(np.radians(0.5 * 3))
+    assert np.linalg.norm(data.qpos[:2]) < 0.02
+
+
+def test_fewer_hull_vertices_when_asked(library):
+    few = make_library(replace(SPEC, shapes=4, hull_vertices=16)).prototypes
+    for rock, full in zip(few, library.prototypes, strict=False):
+        assert len(rock.hulls[0].vertices) <= 16
+        assert rock.meshes == full.meshes
+
+
+def test_hull_of_a_box_is_the_box():
+    box = trimesh.creation.box((1.0, 2.0, 3.0)).subdivide()
+    hull = collision_hull(Mesh(vertices=box.vertices, faces=box.faces), vertices=8)
+    assert mass_properties(hull).volume == pytest.approx(6.0)
+
+
+def test_silhouettes_of_the_levels_agree(rock):
+    directions = fibonacci_sphere(1000)
+    full = heights(rock.meshes[0], directions)
+    for mesh, limit in zip(rock.meshes[1:], (0.035, 0.045), strict=True):
+        assert np.abs(heights(mesh, directions) - full).max() < limit
+        assert solid(mesh).volume == pytest.approx(rock.volume, rel=1e-9)
+
+
+def test_reach_and_rise_are_the_outlines(rock):
+    assert (rock.reach, rock.rise) == outline.bounds(rock.meshes[0])
+
+
+def test_same_spec_same_bytes_and_no_shape_twice(library):
+    assert make_library(SPEC).content_hash == library.content_hash
+    assert make_library(replace(SPEC, seed=8)).content_hash != library.content_hash
+    assert len({rock.meshes[0].vertices.tobytes() for rock in library.prototypes}) == SPEC.shapes
+
+
+def test_a_smaller_library_is_the_start_of_a_larger_one(library):
+    small = make_library(replace(SPEC, shapes=6))
+    assert small.prototypes == library.prototypes[:6]
+
+
+def test_library_is_the_same_in_another_process(library):
+    code = (
+        "import sys, json; from terrain_forge.rocks.library import *;"
+        f"library = make_library(LibrarySpec(shapes=4, seed=7, families={SPEC.families!r}));"
+        "print(json.dumps([library.content_hash, 'trimesh' in sys.modules]))"
+    )
+    environment = {"PYTHONHASHSEED": "77", "OPENBLAS_NUM_THREADS": "1", "HOME": "/nonexistent"}
+    run = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    first = make_library(replace(SPEC, shapes=4))
+    assert json.loads(run.stdout) == [first.content_hash, False]
+
+
+def test_families_are_taken_in_turn_and_differ(library):
+    assert [rock.family for rock in library.prototypes[:5]] == [*SPEC.families, "block"]
+    assert set(SPEC.families) == set(FAMILIES)
+    flatness, roundness = {}, {}
+    for family in FAMILIES:
+        rocks = [rock for rock in library.prototypes if rock.family == family]
+        flatness[family] = np.mean([np.ptp(rock.meshes[0].vertices[:, 2]) for rock in rocks])
+        bodies = [solid(rock.meshes[0]) for rock in rocks]
+        sphericity = [np.pi ** (1 / 3) * (6 * b.volume) ** (2 / 3) / b.area for b in bodies]
+        roundness[family] = np.mean(sphericity)
+    assert flatness["slab"] < 0.7 * flatness["block"]
+    assert max(roundness, key=roundness.get) == "cobble"
+    assert min(roundness, key=roundness.get) == "slab"
+
+
+def test_convex_faces_refuse_a_point_inside():
+    with pytest.raises(ArithmeticError, match="31 points"):
+        convex_faces(np.vstack([fibonacci_sphere(30), [[0.1, 0.0, 0.0]]]))
+
+
+@pytest.mark.parametrize(
+    "bad", [{"shapes": 0}, {"shapes": 1001}, {"families": []}, {"families": ["blok"]}, {"n": 1}]
+)
+def test_bad_specs_are_refused(bad):
+    with pytest.raises(ValidationError):
+        TypeAdapter(LibrarySpec).validate_python(bad)

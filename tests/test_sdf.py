@@ -1,0 +1,385 @@
+import os
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from terrain_forge.exporters.sdf import Options, export
+from terrain_forge.world import Trajectory, rotations
+from tests.surfaces import random_points, top_under
+
+CONSUMERS = Path(__file__).parent / "consumers"
+PLUGIN = Path("/usr/lib/x86_64-linux-gnu/libignition-physics5-dartsim-plugin.so")
+
+
+def exported(world, directory, **options):
+    directory.mkdir()
+    report = export(world, directory, options=Options(**options))
+    found = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    assert list(report.files) == found
+    return directory
+
+
+@pytest.fixture(scope="module")
+def sdf(small_world, tmp_path_factory):
+    """The small world in four tiles, its larger rocks one by one."""
+    return exported(small_world, tmp_path_factory.mktemp("gz") / "sdf", tile_cells=48)
+
+
+def numbers(element):
+    return np.array(element.text.split(), float)
+
+
+def models(directory):
+    return {
+        path.parent.name: ET.parse(path).getroot().find("model")
+        for path in sorted(directory.glob("models/*/model.sdf"))
+    }
+
+
+def file_of(directory, uri):
+    return directory / "models" / uri.removeprefix("model://")
+
+
+def meshes(directory, model, kind):
+    """Name, vertices in the model's frame and faces of a model's visuals or collisions."""
+    for part in model.iter(kind):
+        mesh = part.find("geometry/mesh")
+        read = trimesh.load(file_of(directory, mesh.findtext("uri")), process=False)
+        vertices = read.vertices * (numbers(s) if (s := mesh.find("scale")) is not None else 1)
+        if (pose := part.find("pose")) is not None:
+            turn = Rotation.from_euler("xyz", numbers(pose)[3:])
+            vertices = turn.apply(vertices) + numbers(pose)[:3]
+        yield part.get("name"), vertices, read.faces
+
+
+@pytest.mark.parametrize("flavour", ["gz", "classic"])
+def test_every_reference_leads_to_a_file(small_world, tmp_path, flavour):
+    directory = exported(small_world, tmp_path / "sdf", flavour=flavour, tile_cells=48)
+    version = {"gz": "1.9", "classic": "1.6"}[flavour]
+    for name in ("world.sdf", "scene.sdf"):
+        root = ET.parse(directory / name).getroot()
+        assert root.get("version") == version
+        uris = [uri.text for uri in root.iter("uri")]
+        assert uris == ["model://by-hand_ground", "model://by-hand_rocks"]
+        assert all((file_of(directory, uri) / "model.config").is_file() for uri in uris)
+    for name, model in models(directory).items():
+        assert model.get("name") == name
+        assert model.findtext("static") == "true"
+        uris = [e.text for e in model.iter() if e.tag in ("uri", "albedo_map")]
+        assert len(uris) > 4
+        assert all(file_of(directory, uri).exists() for uri in uris)
+        for link in model.iter("link"):
+            names = [part.get("name") for part in link]
+            assert len(set(names)) == len(names)
+    scripts = list(directory.glob("models/*/materials/scripts/*.material"))
+    assert len(scripts) == (flavour == "classic")
+
+
+def test_gravity_and_sun(small_world, sdf):
+    world = ET.parse(sdf / "world.sdf").getroot().find("world")
+    assert np.allclose(numbers(world.find("gravity")), (0, 0, -small_world.site.body.gravity))
+    light = world.find("light")
+    assert light.get("type") == "directional"
+    direction = numbers(light.find("direction"))
+    assert np.allclose(direction, -small_world.lighting.towards_sun, atol=1e-8)
+    assert world.findtext("physics/dart/collision_detector") == "bullet"
+    assert world.find("actor") is None
+
+
+def test_the_ground_reads_back(small_world, sdf):
+    model = models(sdf)["by-hand_ground"]
+    points = random_points(small_world.ground, 2000, 6)
+    heights = np.full(len(points), -np.inf)
+    tiles = list(meshes(sdf, model, "collision"))
+    assert len(tiles) == 4
+    for _, vertices, faces in tiles:
+        heights = np.maximum(heights, top_under(vertices, faces, points))
+    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
+    assert np.abs(heights - wanted).max() < 1e-6
+    text = (sdf / "models/by-hand_ground/meshes/ground_000.obj").read_text()
+    assert text.count("\nvn ") == 49 * 49
+
+
+def test_the_texture_lies_the_right_way(small_world, tmp_path):
+    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
+    world = small_world.replace(appearance=small_world.appearance.replace(ground_rgb=colours))
+    directory = exported(world, tmp_path / "sdf", tile_cells=48)
+    model = directory / "models/by-hand_ground"
+    rows = [line.split() for line in (model / "meshes/ground_003.obj").read_text().splitlines()]
+    vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+    u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
+    with Image.open(model / "materials/textures/ground_003.png") as image:
+        pixels = np.asarray(image)
+    shown = pixels[((1 - v) * len(pixels)).astype(int), (u * pixels.shape[1]).astype(int)]
+    i, j = np.rint((vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
+    assert np.array_equal(shown, colours[j, i])
+
+
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+def test_large_rocks_are_where_they_are(small_world, sdf, kind):
+    field, shapes = small_world.field, small_world.library.prototypes
+    large = np.flatnonzero(field.diameter >= 0.5)
+    found = {
+        int(name.split("_")[1]): vertices
+        for name, vertices, _ in meshes(sdf, models(sdf)["by-hand_rocks"], kind)
+        if name.startswith("rock_")
+    }
+    assert sorted(found) == field.id[large].tolist()
+    turns = rotations(field)
+    for row in large:
+        points = shapes[field.prototype[row]].meshes[0].vertices * field.scale[row]
+        wanted = points @ turns[row].T + field.position[row]
+        vertices = found[field.id[row]]
+        assert np.allclose(vertices.min(0), wanted.min(0), atol=2e-6)
+        assert np.allclose(vertices.max(0), wanted.max(0), atol=2e-6)
+
+
+def test_small_rocks_are_merged_where_they_are(small_world, sdf):
+    field, shapes = small_world.field, small_world.library.prototypes
+    rocks = models(sdf)["by-hand_rocks"]
+    merged = [m for m in meshes(sdf, rocks, "collision") if m[0].startswith("small_")]
+    turns = rotations(field)
+    small = np.flatnonzero(field.diameter < 0.5)
+    assert len(small) > 5
+    for row in small:
+        points = shapes[field.prototype[row]].meshes[0].vertices * field.scale[row]
+        placed = points @ turns[row].T + field.position[row]
+        top = placed[placed[:, 2].argmax()]
+        off = [np.linalg.norm(vertices - top, axis=1).min() for _, vertices, _ in merged]
+        assert min(off) < 1e-5
+
+
+def test_all_rocks_merged_or_none(small_world, tmp_path):
+    merged = exported(small_world, tmp_path / "merged", individual_min_m=100)
+    single = exported(small_world, tmp_path / "single", individual_min_m=0)
+    assert not list(merged.glob("models/*_rocks/meshes/shape_*"))
+    assert not list(single.glob("models/*_rocks/meshes/small_*"))
+    assert len(list(models(single)["by-hand_rocks"].iter("collision"))) == len(small_world.field)
+
+
+def test_a_world_without_rocks_and_paths(small_world, tmp_path):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    world = small_world.replace(field=nothing, trajectories=())
+    directory = exported(world, tmp_path / "sdf")
+    assert (directory / "scene.sdf").read_bytes() == (directory / "world.sdf").read_bytes()
+    assert len(list(models(directory)["by-hand_rocks"].iter("collision"))) == 0
+
+
+def waypoints(actor):
+    stops = list(actor.iter("waypoint"))
+    times = [stop.findtext("time") for stop in stops]
+    return times, np.array([numbers(stop.find("pose")) for stop in stops])
+
+
+def test_the_actor_is_the_trajectory_at_whole_milliseconds(small_world, sdf):
+    actor = ET.parse(sdf / "scene.sdf").getroot().find("world/actor")
+    assert actor.get("name") == "arc"
+    times, poses = waypoints(actor)
+    trajectory = small_world.trajectories[0]
+    assert len(times) == len(trajectory.time)
+    assert all(len(time.split(".")[1]) == 3 for time in times)
+    assert np.abs(np.array(times, float) - trajectory.time).max() <= 0.0005 + 1e-9
+    wanted = trajectory.at(np.array(times, float))
+    assert np.abs(poses[:, :3] - wanted.position).max() < 1e-7
+    assert np.abs(poses[:, 3:] - wanted.rpy).max() < 1e-7
+
+
+def winding():
+    """Three rounds of a circle at 0.4 m/s, sampled at 12 Hz."""
+    time = np.arange(0, 190, 1 / 12)
+    angle = 0.1 * time
+    position = np.stack([4 * np.cos(angle), 4 * np.sin(angle), 0.1 * np.sin(3 * angle)], -1)
+    rpy = np.stack([0.05 * np.sin(angle), 0.04 * np.cos(2 * angle), angle + np.pi / 2], -1)
+    return Trajectory(name="rounds", time=time, position=position, rpy=rpy, closed=True)
+
+
+def test_yaw_is_continuous_over_many_rounds(small_world, tmp_path):
+    world = small_world.replace(trajectories=(winding(),))
+    directory = exported(world, tmp_path / "sdf")
+    actor = ET.parse(directory / "scene.sdf").getroot().find("world/actor")
+    _, poses = waypoints(actor)
+    assert np.abs(np.diff(poses[:, 5])).max() < 0.1
+    assert poses[-1, 5] - poses[0, 5] > 18
+    assert actor.findtext("script/loop") == "true"
+    assert 0 <= float(actor.find("script/trajectory").get("tension")) <= 1
+
+
+@pytest.mark.parametrize("name", ['Gale <"Höhe"> & 7', "火星 \x01", "two  words"])
+def test_any_name_will_do(small_world, tmp_path, name):
+    path = small_world.trajectories[0].replace(name=name)
+    world = small_world.replace(site=small_world.site.replace(name=name), trajectories=(path,))
+    directory = exported(world, tmp_path / "sdf")
+    files = [str(p.relative_to(directory)) for p in directory.rglob("*")]
+    assert all(file.isascii() and " " not in file for file in files)
+    for config in directory.glob("models/*/model.config"):
+        assert ET.parse(config).getroot().findtext("name").strip()
+    scene = ET.parse(directory / "scene.sdf").getroot()
+    assert all(file_of(directory, uri.text).is_dir() for uri in scene.iter("uri"))
+
+
+def test_the_bytes_repeat(small_world, sdf, tmp_path):
+    again = exported(small_world, tmp_path / "sdf", tile_cells=48)
+    for path in sorted(p for p in sdf.rglob("*") if p.is_file()):
+        assert path.read_bytes() == (again / path.relative_to(sdf)).read_bytes(), path
+
+
+def test_losses_are_named(small_world, tmp_path):
+    world = small_world.replace(site=small_world.site.replace(crs="LOCAL_CS[]", lonlat=(0.1, 0.2)))
+    (tmp_path / "sdf").mkdir()
+    losses = " ".join(export(world, tmp_path / "sdf", options=Options()).losses)
+    for word in ("static", "merged", "W/m²", "longitude", "no sensors"):
+        assert word in losses
+
+
+# ---- the real consumers
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    """Compiles one of the small consumer programs, or skips the test."""
+    folder = tmp_path_factory.mktemp("consumers")
+
+    def compile_program(name, *packages):
+        if not shutil.which("g++") or not shutil.which("pkg-config"):
+            pytest.skip("g++ or pkg-config is not installed")
+        flags = subprocess.run(
+            ["pkg-config", "--cflags", "--libs", *packages], capture_output=True, text=True
+        )
+        if flags.returncode:
+            pytest.skip(f"not installed: {flags.stderr.splitlines()[0]}")
+        program = folder / name
+        source = CONSUMERS / f"{name}.cc"
+        command = ["g++", "-std=c++17", "-O1", str(source), *flags.stdout.split()]
+        subprocess.run([*command, "-o", str(program)], check=True, capture_output=True)
+        return program
+
+    return compile_program
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("flavour", ["gz", "classic"])
+@pytest.mark.parametrize("name", ["by-hand", 'Gale <"Höhe"> & 7'])
+def test_libsdformat_has_no_finding(small_world, tmp_path, build, flavour, name):
+    program = build("sdf_check", "sdformat12")
+    world = small_world.replace(site=small_world.site.replace(name=name))
+    directory = exported(world, tmp_path / "sdf", flavour=flavour, tile_cells=48)
+    for file in ("world.sdf", "scene.sdf"):
+        run = subprocess.run(
+            [program, directory / file, directory / "models"], capture_output=True, text=True
+        )
+        assert run.returncode == 0, run.stdout + run.stderr
+        assert "models 2" in run.stdout
+        assert ("actor arc waypoints 240" in run.stdout) == (file == "scene.sdf")
+        assert "Error" not in run.stderr
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("flavour", ["gz", "classic"])
+def test_ign_sdf_accepts_it(small_world, tmp_path, flavour):
+    if not shutil.which("ign"):
+        pytest.skip("ign (ignition-tools) is not installed")
+    directory = exported(small_world, tmp_path / "sdf", flavour=flavour)
+    for file in ("world.sdf", "scene.sdf"):
+        run = subprocess.run(
+            ["ign", "sdf", "-k", directory / file],
+            capture_output=True,
+            text=True,
+            env=os.environ | {"SDF_PATH": str(directory / "models")},
+        )
+        assert "Valid." in run.stdout
+        assert "Error" not in run.stderr
+        assert "Warning" not in run.stderr
+
+
+BALL = """<model name="ball"><pose>{} {} {} 0 0 0</pose>
+<link name="ball"><inertial><mass>1</mass><inertia><ixx>.016</ixx><iyy>.016</iyy><izz>.016</izz>
+</inertia></inertial><collision name="ball"><geometry><sphere><radius>{}</radius></sphere></geometry>
+</collision></link><joint name="slider" type="prismatic"><parent>world</parent><child>ball</child>
+<axis><xyz>0 0 1</xyz></axis></joint></model></world>"""
+
+
+def resting_height(ground, x, y, radius):
+    """Height of a ball's centre that is let down onto the ground: closed form over a fine grid."""
+    east, north = np.meshgrid(*[np.linspace(-radius, radius, 801)] * 2)
+    inside = east**2 + north**2 < radius**2
+    z = ground.height_at(x + east[inside], y + north[inside])
+    return float((z + np.sqrt(radius**2 - east[inside] ** 2 - north[inside] ** 2)).max())
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize(("x", "y"), [(6.3, -3.4), (-9.13, 5.77), (0.02, 0.01)])
+def test_a_ball_rests_on_the_ground_in_gazebos_physics(small_world, tmp_path, build, x, y):
+    if not PLUGIN.exists():
+        pytest.skip("the DART plugin of ign-physics5 is not installed")
+    program = build(
+        "gazebo_rest",
+        *("ignition-physics5", "ignition-physics5-sdf", "ignition-physics5-mesh", "sdformat12"),
+        *("ignition-common4-graphics", "ignition-plugin1-loader", "eigen3"),
+        "ignition-math6-eigen3",
+    )
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    directory = exported(small_world.replace(field=nothing), tmp_path / "sdf", tile_cells=48)
+    wanted = resting_height(small_world.ground, x, y, 0.2)
+    text = (directory / "world.sdf").read_text()
+    test = directory / "ball.sdf"
+    test.write_text(text.replace("</world>", BALL.format(x, y, wanted + 0.3, 0.2)))
+    command = [program, PLUGIN, test, directory / "models", "ball", "4"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert np.array(run.stdout.split(), float)[2] == pytest.approx(wanted, abs=0.002)
+
+
+@pytest.mark.consumer
+def test_a_ball_rests_on_a_rock_in_gazebos_physics(small_world, tmp_path, build):
+    if not PLUGIN.exists():
+        pytest.skip("the DART plugin of ign-physics5 is not installed")
+    program = build(
+        "gazebo_rest",
+        *("ignition-physics5", "ignition-physics5-sdf", "ignition-physics5-mesh", "sdformat12"),
+        *("ignition-common4-graphics", "ignition-plugin1-loader", "eigen3"),
+        "ignition-math6-eigen3",
+    )
+    row = int(small_world.field.diameter.argmax())
+    field = small_world.field.select(np.array([row]))
+    directory = exported(small_world.replace(field=field), tmp_path / "sdf")
+    hull = small_world.library.prototypes[field.prototype[0]].hulls[0]
+    placed = field.scale[0] * hull.vertices @ rotations(field)[0].T + field.position[0]
+    x, y, _ = placed[placed[:, 2].argmax()]
+    dense = trimesh.Trimesh(placed, hull.faces, process=False).subdivide_to_size(0.01)
+    near = dense.vertices[np.hypot(dense.vertices[:, 0] - x, dense.vertices[:, 1] - y) < 0.2]
+    reach = np.sqrt(0.04 - ((near[:, :2] - (x, y)) ** 2).sum(1))
+    wanted = float((near[:, 2] + reach).max())
+    text = (directory / "world.sdf").read_text()
+    test = directory / "ball.sdf"
+    test.write_text(text.replace("</world>", BALL.format(x, y, wanted + 0.3, 0.2)))
+    command = [program, PLUGIN, test, directory / "models", "ball", "4"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert np.array(run.stdout.split(), float)[2] == pytest.approx(wanted, abs=0.002)
+
+
+@pytest.mark.consumer
+def test_gazebos_spline_stays_on_the_path(small_world, tmp_path, build):
+    program = build("actor_spline", "ignition-common4-graphics", "ignition-math6")
+    trajectory = winding()
+    world = small_world.replace(trajectories=(trajectory,))
+    directory = exported(world, tmp_path / "sdf")
+    actor = ET.parse(directory / "scene.sdf").getroot().find("world/actor")
+    times, poses = waypoints(actor)
+    table = np.column_stack([np.array(times, float), poses])
+    asked = np.random.default_rng(9).uniform(1, float(times[-1]) - 1, 2000)
+    text = " ".join(map(repr, [len(table), *table.ravel().tolist(), *np.sort(asked).tolist()]))
+    tension = actor.find("script/trajectory").get("tension")
+    run = subprocess.run([program, tension], input=text, capture_output=True, text=True, check=True)
+    found = np.array([line.split() for line in run.stdout.splitlines()], float)
+    wanted = trajectory.at(np.sort(asked))
+    assert np.linalg.norm(found[:, :3] - wanted.position, axis=1).max() < 0.005
+    cosine = np.abs((found[:, 3:] * wanted.quaternion).sum(1)).clip(max=1)
+    assert 2 * np.arccos(cosine).max() < 0.001
