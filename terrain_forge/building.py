@@ -6,18 +6,16 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from terrain_forge.errors import OutputError
 from terrain_forge.manifest import NAME, read_manifest, write_manifest
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import Progress, plan, realise, silent
 from terrain_forge.recipe import ExportOrder, Recipe, export_orders
 from terrain_forge.world import World
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +67,7 @@ def build(
     *,
     folder: Path | str = ".",
     only: tuple[str, ...] | None = None,
-    progress: Progress = lambda stage: None,
+    progress: Progress = silent,
 ) -> BuildResult:
     """Make a recipe's world and write all of it.
 
@@ -168,9 +166,9 @@ def chosen(
 def require_ours(out: Path) -> None:
     """Refuse an output folder that exists and was not made by us."""
     if not out.exists() and not out.is_symlink():
-        parent = out.absolute().parent
-        if parent.exists() and not parent.is_dir():
-            raise OutputError(f"{parent} is not a folder")
+        parent = next(p for p in out.absolute().parents if p.exists())
+        if not parent.is_dir() or not os.access(parent, os.W_OK):
+            raise OutputError(f"{out} cannot be made: {parent} is no folder that can be written")
         return
     if not out.is_dir() or (any(out.iterdir()) and not (out / NAME).is_file()):
         raise OutputError(
@@ -191,13 +189,12 @@ def replacing(target: Path, *, known: bool = False) -> Iterator[Path]:
         known: whether the target lies in a folder of ours already, so that no leftovers are sought.
     """
     target = target.absolute()
-    target.parent.mkdir(parents=True, exist_ok=True)
-    if not known:
-        _clear_leftovers(target)
     fresh = target.with_name(f".{target.name}.new-{os.getpid()}")
     aside = target.with_name(f".{target.name}.old-{os.getpid()}")
+    if not known:
+        _clear_leftovers(target)
     try:
-        fresh.mkdir()
+        fresh.mkdir(parents=True)
     except OSError as error:
         raise OutputError(f"{target.parent} cannot be written: {error.strerror}") from None
     try:

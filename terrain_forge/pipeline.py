@@ -41,7 +41,8 @@ Progress = Callable[[str], None]
 """Told the name of each stage as it begins."""
 
 
-def _silent(stage: str) -> None:
+def silent(stage: str) -> None:
+    """Tell nobody."""
     del stage
 
 
@@ -93,7 +94,7 @@ def plan(
     )
 
 
-def realise(site: Site, window: Window | None = None, *, progress: Progress = _silent) -> World:
+def realise(site: Site, window: Window | None = None, *, progress: Progress = silent) -> World:
     """Make the world of a window of a site; without a window, of the whole site.
 
     A window's ground, rocks and rasters equal the same cut of any larger window, bit for bit.

@@ -1,6 +1,4 @@
-"""Pictures of a world for people: as a rover's camera would see it, and as a map. No GL is
-needed.
-"""
+"""Pictures of a world for people: through a rover's eyes, and as a map. No GL is needed."""
 
 from __future__ import annotations
 
@@ -170,9 +168,7 @@ def _camera(world: World, place: Array, yaw: float, width: int, height: int) -> 
 
 
 def _rock_score(rock: NDArray[np.int32]) -> Array:
-    """Rocks on up to a fifth of the picture are welcome, all over its width, but not one in
-    front.
-    """
+    """Rocks are welcome on up to a fifth of the picture, and all over its width."""
     share = (rock > GROUND).mean(axis=(1, 2))
     spread = (rock > GROUND).any(axis=1).mean(axis=1)
     result: Array = (
@@ -187,7 +183,8 @@ def _depth_score(distance: Array) -> Array:
     sky = 1.0 - seen.mean(axis=1)
     nearest = np.where(seen, distance, np.inf).min(axis=1)
     far = np.where(seen, np.minimum(distance, 80.0), 0.0).max(axis=1)
-    return 0.01 * far - 2.0 * np.abs(sky - 0.22) - np.maximum(2.2 - nearest, 0.0)
+    crowded = np.maximum(2.2 - nearest, 0.0)
+    return np.asarray(0.01 * far - 2.0 * np.abs(sky - 0.22) - crowded)
 
 
 def _sun_score(yaw: Array, sun_azimuth: float) -> Array:
@@ -198,7 +195,7 @@ def _sun_score(yaw: Array, sun_azimuth: float) -> Array:
 
 
 def _path_score(world: World, cameras: list[Camera]) -> Array:
-    """A path that runs through the lower middle of the picture."""
+    """A path that leads from the foreground into the picture."""
     if not world.trajectories:
         return np.zeros(len(cameras))
     points = np.concatenate([t.position[:: max(1, len(t.time) // 400)] for t in world.trajectories])
@@ -207,6 +204,7 @@ def _path_score(world: World, cameras: list[Camera]) -> Array:
         ahead = points - camera.position
         depth = ahead @ camera.forward
         aside = np.abs(ahead @ camera.right) / np.linalg.norm(camera.right)
-        shown = (depth > 3.0) & (depth < 25.0) & (aside < 0.5 * depth)
-        scores.append(0.5 * min(1.0, float(np.count_nonzero(shown)) / 20.0))
+        shown = (depth > 4.0) & (depth < 16.0) & (aside < 0.4 * depth)
+        spread = float(np.ptp(depth[shown])) if shown.any() else 0.0
+        scores.append(min(1.0, spread / 10.0))
     return np.array(scores)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Interval, Lt, MinLen
 from pydantic import Discriminator, Tag, TypeAdapter
@@ -15,7 +15,7 @@ from terrain_forge.errors import RecipeError
 from terrain_forge.paths.spec import PathSpec
 from terrain_forge.registry import exporter
 from terrain_forge.rocks.populations import RocksSpec
-from terrain_forge.specs import FileName, Positive, Spec
+from terrain_forge.specs import BY_KIND, FileName, Positive, Spec
 from terrain_forge.terrain.appearance import AppearanceSpec
 from terrain_forge.terrain.layer import Layer, layer_types
 from terrain_forge.validation.spec import ValidateSpec
@@ -25,12 +25,7 @@ if TYPE_CHECKING:
 
     AnyLayer = Layer
 else:
-    AnyLayer = Annotated[
-        __import__("typing").Union[
-            tuple(Annotated[kind, Tag(kind.kind)] for kind in layer_types())
-        ],
-        Discriminator("kind"),
-    ]
+    AnyLayer = Annotated[Union[layer_types()], BY_KIND]
 
 
 def _dtm_kind(value: Any) -> str:
@@ -54,7 +49,7 @@ class TerrainSpec(Spec):
     """Distance of the ground's nodes [m]; a wheel needs a few per radius, say 0.05 to 0.25."""
     layers: tuple[AnyLayer, ...] = ()
     """Displacement layers, added in this order."""
-    appearance: AppearanceSpec = AppearanceSpec()
+    appearance: AppearanceSpec = field(default_factory=AppearanceSpec)
     """Colours of the ground."""
 
 
@@ -84,7 +79,7 @@ class Recipe(Spec):
     """Where the heights come from."""
     terrain: TerrainSpec
     """The ground."""
-    rocks: RocksSpec = RocksSpec()
+    rocks: RocksSpec = field(default_factory=RocksSpec)
     """The rocks; none by default."""
     paths: tuple[PathSpec, ...] = ()
     """Paths of the rover."""

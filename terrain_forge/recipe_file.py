@@ -137,7 +137,9 @@ def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
 
 
 def _explain(path: Path, lines: dict[Key, int], data: Any, error: ValidationError) -> str:
-    first, *rest = error.errors()
+    # A misspelt key is also a missing one: the misspelling is what helps.
+    unknown = "unexpected_keyword_argument"
+    first, *rest = sorted(error.errors(), key=lambda e: e["type"] != unknown)
     key = _real_key(data, first["loc"])
     more = f" (and {len(rest)} more)" if rest else ""
     return _locate(path, lines, key, _message(dict(first), key)) + more

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from terrain_forge.building import Stopwatch, assess
 from terrain_forge.building import export as export_folder
 from terrain_forge.errors import OutputError
 from terrain_forge.manifest import read_manifest
+from terrain_forge.pipeline import Progress, silent
 from terrain_forge.recipe import ExportOrder, export_orders
 from terrain_forge.world import World
 
-Progress = Callable[[str], None]
 
-
-def export(
-    out: Path | str, only: tuple[str, ...], *, progress: Progress = lambda stage: None
-) -> bool:
+def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silent) -> bool:
     """Write further formats from a built world, then validate; returns whether all checks passed.
 
     A name is a folder of the recipe's exports, with its options, or else an exporter, with
@@ -38,7 +34,7 @@ def export(
     return assess(world, out, watch=watch)
 
 
-def validate(out: Path | str, *, progress: Progress = lambda stage: None) -> bool:
+def validate(out: Path | str, *, progress: Progress = silent) -> bool:
     """Validate a built world again; returns whether all checks passed.
 
     Raises:

@@ -8,7 +8,7 @@ docs/recipe.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from annotated_types import Ge, Gt, Interval, Len, MinLen, Predicate
 
@@ -26,6 +26,19 @@ def _is_file_name(text: str) -> bool:
 FileName = Annotated[str, MinLen(1), Len(1, 100), Predicate(_is_file_name)]
 """A name that may become a file's or a folder's: no separator, so that it cannot leave its
 folder."""
+
+
+class _ByKind:
+    """Marks a union of specs whose members are told apart by their `kind`."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic import Field
+
+        return handler(Annotated[source, Field(discriminator="kind")])
+
+
+BY_KIND = _ByKind()
+"""`Annotated[Golombek | PowerLaw, BY_KIND]`: errors then speak of the member that was meant."""
 
 
 @dataclass(frozen=True, kw_only=True)

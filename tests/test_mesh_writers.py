@@ -15,7 +15,7 @@ from terrain_forge.ground_mesh import (
 from terrain_forge.rock_mesh import coarse_shape, merge_rocks, outline_error
 from terrain_forge.world import Heightfield, Mesh
 from terrain_forge.writers.image import encode_png, write_png
-from terrain_forge.writers.mesh import obj_rows, vertex_normals, write_obj, write_stl
+from terrain_forge.writers.mesh import vertex_normals, write_obj, write_obj_rows, write_stl
 from terrain_forge.writers.naming import file_name, identifier
 from tests.surfaces import random_points, top_under
 
@@ -31,10 +31,12 @@ def read_obj(path):
 
 def test_numbers_in_obj_are_rounded_to_the_micrometre_and_short():
     random = np.random.default_rng(1)
-    values = random.uniform(-1, 1, (5000, 3)) * 10.0 ** random.integers(-8, 6, (5000, 3))
+    values = random.uniform(-1, 1, (20000, 3)) * 10.0 ** random.integers(-8, 6, (20000, 3))
     edges = [[0, -0.0, -4e-7], [0.1, -2.5, 1e5], [999999.9999996, 0.000001, -10.000010]]
     values = np.concatenate([values, edges])
-    lines = bytes(obj_rows(b"v", values)).decode().splitlines()
+    file = io.BytesIO()
+    write_obj_rows(file, b"v", values)
+    lines = file.getvalue().decode().splitlines()
     texts = [line.split()[1:] for line in lines]
     read = np.array(texts, float)
     assert np.abs(read - values).max() <= 0.5e-6 * (1 + 1e-6)
@@ -45,7 +47,7 @@ def test_numbers_in_obj_are_rounded_to_the_micrometre_and_short():
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e13])
 def test_obj_refuses_what_is_no_coordinate(bad):
     with pytest.raises(ValueError, match="not finite or not below"):
-        obj_rows(b"v", np.array([[0.0, bad, 0.0]]))
+        write_obj_rows(io.BytesIO(), b"v", np.array([[0.0, bad, 0.0]]))
 
 
 def test_obj_reads_back(tmp_path, small_world):
@@ -82,6 +84,17 @@ def test_stl_reads_back(tmp_path, small_world):
     assert np.array_equal(read.triangles, shape.vertices.astype(np.float32)[shape.faces])
     stored = np.frombuffer(path.read_bytes()[84:], np.uint8).reshape(-1, 50)[:, :12].copy()
     assert np.allclose(stored.view(np.float32), read.face_normals, atol=1e-5)
+
+
+def test_meshes_longer_than_a_chunk_read_back(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    faces = ball.faces.astype(np.int32)
+    assert len(faces) > 2 * 8192
+    write_obj(tmp_path / "b.obj", vertices=ball.vertices, faces=faces, normals=ball.vertices)
+    write_stl(tmp_path / "b.stl", vertices=ball.vertices, faces=faces)
+    for name in ("b.obj", "b.stl"):
+        read = trimesh.load(tmp_path / name, process=False)
+        assert np.allclose(read.triangles, ball.triangles, atol=1e-6)
 
 
 def test_vertex_normals_of_a_ball_point_outwards():

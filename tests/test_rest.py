@@ -69,8 +69,10 @@ def slow_diameter(points):
 
 def exposed_part(mesh, normal, point):
     """Corners of the part of a mesh above a plane, cut by trimesh."""
-    cut = trimesh.intersections.slice_mesh_plane(mesh, normal, point)
-    return cut.vertices[np.unique(cut.faces)]
+    vertices, faces, *_ = trimesh.intersections.slice_faces_plane(
+        mesh.vertices, mesh.faces, normal, point
+    )
+    return vertices[np.unique(faces)]
 
 
 def test_exposed_diameter_is_the_wanted_one(laid):

@@ -42,7 +42,7 @@ def waypoints(trajectory: Trajectory) -> tuple[Array, Array]:
     Returns:
         Times [s], shape [n], and x, y, z [m], roll, pitch, yaw [rad, continuous], shape [n, 6].
     """
-    last = np.floor(trajectory.time[-1] * 1000)
+    last = np.floor(trajectory.time[-1] * 1000 + 1e-6)
     milliseconds = np.unique(np.minimum(np.rint(trajectory.time * 1000), last))
     times = milliseconds / 1000
     poses = trajectory.at(times)

@@ -44,7 +44,7 @@ def _write_models(
     world: World, ground_model: Model, rock_model: Model, *, coarse: list[Mesh], options: Options
 ) -> None:
     friction = options.friction
-    blocks_of_shape = cache(ground.shape_blocks)
+    block_of_shape = cache(ground.shape_block)
     names: list[str] = []
     parts: list[Lines] = []
     links: list[Lines] = []
@@ -56,7 +56,7 @@ def _write_models(
             ground_model,
             name=names[-1],
             friction=friction,
-            blocks_of_shape=blocks_of_shape,
+            block_of_shape=block_of_shape,
         )
         links.append(
             rocks.write_tile(tile, world, rock_model, number=number, coarse=coarse, options=options)

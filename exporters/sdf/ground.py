@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from io import BytesIO
 
 from terrain_forge.frames import image_rows
 from terrain_forge.ground_mesh import (
@@ -13,13 +14,11 @@ from terrain_forge.ground_mesh import (
 )
 from terrain_forge.world import World
 from terrain_forge.writers.image import write_png
-from terrain_forge.writers.mesh import obj_faces, obj_rows
+from terrain_forge.writers.mesh import write_obj_faces, write_obj_rows
 
 from . import material
 from .markup import Lines, element
 from .model import Model, mesh, surface
-
-Blocks = tuple[memoryview, memoryview]
 
 
 def write_tile(
@@ -29,7 +28,7 @@ def write_tile(
     *,
     name: str,
     friction: float,
-    blocks_of_shape: Callable[[int, int], Blocks],
+    block_of_shape: Callable[[int, int], bytes],
 ) -> list[Lines]:
     """Write one tile's mesh and texture; returns its collision and visual.
 
@@ -39,24 +38,26 @@ def write_tile(
         model: The model of the ground.
         name: Name of the tile's files and elements.
         friction: Coulomb friction.
-        blocks_of_shape: `shape_blocks`, which remembers what it made for earlier tiles.
+        block_of_shape: `shape_block`, which remembers what it made for earlier tiles.
     """
     with model.path(f"meshes/{name}.obj").open("wb") as file:
-        file.write(obj_rows(b"v", grid_vertices(tile.ground)))
-        file.write(obj_rows(b"vn", grid_normals(tile.ground, whole.ground)))
-        file.writelines(blocks_of_shape(*tile.ground.shape))
+        write_obj_rows(file, b"v", grid_vertices(tile.ground))
+        write_obj_rows(file, b"vn", grid_normals(tile.ground, whole.ground))
+        file.write(block_of_shape(*tile.ground.shape))
     pixels = image_rows(tile.appearance.ground_rgb)
     write_png(model.path(f"materials/textures/{name}.png"), pixels)
     return _visual_and_collision(model, name, friction)
 
 
-def shape_blocks(rows: int, columns: int) -> Blocks:
+def shape_block(rows: int, columns: int) -> bytes:
     """The lines of an OBJ that depend on the tile's shape alone: texture coordinates and faces.
 
     They are most of the file, and nearly all tiles have the same shape.
     """
-    texture_coordinates = obj_rows(b"vt", grid_texture_coordinates(rows, columns))
-    return texture_coordinates, obj_faces(grid_faces(rows, columns), textured=True)
+    block = BytesIO()
+    write_obj_rows(block, b"vt", grid_texture_coordinates(rows, columns))
+    write_obj_faces(block, grid_faces(rows, columns), textured=True)
+    return block.getvalue()
 
 
 def write_model(model: Model, *, title: str, tiles: list[str], parts: list[Lines]) -> None:

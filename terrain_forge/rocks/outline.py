@@ -134,7 +134,7 @@ def extent(vertices, direction):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def exposed_diameter(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
     """Exposed plan diameter [m]; arguments as of `exposed_points`."""
-    return mean_width(convex_hull(exposed_points(vertices, edges, rotation, up, level)))
+    return mean_width(exposed_points(vertices, edges, rotation, up, level))
 
 
 @njit(cache=True)
@@ -154,16 +154,16 @@ def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-unt
     count = len(vertices)
     above = np.empty(count)
     east, north = np.empty(count), np.empty(count)
-    points = np.empty((count + len(edges), 2))
+    points = np.empty((count + len(edges) + 1, 2))
     found = 0
     for v in range(count):
         x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         above[v] = x * up[0] + y * up[1] + z * up[2] - level
         east[v] = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z
         north[v] = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z
-        if above[v] >= 0.0:
-            points[found, 0], points[found, 1] = east[v], north[v]
-            found += 1
+        # Written always and kept or not, since a branch here would be mispredicted half the time.
+        points[found, 0], points[found, 1] = east[v], north[v]
+        found += above[v] >= 0.0
     for e in range(len(edges)):
         a, b = edges[e, 0], edges[e, 1]
         if (above[a] >= 0.0) != (above[b] >= 0.0):
@@ -179,6 +179,8 @@ def convex_hull(points):  # type: ignore[no-untyped-def]
     """Convex hull of points in the plane, counter-clockwise, shape [corners, 2] (Andrew 1979)."""
     kept = _sorted(_outside_octagon(points))
     count = len(kept)
+    if count == 0:  # all points are one
+        return points[:1].copy()
     chain = np.empty(2 * count + 1, dtype=np.int64)
     size = 0
     for sweep in range(2):
@@ -197,21 +199,56 @@ def convex_hull(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def mean_width(hull):  # type: ignore[no-untyped-def]
-    """Mean of a convex polygon's diameter and of its width across that [m]."""
-    longest, east, north = 0.0, 1.0, 0.0
-    for a in range(len(hull)):
-        for b in range(a):
-            dx, dy = hull[a, 0] - hull[b, 0], hull[a, 1] - hull[b, 1]
-            square = dx * dx + dy * dy
-            if square > longest:
-                longest, east, north = square, dx, dy
+def mean_width(points):  # type: ignore[no-untyped-def]
+    """Mean of the diameter of points in the plane (or of their hull) and of the width across it."""
+    if len(points) == 0:
+        return 0.0
+    east, north = _longest(points)
     low, high = np.inf, -np.inf
-    for a in range(len(hull)):
-        across = east * hull[a, 1] - north * hull[a, 0]
+    for n in range(len(points)):
+        across = east * points[n, 1] - north * points[n, 0]
         low, high = min(low, across), max(high, across)
-    length = np.sqrt(longest)
+    length = np.sqrt(east * east + north * north)
     return 0.5 * (length + (high - low) / length) if length > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _longest(points):  # type: ignore[no-untyped-def]
+    """East and north of the difference of the most distant pair of points.
+
+    A distant pair is found by walking from point to farthest point. A more distant one can only
+    lie in the rim that is farther from its middle than its length less the largest distance.
+    """
+    corner, _ = _farthest(points, points[:, 0].mean(), points[:, 1].mean())
+    a, _ = _farthest(points, points[corner, 0], points[corner, 1])
+    b, longest = _farthest(points, points[a, 0], points[a, 1])
+    east, north = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    x, y = points[a, 0] + 0.5 * east, points[a, 1] + 0.5 * north
+    _, largest = _farthest(points, x, y)
+    inner = max(np.sqrt(longest) - np.sqrt(largest), 0.0) * (1.0 - 1e-12)
+    rim = np.empty((len(points) + 1, 2))
+    size = 0
+    for n in range(len(points)):
+        rim[size, 0], rim[size, 1] = points[n, 0], points[n, 1]
+        dx, dy = points[n, 0] - x, points[n, 1] - y
+        size += dx * dx + dy * dy >= inner * inner
+    for n in range(size):
+        for m in range(n):
+            dx, dy = rim[n, 0] - rim[m, 0], rim[n, 1] - rim[m, 1]
+            if dx * dx + dy * dy > longest:
+                longest, east, north = dx * dx + dy * dy, dx, dy
+    return east, north
+
+
+@njit(cache=True)
+def _farthest(points, x, y):  # type: ignore[no-untyped-def]
+    """Index of the point that is farthest from a place, and the square of its distance."""
+    largest, farthest = -1.0, 0
+    for n in range(len(points)):
+        dx, dy = points[n, 0] - x, points[n, 1] - y
+        if dx * dx + dy * dy > largest:
+            largest, farthest = dx * dx + dy * dy, n
+    return farthest, largest
 
 
 @njit(cache=True, inline="always")

@@ -72,41 +72,50 @@ def check_rocks(rocks: RocksSpec, area: float) -> None:
         RecipeError: for a name that is given twice, a range upside down, too many populations or
             rocks, or more cover than can be packed.
     """
+    key = ("rocks", "populations")
     populations = rocks.populations
     if len(populations) > MAX_POPULATIONS:
-        raise RecipeError(
-            f"rocks.populations: {len(populations)} populations, at most {MAX_POPULATIONS}"
-        )
+        raise RecipeError(f"{len(populations)} populations, at most {MAX_POPULATIONS}", key=key)
     for name, times in Counter(p.name for p in populations).items():
         if times > 1:
-            raise RecipeError(f"rocks.populations: name {name!r} is given {times} times, once each")
-    cover = sum(_check_population(population, area) for population in populations)
+            raise RecipeError(f"{times} populations are called {name!r}", key=key)
+    for number, population in enumerate(populations):
+        _check_population(population, area, (*key, number))
+    cover = sum(_cover(population, area) for population in populations)
     if cover > MAX_COVER:
         raise RecipeError(
-            f"rocks.populations: the rocks would cover {cover:.3g} of the ground, "
-            f"at most {MAX_COVER} can be packed without overlap"
+            f"the rocks would cover {cover:.3g} of the ground, at most {MAX_COVER} can be packed "
+            "without overlap",
+            key=key,
         )
 
 
-def _check_population(population: PopulationSpec, area: float) -> float:
-    """Check one population; the part of the ground that its rocks cover."""
-    where = f"rocks.populations.{population.name}"
+def _check_population(population: PopulationSpec, area: float, key: tuple[str | int, ...]) -> None:
     low, high = population.diameter_m
     if high is not None and high <= low:
         raise RecipeError(
-            f"{where}.diameter_m: from {low:g} m to {high:g} m; give the smaller one first"
+            f"smallest {low:g} m, largest {high:g} m: the largest must be larger",
+            key=(*key, "diameter_m"),
         )
     shallow, deep = population.buried_fraction
     if deep < shallow:
         raise RecipeError(
-            f"{where}.buried_fraction: from {shallow:g} to {deep:g}; give the smaller one first"
+            f"from {shallow:g} to {deep:g}: the smaller one comes first",
+            key=(*key, "buried_fraction"),
         )
     law = population.size_frequency
     smallest, largest = population.diameter_range(area)
     count = float(law.cumulative_number(smallest) - law.cumulative_number(largest)) * area
     if count > 0.9 * MAX_ROCKS:
         raise RecipeError(
-            f"{where}: {count:.3g} rocks on {area:.3g} m², at most {0.9 * MAX_ROCKS:.3g}; "
-            "raise the smallest diameter"
+            f"{count:.3g} rocks on {area:.3g} m², at most {0.9 * MAX_ROCKS:.3g}: "
+            "raise the smallest diameter",
+            key=(*key, "diameter_m"),
         )
+
+
+def _cover(population: PopulationSpec, area: float) -> float:
+    """Part of the ground that a population's rocks cover."""
+    law = population.size_frequency
+    smallest, largest = population.diameter_range(area)
     return float(law.cumulative_area(smallest) - law.cumulative_area(largest))

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
 _UP = np.array([0.0, 0.0, 1.0])
+_UPRIGHT = np.eye(3)
+_BURIALS = np.linspace(0.0, MAX_BURIED, 7)
 
 
 def rest(
@@ -110,10 +112,12 @@ class _Shapes(NamedTuple):
     """Lowest vertex of each prototype."""
     high: Array
     """Highest vertex of each prototype."""
+    width: Array
+    """Exposed diameter of each prototype upright, buried by 0 to `MAX_BURIED` in even steps."""
 
 
 def _shapes(library: RockLibrary) -> _Shapes:
-    vertices, pairs, lows, rises = [], [], [], []
+    vertices, pairs, lows, rises, widths = [], [], [], [], []
     for prototype in library.prototypes:
         mesh = prototype.meshes[0]
         ends = mesh.vertices[edges(mesh), 2]
@@ -122,6 +126,10 @@ def _shapes(library: RockLibrary) -> _Shapes:
         pairs.append(edges(mesh)[order])
         lows.append(ends.min(axis=1)[order])
         rises.append(np.ptp(ends, axis=1).max())
+        levels = mesh.vertices[:, 2].min() + np.ptp(mesh.vertices[:, 2]) * _BURIALS
+        widths.append(
+            [exposed_diameter(mesh.vertices, pairs[-1], _UPRIGHT, _UP, h) for h in levels]
+        )
     return _Shapes(
         vertices=np.concatenate(vertices),
         first_vertex=np.cumsum([0, *map(len, vertices)]),
@@ -131,6 +139,7 @@ def _shapes(library: RockLibrary) -> _Shapes:
         edge_rise=np.array(rises),
         low=np.array([v[:, 2].min() for v in vertices]),
         high=np.array([v[:, 2].max() for v in vertices]),
+        width=np.array(widths),
     )
 
 
@@ -148,13 +157,14 @@ def _rest(xy, yaw, wanted, diameter, prototype, shapes, ground):  # type: ignore
         turn = resting_rotation(-plane[1] * upright, -plane[2] * upright, upright, yaw[n])
         rotation = rotation_matrix(turn)
         level = low + wanted[n] * span
+        # The size that the rock would have upright is close enough to tell how far to sink it.
+        size = diameter[n] / np.interp(wanted[n], _BURIALS, shapes.width[p])
         waterline = _crossing(shapes, p, level)
-        size = diameter[n] / exposed_diameter(vertices, waterline, rotation, _UP, level)
         gap = _gap(ground, vertices, waterline, rotation, size, level, x, y, plane)
         if gap > 0.0:
             level = min(level + gap * upright / size, max(low + MAX_BURIED * span, level))
             waterline = _crossing(shapes, p, level)
-            size = diameter[n] / exposed_diameter(vertices, waterline, rotation, _UP, level)
+        size = diameter[n] / exposed_diameter(vertices, waterline, rotation, _UP, level)
         quaternion[n] = turn
         scale[n] = size
         z[n] = plane[0] - level * size / upright

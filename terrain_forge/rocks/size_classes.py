@@ -104,8 +104,9 @@ def _octaves(site: Site, population: PopulationSpec, index: int, reach: float) -
         mean = density * side[0] * side[1]
         if mean > _MAX_ROCKS_PER_CELL:
             raise RecipeError(
-                f"rocks.populations.{population.name}: {density:.3g} rocks of {low:.3g} to "
-                f"{high:.3g} m on a square metre; so many cannot be packed without overlap"
+                f"{population.name}: {density:.3g} rocks of {low:.3g} to {high:.3g} m on a square "
+                "metre: so many cannot be packed without overlap",
+                key=("rocks", "populations", index),
             )
         class_key = np.uint64(mix(key, octave))
         counts = cell_counts(class_key, columns, rows, mean)
@@ -128,8 +129,9 @@ def _octaves(site: Site, population: PopulationSpec, index: int, reach: float) -
         next_id, low, octave = int(ids[-1]), high, octave + 1
     if next_id > (index + 1) * MAX_ROCKS:
         raise RecipeError(
-            f"rocks.populations.{population.name}: {next_id - index * MAX_ROCKS} rocks, "
-            f"at most {MAX_ROCKS}; raise the smallest diameter"
+            f"{population.name}: {next_id - index * MAX_ROCKS} rocks, at most {MAX_ROCKS}: "
+            "raise the smallest diameter",
+            key=("rocks", "populations", index),
         )
     return classes
 

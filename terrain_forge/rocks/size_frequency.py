@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.seeds import mix, uniform
-from terrain_forge.specs import Positive, Spec
+from terrain_forge.specs import BY_KIND, Positive, Spec
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ class PowerLaw(Spec):
         return scale * (diameter**-rest / rest if rest else -np.log(diameter))
 
 
-SizeFrequency = Golombek | PowerLaw
+SizeFrequency = Annotated[Golombek | PowerLaw, BY_KIND]
 """The laws that a recipe can name by their `kind`."""
 
 

@@ -27,4 +27,6 @@ def find_rover(name: str) -> Rover:
         return ROVERS[name]()
     close = get_close_matches(name, ROVERS, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
-    raise RecipeError(f"unknown rover {name!r}{hint} known: {', '.join(rover_names())}")
+    raise RecipeError(
+        f"unknown rover {name!r}{hint} known: {', '.join(rover_names())}", key=("rover",)
+    )

@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 class Camera(Record):
     """A pinhole camera without distortion, or a view along parallel rays.
 
-    Pixel (row 0, column 0) is at the upper left; its centre is at (0.5, 0.5). With x = column -
-    width/2 and y = row - height/2, a pinhole's ray leaves `position` along forward + x·right + y·down,
-    a parallel ray leaves position + x·right + y·down along `forward`.
+    The upper left pixel's centre is at column 0.5, row 0.5. With x = column - width/2 and
+    y = row - height/2, a pinhole's ray leaves `position` along forward + x·right + y·down, a parallel
+    ray leaves position + x·right + y·down along `forward`.
     """
 
     position: Array
@@ -41,7 +41,7 @@ class Camera(Record):
             self.freeze(name, np.float64, (3,))
 
     def rays(self) -> tuple[Array, Array]:
-        """Origins and directions through the pixels' centres, shape [height · width, 3], row by row."""
+        """Origins and directions through all pixels, row by row, shape [height · width, 3]."""
         x = np.arange(self.width) + 0.5 - 0.5 * self.width
         y = np.arange(self.height) + 0.5 - 0.5 * self.height
         across = x[None, :, None] * self.right + y[:, None, None] * self.down

@@ -1,8 +1,8 @@
 """Embree's C interface, reached inside the embreex wheel: its Python classes know no instances.
 
-Constants and memory layouts are those of Embree 4.4's public headers (`rtcore_*.h`). The instruction
-set is pinned, since Embree repeats itself to the bit over runs and threads but not over instruction
-sets.
+Constants and memory layouts are those of Embree 4.4's public headers (`rtcore_*.h`). The
+instruction set is pinned, since Embree repeats itself to the bit over runs and threads but not over
+instruction sets.
 """
 
 from __future__ import annotations

@@ -56,7 +56,9 @@ class RayScene:
         self._whole = EmbreeScene()
         self._whole.add_grid(_vertices(ground, self.origin))
         if len(rocks):
-            self._shapes = [_shape(p.meshes[0].vertices, p.meshes[0].faces) for p in library.prototypes]
+            self._shapes = [
+                _shape(p.meshes[0].vertices, p.meshes[0].faces) for p in library.prototypes
+            ]
             self._whole.add_instances(
                 self._shapes,
                 which=rocks.prototype,
@@ -152,7 +154,7 @@ def _middle(ground: Heightfield) -> Array:
 
 
 def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:
-    """The ground's nodes from north to south, so that Embree's cut runs south-west to north-east."""
+    """The ground's nodes, rows running south, so that Embree's cut becomes south-west to north-east."""
     vertices = np.empty((*ground.shape, 3), dtype=np.float32)
     vertices[..., 0] = ground.east - origin[0]
     vertices[..., 1] = (ground.north - origin[1])[::-1, None]
@@ -181,8 +183,12 @@ def _check_engine() -> None:
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     triangle = _shape(corners, np.array([[0, 1, 2]], dtype=np.int32))
     whole = EmbreeScene()
-    lifts = np.array([[[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0]], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2]]])
-    whole.add_instances([triangle], which=np.zeros(2, np.int32), transforms=lifts.astype(np.float32))
+    lifts = np.array(
+        [[[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0]], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2]]]
+    )
+    whole.add_instances(
+        [triangle], which=np.zeros(2, np.int32), transforms=lifts.astype(np.float32)
+    )
     whole.commit()
     distance, normal = np.empty(1, np.float32), np.empty((1, 3), np.float32)
     rock = np.empty(1, np.int32)

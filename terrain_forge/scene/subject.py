@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from terrain_forge.scene.render import Light, triple
+from terrain_forge.scene.light import Light
+from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.surface import Land, Stones, Tracks
 from terrain_forge.seeds import stage_key
@@ -15,7 +16,7 @@ from terrain_forge.world import Lighting, Mesh, World
 Array = NDArray[np.float64]
 
 _PATH_STEP = 0.1
-_ZENITH = np.array([0.55, 0.45, 0.40])
+_ZENITH = np.array([0.50, 0.45, 0.42])
 _FALLBACK_HALF_GAUGE, _FALLBACK_WHEEL = 0.5, 0.2
 
 
@@ -119,7 +120,7 @@ def _border_height(elevation: NDArray[np.float32]) -> float:
 def _shapes(
     meshes: list[Mesh],
 ) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
-    """Faces of all shapes in one array, their vertices' normals, and where each shape's faces begin."""
+    """All shapes' faces, all vertices' normals, and where the faces of each shape begin."""
     if not meshes:
         return np.empty((0, 3), np.int64), np.empty((0, 3)), np.empty(0, np.int64)
     corners = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -138,7 +139,8 @@ def _vertex_normals(mesh: Mesh) -> Array:
     weights = np.repeat(across, 3, axis=0)
     sums = [np.bincount(corners, weights[:, axis], minlength=count) for axis in range(3)]
     normals = np.stack(sums, axis=-1)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals / np.maximum(length, 1e-300))
 
 
 def _resampled(plan: Array) -> Array:
@@ -173,5 +175,3 @@ def _stamp(points, corner, spacing, reach, nearest):  # type: ignore[no-untyped-
                 if away < best[j, i]:
                     best[j, i] = away
                     nearest[j, i] = n
-
-

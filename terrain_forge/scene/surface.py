@@ -33,8 +33,8 @@ from terrain_forge.seeds import mix
     OWNER,
 ) = range(16)
 """Columns of a surface point: its place, the triangle's normal, the shading normal, albedo, distance
-from the camera, the part of sunlight that small stones keep off, the height of the smooth surface over
-the triangle, and what it belongs to: a rock's row, -1 for the ground."""
+from the camera, the part of sunlight that small stones keep off, the height of the smooth surface
+over the triangle, and what it belongs to: a rock's row, -1 for the ground."""
 COLUMNS = 16
 NOBODY = -3.0
 """Owner of a point that is not yet shaded."""
@@ -72,7 +72,7 @@ class Tracks(NamedTuple):
     nearest: NDArray[np.int32]
     """Nearest point of a path to each node, -1 where none is near, shape [rows, columns]."""
     points: NDArray[np.float64]
-    """East, north in the scene's frame, cosine and sine of the heading, distance, shape [points, 5]."""
+    """East, north (scene's frame), cosine, sine of the heading, distance, shape [points, 5]."""
     half_gauge: float
     """Sideways distance of a wheel from the path [m]."""
     width: float
@@ -100,7 +100,7 @@ class Stones(NamedTuple):
     """How much of the ground's colour lies on faces that look up, 0 to 1."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cell(land, x, y):  # type: ignore[no-untyped-def]
     """Column and row of the cell under a place and the place in the cell, 0 to 1."""
     rows, columns = land.elevation.shape
@@ -111,13 +111,13 @@ def _cell(land, x, y):  # type: ignore[no-untyped-def]
     return i, j, min(max(column - i, 0.0), 1.0), min(max(row - j, 0.0), 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _blend(sw, se, nw, ne, u, v):  # type: ignore[no-untyped-def]
     south, north = sw + u * (se - sw), nw + u * (ne - nw)
     return south + v * (north - south)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _node_slope(land, i, j):  # type: ignore[no-untyped-def]
     rows, columns = land.elevation.shape
     west, east = max(i - 1, 0), min(i + 1, columns - 1)
@@ -127,7 +127,7 @@ def _node_slope(land, i, j):  # type: ignore[no-untyped-def]
     return along_x, (z[north, i] - z[south, i]) / ((north - south) * land.spacing)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _colour(land, i, j, u, v, channel):  # type: ignore[no-untyped-def]
     rgb, linear = land.rgb, land.linear
     sw, se = linear[rgb[j, i, channel]], linear[rgb[j, i + 1, channel]]
@@ -135,13 +135,13 @@ def _colour(land, i, j, u, v, channel):  # type: ignore[no-untyped-def]
     return _blend(sw, se, nw, ne, u, v)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _set_normal(point, x, y, z):  # type: ignore[no-untyped-def]
     length = np.sqrt(x * x + y * y + z * z)
     point[BENT_X], point[BENT_Y], point[BENT_Z] = x / length, y / length, z / length
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _track(tracks, land, x, y, footprint):  # type: ignore[no-untyped-def]
     """Darkening (0 to 1) and rise per metre along x and y of the wheel tracks at a place."""
     i, j, u, v = _cell(land, x, y)
@@ -164,7 +164,7 @@ def _track(tracks, land, x, y, footprint):  # type: ignore[no-untyped-def]
     return depth, tread * cos - edge * sin, tread * sin + edge * cos
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _texture_ground(land, x, y, footprint):  # type: ignore[no-untyped-def]
     """Brightness, shade and rise per metre along x and y of soil and small stones at a place."""
     east, north = x + land.shift[0], y + land.shift[1]
@@ -184,7 +184,7 @@ def _texture_ground(land, x, y, footprint):  # type: ignore[no-untyped-def]
     return bright, shade, rise_x, rise_y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     """Fill in normal, albedo and lift of a point on the ground; its place is set already."""
     x, y = point[X], point[Y]
@@ -201,7 +201,7 @@ def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
         point[RED + channel] = _colour(land, i, j, u, v, channel) * bright
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _round_off(point, land, i, j, u, v):  # type: ignore[no-untyped-def]
     """The interpolated slope, and the lift to the smooth surface that it pretends.
 
@@ -222,7 +222,7 @@ def _round_off(point, land, i, j, u, v):  # type: ignore[no-untyped-def]
     return along_x, along_y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _smooth_normal(stones, rock, triangle, u, v):  # type: ignore[no-untyped-def]
     """The interpolated vertex normal of a rock in its own frame."""
     corners = stones.faces[stones.first_face[rock] + triangle]
@@ -235,7 +235,7 @@ def _smooth_normal(stones, rock, triangle, u, v):  # type: ignore[no-untyped-def
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def see_rock(point, land, stones, rock, triangle, u, v, footprint):  # type: ignore[no-untyped-def]
     """Fill in the normal and the albedo of a point on a rock; its place and flat normal are set."""
     turn, centre = stones.rotation[rock], stones.centre[rock]
@@ -266,15 +266,15 @@ def see_rock(point, land, stones, rock, triangle, u, v, footprint):  # type: ign
         point[RED + channel] = bare + dust * (soiled - bare)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _height(land, i, j, u, v):  # type: ignore[no-untyped-def]
     z = land.elevation
     return _blend(z[j, i], z[j, i + 1], z[j + 1, i], z[j + 1, i + 1], u, v)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def hemisphere(point, key, column, row, sample):  # type: ignore[no-untyped-def]
-    """A direction about a point's shading normal, density by the cosine; `sample` 0 to 3 stratifies."""
+    """A direction about the shading normal, density by the cosine; `sample` 0 to 3 stratifies."""
     draw = cell_hash(key, column, row, 7)
     azimuth = 0.5 * np.pi * (sample + 0.5 + 0.5 * part(draw, 0))
     share = (((sample * 2 + 1) & 3) + 0.5 + 0.5 * part(draw, 16 + 8 * (sample & 1))) / 4.0

@@ -36,10 +36,10 @@ def stencil_reach(site: Site) -> float:
 def colour_ground(
     *, site: Site, window: Window, ground: Heightfield, spec: AppearanceSpec
 ) -> NDArray[np.uint8]:
-    """sRGB colour of the window's nodes, rows run north, shape [rows, columns, 3].
+    """The sRGB colour of the window's nodes, rows run north, shape [rows, columns, 3].
 
-    Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is addressed
-    by position mottles all of it, so that nothing repeats.
+    Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is
+    addressed by position mottles all of it, so that nothing repeats.
 
     Args:
         site: the place.
@@ -73,7 +73,7 @@ def _cells(spacing: float) -> int:
 
 @njit(cache=True, parallel=True)
 def _paint(elevation, column, row, cells, spacing, mottle, colour, variation):  # type: ignore[no-untyped-def]
-    """Colour each node; (column, row) is the node of `elevation` under the first one of `mottle`."""
+    """Colour each node; `elevation[row, column]` lies under the first node of `mottle`."""
     rows, columns = mottle.shape
     last_row, last_column = elevation.shape[0] - 1, elevation.shape[1] - 1
     grey = (colour[0] + colour[1] + colour[2]) / 3.0
@@ -84,7 +84,10 @@ def _paint(elevation, column, row, cells, spacing, mottle, colour, variation):  
             west, east = max(column + i - cells, 0), min(column + i + cells, last_column)
             here = np.float64(elevation[row + j, column + i])
             w, e = np.float64(elevation[row + j, west]), np.float64(elevation[row + j, east])
-            s, n = np.float64(elevation[south, column + i]), np.float64(elevation[north, column + i])
+            s, n = (
+                np.float64(elevation[south, column + i]),
+                np.float64(elevation[north, column + i]),
+            )
             slope_x = (e - w) / ((east - west) * spacing)
             slope_y = (n - s) / ((north - south) * spacing)
             hollow = (0.25 * (w + e + s + n) - here) / (cells * spacing)

@@ -7,6 +7,7 @@ normals and is read faster. Both hold plain coordinates: no hidden unit, axis sw
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,8 @@ _DECIMALS = {b"v": 6, b"vn": 4, b"vt": 6}
 # Sign, up to twelve digits before the point, the point, six after it, and a blank.
 _WIDEST_NUMBER = 21
 _LARGEST = 1e12
+# Lines or faces written at once: the text then stays in the processor's cache.
+_CHUNK = 8192
 _STL_HEADER = b"binary STL by terrain-forge, metres, z up"
 
 
@@ -41,35 +44,37 @@ def write_obj(
         normals: Unit normals, shape [vertices, 3].
         texture_coordinates: u to the right, v upwards, 0 to 1, shape [vertices, 2].
     """
-    textured = texture_coordinates is not None
-    blocks = [obj_rows(b"v", vertices), obj_rows(b"vn", normals)]
-    if texture_coordinates is not None:
-        blocks.append(obj_rows(b"vt", texture_coordinates))
-    blocks.append(obj_faces(faces, textured=textured))
     with Path(path).open("wb") as file:
-        file.writelines(blocks)
+        write_obj_rows(file, b"v", vertices)
+        write_obj_rows(file, b"vn", normals)
+        if texture_coordinates is not None:
+            write_obj_rows(file, b"vt", texture_coordinates)
+        write_obj_faces(file, faces, textured=texture_coordinates is not None)
 
 
-def obj_rows(tag: bytes, values: Floats) -> memoryview:
-    """OBJ lines `tag x y …` (tag v, vn or vt) of rows of numbers, shape [rows, numbers].
+def write_obj_rows(file: BinaryIO, tag: bytes, values: Floats) -> None:
+    """Write OBJ lines `tag x y …` (tag v, vn or vt) of rows of numbers, shape [rows, numbers].
 
     Raises:
         ValueError: if a number is not below 1e12, which no coordinate in metres is.
     """
     if not np.all(np.abs(values) < _LARGEST):
         raise ValueError(f"OBJ {tag.decode()}: a number is not finite or not below {_LARGEST:g}")
-    room = len(values) * (len(tag) + 1 + values.shape[1] * _WIDEST_NUMBER)
+    room = _CHUNK * (len(tag) + 1 + values.shape[1] * _WIDEST_NUMBER)
     text = np.empty(room, dtype=np.uint8)
-    used = _put_rows(text, np.frombuffer(tag, np.uint8), values, _DECIMALS[tag])
-    return text[:used].data
+    sign = np.frombuffer(tag, np.uint8)
+    for start in range(0, len(values), _CHUNK):
+        used = _put_rows(text, sign, values[start : start + _CHUNK], _DECIMALS[tag])
+        file.write(text[:used].data)
 
 
-def obj_faces(faces: Indices, *, textured: bool) -> memoryview:
-    """OBJ lines `f a/a/a …` whose corners use one index for position, texture and normal."""
+def write_obj_faces(file: BinaryIO, faces: Indices, *, textured: bool) -> None:
+    """Write OBJ lines `f a/a/a …` whose corners have one index for position, texture and normal."""
     digits = len(str(int(faces.max(initial=0)) + 1))
-    room = len(faces) * (3 + 3 * (3 * digits + 3))
-    text = np.empty(room, dtype=np.uint8)
-    return text[: _put_faces(text, faces, textured)].data
+    text = np.empty(_CHUNK * (3 + 3 * (3 * digits + 3)), dtype=np.uint8)
+    for start in range(0, len(faces), _CHUNK):
+        used = _put_faces(text, faces[start : start + _CHUNK], textured)
+        file.write(text[:used].data)
 
 
 def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
@@ -81,12 +86,14 @@ def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
         faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
     """
     # A record is 12 float32 and one uint16: as rows of 25 uint16 it needs no unaligned access.
-    records = np.empty((len(faces), 25), dtype=np.uint16)
-    _fill_stl(records, vertices, faces)
+    records = np.empty((_CHUNK, 25), dtype="<u2")
     with Path(path).open("wb") as file:
         file.write(_STL_HEADER.ljust(80))
-        file.write(np.uint32(len(faces)).tobytes())
-        file.write(records.data)
+        file.write(len(faces).to_bytes(4, "little"))
+        for start in range(0, len(faces), _CHUNK):
+            some = faces[start : start + _CHUNK]
+            _fill_stl(records, vertices, some)
+            file.write(records[: len(some)].data)
 
 
 def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
@@ -156,6 +163,14 @@ def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
     return at
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
+    """Write again what stands at `start`; returns where the text goes on."""
+    for place in range(width):
+        text[at + place] = text[start + place]
+    return at + width
+
+
 @njit(cache=True, nogil=True)
 def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
     at = 0
@@ -171,12 +186,9 @@ def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
             text[at] = 47
             at += 1
             if textured:
-                text[at : at + width] = text[start : start + width]
-                at += width
+                at = _repeat(text, at, start, width)
             text[at] = 47
-            at += 1
-            text[at : at + width] = text[start : start + width]
-            at += width
+            at = _repeat(text, at + 1, start, width)
         text[at] = 10
         at += 1
     return at

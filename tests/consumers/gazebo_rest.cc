@@ -64,8 +64,14 @@ int main(int argc, char **argv) {
     sdf::Root root;
     if (!root.Load(argv[2], config).empty()) return 1;
     const auto *description = root.WorldByIndex(0);
-    auto world = engine->ConstructWorld(*description);
-    world->SetCollisionDetector("bullet");
+    // As gz-sim does: an empty world, the detector that the file asks for, then the models.
+    sdf::World empty = *description;
+    empty.ClearModels();
+    auto world = engine->ConstructWorld(empty);
+    const auto dart = description->PhysicsDefault()->Element()->FindElement("dart");
+    if (dart) world->SetCollisionDetector(dart->Get<std::string>("collision_detector"));
+    for (uint64_t m = 0; m < description->ModelCount(); ++m)
+      world->ConstructModel(*description->ModelByIndex(m));
     if (!AttachMeshes(world, *description, argv[3])) return 1;
     physics::ForwardStep::Input input;
     physics::ForwardStep::Output output;

@@ -1,0 +1,88 @@
+"""Light: the Sun and the sky, and what dusty ground makes of them.
+
+Reflectance is the lunar-Lambert law (McEwen 1991, doi:10.1016/0019-1035(91)90228-U) with an
+opposition surge.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from terrain_forge.scene.grain import soil
+from terrain_forge.scene.surface import BENT_X, BENT_Y, BENT_Z, RANGE, RED, SHADE
+
+Triple = tuple[float, float, float]
+
+
+class Light(NamedTuple):
+    """What shines, already scaled to the picture's exposure."""
+
+    towards_sun: Triple
+    """Unit vector."""
+    sun: Triple
+    """Radiance of a white surface that faces the Sun, linear RGB."""
+    sky: Triple
+    """Radiance of a white surface under the whole sky, linear RGB."""
+    bounce: Triple
+    """Radiance of a white surface that sees only ground, linear RGB."""
+    horizon: Triple
+    """Sky at the horizon, and what distance fades into, linear RGB."""
+    zenith: Triple
+    """Sky overhead, linear RGB."""
+    plain: Triple
+    """Ground beyond the world's edge, linear RGB."""
+    haze: float
+    """Distance after which 1/e of the contrast is left [m]; infinite without air."""
+    airy: bool
+    """Whether there is a sky that shines."""
+    lunar: float
+    """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
+
+
+@njit(cache=True, error_model="numpy")
+def _reflect(point, towards, light):  # type: ignore[no-untyped-def]
+    """Lunar-Lambert reflectance of a point over its albedo, times the cosine of incidence."""
+    sun = light.towards_sun
+    mu0 = point[BENT_X] * sun[0] + point[BENT_Y] * sun[1] + point[BENT_Z] * sun[2]
+    if mu0 <= 0.0:
+        return 0.0
+    mu = -(point[BENT_X] * towards[0] + point[BENT_Y] * towards[1] + point[BENT_Z] * towards[2])
+    mu = max(mu, 0.1)
+    phase = -(sun[0] * towards[0] + sun[1] * towards[1] + sun[2] * towards[2])
+    half = np.sqrt(max(0.0, 1.0 - phase) / (1.0 + phase + 1e-6))
+    surge = 1.0 + 0.5 / (1.0 + half / 0.08)
+    return surge * (light.lunar * 2.0 * mu0 / (mu0 + mu) + (1.0 - light.lunar) * mu0)
+
+
+@njit(cache=True, error_model="numpy")
+def add_surface(pixel, point, lit, open_sky, towards, light, far):  # type: ignore[no-untyped-def]
+    """Add a sample's light, faded by the air, to its pixel."""
+    direct = (1.0 - 0.7 * point[SHADE]) * _reflect(point, towards, light) if lit else 0.0
+    clear = np.exp(-point[RANGE] / light.haze) if far else 1.0
+    for channel in range(3):
+        ambient = light.sky[channel] if open_sky else light.bounce[channel]
+        shone = point[RED + channel] * (direct * light.sun[channel] + ambient)
+        pixel[channel] += shone * clear + light.horizon[channel] * (1.0 - clear)
+
+
+@njit(cache=True, error_model="numpy")
+def add_sky(pixel, start, towards, step, land, light):  # type: ignore[no-untyped-def]
+    """Add what a ray sees that leaves the world: sky, or the plain beyond the edge."""
+    if towards[2] >= 0.0:
+        blend = 1.0 - (1.0 - towards[2]) ** 4
+        for channel in range(3):
+            low, high = light.horizon[channel], light.zenith[channel]
+            pixel[channel] += low + blend * (high - low)
+        return
+    distance = max(start[2] - land.edge, 0.5) / -towards[2]
+    east = start[0] + distance * towards[0] + land.shift[0]
+    north = start[1] + distance * towards[1] + land.shift[1]
+    footprint = distance * step / np.sqrt(max(-towards[2], 0.002))
+    tint = 1.0 + 0.35 * soil(land.key, east, north, 80.0, footprint)[0]
+    clear = np.exp(-distance / light.haze)
+    for channel in range(3):
+        shone = light.plain[channel] * tint
+        pixel[channel] += shone * clear + light.horizon[channel] * (1.0 - clear)

@@ -1,0 +1,271 @@
+import numpy as np
+import pytest
+from PIL import Image
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdSemantics, UsdShade, UsdValidation
+from terrain_forge.exporters.usd import Options, export
+
+from terrain_forge.errors import ExportError
+from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.world import rotations
+from tests.surfaces import random_points, top_under
+
+
+def exported(world, directory, **options):
+    directory.mkdir()
+    report = export(world, directory, options=Options(**options))
+    found = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    assert list(report.files) == found
+    return directory
+
+
+@pytest.fixture(scope="module")
+def usd(small_world, tmp_path_factory):
+    """The small world with a rover, in four tiles."""
+    world = small_world.replace(rover=morpheus())
+    return exported(world, tmp_path_factory.mktemp("usd") / "usd", tile_cells=48)
+
+
+@pytest.fixture(scope="module")
+def stage(usd):
+    return Usd.Stage.Open(str(usd / "scene.usda"))
+
+
+def findings(stage):
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) > 20
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    return [(error.GetName(), error.GetMessage()) for error in errors]
+
+
+def world_mesh(prim):
+    """Vertices in the world frame and faces of a mesh."""
+    mesh = UsdGeom.Mesh(prim)
+    matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim))
+    points = np.array(mesh.GetPointsAttr().Get(), float) @ matrix[:3, :3] + matrix[3, :3]
+    assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
+    return points, np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+
+
+def labelled(stage, name):
+    for prim in stage.Traverse():
+        if prim.HasAPI(UsdSemantics.LabelsAPI):
+            labels = UsdSemantics.LabelsAPI(prim, "class").GetLabelsAttr().Get()
+            if list(labels) == [name]:
+                yield prim
+
+
+def test_no_validator_finds_anything(usd):
+    for path in sorted(usd.rglob("*.usd*")):
+        assert findings(Usd.Stage.Open(str(path))) == [], path
+
+
+def test_the_validators_would_find_something(tmp_path):
+    broken = Usd.Stage.CreateNew(str(tmp_path / "broken.usda"))
+    broken.DefinePrim("/World").GetReferences().AddReference("./missing.usdc")
+    assert findings(broken)
+
+
+def test_every_layer_keeps_the_conventions(usd):
+    layers = sorted(usd.rglob("*.usd*"))
+    assert len(layers) == 2 + 1 + 2 * 4
+    for path in layers:
+        stage = Usd.Stage.Open(str(path))
+        assert stage.GetDefaultPrim().IsValid(), path
+        assert UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+        assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+        assert UsdPhysics.GetStageKilogramsPerUnit(stage) == 1
+
+
+def test_gravity_and_sun(small_world, stage):
+    scenes = [p for p in stage.Traverse() if p.IsA(UsdPhysics.Scene)]
+    assert len(scenes) == 1
+    scene = UsdPhysics.Scene(scenes[0])
+    assert scene.GetGravityMagnitudeAttr().Get() == pytest.approx(small_world.site.body.gravity)
+    assert scene.GetGravityDirectionAttr().Get() == Gf.Vec3f(0, 0, -1)
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
+    matrix = UsdGeom.XformCache().GetLocalToWorldTransform(sun.GetPrim())
+    shines = matrix.TransformDir(Gf.Vec3d(0, 0, -1))
+    assert np.allclose(shines, -small_world.lighting.towards_sun, atol=1e-6)
+
+
+def test_the_ground_reads_back_and_collides_as_it_is(small_world, stage):
+    tiles = list(labelled(stage, "ground"))
+    assert len(tiles) == 4
+    points = random_points(small_world.ground, 2000, 10)
+    heights = np.full(len(points), -np.inf)
+    for prim in tiles:
+        heights = np.maximum(heights, top_under(*world_mesh(prim), points))
+        assert prim.HasAPI(UsdPhysics.CollisionAPI)
+        approximation = UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get()
+        assert approximation == UsdPhysics.Tokens.none
+        material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
+        friction = UsdPhysics.MaterialAPI(material.GetPrim()).GetDynamicFrictionAttr().Get()
+        assert friction == pytest.approx(0.7)
+    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
+    assert np.abs(heights - wanted).max() < 1e-5
+
+
+def test_the_texture_lies_the_right_way(small_world, tmp_path):
+    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
+    world = small_world.replace(appearance=small_world.appearance.replace(ground_rgb=colours))
+    directory = exported(world, tmp_path / "usd", tile_cells=48)
+    stage = Usd.Stage.Open(str(directory / "world.usda"))
+    prim = list(labelled(stage, "ground"))[3]
+    u, v = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get(), float).T
+    with Image.open(directory / "assets/ground_003.png") as image:
+        pixels = np.asarray(image)
+    shown = pixels[((1 - v) * len(pixels)).astype(int), (u * pixels.shape[1]).astype(int)]
+    vertices, _ = world_mesh(prim)
+    i, j = np.rint((vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
+    assert np.array_equal(shown, colours[j, i])
+
+
+def test_rocks_in_pictures_stand_where_they_are(small_world, stage):
+    field, turns = small_world.field, rotations(small_world.field)
+    seen = []
+    for prim in labelled(stage, "rock"):
+        instancer = UsdGeom.PointInstancer(prim)
+        matrices = instancer.ComputeInstanceTransformsAtTime(0, 0)
+        targets = instancer.GetPrototypesRel().GetTargets()
+        for row, index, matrix in zip(
+            instancer.GetIdsAttr().Get(),
+            instancer.GetProtoIndicesAttr().Get(),
+            matrices,
+            strict=True,
+        ):
+            values = np.array(matrix)
+            assert np.allclose(values[3, :3], field.position[row], atol=1e-5)
+            assert np.allclose(values[:3, :3].T / field.scale[row], turns[row], atol=1e-3)
+            mesh = UsdGeom.Mesh(stage.GetPrimAtPath(targets[index].AppendChild("shape")))
+            shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+            assert np.allclose(mesh.GetPointsAttr().Get(), shape.vertices, atol=1e-6)
+            seen.append(row)
+    assert sorted(seen) == field.id.tolist()
+
+
+def test_large_rocks_collide_as_instances_of_their_hulls(small_world, stage):
+    field, turns = small_world.field, rotations(small_world.field)
+    found = {}
+    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+        if prim.GetName().startswith("part_") and prim.HasAPI(UsdPhysics.CollisionAPI):
+            rock = prim.GetParent()
+            assert rock.IsInstance()
+            approximation = UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get()
+            assert approximation == UsdPhysics.Tokens.convexHull
+            assert UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.guide
+            found[int(rock.GetName().removeprefix("rock_"))] = world_mesh(prim)[0]
+    large = np.flatnonzero(field.diameter >= 0.5)
+    assert sorted(found) == large.tolist()
+    for row in large:
+        hull = small_world.library.prototypes[field.prototype[row]].hulls[0]
+        wanted = field.scale[row] * hull.vertices @ turns[row].T + field.position[row]
+        assert np.allclose(found[row], wanted, atol=1e-5)
+
+
+def test_small_rocks_share_a_collider(small_world, stage):
+    merged = [p for p in stage.Traverse() if p.GetName() == "small"]
+    vertices = np.concatenate([world_mesh(prim)[0] for prim in merged])
+    for prim in merged:
+        assert prim.HasAPI(UsdPhysics.CollisionAPI)
+        assert UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.guide
+    field, turns = small_world.field, rotations(small_world.field)
+    for row in np.flatnonzero(field.diameter < 0.5):
+        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+        placed = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
+        top = placed[placed[:, 2].argmax()]
+        assert np.linalg.norm(vertices - top, axis=1).min() < 1e-5
+
+
+def test_the_rover_replays_the_trajectory(small_world, stage):
+    trajectory = small_world.trajectories[0]
+    rate = stage.GetTimeCodesPerSecond()
+    assert rate == 12
+    assert stage.GetEndTimeCode() == pytest.approx(trajectory.time[-1] * rate)
+    base = stage.GetPrimAtPath("/World/Paths/arc")
+    turns = matrix_from_quaternion(trajectory.quaternion)
+    for sample in (0, 1, 77, 239):
+        cache = UsdGeom.XformCache(trajectory.time[sample] * rate)
+        matrix = np.array(cache.GetLocalToWorldTransform(base))
+        assert np.allclose(matrix[3, :3], trajectory.position[sample], atol=1e-12)
+        assert np.allclose(matrix[:3, :3].T, turns[sample], atol=1e-6)
+
+
+def test_between_the_samples_the_replay_stays_on_the_path(small_world, stage):
+    trajectory = small_world.trajectories[0]
+    base = stage.GetPrimAtPath("/World/Paths/arc")
+    times = np.random.default_rng(11).uniform(1, 18, 300)
+    wanted = trajectory.at(times)
+    turns = matrix_from_quaternion(wanted.quaternion)
+    for n, time in enumerate(times.tolist()):
+        cache = UsdGeom.XformCache(time * stage.GetTimeCodesPerSecond())
+        matrix = np.array(cache.GetLocalToWorldTransform(base))
+        assert np.linalg.norm(matrix[3, :3] - wanted.position[n]) < 0.005
+        assert np.abs(matrix[:3, :3].T - turns[n]).max() < 0.005
+
+
+def test_cameras_look_where_the_sensors_do(small_world, stage):
+    rover = morpheus()
+    cameras = [sensor for sensor in rover.sensors if sensor.kind == "camera"]
+    assert cameras
+    cache = UsdGeom.XformCache(0)
+    base = small_world.trajectories[0]
+    turn = matrix_from_quaternion(base.quaternion[0])
+    for sensor in cameras:
+        prim = stage.GetPrimAtPath(f"/World/Paths/arc/{sensor.name}/camera")
+        matrix = cache.GetLocalToWorldTransform(prim)
+        pitch = sensor.rpy[1]
+        ahead = turn @ (np.cos(pitch), 0, -np.sin(pitch))
+        assert np.allclose(matrix.TransformDir(Gf.Vec3d(0, 0, -1)), ahead, atol=1e-6)
+        assert np.allclose(matrix.TransformDir(Gf.Vec3d(1, 0, 0)), turn @ (0, -1, 0), atol=1e-6)
+        place = turn @ sensor.position + base.position[0]
+        assert np.allclose(matrix.ExtractTranslation(), place, atol=1e-6)
+        camera = UsdGeom.Camera(prim).GetCamera(Usd.TimeCode(0))
+        view = camera.GetFieldOfView(Gf.Camera.FOVHorizontal)
+        assert np.radians(view) == pytest.approx(dict(sensor.properties)["horizontal_fov"])
+
+
+def test_payloads_let_a_large_world_open_at_once(usd):
+    stage = Usd.Stage.Open(str(usd / "world.usda"), Usd.Stage.LoadNone)
+    assert not [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert len(stage.FindLoadable()) == 8
+
+
+def test_the_bytes_repeat(small_world, tmp_path):
+    one = exported(small_world, tmp_path / "one")
+    two = exported(small_world, tmp_path / "two")
+    for path in sorted(p for p in one.rglob("*") if p.is_file()):
+        assert path.read_bytes() == (two / path.relative_to(one)).read_bytes(), path
+
+
+def test_a_world_without_rocks_and_paths(small_world, tmp_path):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    world = small_world.replace(field=nothing, trajectories=())
+    directory = exported(world, tmp_path / "usd")
+    assert findings(Usd.Stage.Open(str(directory / "scene.usda"))) == []
+
+
+@pytest.mark.parametrize("name", ["火星 'x\"", "a-b", "7 rounds"])
+def test_any_name_will_do(small_world, tmp_path, name):
+    path = small_world.trajectories[0].replace(name=name)
+    world = small_world.replace(site=small_world.site.replace(name=name), trajectories=(path,))
+    directory = exported(world, tmp_path / "usd")
+    stage = Usd.Stage.Open(str(directory / "scene.usda"))
+    assert len(stage.GetPrimAtPath("/World/Paths").GetChildren()) == 1
+    assert findings(stage) == []
+
+
+def test_a_file_that_is_open_is_a_clear_error(small_world, tmp_path):
+    directory = tmp_path / "usd"
+    directory.mkdir()
+    still_open = Sdf.Layer.CreateNew(str(directory / "world.usda"))
+    with pytest.raises(ExportError, match="open as a USD stage"):
+        export(small_world, directory, options=Options())
+    del still_open
+
+
+def test_losses_are_named(small_world, tmp_path):
+    (tmp_path / "usd").mkdir()
+    losses = " ".join(export(small_world, tmp_path / "usd", options=Options()).losses)
+    for word in ("static", "share one collider", "W/m²", "half-precision"):
+        assert word in losses
