@@ -17,8 +17,8 @@ class Camera(Record):
     """A pinhole camera without distortion, or a view along parallel rays.
 
     The upper left pixel's centre is at column 0.5, row 0.5. With x = column - width/2 and
-    y = row - height/2, a pinhole's ray leaves `position` along forward + x·right + y·down, a parallel
-    ray leaves position + x·right + y·down along `forward`.
+    y = row - height/2, a pinhole's ray leaves `position` along forward + x·right + y·down, a
+    parallel ray leaves position + x·right + y·down along `forward`.
     """
 
     position: Array

@@ -88,8 +88,8 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     """Small stones that lie on the soil, at most one to a cell of size `cell` [m].
 
     Returns the coverage (0 to 1), the rise per metre along x and y, the stone's own brightness, and
-    the depth of its shadow on the soil (0 to 1). (sun_x, sun_y) leads from the end of a shadow to the
-    foot of a thing of unit height.
+    the depth of its shadow on the soil (0 to 1). (sun_x, sun_y) leads from the end of a shadow to
+    the foot of a thing of unit height.
     """
     i, j = np.int64(np.floor(x / cell)), np.int64(np.floor(y / cell))
     draw = cell_hash(key, i, j, 1)

@@ -208,7 +208,8 @@ def _sample(  # type: ignore[no-untyped-def]
             add_surface(pixel, point[lane], sunny, open_sky, towards, light, view.pinhole)
         else:
             add_sky(pixel, start, towards, view.step, land, light)
-    return (seen == 0) or (lit == _ALL and known == _ALL)
+    even = lit == _ALL or (lit == 0 and not light.airy)
+    return seen == 0 or (known == _ALL and even)
 
 
 @njit(cache=True, error_model="numpy")

@@ -154,7 +154,7 @@ def _middle(ground: Heightfield) -> Array:
 
 
 def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:
-    """The ground's nodes, rows running south, so that Embree's cut becomes south-west to north-east."""
+    """The ground's nodes, rows running south: so Embree cuts cells south-west to north-east."""
     vertices = np.empty((*ground.shape, 3), dtype=np.float32)
     vertices[..., 0] = ground.east - origin[0]
     vertices[..., 1] = (ground.north - origin[1])[::-1, None]

@@ -32,9 +32,9 @@ from terrain_forge.seeds import mix
     LIFT,
     OWNER,
 ) = range(16)
-"""Columns of a surface point: its place, the triangle's normal, the shading normal, albedo, distance
-from the camera, the part of sunlight that small stones keep off, the height of the smooth surface
-over the triangle, and what it belongs to: a rock's row, -1 for the ground."""
+"""Columns of a surface point: its place, the triangle's normal, the shading normal, albedo,
+distance from the camera, the part of sunlight that small stones keep off, the height of the smooth
+surface over the triangle, and what it belongs to: a rock's row, -1 for the ground."""
 COLUMNS = 16
 NOBODY = -3.0
 """Owner of a point that is not yet shaded."""
@@ -142,8 +142,11 @@ def _set_normal(point, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _track(tracks, land, x, y, footprint):  # type: ignore[no-untyped-def]
-    """Darkening (0 to 1) and rise per metre along x and y of the wheel tracks at a place."""
+def _track(tracks, land, x, y, ragged, footprint):  # type: ignore[no-untyped-def]
+    """Imprint (0 to 1) and rise per metre along x and y of the wheel tracks at a place.
+
+    `ragged` is noise about 0 that frays the edges and leaves gaps.
+    """
     i, j, u, v = _cell(land, x, y)
     at = tracks.nearest[j + (v > 0.5), i + (u > 0.5)]
     if at < 0:
@@ -151,12 +154,13 @@ def _track(tracks, land, x, y, footprint):  # type: ignore[no-untyped-def]
     from_x, from_y, cos, sin, distance = tracks.points[at]
     sideways = (y - from_y) * cos - (x - from_x) * sin
     along = distance + (x - from_x) * cos + (y - from_y) * sin
-    inner = (abs(sideways) - tracks.half_gauge) / (0.5 * tracks.width)
-    soft = max(0.15, 2.0 * footprint / tracks.width)
+    inner = (abs(sideways) - tracks.half_gauge) / (0.5 * tracks.width) + 0.8 * ragged
+    soft = max(0.3, 2.0 * footprint / tracks.width)
     depth = min(1.0, max(0.0, (1.0 + soft - abs(inner)) / soft))
+    depth *= min(1.0, max(0.3, 0.75 + 2.5 * ragged))
     shown = max(0.0, 1.0 - footprint / 0.03)
     phase = 2.0 * np.pi * (along / 0.09 + 0.25 * abs(inner))
-    tread = 0.35 * depth * shown * np.cos(phase)
+    tread = 0.5 * depth * shown * np.cos(phase)
     edge = 0.0
     if 0.8 < abs(inner) < 1.35 and shown > 0.0:
         edge = 0.5 * shown * (1.0 if abs(inner) < 1.1 else -0.8)
@@ -191,8 +195,8 @@ def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     i, j, u, v = _cell(land, x, y)
     slope_x, slope_y = _round_off(point, land, i, j, u, v)
     bright, shade, rise_x, rise_y = _texture_ground(land, x, y, footprint)
-    depth, track_x, track_y = _track(tracks, land, x, y, footprint)
-    kept = 1.0 - 0.6 * depth
+    depth, track_x, track_y = _track(tracks, land, x, y, bright - 1.0, footprint)
+    kept = 1.0 - 0.45 * depth
     rise_x, rise_y = rise_x * kept + track_x, rise_y * kept + track_y
     _set_normal(point, -(slope_x + rise_x), -(slope_y + rise_y), 1.0)
     point[SHADE] = shade * (1.0 - depth)
