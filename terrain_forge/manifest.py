@@ -16,8 +16,10 @@ from terrain_forge.site import Site
 
 NAME = "manifest.json"
 FORMAT = 1
-_PACKAGES = ("numpy", "scipy", "numba", "rasterio", "manifold3d", "coacd", "embreex", "mujoco")
-_PACKAGES += ("usd-core", "matplotlib", "pillow", "pydantic")
+_PACKAGES = (
+    *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
+    *("matplotlib", "pillow", "pydantic"),
+)
 _FREE = ("dataset/", "validation/consumers/")
 
 

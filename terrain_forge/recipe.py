@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     AnyLayer = Layer
 else:
-    AnyLayer = Annotated[Union[layer_types()], BY_KIND]
+    AnyLayer = Annotated[Union[layer_types()], BY_KIND]  # noqa: UP007 (a tuple, not a list)
 
 
 def _dtm_kind(value: Any) -> str:

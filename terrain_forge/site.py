@@ -145,8 +145,8 @@ class Site(Record):
 
         Computed from the site's own lattice, so that every window has the same bits.
         """
-        columns = window.column + np.arange(window.columns + 1)
-        rows = window.row + np.arange(window.rows + 1)
+        columns = window.column + np.arange(window.columns + 1, dtype=np.float64)
+        rows = window.row + np.arange(window.rows + 1, dtype=np.float64)
         return self.west + columns * self.spacing, self.south + rows * self.spacing
 
     def padded(self, window: Window, margin: float) -> Window:

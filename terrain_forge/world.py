@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
@@ -45,12 +45,12 @@ class Heightfield(Record):
     @property
     def east(self) -> Array:
         """East coordinates of the columns [m]."""
-        return self.origin[0] + np.arange(self.shape[1]) * self.spacing
+        return self.origin[0] + np.arange(self.shape[1], dtype=np.float64) * self.spacing
 
     @property
     def north(self) -> Array:
         """North coordinates of the rows [m]."""
-        return self.origin[1] + np.arange(self.shape[0]) * self.spacing
+        return self.origin[1] + np.arange(self.shape[0], dtype=np.float64) * self.spacing
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -209,9 +209,11 @@ class RockField(Record):
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> RockField:
         """The rocks of a mask or of an index array."""
-        names = ("id", "population", "prototype", "position", "quaternion", "scale", "diameter")
-        names += ("height", "buried_fraction", "volume", "mass")
-        return self.replace(**{name: getattr(self, name)[rows] for name in names})
+        return self.replace(**{name: getattr(self, name)[rows] for name in ROCK_COLUMNS})
+
+
+ROCK_COLUMNS = tuple(field.name for field in fields(RockField) if field.name != "populations")
+"""Names of a rock field's arrays."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -397,9 +399,10 @@ class World(Record):
 def merge(one: RockField, other: RockField) -> RockField:
     """Both fields' rocks, ordered by id."""
     order = np.argsort(np.concatenate([one.id, other.id]), kind="stable")
-    names = ("id", "population", "prototype", "position", "quaternion", "scale", "diameter")
-    names += ("height", "buried_fraction", "volume", "mass")
-    joined = {n: np.concatenate([getattr(one, n), getattr(other, n)])[order] for n in names}
+    joined = {
+        name: np.concatenate([getattr(one, name), getattr(other, name)])[order]
+        for name in ROCK_COLUMNS
+    }
     return one.replace(**joined)
 
 

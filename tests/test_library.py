@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import fields
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -34,7 +35,7 @@ def documented_fields(cls):
     )
     return {
         one.target.id
-        for one, two in zip(body, body[1:], strict=False)
+        for one, two in pairwise(body)
         if isinstance(one, ast.AnnAssign)
         and isinstance(two, ast.Expr)
         and isinstance(two.value, ast.Constant)

@@ -23,15 +23,20 @@ def write(folder, old="", new=""):
     return path
 
 
+def prepare(path):
+    """What a build does before it writes anything."""
+    file = load_recipe(path)
+    try:
+        export_orders(file.recipe)
+        plan(file.recipe, folder=file.folder)
+    except TerrainForgeError as error:
+        raise RecipeError(file.locate(error)) from None
+
+
 def complaint(path):
     """What a user reads."""
     with pytest.raises(TerrainForgeError) as caught:
-        file = load_recipe(path)
-        try:
-            export_orders(file.recipe)
-            plan(file.recipe, folder=file.folder)
-        except TerrainForgeError as error:
-            raise RecipeError(file.locate(error)) from None
+        prepare(path)
     message = str(caught.value)
     assert "\n" not in message
     return message

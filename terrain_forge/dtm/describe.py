@@ -81,7 +81,7 @@ def ground_posting(raster: Raster) -> float | None:
     if not raster.crs:
         return float(np.linalg.norm(inverse, axis=0).max())
     x, y = raster.middle
-    steps = np.array([[0.0, 0.0], inverse[:, 0], inverse[:, 1]]) + (x, y)
+    steps = np.array([x, y]) + np.stack([np.zeros(2), inverse[:, 0], inverse[:, 1]])
     geographic = geographic_crs(raster.crs)
     lon, lat = transform(raster.crs, geographic, steps[:, 0], steps[:, 1])
     local = local_crs(raster.crs, float(lon[0]), float(lat[0]))

@@ -142,15 +142,14 @@ def _centre_lonlat(raster: Raster, spec: RasterDtm) -> tuple[float, float]:
         return spec.centre.lonlat_deg
     geographic = geographic_crs(raster.crs)
     if spec.centre.crs is not None:
-        x, y = (np.array([value]) for value in spec.centre.crs)
-        lon, lat = transform(raster.crs, geographic, x, y)
-        return float(lon[0]), float(lat[0])
-    x, y = raster.middle
-    lon, lat = transform(raster.crs, geographic, np.array([x]), np.array([y]))
-    middle = local_crs(raster.crs, float(lon[0]), float(lat[0]))
-    east, north = (np.array([value]) for value in spec.centre.offset_m or (0.0, 0.0))
-    lon, lat = transform(middle, geographic, east, north)
-    return float(lon[0]), float(lat[0])
+        return _transform_point(raster.crs, geographic, spec.centre.crs)
+    middle = local_crs(raster.crs, *_transform_point(raster.crs, geographic, raster.middle))
+    return _transform_point(middle, geographic, spec.centre.offset_m or (0.0, 0.0))
+
+
+def _transform_point(source: str, target: str, point: tuple[float, float]) -> tuple[float, float]:
+    x, y = transform(source, target, np.array([point[0]]), np.array([point[1]]))
+    return float(x[0]), float(y[0])
 
 
 def _read_patch(raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float, ...]) -> DtmPatch:

@@ -85,7 +85,7 @@ def fbm(
     key: np.uint64, east: Array, north: Array, wavelength: float, count: int, gain: float = 0.5
 ) -> Array:
     """Fractal sum of `count` octaves from `wavelength` [m] down, each `gain` times the last."""
-    steps = np.arange(count)
+    steps = np.arange(count, dtype=np.float64)
     return octaves(
         key,
         east=east,

@@ -51,7 +51,7 @@ class Fractal(Layer):
         posting = 16.0 if site.dtm is None else site.dtm.posting
         longest = self.longest_wavelength_m or 2.0 * posting
         count = max(int(np.floor(np.log2(longest / (2.0 * site.spacing)) + 1e-9)) + 1, 0)
-        wavelengths = longest * 0.5 ** np.arange(count)
+        wavelengths = longest * 0.5 ** np.arange(count, dtype=np.float64)
         amplitudes = self.gain * octave_amplitudes(hurst, deviation, wavelengths)
         east, north = site.axes(window)
         key = stage_key(site.seed, "terrain/fractal")
