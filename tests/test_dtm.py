@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -252,6 +253,19 @@ def test_roughness_of_a_known_surface():
     assert found.deviation == pytest.approx(0.1, rel=0.15)
     small = fit_roughness(heights[:40, :40].astype(float), 0.5, MARS)
     assert "preset" in small.source
+
+
+def test_pds3_sample_with_detached_label():
+    samples = Path(__file__).parents[1] / "dtm_samples"
+    spec = RasterDtm(
+        source="lola_ldem16_tranquillitatis.LBL",
+        size_m=(20000.0, 20000.0),
+        centre=Centre(lonlat_deg=(23.47297, 0.67408)),
+    )
+    site, _ = look(spec, samples, body=MOON, spacing=500.0)
+    assert site.datum_height == pytest.approx(-1930.0, abs=30.0)  # Tranquillity Base, LOLA
+    with pytest.raises(DataError, match=r"name lola_ldem16_tranquillitatis.LBL"):
+        look(replace(spec, source="lola_ldem16_tranquillitatis.IMG"), samples, body=MOON)
 
 
 @needs_data
