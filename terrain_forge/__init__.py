@@ -17,7 +17,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # for editors and type checkers; at run time __getattr__ imports
-    from terrain_forge.building import BuildResult, build
+    from terrain_forge.building import BuildResult, build, write_world
+    from terrain_forge.editing import add_rock, remove_rocks
     from terrain_forge.errors import (
         DataError,
         ExportError,
@@ -28,8 +29,8 @@ if TYPE_CHECKING:  # for editors and type checkers; at run time __getattr__ impo
     )
     from terrain_forge.pipeline import plan, realise
     from terrain_forge.recipe import Recipe
-    from terrain_forge.recipe_file import RecipeFile, load_recipe
-    from terrain_forge.registry import ExportReport
+    from terrain_forge.recipe_file import RecipeFile, load_recipe, save_recipe
+    from terrain_forge.registry import ExportReport, exporter, exporter_names
     from terrain_forge.site import Site, Window
     from terrain_forge.world import (
         Heightfield,
@@ -44,12 +45,18 @@ __version__ = "0.1.0"
 _HOMES = {
     "build": "building",
     "BuildResult": "building",
+    "write_world": "building",
+    "add_rock": "editing",
+    "remove_rocks": "editing",
     "plan": "pipeline",
     "realise": "pipeline",
     "Recipe": "recipe",
     "RecipeFile": "recipe_file",
     "load_recipe": "recipe_file",
+    "save_recipe": "recipe_file",
     "ExportReport": "registry",
+    "exporter": "registry",
+    "exporter_names": "registry",
     "Site": "site",
     "Window": "site",
     "Heightfield": "world",
@@ -84,10 +91,16 @@ __all__ = [
     "Window",
     "World",
     "__version__",
+    "add_rock",
     "build",
+    "exporter",
+    "exporter_names",
     "load_recipe",
     "plan",
     "realise",
+    "remove_rocks",
+    "save_recipe",
+    "write_world",
 ]
 
 

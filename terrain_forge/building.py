@@ -8,8 +8,9 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from terrain_forge.errors import OutputError
 from terrain_forge.manifest import NAME, read_manifest, write_manifest
@@ -91,6 +92,40 @@ def build(
     orders = chosen(export_orders(recipe), only)
     site = plan(recipe, folder=folder)
     world = realise(site, progress=watch)
+    return _write_whole(world, out, orders=orders, watch=watch)
+
+
+def write_world(
+    world: World,
+    out: Path | str,
+    *,
+    exports: tuple[str, ...] | dict[str, dict[str, Any]] | None = None,
+    progress: Progress = silent,
+) -> BuildResult:
+    """Write a world that was made or changed in Python as `build` writes a recipe's.
+
+    The manifest names the recipe that the world began with; edits are in the saved world alone.
+
+    Args:
+        world: The world.
+        out: Output folder; an older world of ours is replaced when the new one is whole.
+        exports: Formats to write, as a recipe's `exports`; by default those of the world's recipe.
+        progress: Told the name of each stage as it begins.
+
+    Raises:
+        RecipeError, ExportError: for an unknown exporter or option, or a world that a format cannot
+            hold; nothing is written.
+        OutputError: `out` exists and is not ours.
+    """
+    recipe = world.site.recipe
+    orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
+    require_ours(Path(out))
+    return _write_whole(world, Path(out), orders=orders, watch=Stopwatch(progress))
+
+
+def _write_whole(
+    world: World, out: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
+) -> BuildResult:
     with replacing(out) as directory:
         losses = write(world, directory, orders=orders, watch=watch)
         passed = assess(world, directory, watch=watch)

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
-from terrain_forge.errors import RecipeError, TerrainForgeError
+from terrain_forge.errors import OutputError, RecipeError, TerrainForgeError
 from terrain_forge.recipe import Recipe, adapter, json_schema
 
 Key = tuple[str | int, ...]
@@ -64,6 +64,27 @@ def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFil
     except ValidationError as error:
         raise RecipeError(_explain(path, lines, data, error)) from None
     return RecipeFile(path=path, recipe=recipe, lines=lines)
+
+
+def save_recipe(recipe: Recipe, path: Path | str) -> Path:
+    """Write a recipe as YAML that `load_recipe` reads back equal; returns the file.
+
+    All keys are written, defaults too. The paths in it are relative to the folder that it is in.
+
+    Raises:
+        OutputError: if the file cannot be written.
+    """
+    path = Path(path)
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.default_flow_style = None
+    yaml.allow_unicode, yaml.width = True, 100
+    try:
+        with path.open("w", encoding="utf-8") as file:
+            yaml.dump(json.loads(adapter().dump_json(recipe)), file)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+    return path
 
 
 def _read(path: Path) -> tuple[Any, dict[Key, int]]:

@@ -18,12 +18,16 @@ Fraction = Annotated[float, Interval(ge=0, le=1)]
 Pair = tuple[float, float]
 PositivePair = tuple[Positive, Positive]
 
+MAX_NAME = 100
+"""Characters of a name that may become a file's."""
 
-def _is_file_name(text: str) -> bool:
+
+def is_file_name(text: str) -> bool:
+    """Whether a text can name a file or folder without leaving its folder."""
     return bool(text) and text not in (".", "..") and not any(c in text for c in "/\\:\0\n\r\t")
 
 
-FileName = Annotated[str, MinLen(1), Len(1, 100), Predicate(_is_file_name)]
+FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]
 """A name that may become a file's or a folder's: no separator, so that it cannot leave its
 folder."""
 
