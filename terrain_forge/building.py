@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,13 @@ class BuildResult:
     """What each export cannot say, by its folder."""
 
 
+STAGES = (
+    *("plan", "ground", "rock library", "rocks", "paths", "world", "truth", "preview"),
+    *("validation", "report page", "manifest", "done"),
+)
+"""Stages of a build besides its exports."""
+
+
 class Stopwatch:
     """Wall times of the stages, for timings.json and the progress bar."""
 
@@ -43,13 +51,15 @@ class Stopwatch:
         self.seconds: dict[str, float] = {}
         self.figures: dict[str, float] = {}
 
-    def __call__(self, stage: str) -> None:
-        """Begin a stage, and end the one before."""
+    def __call__(self, stage: str, share: float = 0.0) -> None:
+        """Begin a stage, and end the one before; or tell the share of it that is done."""
+        self._progress(stage, share)
+        if stage == self._name:
+            return
         now = time.perf_counter()
         if self._name:
             self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._since
         self._name, self._since = stage, now
-        self._progress(stage)
 
     def write(self, directory: Path) -> None:
         """End the last stage and write timings.json."""
@@ -74,12 +84,11 @@ def build(
 
     Args:
         recipe: what to make.
-        out: output folder; by default the recipe's name in the current folder. An older world of
-        ours
-            is replaced when the new one is whole.
+        out: output folder; by default the recipe's name in the current folder. An older world
+            of ours is replaced when the new one is whole.
         folder: what the recipe's paths are relative to.
         only: folders of the exports to write; by default all of the recipe.
-        progress: told the name of each stage as it begins.
+        progress: told each stage as it begins, and how far it is.
 
     Raises:
         RecipeError, DataError, ExportError: the recipe cannot be built; nothing is written.
@@ -110,7 +119,7 @@ def write_world(
         world: The world.
         out: Output folder; an older world of ours is replaced when the new one is whole.
         exports: Formats to write, as a recipe's `exports`; by default those of the world's recipe.
-        progress: Told the name of each stage as it begins.
+        progress: Told each stage as it begins, and how far it is.
 
     Raises:
         RecipeError, ExportError: for an unknown exporter or option, or a world that a format cannot
@@ -128,7 +137,7 @@ def _write_whole(
 ) -> BuildResult:
     with replacing(out) as directory:
         losses = write(world, directory, orders=orders, watch=watch)
-        passed = assess(world, directory, watch=watch)
+        passed = assess(world, directory, losses=losses, watch=watch)
     return BuildResult(directory=out, world=world, passed=passed, losses=losses)
 
 
@@ -163,7 +172,9 @@ def export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]
     return report.losses
 
 
-def assess(world: World, directory: Path, *, watch: Stopwatch) -> bool:
+def assess(
+    world: World, directory: Path, *, losses: dict[str, tuple[str, ...]], watch: Stopwatch
+) -> bool:
     """Validate what lies in the folder, write its report page, timings and manifest."""
     from terrain_forge.report_page import write_report_page
     from terrain_forge.validation.checks import validate
@@ -171,12 +182,12 @@ def assess(world: World, directory: Path, *, watch: Stopwatch) -> bool:
 
     watch("validation")
     spec = world.site.recipe.validate or ValidateSpec()
-    result = validate(world, directory, spec=spec)
+    result = validate(world, directory, spec=spec, progress=partial(watch, "validation"))
     watch.figures.update(result.timings)
     watch("report page")
     write_report_page(world, directory)
     watch("manifest")
-    write_manifest(world.site, directory)
+    write_manifest(world.site, directory, losses=losses)
     watch.write(directory)
     return result.passed
 

@@ -77,7 +77,8 @@ def build(
         folder_is_ours = (out / "manifest.json").is_file()
         if folder_is_ours:
             raise click.UsageError(f"{out} would be replaced, and the recipe lies in it")
-    with _Bar() as progress, _located(file):
+    stages = len(building.STAGES) + len(file.recipe.exports)
+    with _Bar(stages) as progress, _located(file):
         result = building.build(
             file.recipe, out, folder=file.folder, only=_names(only), progress=progress
         )
@@ -115,7 +116,7 @@ def export(out: Path, only: str) -> None:
     """Write further formats from the world built in OUT."""
     from terrain_forge import rework
 
-    with _Bar() as progress:
+    with _Bar(5 + only.count(",") + 1) as progress:
         passed = rework.export(out, _names(only) or (), progress=progress)
     _finish(passed, out)
 
@@ -126,7 +127,7 @@ def validate(out: Path) -> None:
     """Validate the world built in OUT again."""
     from terrain_forge import rework
 
-    with _Bar() as progress:
+    with _Bar(5) as progress:
         passed = rework.validate(out, progress=progress)
     _say((out / "validation" / "report.json").as_posix())
     _finish(passed, out)
@@ -178,19 +179,28 @@ def _finish(passed: bool, out: Path) -> None:
 
 
 class _Bar:
-    """The progress bar: stages counted, shown only on a terminal."""
+    """The progress bar over the stages, shown only on a terminal."""
 
-    def __enter__(self) -> Callable[[str], None]:
+    def __init__(self, stages: int) -> None:
+        self._stages = stages
+        self._stage = ""
+        self._begun = -1
+
+    def __enter__(self) -> Callable[[str, float], None]:
         from tqdm import tqdm
 
         self._bar = tqdm(
-            disable=not sys.stderr.isatty(), bar_format="{desc:<24} {n_fmt:>3} stages, {elapsed}"
+            total=self._stages,
+            disable=not sys.stderr.isatty(),
+            bar_format="{desc:<14} {percentage:3.0f} % |{bar}| {elapsed}",
         )
         return self._advance
 
-    def _advance(self, stage: str) -> None:
+    def _advance(self, stage: str, share: float) -> None:
+        self._begun += stage != self._stage
+        self._stage = stage
         self._bar.set_description_str(stage, refresh=False)
-        self._bar.update()
+        self._bar.n = min(self._begun + share, self._stages)
         self._bar.refresh()
 
     def __exit__(self, *_: object) -> None:

@@ -23,8 +23,14 @@ _PACKAGES = (
 _FREE = ("dataset/", "validation/consumers/")
 
 
-def write_manifest(site: Site, directory: Path) -> Path:
-    """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes."""
+def write_manifest(site: Site, directory: Path, *, losses: dict[str, tuple[str, ...]]) -> Path:
+    """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes.
+
+    Args:
+        site: what the world was made from.
+        directory: the output folder.
+        losses: what each export cannot say, by its folder.
+    """
     manifest = {
         "terrain_forge": terrain_forge.__version__,
         "format": FORMAT,
@@ -33,6 +39,7 @@ def write_manifest(site: Site, directory: Path) -> Path:
         "recipe": json.loads(site.recipe_json),
         "versions": {"python": platform.python_version(), **_versions()},
         "inputs": dict(site.inputs),
+        "losses": {folder: list(losses[folder]) for folder in sorted(losses)},
         "outputs": _hashes(directory),
     }
     path = directory / NAME

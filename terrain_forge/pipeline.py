@@ -37,13 +37,13 @@ from terrain_forge.terrain.appearance import colour_ground, stencil_reach
 from terrain_forge.terrain.ground import shape_ground
 from terrain_forge.world import Appearance, Lighting, World, owned, touches
 
-Progress = Callable[[str], None]
-"""Told the name of each stage as it begins."""
+Progress = Callable[[str, float], None]
+"""Told the name of each stage as it begins, and the share of it that is done, 0 to 1."""
 
 
-def silent(stage: str) -> None:
+def silent(stage: str, share: float) -> None:
     """Tell nobody."""
-    del stage
+    del stage, share
 
 
 def plan(
@@ -105,16 +105,16 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     reach = max(2.0 * site.largest_rock + 2.0 * site.spacing, stencil_reach(site))
     margin = site.padded(window, reach)
 
-    progress("ground")
+    progress("ground", 0.0)
     land = shape_ground(site=site, window=margin, layers=recipe.terrain.layers)
     colours = colour_ground(site=site, window=window, ground=land, spec=recipe.terrain.appearance)
-    progress("rock library")
+    progress("rock library", 0.0)
     library = make_library(recipe.rocks.library)
-    progress("rocks")
+    progress("rocks", 0.0)
     scattered = scatter(site=site, populations=populations, library=library, window=window)
     density = np.array([p.density_kg_m3 or site.body.rock_density for p in populations])
     everyone = rest(scattered=scattered, library=library, ground=land, density=density)
-    progress("paths")
+    progress("paths", 0.0)
     column, row = window.column - margin.column, window.row - margin.row
     ground = land.cut(column=column, row=row, columns=window.columns, rows=window.rows)
     rover = find_rover(recipe.rover)

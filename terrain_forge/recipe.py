@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Interval, Lt, MinLen
-from pydantic import Discriminator, Tag, TypeAdapter
+from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, RasterDtm
 from terrain_forge.errors import RecipeError
@@ -126,13 +126,24 @@ def json_schema() -> dict[str, Any]:
 
 def recipe_json(recipe: Recipe) -> str:
     """Canonical JSON of a recipe, defaults written out."""
-    plain = adapter().dump_python(recipe, mode="json")
+    # What is wrong with a recipe made in Python is told by reading it back, not by warnings here.
+    plain = adapter().dump_python(recipe, mode="json", warnings=False)
     return json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def recipe_from_json(text: str) -> Recipe:
-    """The recipe of a canonical JSON."""
-    return adapter().validate_json(text, strict=True)
+    """The recipe of a canonical JSON.
+
+    Raises:
+        RecipeError: for what the schema does not allow; recipes made in Python are checked here.
+    """
+    try:
+        return adapter().validate_json(text, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        found = f"{first['msg']}, found {first['input']!r}"
+        raise RecipeError(f"{key}: {found}" if key else found) from None
 
 
 def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:

@@ -25,13 +25,13 @@ def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silen
     """
     out = Path(out)
     watch = Stopwatch(progress)
-    read_manifest(out)
+    losses = read_manifest(out)["losses"]
     watch("load")
     world = World.load(out)
     for order in _orders(world, only):
         watch(f"export {order.folder}")
-        export_folder(world, out, order)
-    return assess(world, out, watch=watch)
+        losses[order.folder] = export_folder(world, out, order)
+    return assess(world, out, losses=losses, watch=watch)
 
 
 def validate(out: Path | str, *, progress: Progress = silent) -> bool:
@@ -42,9 +42,9 @@ def validate(out: Path | str, *, progress: Progress = silent) -> bool:
     """
     out = Path(out)
     watch = Stopwatch(progress)
-    read_manifest(out)
+    losses = read_manifest(out)["losses"]
     watch("load")
-    return assess(World.load(out), out, watch=watch)
+    return assess(World.load(out), out, losses=losses, watch=watch)
 
 
 def _orders(world: World, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:

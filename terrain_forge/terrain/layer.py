@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import pkgutil
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from terrain_forge.site import Site, Window
 from terrain_forge.specs import Spec
 
 LAYERS = "terrain_forge.layers"
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +49,21 @@ def layer_types() -> tuple[type[Layer], ...]:
     """All kinds of layers that are installed, in the order of their names."""
     from terrain_forge.terrain import layers
 
-    modules = [m.name for m in pkgutil.iter_modules(layers.__path__, f"{layers.__name__}.")]
-    modules += [point.module for point in entry_points(group=LAYERS)]
+    names = [m.name for m in pkgutil.iter_modules(layers.__path__, f"{layers.__name__}.")]
+    modules = [import_module(name) for name in names]
+    modules += [module for point in entry_points(group=LAYERS) if (module := _load(point))]
     found = [
         member
-        for name in modules
-        for member in vars(import_module(name)).values()
+        for module in modules
+        for member in vars(module).values()
         if isinstance(member, type) and issubclass(member, Layer) and member is not Layer
     ]
     return tuple(sorted(set(found), key=lambda layer: layer.__name__))
+
+
+def _load(point: EntryPoint) -> ModuleType | None:
+    try:
+        return import_module(point.module)
+    except Exception as error:  # whatever a foreign package raises must not break ours
+        _log.warning("layer %r (%s) is skipped: %s", point.name, point.value, error)
+        return None

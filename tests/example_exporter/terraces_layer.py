@@ -1,0 +1,32 @@
+"""A displacement layer: ground cut into terraces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.site import Site, Window
+from terrain_forge.specs import Positive
+from terrain_forge.terrain.layer import Layer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Terraces(Layer):
+    """Steps that rise to the east; a node's height follows from its own coordinates alone."""
+
+    kind: Literal["terraces"] = "terraces"
+    width_m: Positive
+    """Width of a step, west to east [m]."""
+    rise_m: float
+    """Rise from one step to the next [m]."""
+
+    def relief(
+        self, *, site: Site, window: Window, elevation: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Heights to add [m] at the window's nodes."""
+        east, _ = site.axes(window)
+        steps = np.floor((east - site.west) / self.width_m)
+        return np.broadcast_to(self.rise_m * steps, elevation.shape)
