@@ -240,10 +240,7 @@ def replacing(target: Path, *, known: bool = False) -> Iterator[Path]:
     if not known:
         _clear_leftovers(target)
     try:
-        fresh.mkdir(parents=True)
-    except OSError as error:
-        raise OutputError(f"{target.parent} cannot be written: {error.strerror}") from None
-    try:
+        _make(fresh)
         yield fresh
         if target.exists():
             target.rename(aside)
@@ -254,6 +251,13 @@ def replacing(target: Path, *, known: bool = False) -> Iterator[Path]:
             aside.rename(target)
         raise
     shutil.rmtree(aside, ignore_errors=True)
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise OutputError(f"{folder.parent} cannot be written: {error.strerror}") from None
 
 
 def _clear_leftovers(target: Path) -> None:

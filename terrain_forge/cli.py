@@ -7,6 +7,7 @@ error; 130 interrupted.
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import sys
 import traceback
@@ -233,7 +234,10 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(WRONG_INPUT)
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted, nothing was left behind", err=True)
-        sys.exit(INTERRUPTED)
+        # Where the interrupt met an exec() (imports run some), CPython would end by the signal,
+        # although it was handled; so leave at once.
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
     except TerrainForgeError as error:
         if debug:
             traceback.print_exc()

@@ -56,7 +56,7 @@ def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:
     return normals.reshape(-1, 3)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
 def _fill_normals(normals, elevation, column, row, spacing):  # type: ignore[no-untyped-def]
     last_row, last_column = elevation.shape[0] - 1, elevation.shape[1] - 1
     for j in range(normals.shape[0]):

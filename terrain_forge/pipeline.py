@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.bodies import BODIES
 from terrain_forge.dtm.survey import survey
-from terrain_forge.inputs import hash_inputs, read_images
+from terrain_forge.inputs import hash_inputs, portable_json, read_images
 from terrain_forge.limits import (
     driven_path,
     require_centre,
@@ -90,7 +90,7 @@ def plan(
         images=read_images(recipe, Path(folder)),
         inputs=hash_inputs(recipe, Path(folder)),
         routes=routes,
-        recipe_json=recipe_json(recipe),
+        recipe_json=portable_json(recipe),
     )
 
 

@@ -88,7 +88,7 @@ def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic],
     return np.concatenate(arrays), begins
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
 def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
     """Depth [m] of a point under the triangulated ground; negative above it or beside the grid."""
     elevation, west, south, spacing = ground
@@ -108,32 +108,32 @@ def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
     return height - z
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
 def _merge(vertices, faces, shapes, rocks, ground):  # type: ignore[no-untyped-def]
     points, first_point, corners, first_face = shapes
     prototypes, positions, matrices, margins = rocks
-    largest = np.max(np.diff(first_point))
+    largest = 0
+    for shape in range(len(first_point) - 1):
+        largest = max(largest, first_point[shape + 1] - first_point[shape])
     placed = np.empty((largest, 3))
     deep = np.empty(largest, dtype=np.bool_)
     index = np.empty(largest, dtype=np.int32)
     vertex_count, face_count = 0, 0
     for rock in range(len(prototypes)):
         shape = prototypes[rock]
-        start = first_point[shape]
-        matrix = matrices[rock]
-        size = first_point[shape + 1] - start
-        for n in range(size):
-            p = points[start + n]
+        start, matrix = first_point[shape], matrices[rock]
+        for n in range(first_point[shape + 1] - start):
+            x, y, z = points[start + n, 0], points[start + n, 1], points[start + n, 2]
             for axis in range(3):
-                turned = matrix[axis, 0] * p[0] + matrix[axis, 1] * p[1] + matrix[axis, 2] * p[2]
+                turned = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
                 placed[n, axis] = positions[rock, axis] + turned
             deep[n] = _depth(ground, placed[n, 0], placed[n, 1], placed[n, 2]) > margins[rock]
             index[n] = -1
         for face in range(first_face[shape], first_face[shape + 1]):
-            a, b, c = corners[face]
-            if deep[a] and deep[b] and deep[c]:
+            if deep[corners[face, 0]] and deep[corners[face, 1]] and deep[corners[face, 2]]:
                 continue
-            for place, n in enumerate((a, b, c)):
+            for place in range(3):
+                n = corners[face, place]
                 if index[n] < 0:
                     index[n] = vertex_count
                     for axis in range(3):

@@ -101,11 +101,11 @@ class Site(Record):
     images: tuple[Image, ...]
     """Images that layers use."""
     inputs: tuple[tuple[str, str], ...]
-    """Input files: path as the recipe writes it, SHA-256."""
+    """Input files: path as the recipe writes it (absolute ones: the name only), SHA-256."""
     routes: tuple[Route, ...]
     """The recipe's routes, known before terrain and rocks."""
     recipe_json: str
-    """The resolved recipe as canonical JSON."""
+    """The resolved recipe as canonical JSON, without absolute paths."""
 
     @cached_property
     def recipe(self) -> Recipe:

@@ -94,9 +94,7 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     if not path.is_file():
         raise DataError(f"no such file: {spec.source}", key=("dtm", "source"))
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            dataset = rasterio.open(path)
+        dataset = _open(path)
     except rasterio.errors.RasterioError:
         hint = _label_hint(path)
         raise DataError(
@@ -131,6 +129,15 @@ def _require_body(crs: str, body: Body, spec: RasterDtm) -> None:
             f"{body.mean_radius / 1e3:.0f} km",
             key=("body",),
         )
+
+
+def _open(path: Path) -> Any:
+    """The rasterio dataset; a missing georeference is no cause for a warning here."""
+    import rasterio
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        return rasterio.open(path)
 
 
 def _label_hint(path: Path) -> str:
@@ -183,6 +190,12 @@ def _reference_radius(offset: float, crs: str, body: Body) -> float:
     return ellipsoid(crs)[0] if crs else body.mean_radius
 
 
+def files_of_raster(path: Path) -> list[Path]:
+    """Files that belong to a raster besides the one that is opened, such as a label's image."""
+    with _open(path) as dataset:
+        return sorted(Path(name) for name in dataset.files if Path(name) != path)
+
+
 def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
     """An image's first band as 0 to 1 (integers by their type's range), rows running north.
 
@@ -196,10 +209,8 @@ def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
     if not (folder / path).is_file():
         raise DataError(f"no such file: {path}", key=key)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(folder / path) as dataset:
-                values = dataset.read(1)
+        with _open(folder / path) as dataset:
+            values = dataset.read(1)
     except rasterio.errors.RasterioError:
         raise DataError(f"not an image: {path}", key=key) from None
     if values.dtype.kind in "iu":

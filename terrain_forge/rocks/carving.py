@@ -54,7 +54,8 @@ def carve(blank: Blank, sphere: Sphere) -> tuple[Mesh, ...]:
     features = np.hstack([points, _CREASE_WEIGHT * normals]).T.copy()
     chosen = farthest_first(features, np.zeros(1, np.intp), LEVELS[0])
     outer = supporting(points[chosen], sphere.views, LEVELS[-1])
-    chosen = chosen[farthest_first(features[:, chosen], outer, LEVELS[0])]
+    kept = np.ascontiguousarray(features[:, chosen])
+    chosen = chosen[farthest_first(kept, outer, LEVELS[0])]
     points, directions = points[chosen], sphere.directions[chosen]
     gauge = np.sqrt(convex_gauge(blank, directions) ** 2 + _FLATTENING**2)
     convex = directions / gauge[:, None]
@@ -128,19 +129,24 @@ def farthest_first(features, first, count):  # type: ignore[no-untyped-def]
     Gonzalez 1985, doi:10.1016/0304-3975(85)90224-5.
     """
     rows, columns = features.shape
-    chosen = np.empty(count, np.intp)
-    chosen[: len(first)] = first
-    nearest = np.full(columns, np.inf)
-    squared = np.empty(columns)
+    chosen, nearest, squared = np.empty(count, np.intp), np.empty(columns), np.empty(columns)
+    for n in range(len(first)):
+        chosen[n] = first[n]
+    for column in range(columns):
+        nearest[column] = np.inf
     for n in range(count - 1):
-        squared[:] = 0.0
+        for column in range(columns):
+            squared[column] = 0.0
         for row in range(rows):
             centre = features[row, chosen[n]]
             for column in range(columns):
                 squared[column] += (features[row, column] - centre) ** 2
         for column in range(columns):
-            if squared[column] < nearest[column]:
-                nearest[column] = squared[column]
+            nearest[column] = min(nearest[column], squared[column])
         if n + 1 >= len(first):
-            chosen[n + 1] = np.argmax(nearest)
+            farthest = 0
+            for column in range(columns):
+                if nearest[column] > nearest[farthest]:
+                    farthest = column
+            chosen[n + 1] = farthest
     return chosen

@@ -85,20 +85,25 @@ def corridor_area(site: Site, window: Window) -> float:
     return float(_area(strips, east[0], east[-1], north[0], north[-1], lines))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
     """Distance [m] of a point to each corridor's middle, shape [corridors]; at most `limit`."""
-    squares = np.full(len(strips.half_width), limit * limit)
-    i0, i1 = _bin_range(strips, 0, x - limit, x + limit)
-    j0, j1 = _bin_range(strips, 1, y - limit, y + limit)
+    squares = np.empty(len(strips.half_width))
+    for c in range(len(squares)):
+        squares[c] = limit * limit
+    origin, size, bins = strips.origin, strips.bin_size, strips.bins
+    i0, i1 = _bin_range(origin[0], size, bins[0], x - limit, x + limit)
+    j0, j1 = _bin_range(origin[1], size, bins[1], y - limit, y + limit)
     for j in range(j0, j1):
         for i in range(i0, i1):
-            b = j * strips.bins[0] + i
+            b = j * bins[0] + i
             for m in range(strips.first[b], strips.first[b + 1]):
                 s = strips.members[m]
                 c = strips.corridor[s]
                 squares[c] = min(squares[c], _square_distance(strips.segments[s], x, y))
-    return np.sqrt(squares)
+    for c in range(len(squares)):
+        squares[c] = np.sqrt(squares[c])
+    return squares
 
 
 @njit(cache=True, inline="always")
@@ -111,23 +116,21 @@ def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
     return ex * ex + ey * ey
 
 
-@njit(cache=True)
-def _bin_range(strips, axis, low, high):  # type: ignore[no-untyped-def]
+@njit(cache=True, error_model="numpy")
+def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
     """First bin, and one past the last, that an interval of coordinates touches."""
-    count = strips.bins[axis]
-    first = np.floor((low - strips.origin[axis]) / strips.bin_size)
-    last = np.floor((high - strips.origin[axis]) / strips.bin_size)
+    first, last = np.floor((low - origin) / size), np.floor((high - origin) / size)
     return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sort_into_bins(segments, origin, size, bins):  # type: ignore[no-untyped-def]
     first = np.zeros(bins[0] * bins[1] + 1, dtype=np.int64)
     members = np.zeros(0, dtype=np.int64)
     for fill in range(2):
         cursor = first.copy()
         for s in range(len(segments)):
-            a, b, c, d = segments[s]
+            a, b, c, d = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
             i0, i1 = int((min(a, c) - origin[0]) // size), int((max(a, c) - origin[0]) // size)
             j0, j1 = int((min(b, d) - origin[1]) // size), int((max(b, d) - origin[1]) // size)
             for j in range(j0, min(j1 + 1, bins[1])):
@@ -139,17 +142,18 @@ def _sort_into_bins(segments, origin, size, bins):  # type: ignore[no-untyped-de
                     else:
                         first[n + 1] += 1
         if not fill:
-            first = np.cumsum(first)
+            for n in range(1, len(first)):
+                first[n] += first[n - 1]
             members = np.zeros(first[-1], dtype=np.int64)
     return first, members
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _inside(strips, xy):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
     limit = 0.0
-    for width in strips.half_width:
-        limit = max(limit, width)
+    for c in range(len(strips.half_width)):
+        limit = max(limit, strips.half_width[c])
     for n in range(len(xy)):
         away = distances(strips, xy[n, 0], xy[n, 1], limit)
         for c in range(len(away)):
@@ -157,15 +161,19 @@ def _inside(strips, xy):  # type: ignore[no-untyped-def]
     return inside
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-def]
     step = (north - south) / lines
-    widest = strips.half_width.max()
+    widest = 0.0
+    for c in range(len(strips.half_width)):
+        widest = max(widest, strips.half_width[c])
     lows, highs = np.empty(len(strips.members)), np.empty(len(strips.members))
     length = 0.0
     for line in range(lines):
         y = south + (line + 0.5) * step
-        j0, j1 = _bin_range(strips, 1, y - widest, y + widest)
+        j0, j1 = _bin_range(
+            strips.origin[1], strips.bin_size, strips.bins[1], y - widest, y + widest
+        )
         count = 0
         for m in range(strips.first[j0 * strips.bins[0]], strips.first[j1 * strips.bins[0]]):
             s = strips.members[m]
@@ -181,7 +189,7 @@ def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-d
     return length * step
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _chord(segment, radius, y):  # type: ignore[no-untyped-def]
     """West and east end of the line north = y within `radius` of a segment; infinite if it misses.
 

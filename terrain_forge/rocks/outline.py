@@ -52,12 +52,12 @@ def exposed_outline(mesh: Mesh, *, rotation: Array, normal: Array, buried: float
     Returns:
         Corners in counter-clockwise order, relative to the mesh's origin [m], shape [corners, 2].
     """
-    up = np.asarray(rotation, np.float64).T @ np.asarray(normal, np.float64)
-    low, high = extent(mesh.vertices, up)
+    turn = np.array(rotation, np.float64, order="C")
+    up = tuple(turn.T @ np.asarray(normal, np.float64))
+    vertices = mesh.vertices.copy()
+    low, high = extent(vertices, up)
     level = low + buried * (high - low)
-    outline: Array = convex_hull(
-        exposed_points(mesh.vertices, edges(mesh), np.asarray(rotation, np.float64), up, level)
-    )
+    outline: Array = convex_hull(exposed_points(vertices, edges(mesh), turn, up, level))
     return outline
 
 
@@ -72,7 +72,7 @@ def bounds(mesh: Mesh) -> tuple[float, float]:
         rise: largest vertical distance of a vertex above the tangent plane; both over the exposed
         diameter.
     """
-    reach, rise, _ = _sweep(mesh.vertices, edges(mesh))
+    reach, rise, _ = _sweep(mesh.vertices.copy(), edges(mesh))
     return float(reach) * _BOUND_MARGIN, float(rise) * _BOUND_MARGIN
 
 
@@ -86,38 +86,36 @@ def footprint(mesh: Mesh) -> Array:
         Distances over the exposed diameter, along directions counter-clockwise from where the yaw
         turns the prototype's x axis, shape [directions].
     """
-    _, _, support = _sweep(mesh.vertices, edges(mesh))
+    _, _, support = _sweep(mesh.vertices.copy(), edges(mesh))
     footprint: Array = support * _BOUND_MARGIN
     return footprint
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def resting_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
     """The rotation that turns by `yaw` [rad] about z, then leans z the short way to a unit normal.
 
     Returns:
-        Quaternion (w, x, y, z), shape [4].
+        Quaternion (w, x, y, z).
     """
     w = np.sqrt(0.5 * (1.0 + up))
     x, y = -0.5 * north / w, 0.5 * east / w
     cos, sin = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
-    return np.array([w * cos, x * cos + y * sin, y * cos - x * sin, w * sin])
+    return w * cos, x * cos + y * sin, y * cos - x * sin, w * sin
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rotation_matrix(quaternion):  # type: ignore[no-untyped-def]
     """The matrix of a unit quaternion (w, x, y, z), shape [3, 3]."""
     w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    m = np.empty((3, 3))
+    m[0, 0], m[0, 1], m[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    m[1, 0], m[1, 1], m[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    return m
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def extent(vertices, direction):  # type: ignore[no-untyped-def]
     """Lowest and highest coordinate [m] of the vertices along a direction."""
     low, high = np.inf, -np.inf
@@ -131,13 +129,13 @@ def extent(vertices, direction):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def exposed_diameter(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
     """Exposed plan diameter [m]; arguments as of `exposed_points`."""
     return mean_width(exposed_points(vertices, edges, rotation, up, level))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
     """Corners, in plan, of the part of a mesh above a plane.
 
@@ -145,7 +143,7 @@ def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-unt
         vertices: Vertices of the mesh [m], shape [vertices, 3].
         edges: Pairs of vertex indices, shape [edges, 2].
         rotation: Matrix from the mesh's axes to the world's, shape [3, 3].
-        up: Unit normal of the plane in the mesh's axes, shape [3].
+        up: Unit normal of the plane in the mesh's axes, a triple.
         level: Coordinate of the plane along `up` [m].
 
     Returns:
@@ -174,13 +172,15 @@ def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-unt
     return points[:found]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def convex_hull(points):  # type: ignore[no-untyped-def]
     """Convex hull of points in the plane, counter-clockwise, shape [corners, 2] (Andrew 1979)."""
     kept = _sorted(_outside_octagon(points))
     count = len(kept)
     if count == 0:  # all points are one
-        return points[:1].copy()
+        hull = np.empty((1, 2))
+        hull[0, 0], hull[0, 1] = points[0, 0], points[0, 1]
+        return hull
     chain = np.empty(2 * count + 1, dtype=np.int64)
     size = 0
     for sweep in range(2):
@@ -198,7 +198,7 @@ def convex_hull(points):  # type: ignore[no-untyped-def]
     return hull
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def mean_width(points):  # type: ignore[no-untyped-def]
     """Mean of the diameter of points in the plane (or of their hull) and of the width across it."""
     if len(points) == 0:
@@ -212,14 +212,17 @@ def mean_width(points):  # type: ignore[no-untyped-def]
     return 0.5 * (length + (high - low) / length) if length > 0.0 else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _longest(points):  # type: ignore[no-untyped-def]
     """East and north of the difference of the most distant pair of points.
 
     A distant pair is found by walking from point to farthest point. A more distant one can only
     lie in the rim that is farther from its middle than its length less the largest distance.
     """
-    corner, _ = _farthest(points, points[:, 0].mean(), points[:, 1].mean())
+    x = y = 0.0
+    for n in range(len(points)):
+        x, y = x + points[n, 0], y + points[n, 1]
+    corner, _ = _farthest(points, x / len(points), y / len(points))
     a, _ = _farthest(points, points[corner, 0], points[corner, 1])
     b, longest = _farthest(points, points[a, 0], points[a, 1])
     east, north = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
@@ -240,7 +243,7 @@ def _longest(points):  # type: ignore[no-untyped-def]
     return east, north
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _farthest(points, x, y):  # type: ignore[no-untyped-def]
     """Index of the point that is farthest from a place, and the square of its distance."""
     largest, farthest = -1.0, 0
@@ -258,7 +261,7 @@ def _turn(points, a, b, c):  # type: ignore[no-untyped-def]
     return ux * (points[c, 1] - points[a, 1]) - uy * (points[c, 0] - points[a, 0])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _outside_octagon(points):  # type: ignore[no-untyped-def]
     """The points that are not strictly inside the octagon of the extremes in eight directions.
 
@@ -278,7 +281,7 @@ def _outside_octagon(points):  # type: ignore[no-untyped-def]
     return kept[:size]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _octagon(points):  # type: ignore[no-untyped-def]
     """Sides as a x + b y < c inside; c is infinite where two corners are one point."""
     best = np.zeros(8, dtype=np.int64)
@@ -293,14 +296,15 @@ def _octagon(points):  # type: ignore[no-untyped-def]
                 low, best[k + 4] = along, n
     sides = np.empty((8, 3))
     for k in range(8):
-        p, q = points[best[k]], points[best[(k + 1) & 7]]
-        sides[k, 0], sides[k, 1] = q[1] - p[1], p[0] - q[0]
-        same = p[0] == q[0] and p[1] == q[1]
-        sides[k, 2] = np.inf if same else sides[k, 0] * p[0] + sides[k, 1] * p[1]
+        p, q = best[k], best[(k + 1) & 7]
+        x, y = points[p, 0], points[p, 1]
+        sides[k, 0], sides[k, 1] = points[q, 1] - y, x - points[q, 0]
+        same = x == points[q, 0] and y == points[q, 1]
+        sides[k, 2] = np.inf if same else sides[k, 0] * x + sides[k, 1] * y
     return sides
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sorted(points):  # type: ignore[no-untyped-def]
     """Sort points in place by east, then north (Shell's method: short lists, no recursion)."""
     for gap in (701, 301, 132, 57, 23, 10, 4, 1):
@@ -316,10 +320,10 @@ def _sorted(points):  # type: ignore[no-untyped-def]
     return points
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
     """Largest reach, rise and support over all ways to rest, each over the exposed diameter."""
-    up = np.array([0.0, 0.0, 1.0])
+    up = (0.0, 0.0, 1.0)
     low, high = extent(vertices, up)
     reach = rise = 0.0
     support = np.zeros(FOOTPRINT_DIRECTIONS)
@@ -334,19 +338,18 @@ def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
             diameter = exposed_diameter(vertices, edges, rotation, up, level)
             rise = max(rise, (high - level) / np.cos(tilt) / diameter)
             smallest = min(smallest, diameter)
-        distance, along = _spread(vertices, rotation)
-        reach = max(reach, distance / smallest)
-        support = np.maximum(support, along / smallest)
+        hull = _plan_hull(vertices, rotation)
+        reach = max(reach, np.sqrt(_farthest(hull, 0.0, 0.0)[1]) / smallest)
+        for d in range(FOOTPRINT_DIRECTIONS):
+            angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS
+            east, north = np.cos(angle), np.sin(angle)
+            for n in range(len(hull)):
+                along = hull[n, 0] * east + hull[n, 1] * north
+                support[d] = max(support[d], along / smallest)
     return reach, rise, support
 
 
-@njit(cache=True)
-def _spread(vertices, rotation):  # type: ignore[no-untyped-def]
-    """Largest horizontal distance of a vertex, and the largest along each footprint direction."""
-    hull = convex_hull(np.ascontiguousarray(vertices @ rotation[:2].T))
-    farthest = np.sqrt((hull * hull).sum(axis=1).max())
-    along = np.empty(FOOTPRINT_DIRECTIONS)
-    for d in range(FOOTPRINT_DIRECTIONS):
-        angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS
-        along[d] = (hull[:, 0] * np.cos(angle) + hull[:, 1] * np.sin(angle)).max()
-    return farthest, along
+@njit(cache=True, error_model="numpy")
+def _plan_hull(vertices, rotation):  # type: ignore[no-untyped-def]
+    """Convex hull, in plan, of all vertices of a turned mesh."""
+    return convex_hull(vertices @ rotation[:2].T)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.corridor import distances
+from terrain_forge.rocks.corridor import Corridors, distances
 from terrain_forge.rocks.outline import FOOTPRINT_DIRECTIONS
 from terrain_forge.seeds import mix, poisson, uniform
+from terrain_forge.threads import over_chunks
 
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class Rocks(NamedTuple):
     """The next placed rock of the same bin, or -1, shape [rocks]."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cell_counts(key, columns, rows, mean):  # type: ignore[no-untyped-def]
     """Poisson number of rocks in each cell of a class, shape [rows, columns]."""
     counts = np.empty((rows, columns), dtype=np.int64)
@@ -77,10 +78,14 @@ def cell_counts(key, columns, rows, mean):  # type: ignore[no-untyped-def]
     return counts
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
     """Hashed addresses of the rocks of a region of cells that begins at (column, row)."""
-    found = np.empty(counts.sum(), dtype=np.uint64)
+    count = 0
+    for j in range(counts.shape[0]):
+        for i in range(counts.shape[1]):
+            count += counts[j, i]
+    found = np.empty(count, dtype=np.uint64)
     n = 0
     for j in range(counts.shape[0]):
         for i in range(counts.shape[1]):
@@ -91,7 +96,7 @@ def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def words(address, what):  # type: ignore[no-untyped-def]
     """Extend each address by what is drawn there."""
     found = np.empty(len(address), dtype=np.uint64)
@@ -100,7 +105,7 @@ def words(address, what):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def draw(address, what):  # type: ignore[no-untyped-def]
     """A uniform number in (0, 1) for each address."""
     drawn = np.empty(len(address))
@@ -109,33 +114,43 @@ def draw(address, what):  # type: ignore[no-untyped-def]
     return drawn
 
 
-@njit(cache=True, parallel=True)
-def place(layout, rocks, footprints, strips):  # type: ignore[no-untyped-def]
+def place(layout: Layout, rocks: Rocks, footprints: Array, strips: Corridors) -> None:
     """Find a place for every rock, in the order of the classes; changes `rocks`.
 
     `footprints` are the prototypes' support functions, shape [prototypes, directions].
     """
-    for c in range(len(layout.region)):
-        column, row, columns, rows = layout.region[c]
+    for c, (column, row, columns, rows) in enumerate(layout.region.tolist()):
         for colour in range(4):
-            # Cells of one colour are every other one each way, counted on the whole site.
+            # Cells of one colour are every other one each way, counted on the whole site: their
+            # rocks cannot meet, so that it does not matter in which order they are placed.
             i0, j0 = (column + colour) & 1, (row + (colour >> 1)) & 1
             across, along = (columns - i0 + 1) // 2, (rows - j0 + 1) // 2
-            for n in prange(across * along):
-                i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
-                cell = layout.first_cell[c] + j * columns + i
-                for rock in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
-                    _place_one(layout, rocks, footprints, strips, c, column + i, row + j, rock)
+            over_chunks(
+                _place_cells, across * along, layout, rocks, footprints, strips, c, i0, j0, across
+            )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place_cells(  # type: ignore[no-untyped-def]
+    first, last, layout, rocks, footprints, strips, c, i0, j0, across
+):
+    """Place the rocks of some cells of one colour, which are numbered row by row."""
+    column, row, columns = layout.region[c, 0], layout.region[c, 1], layout.region[c, 2]
+    for n in range(first, last):
+        i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
+        cell = layout.first_cell[c] + j * columns + i
+        for rock in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
+            _place_one(layout, rocks, footprints, strips, c, column + i, row + j, rock)
+
+
+@njit(cache=True, error_model="numpy")
 def _place_one(layout, rocks, footprints, strips, c, column, row, rock):  # type: ignore[no-untyped-def]
     """Put a rock of class `c` at its first choice or, failing that, elsewhere in its cell."""
     first_x, first_y, radius = rocks.circle[rock]
-    width, depth = layout.side[c]
+    width, depth = layout.side[c, 0], layout.side[c, 1]
     limit = radius
-    for half_width in strips.half_width:
-        limit = max(limit, half_width + radius)
+    for s in range(len(strips.half_width)):
+        limit = max(limit, strips.half_width[s] + radius)
     home = distances(strips, first_x, first_y, limit)
     for s in range(len(home)):
         if home[s] < strips.half_width[s] and rocks.height[rock] > strips.clearance[s]:
@@ -167,7 +182,7 @@ def _on_site(bounds, x, y, radius):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _settle(layout, rocks, c, column, row, rock, x, y):  # type: ignore[no-untyped-def]
     """Place a rock, and enter it into its bin, which is one of its own cell's."""
     rocks.circle[rock, 0], rocks.circle[rock, 1] = x, y
@@ -182,7 +197,7 @@ def _settle(layout, rocks, c, column, row, rock, x, y):  # type: ignore[no-untyp
     rocks.first_in_bin[n] = rock
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_free(layout, rocks, footprints, c, x, y, rock):  # type: ignore[no-untyped-def]
     """Whether a rock at a place overlaps none that lies already, of class `c` or an earlier one."""
     for other in range(c + 1):
@@ -220,7 +235,7 @@ def _overlap(rocks, footprints, rock, near, x, y):  # type: ignore[no-untyped-de
     return not _separate(rocks, footprints, rock, near, dx, dy)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _separate(rocks, footprints, one, other, dx, dy):  # type: ignore[no-untyped-def]
     """Whether a line parts the footprints of two rocks, the other one being (dx, dy) [m] away.
 
@@ -252,7 +267,7 @@ def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def
     return rocks.diameter[rock] * along / np.cos(0.5 * step)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _keeps_off(strips, home, x, y, radius, limit, height):  # type: ignore[no-untyped-def]
     """Whether a place is on the same side of every corridor's border as the first choice was.
 

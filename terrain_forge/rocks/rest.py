@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.rocks.outline import (
@@ -24,13 +24,14 @@ from terrain_forge.rocks.outline import (
     rotation_matrix,
 )
 from terrain_forge.rocks.scatter import Scattered
+from terrain_forge.threads import over_chunks
 from terrain_forge.world import Heightfield, RockField, RockLibrary
 
 Array = NDArray[np.float64]
 
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
-_UP = np.array([0.0, 0.0, 1.0])
+_UP = (0.0, 0.0, 1.0)
 _UPRIGHT = np.eye(3)
 _BURIALS = np.linspace(0.0, MAX_BURIED, 7)
 
@@ -58,14 +59,17 @@ def rest(
     # In cells, and rounded, the origin of every window of a site has the same fraction of a cell.
     origin = np.round(np.array(ground.origin) / ground.spacing, 6)
     corner = np.floor(origin)
-    z, quaternion, scale, height, buried = _rest(
-        scattered.xy,
-        scattered.yaw,
-        scattered.buried,
-        scattered.diameter,
-        scattered.prototype,
-        _shapes(library),
+    shapes, count = _shapes(library), len(scattered.diameter)
+    z, scale, height, buried = (np.empty(count) for _ in range(4))
+    quaternion = np.empty((count, 4))
+    over_chunks(
+        _rest,
+        count,
+        (scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype),
+        scattered.diameter / _upright_diameter(shapes, scattered),
+        shapes,
         _Ground(ground.elevation, ground.spacing, origin - corner, corner.astype(np.int64)),
+        (z, quaternion, scale, height, buried),
     )
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * scale**3
@@ -119,17 +123,15 @@ class _Shapes(NamedTuple):
 def _shapes(library: RockLibrary) -> _Shapes:
     vertices, pairs, lows, rises, widths = [], [], [], [], []
     for prototype in library.prototypes:
-        mesh = prototype.meshes[0]
-        ends = mesh.vertices[edges(mesh), 2]
+        points, lines = prototype.meshes[0].vertices.copy(), edges(prototype.meshes[0])
+        ends = points[lines, 2]
         order = np.argsort(ends.min(axis=1), kind="stable")
-        vertices.append(mesh.vertices)
-        pairs.append(edges(mesh)[order])
+        vertices.append(points)
+        pairs.append(lines[order])
         lows.append(ends.min(axis=1)[order])
         rises.append(np.ptp(ends, axis=1).max())
-        levels = mesh.vertices[:, 2].min() + np.ptp(mesh.vertices[:, 2]) * _BURIALS
-        widths.append(
-            [exposed_diameter(mesh.vertices, pairs[-1], _UPRIGHT, _UP, h) for h in levels]
-        )
+        levels = points[:, 2].min() + np.ptp(points[:, 2]) * _BURIALS
+        widths.append([exposed_diameter(points, pairs[-1], _UPRIGHT, _UP, h) for h in levels])
     return _Shapes(
         vertices=np.concatenate(vertices),
         first_vertex=np.cumsum([0, *map(len, vertices)]),
@@ -143,12 +145,20 @@ def _shapes(library: RockLibrary) -> _Shapes:
     )
 
 
-@njit(cache=True, parallel=True)
-def _rest(xy, yaw, wanted, diameter, prototype, shapes, ground):  # type: ignore[no-untyped-def]
-    count = len(xy)
-    z, scale, height, buried = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    quaternion = np.empty((count, 4))
-    for n in prange(count):
+def _upright_diameter(shapes: _Shapes, scattered: Scattered) -> Array:
+    """Exposed diameter that rocks of unit scale would have upright, shape [rocks]."""
+    diameter = np.empty(len(scattered.buried))
+    for prototype, width in enumerate(shapes.width):
+        rows = scattered.prototype == prototype
+        diameter[rows] = np.interp(scattered.buried[rows], _BURIALS, width)
+    return diameter
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rest(first, last, rocks, upright_size, shapes, ground, result):  # type: ignore[no-untyped-def]
+    xy, yaw, wanted, diameter, prototype = rocks
+    z, quaternion, scale, height, buried = result
+    for n in range(first, last):
         p, x, y = prototype[n], xy[n, 0], xy[n, 1]
         vertices = shapes.vertices[shapes.first_vertex[p] : shapes.first_vertex[p + 1]]
         low, span = shapes.low[p], shapes.high[p] - shapes.low[p]
@@ -158,43 +168,56 @@ def _rest(xy, yaw, wanted, diameter, prototype, shapes, ground):  # type: ignore
         rotation = rotation_matrix(turn)
         level = low + wanted[n] * span
         # The size that the rock would have upright is close enough to tell how far to sink it.
-        size = diameter[n] / np.interp(wanted[n], _BURIALS, shapes.width[p])
+        size = upright_size[n]
         waterline = _crossing(shapes, p, level)
         gap = _gap(ground, vertices, waterline, rotation, size, level, x, y, plane)
         if gap > 0.0:
             level = min(level + gap * upright / size, max(low + MAX_BURIED * span, level))
             waterline = _crossing(shapes, p, level)
         size = diameter[n] / exposed_diameter(vertices, waterline, rotation, _UP, level)
-        quaternion[n] = turn
+        for k in range(4):
+            quaternion[n, k] = turn[k]
         scale[n] = size
         z[n] = plane[0] - level * size / upright
         height[n] = (low + span - level) * size / upright
         buried[n] = (level - low) / span
-    return z, quaternion, scale, height, buried
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _crossing(shapes, p, level):  # type: ignore[no-untyped-def]
     """Edges of a prototype among which are all that cross a level."""
     first, last = shapes.first_edge[p], shapes.first_edge[p + 1]
-    lows = shapes.edge_low[first:last]
-    begin = np.searchsorted(lows, level - (1.0 + 1e-9) * shapes.edge_rise[p])
-    end = np.searchsorted(lows, level)
-    return shapes.edges[first + begin : first + end]
+    deepest = level - (1.0 + 1e-9) * shapes.edge_rise[p]
+    begin = _first_from(shapes.edge_low, first, last, deepest)
+    return shapes.edges[begin : _first_from(shapes.edge_low, begin, last, level)]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _first_from(ascending, first, last, value):  # type: ignore[no-untyped-def]
+    """Index of the first number in a range of an ascending array that is not below a value."""
+    while first < last:
+        middle = (first + last) // 2
+        if ascending[middle] < value:
+            first = middle + 1
+        else:
+            last = middle
+    return first
+
+
+@njit(cache=True, error_model="numpy")
 def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     """Height [m] of the ground at a point, and its rise per metre east and north.
 
     The rise is that of the least-squares plane through a ring of ground, and at most `MAX_TILT`.
     """
     xs, ys, zs = np.empty(_RING_POINTS), np.empty(_RING_POINTS), np.empty(_RING_POINTS)
+    mean_x = mean_y = 0.0
     for k in range(_RING_POINTS):
         angle = 2.0 * np.pi * k / _RING_POINTS
         xs[k], ys[k] = _onto(ground, x + radius * np.cos(angle), y + radius * np.sin(angle))
         zs[k] = _height(ground, xs[k], ys[k])
-    mean_x, mean_y = xs.sum() / _RING_POINTS, ys.sum() / _RING_POINTS
+        mean_x, mean_y = mean_x + xs[k], mean_y + ys[k]
+    mean_x, mean_y = mean_x / _RING_POINTS, mean_y / _RING_POINTS
     xx = xy = yy = xz = yz = 0.0
     for k in range(_RING_POINTS):
         east, north = xs[k] - mean_x, ys[k] - mean_y
@@ -208,7 +231,7 @@ def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     return _height(ground, x, y), slope_x * share, slope_y * share
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _gap(ground, vertices, edges, rotation, size, level, x, y, plane):  # type: ignore[no-untyped-def]
     """How far the ground lies below its tangent plane along the rock's waterline, at most [m]."""
     gap = 0.0
@@ -228,7 +251,7 @@ def _gap(ground, vertices, edges, rotation, size, level, x, y, plane):  # type: 
     return gap
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _onto(ground, x, y):  # type: ignore[no-untyped-def]
     """The nearest point of the grid's rectangle."""
     rows, columns = ground.elevation.shape
@@ -238,7 +261,7 @@ def _onto(ground, x, y):  # type: ignore[no-untyped-def]
     return min(x, east * ground.spacing), min(y, north * ground.spacing)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _height(ground, x, y):  # type: ignore[no-untyped-def]
     """Height [m] of the triangulated ground, cells cut from south-west to north-east."""
     elevation = ground.elevation

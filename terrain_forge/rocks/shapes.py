@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.random import Generator
 from numpy.typing import NDArray
 
@@ -58,14 +57,11 @@ class Blank(Record):
         self.freeze("pits", np.float64, ("pits", 5))
 
 
-@njit(cache=True)
-def projections(points, axes):  # type: ignore[no-untyped-def]
+def projections(points: Array, axes: Array) -> Array:
     """Coordinates of points along axes, shapes [n, 3] and [m, 3] to [n, m], free of BLAS."""
-    result = np.empty((len(points), len(axes)))
-    for i in range(len(points)):
-        x, y, z = points[i]
-        for k in range(len(axes)):
-            result[i, k] = x * axes[k, 0] + y * axes[k, 1] + z * axes[k, 2]
+    result: Array = points[:, 0, None] * axes[:, 0]
+    result += points[:, 1, None] * axes[:, 1]
+    result += points[:, 2, None] * axes[:, 2]
     return result
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange, types
+from numba import njit, types
 from numpy.typing import NDArray
 
 LANES = 8
@@ -55,7 +55,7 @@ def packet_memory(count: int = CHUNKS) -> NDArray[np.float32]:
     return whole.view(np.float32).reshape(count, ROWS, LANES)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-untyped-def]
     """Put an active ray into a lane: origin and direction as triples."""
     ray[ORIGIN_X, lane], ray[ORIGIN_Y, lane], ray[ORIGIN_Z, lane] = origin
@@ -66,7 +66,7 @@ def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-u
     word[ACTIVE, lane] = NOTHING
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def hit_rock(word, lane):  # type: ignore[no-untyped-def]
     """Row of the rock that a lane hit, -1 for the ground, -2 for nothing."""
     if word[GEOMETRY, lane] == NOTHING:
@@ -76,7 +76,7 @@ def hit_rock(word, lane):  # type: ignore[no-untyped-def]
     return np.int64(word[COPY, lane])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
     """Outward unit normal in the scene's frame of the triangle that a lane hit."""
     x = np.float64(ray[NORMAL_X, lane])
@@ -95,54 +95,59 @@ def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
     return x / length, y / length, z / length
 
 
-@njit(cache=True)
-def _load(ray, word, lane, origins, directions, row, far):  # type: ignore[no-untyped-def]
-    origin = (origins[row, 0], origins[row, 1], origins[row, 2])
-    direction = (directions[row, 0], directions[row, 1], directions[row, 2])
-    set_ray(ray, word, lane, origin, direction, np.float32(0.0), far)
+@njit(cache=True, error_model="numpy")
+def _load(ray, word, origins, directions, first, filled, far):  # type: ignore[no-untyped-def]
+    """Put the rays of some rows into a packet's first lanes, and let the others idle."""
+    for lane in range(LANES):
+        word[ACTIVE, lane] = 0
+    for lane in range(filled):
+        o, d = origins[first + lane], directions[first + lane]
+        origin = (np.float64(o[0]), np.float64(o[1]), np.float64(o[2]))
+        direction = (np.float64(d[0]), np.float64(d[1]), np.float64(d[2]))
+        set_ray(ray, word, lane, origin, direction, 0.0, far)
 
 
-@njit(cache=True, parallel=True)
-def cast_packets(scene, query, origins, directions, rotation, packets, distance, normal, rock):  # type: ignore[no-untyped-def]
-    """Fill `distance`, `normal` and `rock` with the first hit of each ray."""
-    words = packets.view(np.uint32)
-    base = packets.ctypes.data
-    count = len(origins)
-    share = -(-count // (LANES * CHUNKS)) * LANES
-    for chunk in prange(CHUNKS):
-        ray, word, address = packets[chunk], words[chunk], base + chunk * PACKET_BYTES
-        for first in range(chunk * share, min((chunk + 1) * share, count), LANES):
-            filled = min(LANES, count - first)
-            word[ACTIVE] = 0
-            for lane in range(filled):
-                _load(ray, word, lane, origins, directions, first + lane, np.float32(np.inf))
+@njit(cache=True, error_model="numpy")
+def _share(chunk, count):  # type: ignore[no-untyped-def]
+    """First row of a chunk of whole packets, and one past its last."""
+    rows = -(-count // (LANES * CHUNKS)) * LANES
+    return chunk * rows, min((chunk + 1) * rows, count)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cast_packets(  # type: ignore[no-untyped-def]
+    begin, end, scene, query, origins, directions, rotation, packets, distance, normal, rock
+):
+    """Fill `distance`, `normal` and `rock` with the first hit of each ray of some chunks."""
+    for chunk in range(begin, end):
+        ray = packets[chunk]
+        word, address = ray.view(np.uint32), ray.ctypes.data
+        start, stop = _share(chunk, len(origins))
+        for first in range(start, stop, LANES):
+            filled = min(LANES, stop - first)
+            _load(ray, word, origins, directions, first, filled, np.inf)
             intersect8(address + 4 * ACTIVE * LANES, scene, address, query)
             for lane in range(filled):
-                row = first + lane
-                rock[row] = hit_rock(word, lane)
-                if rock[row] == -2:
-                    distance[row] = np.inf
-                    normal[row] = 0.0
-                else:
+                row, hit = first + lane, hit_rock(word, lane)
+                x, y, z, distance[row] = 0.0, 0.0, 0.0, np.inf
+                if hit != -2:
+                    x, y, z = hit_normal(ray, lane, hit, rotation)
                     distance[row] = ray[FAR, lane]
-                    x, y, z = hit_normal(ray, lane, rock[row], rotation)
-                    normal[row, 0], normal[row, 1], normal[row, 2] = x, y, z
+                rock[row], normal[row, 0], normal[row, 1], normal[row, 2] = hit, x, y, z
 
 
-@njit(cache=True, parallel=True)
-def occlude_packets(scene, query, origins, directions, reach, packets, blocked):  # type: ignore[no-untyped-def]
-    """Fill `blocked`: whether anything lies within `reach` [m] along each ray."""
-    words = packets.view(np.uint32)
-    base = packets.ctypes.data
-    count = len(origins)
-    share = -(-count // (LANES * CHUNKS)) * LANES
-    for chunk in prange(CHUNKS):
-        ray, word, address = packets[chunk], words[chunk], base + chunk * PACKET_BYTES
-        for first in range(chunk * share, min((chunk + 1) * share, count), LANES):
-            filled = min(LANES, count - first)
-            word[ACTIVE] = 0
-            for lane in range(filled):
-                _load(ray, word, lane, origins, directions, first + lane, reach)
+@njit(cache=True, nogil=True, error_model="numpy")
+def occlude_packets(  # type: ignore[no-untyped-def]
+    begin, end, scene, query, origins, directions, reach, packets, blocked
+):
+    """Fill `blocked` for some chunks: whether anything lies within `reach` [m] along each ray."""
+    for chunk in range(begin, end):
+        ray = packets[chunk]
+        word, address = ray.view(np.uint32), ray.ctypes.data
+        start, stop = _share(chunk, len(origins))
+        for first in range(start, stop, LANES):
+            filled = min(LANES, stop - first)
+            _load(ray, word, origins, directions, first, filled, reach)
             occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
             for lane in range(filled):
                 blocked[first + lane] = ray[FAR, lane] < 0.0

@@ -136,7 +136,7 @@ def _leave(ray, word, lane, point, direction, reach):  # type: ignore[no-untyped
     return rise > 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _see_packet(scene, query, view, land, tracks, stones, sun, ray, point, x, y):  # type: ignore[no-untyped-def]
     """Shade what a packet of pixels sees and ask for the Sun.
 
@@ -169,7 +169,7 @@ def _see_packet(scene, query, view, land, tracks, stones, sun, ray, point, x, y)
     return seen, lit, known
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _see_sky(scene, query, land, ray, point, left, top, sample, seen):  # type: ignore[no-untyped-def]
     """Bit mask of the lanes from whose surface a random ray gets to the sky."""
     word, address = ray.view(np.uint32), ray.ctypes.data
@@ -188,7 +188,7 @@ def _see_sky(scene, query, land, ray, point, left, top, sample, seen):  # type: 
     return free
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _sample(  # type: ignore[no-untyped-def]
     scene, queries, view, land, tracks, stones, light, ray, point, left, top, sample, image
 ):
@@ -212,17 +212,22 @@ def _sample(  # type: ignore[no-untyped-def]
     return seen == 0 or (known == _ALL and even)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point, left, top, image):  # type: ignore[no-untyped-def]
     """Expose 4 × 2 pixels: two samples where nothing changes and the Sun shines, else four."""
-    point[:, OWNER] = NOBODY
-    taken, calm = 0, False
-    while taken < SAMPLES and not (taken == SAMPLES // 2 and calm):
+    for lane in range(LANES):
+        point[lane, OWNER] = NOBODY
+    taken = 0
+    for sample in range(SAMPLES):
         calm = _sample(
-            scene, queries, view, land, tracks, stones, light, ray, point, left, top, taken, image
+            scene, queries, view, land, tracks, stones, light, ray, point, left, top, sample, image
         )
-        taken += 1
-    image[top : top + _TILE // 2, left : left + _TILE] /= taken
+        taken = sample + 1
+        if calm and taken == SAMPLES // 2:
+            break
+    for lane in range(LANES):
+        for channel in range(3):
+            image[top + lane // _TILE, left + lane % _TILE, channel] /= taken
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from terrain_forge.errors import TerrainForgeError
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
+from terrain_forge.threads import over_chunks
 from terrain_forge.world import Heightfield, RockField, RockLibrary, World, merge, rotations
 
 Array = NDArray[np.float64]
@@ -87,8 +88,18 @@ class RayScene:
         rock = np.empty(len(start), dtype=np.int32)
         query = COHERENT if coherent else INCOHERENT
         memory = packets.packet_memory()
-        packets.cast_packets(
-            self.handle, query, start, towards, self.rotation, memory, distance, normal, rock
+        over_chunks(
+            packets.cast_packets,
+            packets.CHUNKS,
+            self.handle,
+            query,
+            start,
+            towards,
+            self.rotation,
+            memory,
+            distance,
+            normal,
+            rock,
         )
         return Hits(distance=distance, normal=normal, rock=rock)
 
@@ -105,8 +116,16 @@ class RayScene:
         blocked = np.empty(len(start), dtype=np.bool_)
         query = COHERENT if coherent else INCOHERENT
         memory = packets.packet_memory()
-        packets.occlude_packets(
-            self.handle, query, start, towards, np.float32(reach), memory, blocked
+        over_chunks(
+            packets.occlude_packets,
+            packets.CHUNKS,
+            self.handle,
+            query,
+            start,
+            towards,
+            float(reach),
+            memory,
+            blocked,
         )
         return blocked
 
@@ -195,7 +214,7 @@ def _check_engine() -> None:
     start, towards = np.array([[0.2, 0.2, 5.0]], np.float32), np.array([[0, 0, -1]], np.float32)
     turns, memory = np.stack([np.eye(3)] * 2), packets.packet_memory()
     packets.cast_packets(
-        whole.handle, INCOHERENT, start, towards, turns, memory, distance, normal, rock
+        0, 1, whole.handle, INCOHERENT, start, towards, turns, memory, distance, normal, rock
     )
     found = [float(distance[0]), int(rock[0]), *normal[0].tolist()]
     whole.release()

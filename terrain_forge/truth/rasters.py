@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.threads import over_chunks
 from terrain_forge.world import World, merge, rotations
 
 _STRIP = 32
@@ -38,7 +39,10 @@ def rock_rasters(world: World) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         radius = np.array([np.linalg.norm(mesh.vertices, axis=1).max() for mesh in meshes])
         reach = (radius[rocks.prototype] * rocks.scale) / site.spacing + 1e-6
         first, members = _strips(centre[:, 1] - window.row, reach, top.shape[0])
-        _rasterise(
+        over_chunks(
+            _rasterise,
+            len(first) - 1,
+            max(len(mesh.vertices) for mesh in meshes),
             top,
             rock_id,
             (window.column, window.row),
@@ -69,19 +73,20 @@ def _strips(
     return np.searchsorted(strip[order], np.arange(strips + 1)), rock[order]
 
 
-@njit(cache=True, parallel=True)
-def _rasterise(top, rock_id, corner, strips, rocks, vertices, faces):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rasterise(  # type: ignore[no-untyped-def]
+    first_strip, last_strip, largest, top, rock_id, corner, strips, rocks, vertices, faces
+):
     first, members = strips
     ids, prototypes, centre, pose, reach = rocks
     corners, first_vertex = vertices
     triangles, first_face = faces
     column, row = corner
-    largest = np.diff(first_vertex).max()
-    for strip in prange(len(first) - 1):
+    points = np.empty((largest, 3))
+    nodes = np.empty((largest, 4), np.int32)
+    for strip in range(first_strip, last_strip):
         south = row + strip * _STRIP
         box = column, column + top.shape[1] - 1, south, min(south + _STRIP, row + len(top)) - 1
-        points = np.empty((largest, 3))
-        nodes = np.empty((largest, 4), np.int32)
         for member in range(first[strip], first[strip + 1]):
             rock = members[member]
             if not _meets_node(centre[rock], reach[rock], box):
@@ -93,7 +98,7 @@ def _rasterise(top, rock_id, corner, strips, rocks, vertices, faces):  # type: i
             _draw(faces_of, points, nodes, box, corner, ids[rock], top, rock_id)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _meets_node(centre, reach, box):  # type: ignore[no-untyped-def]
     """Whether a square about a rock holds a node of the box: many pebbles fit between the nodes."""
     west, east, south, north = box
@@ -102,7 +107,7 @@ def _meets_node(centre, reach, box):  # type: ignore[no-untyped-def]
     return columns >= 0.0 and rows >= 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _place(corners, pose, centre, points, nodes):  # type: ignore[no-untyped-def]
     """Vertices as (column, row, height), and the nodes west, east, south and north of each."""
     for n in range(len(corners)):
@@ -115,7 +120,7 @@ def _place(corners, pose, centre, points, nodes):  # type: ignore[no-untyped-def
         nodes[n, 2], nodes[n, 3] = np.floor(points[n, 1]), np.ceil(points[n, 1])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _draw(triangles, points, nodes, box, corner, identity, top, rock_id):  # type: ignore[no-untyped-def]
     """Raise the nodes of the box that lie under the upward triangles of one rock."""
     for n in range(len(triangles)):
@@ -136,7 +141,7 @@ def _draw(triangles, points, nodes, box, corner, identity, top, rock_id):  # typ
                     rock_id[j, i] = identity
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _height(a, b, c, column, row):  # type: ignore[no-untyped-def]
     """Height of an upward triangle above a node, minus infinity where it does not cover it.
 

@@ -64,7 +64,8 @@ def write_obj_rows(file: BinaryIO, tag: bytes, values: Floats) -> None:
     text = np.empty(room, dtype=np.uint8)
     sign = np.frombuffer(tag, np.uint8)
     for start in range(0, len(values), _CHUNK):
-        used = _put_rows(text, sign, values[start : start + _CHUNK], _DECIMALS[tag])
+        some = np.array(values[start : start + _CHUNK], np.float64, order="C")
+        used = _put_rows(text, sign, some, _DECIMALS[tag])
         file.write(text[:used].data)
 
 
@@ -73,7 +74,8 @@ def write_obj_faces(file: BinaryIO, faces: Indices, *, textured: bool) -> None:
     digits = len(str(int(faces.max(initial=0)) + 1))
     text = np.empty(_CHUNK * (3 + 3 * (3 * digits + 3)), dtype=np.uint8)
     for start in range(0, len(faces), _CHUNK):
-        used = _put_faces(text, faces[start : start + _CHUNK], textured)
+        some = np.array(faces[start : start + _CHUNK], np.int32, order="C")
+        used = _put_faces(text, some, textured)
         file.write(text[:used].data)
 
 
@@ -85,15 +87,11 @@ def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
         vertices: Positions [m], shape [vertices, 3]; stored as float32.
         faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
     """
-    # A record is 12 float32 and one uint16: as rows of 25 uint16 it needs no unaligned access.
-    records = np.empty((_CHUNK, 25), dtype="<u2")
     with Path(path).open("wb") as file:
         file.write(_STL_HEADER.ljust(80))
         file.write(len(faces).to_bytes(4, "little"))
         for start in range(0, len(faces), _CHUNK):
-            some = faces[start : start + _CHUNK]
-            _fill_stl(records, vertices, some)
-            file.write(records[: len(some)].data)
+            file.write(_stl_records(vertices, faces[start : start + _CHUNK]).data)
 
 
 def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
@@ -111,7 +109,7 @@ def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
     return unit
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, error_model="numpy")
 def _put_integer(text, at, number):  # type: ignore[no-untyped-def]
     """Write a positive integer in decimal; returns where the text goes on."""
     width = 1
@@ -125,7 +123,7 @@ def _put_integer(text, at, number):  # type: ignore[no-untyped-def]
     return at + width
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
 def _put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def]
     """Write a number rounded to so many decimals (unit = 10**decimals), without trailing zeros."""
     scaled = np.int64(np.rint(abs(value) * unit))
@@ -147,23 +145,23 @@ def _put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def
     return at + decimals + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
 def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
     unit = 10**decimals
     at = 0
     for row in range(values.shape[0]):
-        for character in tag:
-            text[at] = character
+        for place in range(len(tag)):
+            text[at] = tag[place]
             at += 1
         for column in range(values.shape[1]):
             text[at] = 32
-            at = _put_number(text, at + 1, np.float64(values[row, column]), decimals, unit)
+            at = _put_number(text, at + 1, values[row, column], decimals, unit)
         text[at] = 10
         at += 1
     return at
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, error_model="numpy")
 def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
     """Write again what stands at `start`; returns where the text goes on."""
     for place in range(width):
@@ -171,7 +169,7 @@ def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
     return at + width
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
 def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
     at = 0
     for face in range(faces.shape[0]):
@@ -192,22 +190,3 @@ def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
         text[at] = 10
         at += 1
     return at
-
-
-@njit(cache=True, nogil=True)
-def _fill_stl(records, vertices, faces):  # type: ignore[no-untyped-def]
-    number = np.empty(12, dtype=np.float32)
-    halves = number.view(np.uint16)
-    for face in range(faces.shape[0]):
-        for corner in range(3):
-            for axis in range(3):
-                number[3 + 3 * corner + axis] = vertices[faces[face, corner], axis]
-        ax, ay, az = number[6] - number[3], number[7] - number[4], number[8] - number[5]
-        bx, by, bz = number[9] - number[3], number[10] - number[4], number[11] - number[5]
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        length = np.sqrt(nx * nx + ny * ny + nz * nz)
-        scale = 1.0 / length if length > 0 else 0.0
-        number[0], number[1], number[2] = nx * scale, ny * scale, nz * scale
-        for half in range(24):
-            records[face, half] = halves[half]
-        records[face, 24] = 0

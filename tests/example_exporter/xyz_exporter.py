@@ -28,7 +28,9 @@ def export(world: World, directory: Path, *, options: Any) -> ExportReport:
     """Write points.xyz, row by row from the south-west."""
     ground, step = world.ground, options.every
     east, north = np.meshgrid(ground.east[::step], ground.north[::step])
-    points = np.column_stack([east.ravel(), north.ravel(), ground.elevation[::step, ::step].ravel()])
+    points = np.column_stack(
+        [east.ravel(), north.ravel(), ground.elevation[::step, ::step].ravel()]
+    )
     separator = "," if options.separator == "comma" else " "
     np.savetxt(directory / "points.xyz", points, fmt="%.9g", delimiter=separator)
     return ExportReport(files=(Path("points.xyz"),), losses=_losses(world, step))
