@@ -1,7 +1,8 @@
 """Changing a finished world by hand: rocks added and rocks taken away.
 
-An edit returns a new World and leaves the old one as it was. Truth, exports and a saved world follow
-the edit; the recipe does not know of it, so an edited world is kept by saving it (`write_world`).
+An edit returns a new World and leaves the old one as it was. Truth, exports and a saved world
+follow the edit; the recipe does not know of it, so an edited world is kept by saving it
+(`write_world`).
 """
 
 from __future__ import annotations
@@ -55,8 +56,8 @@ def add_rock(
         may_overlap: Whether it may overlap other rocks, seen from above.
 
     Raises:
-        DataError: for values out of range, a rock that could reach beyond the world's ground, or one
-            that overlaps another.
+        DataError: for values out of range, a rock that could reach beyond the world's ground, or
+            one that overlaps another.
     """
     _check_numbers(world, diameter=diameter, prototype=prototype, yaw=yaw, density=density)
     if not 0.0 <= buried_fraction <= MAX_BURIED:
@@ -141,7 +142,7 @@ def _with_population(world: World, name: str) -> World:
         return world
     if not is_file_name(name) or len(name) > MAX_NAME:
         raise DataError(
-            f"population {name!r}: up to {MAX_NAME} characters, none of them / \\ : or a control one"
+            f"population {name!r}: up to {MAX_NAME} characters without / \\ : and control ones"
         )
     populations = (*populations, name)
     colour = np.round(255.0 * np.array([world.site.body.rock_rgb])).astype(np.uint8)

@@ -6,9 +6,9 @@ Vertices are the nodes, row by row from the south-west; a cell is cut from there
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import kernel
 from terrain_forge.world import Heightfield
 
 
@@ -56,7 +56,7 @@ def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:
     return normals.reshape(-1, 3)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _fill_normals(normals, elevation, column, row, spacing):  # type: ignore[no-untyped-def]
     last_row, last_column = elevation.shape[0] - 1, elevation.shape[1] - 1
     for j in range(normals.shape[0]):

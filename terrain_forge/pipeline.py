@@ -24,18 +24,28 @@ from terrain_forge.limits import (
     require_lattice,
     require_paths,
 )
-from terrain_forge.paths.plan import plan_route, require_inside
+from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.trajectory import lay_trajectory
 from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
 from terrain_forge.rocks.library import make_library
-from terrain_forge.rocks.populations import PopulationSpec, check_rocks, largest_rock
+from terrain_forge.rocks.populations import check_rocks, largest_rock
 from terrain_forge.rocks.rest import rest
+from terrain_forge.rocks.scatter import margin as rock_margin
 from terrain_forge.rocks.scatter import scatter
 from terrain_forge.rovers.catalogue import find_rover
+from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window
 from terrain_forge.terrain.appearance import colour_ground, stencil_reach
 from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.world import Appearance, Lighting, World, owned, touches
+from terrain_forge.world import (
+    Appearance,
+    Heightfield,
+    Lighting,
+    Trajectory,
+    World,
+    owned,
+    touches,
+)
 
 Progress = Callable[[str, float], None]
 """Told the name of each stage as it begins, and the share of it that is done, 0 to 1."""
@@ -102,52 +112,64 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     """
     recipe, window = site.recipe, window or site.window
     populations = recipe.rocks.populations
-    reach = max(2.0 * site.largest_rock + 2.0 * site.spacing, stencil_reach(site))
-    margin = site.padded(window, reach)
 
-    progress("ground", 0.0)
-    land = shape_ground(site=site, window=margin, layers=recipe.terrain.layers)
-    colours = colour_ground(site=site, window=window, ground=land, spec=recipe.terrain.appearance)
     progress("rock library", 0.0)
     library = make_library(recipe.rocks.library)
+    progress("ground", 0.0)
+    margin = rock_margin(site=site, populations=populations, library=library)
+    around = site.padded(window, max(margin, stencil_reach(site)))
+    land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
+    ground = land.cut(
+        column=window.column - around.column,
+        row=window.row - around.row,
+        columns=window.columns,
+        rows=window.rows,
+    )
     progress("rocks", 0.0)
     scattered = scatter(site=site, populations=populations, library=library, window=window)
     density = np.array([p.density_kg_m3 or site.body.rock_density for p in populations])
-    everyone = rest(scattered=scattered, library=library, ground=land, density=density)
+    rocks = rest(scattered=scattered, library=library, ground=land, density=density)
+    own = owned(rocks, ground, site.bounds)
     progress("paths", 0.0)
-    column, row = window.column - margin.column, window.row - margin.row
-    ground = land.cut(column=column, row=row, columns=window.columns, rows=window.rows)
     rover = find_rover(recipe.rover)
-    inside = [r for r in site.routes if ground.holds(r.position, margin=rover.length)]
-    specs = {path.name: path for path in recipe.paths}
-    own = owned(everyone, ground, site.bounds)
-    near = touches(everyone, ground, library) & ~own
     return World(
         site=site,
         window=window,
         ground=ground,
-        appearance=Appearance(
-            ground_rgb=colours,
-            rock_rgb=_rock_colours(site, populations),
-        ),
+        appearance=_paint(site, window, land),
         library=library,
-        field=everyone.select(own),
-        neighbours=everyone.select(near),
-        trajectories=tuple(
-            lay_trajectory(r, spec=specs[r.name], ground=ground, rover=rover, seed=site.seed)
-            for r in inside
-        ),
+        field=rocks.select(own),
+        neighbours=rocks.select(touches(rocks, ground, library) & ~own),
+        trajectories=_lay_trajectories(site, ground, rover),
         rover=rover,
-        lighting=Lighting(
-            sun_azimuth=float(np.radians(recipe.sun.azimuth_deg)),
-            sun_elevation=float(np.radians(recipe.sun.elevation_deg)),
-            irradiance=site.body.solar_irradiance,
-            sky_rgb=site.body.sky_rgb,
-        ),
+        lighting=_light(site),
         unplaced=scattered.unplaced,
     )
 
 
-def _rock_colours(site: Site, populations: tuple[PopulationSpec, ...]) -> NDArray[np.uint8]:
-    colours = [population.rgb or site.body.rock_rgb for population in populations]
-    return np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8)
+def _paint(site: Site, window: Window, land: Heightfield) -> Appearance:
+    spec, populations = site.recipe.terrain.appearance, site.recipe.rocks.populations
+    rocks = [population.rgb or site.body.rock_rgb for population in populations]
+    return Appearance(
+        ground_rgb=colour_ground(site=site, window=window, ground=land, spec=spec),
+        rock_rgb=np.round(255.0 * np.reshape(rocks, (-1, 3))).astype(np.uint8),
+    )
+
+
+def _lay_trajectories(site: Site, ground: Heightfield, rover: Rover) -> tuple[Trajectory, ...]:
+    specs = {path.name: path for path in site.recipe.paths}
+    return tuple(
+        lay_trajectory(route, spec=specs[route.name], ground=ground, rover=rover, seed=site.seed)
+        for route in site.routes
+        if overhang(route, bounds=ground.bounds, rover=rover)[0] <= 0.0
+    )
+
+
+def _light(site: Site) -> Lighting:
+    sun = site.recipe.sun
+    return Lighting(
+        sun_azimuth=float(np.radians(sun.azimuth_deg)),
+        sun_elevation=float(np.radians(sun.elevation_deg)),
+        irradiance=site.body.solar_irradiance,
+        sky_rgb=site.body.sky_rgb,
+    )

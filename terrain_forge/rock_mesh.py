@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inner, kernel
 from terrain_forge.world import Heightfield, Mesh, RockField, RockPrototype, rotations
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic],
     return np.concatenate(arrays), begins
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
     """Depth [m] of a point under the triangulated ground; negative above it or beside the grid."""
     elevation, west, south, spacing = ground
@@ -108,7 +108,7 @@ def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
     return height - z
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merge(vertices, faces, shapes, rocks, ground):  # type: ignore[no-untyped-def]
     points, first_point, corners, first_face = shapes
     prototypes, positions, matrices, margins = rocks

@@ -1,4 +1,4 @@
-"""The documentation: its snippets run, its links lead somewhere, its generated pages are current."""
+"""The documentation: its snippets run, its links lead to files, its made pages are current."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.errors import RecipeError
-from terrain_forge.paths.plan import plan_route, require_inside
+from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.spec import Corridor, PathSpec, Shake, Spline
 from terrain_forge.paths.trajectory import lay_trajectory
 from terrain_forge.rovers.catalogue import find_rover
@@ -60,6 +60,14 @@ def test_route_that_leaves_or_stands_still_is_refused():
     twice = Spline(points_m=((0.0, 0.0), (0.0, 0.0), (1.0, 1.0)))
     with pytest.raises(RecipeError, match="are the same"):
         plan_route(path(route=twice), rover=ROVER, driven=True)
+
+
+def test_route_at_the_very_edge_is_laid():
+    route = plan_route(path(), rover=ROVER, driven=True)
+    excess, _ = overhang(route, bounds=(-12.0, -8.0, 12.0, 8.0), rover=ROVER)
+    bounds = tuple(np.array([-12.0, -8.0, 12.0, 8.0]) + excess * np.array([-1, -1, 1, 1]))
+    excess, _ = overhang(route, bounds=bounds, rover=ROVER)
+    assert excess == pytest.approx(0.0, abs=1e-12)
 
 
 def test_speed_rate_and_return():

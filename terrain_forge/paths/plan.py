@@ -45,6 +45,26 @@ def require_inside(route: Route, *, size: tuple[float, float], rover: Rover) -> 
     Raises:
         RecipeError: with the farthest point.
     """
+    east, north = 0.5 * size[0], 0.5 * size[1]
+    excess, (x, y) = overhang(route, bounds=(-east, -north, east, north), rover=rover)
+    if excess > 0.0:
+        raise RecipeError(
+            f"path {route.name!r} leaves the terrain: at ({x:.1f}, {y:.1f}) m the rover stands out "
+            f"by {excess:.2f} m; the site reaches {east:g} m east and {north:g} m north",
+            key=("paths",),
+        )
+
+
+def overhang(
+    route: Route, *, bounds: tuple[float, float, float, float], rover: Rover
+) -> tuple[float, tuple[float, float]]:
+    """How far a corner of the rover gets beyond bounds [m] (negative: stays within), and where.
+
+    Args:
+        route: where it drives.
+        bounds: west, south, east, north [m].
+        rover: who drives.
+    """
     forward = np.stack([np.cos(route.heading), np.sin(route.heading)], -1)
     left = np.stack([-forward[:, 1], forward[:, 0]], -1)
     corners = [
@@ -52,15 +72,10 @@ def require_inside(route: Route, *, size: tuple[float, float], rover: Rover) -> 
         for along in (-1, 1)
         for across in (-1, 1)
     ]
-    excess = np.abs(np.concatenate(corners)) - 0.5 * np.asarray(size)
-    if excess.max() > 0.0:
-        worst = route.position[np.argmax(excess.max(axis=1)) % len(route.position)]
-        raise RecipeError(
-            f"path {route.name!r} leaves the terrain by {excess.max():.2f} m at "
-            f"({worst[0]:.1f}, {worst[1]:.1f}) m; the site reaches {size[0] / 2:g} m east and "
-            f"{size[1] / 2:g} m north of its centre",
-            key=("paths",),
-        )
+    low, high = np.array(bounds[:2]), np.array(bounds[2:])
+    excess = np.max([np.maximum(low - corner, corner - high).max(axis=1) for corner in corners], 0)
+    worst = int(np.argmax(excess))
+    return float(excess[worst]), (float(route.position[worst, 0]), float(route.position[worst, 1]))
 
 
 def _trace(spline: Spline) -> tuple[Array, Array, Array]:

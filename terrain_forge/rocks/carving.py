@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import kernel
 from terrain_forge.rocks.shapes import Blank, convex_gauge, projections, radii
 from terrain_forge.world import Mesh
 
@@ -122,7 +122,7 @@ def supporting(
     return np.array(chosen, dtype=np.intp)
 
 
-@njit(cache=True)
+@kernel
 def farthest_first(features, first, count):  # type: ignore[no-untyped-def]
     """Indices of `count` columns: those of `first`, then each farthest from all before it.
 

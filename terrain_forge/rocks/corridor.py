@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inner, kernel
 from terrain_forge.paths.route import Route
 from terrain_forge.site import Site, Window
 
@@ -85,7 +85,24 @@ def corridor_area(site: Site, window: Window) -> float:
     return float(_area(strips, east[0], east[-1], north[0], north[-1], lines))
 
 
-@njit(cache=True, error_model="numpy")
+def _sort_into_bins(
+    segments: Array, origin: Array, size: float, bins: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each bin's segments begin, row by row, and the segments that touch each bin."""
+    ends = ((segments.reshape(-1, 2, 2) - origin) // size).astype(np.int64)
+    low, high = ends.min(axis=1), np.minimum(ends.max(axis=1), bins - 1)
+    span = high - low + 1
+    count = span[:, 0] * span[:, 1]
+    segment = np.repeat(np.arange(len(segments)), count)
+    step = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
+    column = low[segment, 0] + step % span[segment, 0]
+    row = low[segment, 1] + step // span[segment, 0]
+    touched = row * bins[0] + column
+    first = np.searchsorted(np.sort(touched), np.arange(bins[0] * bins[1] + 1))
+    return first, segment[np.argsort(touched, kind="stable")]
+
+
+@inner
 def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
     """Distance [m] of a point to each corridor's middle, shape [corridors]; at most `limit`."""
     squares = np.empty(len(strips.half_width))
@@ -106,7 +123,7 @@ def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
     return squares
 
 
-@njit(cache=True, inline="always")
+@inner
 def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
     dx, dy = segment[2] - segment[0], segment[3] - segment[1]
     px, py = x - segment[0], y - segment[1]
@@ -116,39 +133,14 @@ def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
     return ex * ex + ey * ey
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
     """First bin, and one past the last, that an interval of coordinates touches."""
     first, last = np.floor((low - origin) / size), np.floor((high - origin) / size)
     return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
 
 
-@njit(cache=True, error_model="numpy")
-def _sort_into_bins(segments, origin, size, bins):  # type: ignore[no-untyped-def]
-    first = np.zeros(bins[0] * bins[1] + 1, dtype=np.int64)
-    members = np.zeros(0, dtype=np.int64)
-    for fill in range(2):
-        cursor = first.copy()
-        for s in range(len(segments)):
-            a, b, c, d = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
-            i0, i1 = int((min(a, c) - origin[0]) // size), int((max(a, c) - origin[0]) // size)
-            j0, j1 = int((min(b, d) - origin[1]) // size), int((max(b, d) - origin[1]) // size)
-            for j in range(j0, min(j1 + 1, bins[1])):
-                for i in range(i0, min(i1 + 1, bins[0])):
-                    n = j * bins[0] + i
-                    if fill:
-                        members[cursor[n]] = s
-                        cursor[n] += 1
-                    else:
-                        first[n + 1] += 1
-        if not fill:
-            for n in range(1, len(first)):
-                first[n] += first[n - 1]
-            members = np.zeros(first[-1], dtype=np.int64)
-    return first, members
-
-
-@njit(cache=True, error_model="numpy")
+@kernel
 def _inside(strips, xy):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
     limit = 0.0
@@ -161,7 +153,7 @@ def _inside(strips, xy):  # type: ignore[no-untyped-def]
     return inside
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-def]
     step = (north - south) / lines
     widest = 0.0
@@ -189,7 +181,7 @@ def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-d
     return length * step
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _chord(segment, radius, y):  # type: ignore[no-untyped-def]
     """West and east end of the line north = y within `radius` of a segment; infinite if it misses.
 

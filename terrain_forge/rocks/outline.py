@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from terrain_forge.kernels import inner, kernel
 
 if TYPE_CHECKING:
     from terrain_forge.world import Mesh
@@ -91,7 +92,7 @@ def footprint(mesh: Mesh) -> Array:
     return footprint
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def resting_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
     """The rotation that turns by `yaw` [rad] about z, then leans z the short way to a unit normal.
 
@@ -104,7 +105,7 @@ def resting_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
     return w * cos, x * cos + y * sin, y * cos - x * sin, w * sin
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def rotation_matrix(quaternion):  # type: ignore[no-untyped-def]
     """The matrix of a unit quaternion (w, x, y, z), shape [3, 3]."""
     w, x, y, z = quaternion
@@ -115,7 +116,7 @@ def rotation_matrix(quaternion):  # type: ignore[no-untyped-def]
     return m
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def extent(vertices, direction):  # type: ignore[no-untyped-def]
     """Lowest and highest coordinate [m] of the vertices along a direction."""
     low, high = np.inf, -np.inf
@@ -129,13 +130,13 @@ def extent(vertices, direction):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def exposed_diameter(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
     """Exposed plan diameter [m]; arguments as of `exposed_points`."""
     return mean_width(exposed_points(vertices, edges, rotation, up, level))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-untyped-def]
     """Corners, in plan, of the part of a mesh above a plane.
 
@@ -172,7 +173,7 @@ def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-unt
     return points[:found]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def convex_hull(points):  # type: ignore[no-untyped-def]
     """Convex hull of points in the plane, counter-clockwise, shape [corners, 2] (Andrew 1979)."""
     kept = _sorted(_outside_octagon(points))
@@ -198,7 +199,7 @@ def convex_hull(points):  # type: ignore[no-untyped-def]
     return hull
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def mean_width(points):  # type: ignore[no-untyped-def]
     """Mean of the diameter of points in the plane (or of their hull) and of the width across it."""
     if len(points) == 0:
@@ -212,7 +213,7 @@ def mean_width(points):  # type: ignore[no-untyped-def]
     return 0.5 * (length + (high - low) / length) if length > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _longest(points):  # type: ignore[no-untyped-def]
     """East and north of the difference of the most distant pair of points.
 
@@ -243,7 +244,7 @@ def _longest(points):  # type: ignore[no-untyped-def]
     return east, north
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _farthest(points, x, y):  # type: ignore[no-untyped-def]
     """Index of the point that is farthest from a place, and the square of its distance."""
     largest, farthest = -1.0, 0
@@ -254,14 +255,14 @@ def _farthest(points, x, y):  # type: ignore[no-untyped-def]
     return farthest, largest
 
 
-@njit(cache=True, inline="always")
+@inner
 def _turn(points, a, b, c):  # type: ignore[no-untyped-def]
     """Twice the area of the triangle a, b, c: positive for a turn to the left."""
     ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     return ux * (points[c, 1] - points[a, 1]) - uy * (points[c, 0] - points[a, 0])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _outside_octagon(points):  # type: ignore[no-untyped-def]
     """The points that are not strictly inside the octagon of the extremes in eight directions.
 
@@ -281,7 +282,7 @@ def _outside_octagon(points):  # type: ignore[no-untyped-def]
     return kept[:size]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _octagon(points):  # type: ignore[no-untyped-def]
     """Sides as a x + b y < c inside; c is infinite where two corners are one point."""
     best = np.zeros(8, dtype=np.int64)
@@ -304,7 +305,7 @@ def _octagon(points):  # type: ignore[no-untyped-def]
     return sides
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _sorted(points):  # type: ignore[no-untyped-def]
     """Sort points in place by east, then north (Shell's method: short lists, no recursion)."""
     for gap in (701, 301, 132, 57, 23, 10, 4, 1):
@@ -320,7 +321,7 @@ def _sorted(points):  # type: ignore[no-untyped-def]
     return points
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
     """Largest reach, rise and support over all ways to rest, each over the exposed diameter."""
     up = (0.0, 0.0, 1.0)
@@ -349,7 +350,7 @@ def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
     return reach, rise, support
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _plan_hull(vertices, rotation):  # type: ignore[no-untyped-def]
     """Convex hull, in plan, of all vertices of a turned mesh."""
     return convex_hull(vertices @ rotation[:2].T)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inlined, inner, kernel, over_chunks
 from terrain_forge.rocks.corridor import Corridors, distances
 from terrain_forge.rocks.outline import FOOTPRINT_DIRECTIONS
 from terrain_forge.seeds import mix, poisson, uniform
-from terrain_forge.threads import over_chunks
 
 Array = NDArray[np.float64]
 
@@ -68,7 +67,7 @@ class Rocks(NamedTuple):
     """The next placed rock of the same bin, or -1, shape [rocks]."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cell_counts(key, columns, rows, mean):  # type: ignore[no-untyped-def]
     """Poisson number of rocks in each cell of a class, shape [rows, columns]."""
     counts = np.empty((rows, columns), dtype=np.int64)
@@ -78,7 +77,7 @@ def cell_counts(key, columns, rows, mean):  # type: ignore[no-untyped-def]
     return counts
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
     """Hashed addresses of the rocks of a region of cells that begins at (column, row)."""
     count = 0
@@ -96,7 +95,7 @@ def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def words(address, what):  # type: ignore[no-untyped-def]
     """Extend each address by what is drawn there."""
     found = np.empty(len(address), dtype=np.uint64)
@@ -105,7 +104,7 @@ def words(address, what):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def draw(address, what):  # type: ignore[no-untyped-def]
     """A uniform number in (0, 1) for each address."""
     drawn = np.empty(len(address))
@@ -130,7 +129,7 @@ def place(layout: Layout, rocks: Rocks, footprints: Array, strips: Corridors) ->
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _place_cells(  # type: ignore[no-untyped-def]
     first, last, layout, rocks, footprints, strips, c, i0, j0, across
 ):
@@ -143,7 +142,7 @@ def _place_cells(  # type: ignore[no-untyped-def]
             _place_one(layout, rocks, footprints, strips, c, column + i, row + j, rock)
 
 
-@njit(cache=True, error_model="numpy")
+@inlined
 def _place_one(layout, rocks, footprints, strips, c, column, row, rock):  # type: ignore[no-untyped-def]
     """Put a rock of class `c` at its first choice or, failing that, elsewhere in its cell."""
     first_x, first_y, radius = rocks.circle[rock]
@@ -172,7 +171,7 @@ def _place_one(layout, rocks, footprints, strips, c, column, row, rock):  # type
     rocks.state[rock] = UNPLACED
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _on_site(bounds, x, y, radius):  # type: ignore[no-untyped-def]
     return (
         x - radius >= bounds[0]
@@ -182,7 +181,7 @@ def _on_site(bounds, x, y, radius):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inlined
 def _settle(layout, rocks, c, column, row, rock, x, y):  # type: ignore[no-untyped-def]
     """Place a rock, and enter it into its bin, which is one of its own cell's."""
     rocks.circle[rock, 0], rocks.circle[rock, 1] = x, y
@@ -197,7 +196,7 @@ def _settle(layout, rocks, c, column, row, rock, x, y):  # type: ignore[no-untyp
     rocks.first_in_bin[n] = rock
 
 
-@njit(cache=True, error_model="numpy")
+@inlined
 def _is_free(layout, rocks, footprints, c, x, y, rock):  # type: ignore[no-untyped-def]
     """Whether a rock at a place overlaps none that lies already, of class `c` or an earlier one."""
     for other in range(c + 1):
@@ -214,7 +213,7 @@ def _is_free(layout, rocks, footprints, c, x, y, rock):  # type: ignore[no-untyp
     return True
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _bins(layout, rocks, c, axis, place, rock):  # type: ignore[no-untyped-def]
     """First bin of class `c`, and one past the last, whose rocks could reach a rock at a place."""
     reach = rocks.circle[rock, 2] + layout.radius[c]
@@ -226,7 +225,7 @@ def _bins(layout, rocks, c, axis, place, rock):  # type: ignore[no-untyped-def]
     return max(first, 0), min(last + 1, layout.region[c, axis + 2] * split)
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _overlap(rocks, footprints, rock, near, x, y):  # type: ignore[no-untyped-def]
     dx, dy = rocks.circle[near, 0] - x, rocks.circle[near, 1] - y
     apart = rocks.circle[near, 2] + rocks.circle[rock, 2]
@@ -235,7 +234,7 @@ def _overlap(rocks, footprints, rock, near, x, y):  # type: ignore[no-untyped-de
     return not _separate(rocks, footprints, rock, near, dx, dy)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _separate(rocks, footprints, one, other, dx, dy):  # type: ignore[no-untyped-def]
     """Whether a line parts the footprints of two rocks, the other one being (dx, dy) [m] away.
 
@@ -253,7 +252,7 @@ def _separate(rocks, footprints, one, other, dx, dy):  # type: ignore[no-untyped
     return False
 
 
-@njit(cache=True, inline="always")
+@inner
 def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def]
     """How far a rock's footprint reaches along a direction [rad] at most [m]."""
     step = 2.0 * np.pi / FOOTPRINT_DIRECTIONS
@@ -267,7 +266,7 @@ def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def
     return rocks.diameter[rock] * along / np.cos(0.5 * step)
 
 
-@njit(cache=True, error_model="numpy")
+@inlined
 def _keeps_off(strips, home, x, y, radius, limit, height):  # type: ignore[no-untyped-def]
     """Whether a place is on the same side of every corridor's border as the first choice was.
 

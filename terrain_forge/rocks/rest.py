@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from terrain_forge.kernels import inner, kernel, over_chunks
 from terrain_forge.rocks.outline import (
     MAX_BURIED,
     MAX_TILT,
@@ -24,7 +24,6 @@ from terrain_forge.rocks.outline import (
     rotation_matrix,
 )
 from terrain_forge.rocks.scatter import Scattered
-from terrain_forge.threads import over_chunks
 from terrain_forge.world import Heightfield, RockField, RockLibrary
 
 Array = NDArray[np.float64]
@@ -154,7 +153,7 @@ def _upright_diameter(shapes: _Shapes, scattered: Scattered) -> Array:
     return diameter
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rest(first, last, rocks, upright_size, shapes, ground, result):  # type: ignore[no-untyped-def]
     xy, yaw, wanted, diameter, prototype = rocks
     z, quaternion, scale, height, buried = result
@@ -183,7 +182,7 @@ def _rest(first, last, rocks, upright_size, shapes, ground, result):  # type: ig
         buried[n] = (level - low) / span
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _crossing(shapes, p, level):  # type: ignore[no-untyped-def]
     """Edges of a prototype among which are all that cross a level."""
     first, last = shapes.first_edge[p], shapes.first_edge[p + 1]
@@ -192,7 +191,7 @@ def _crossing(shapes, p, level):  # type: ignore[no-untyped-def]
     return shapes.edges[begin : _first_from(shapes.edge_low, begin, last, level)]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _first_from(ascending, first, last, value):  # type: ignore[no-untyped-def]
     """Index of the first number in a range of an ascending array that is not below a value."""
     while first < last:
@@ -204,7 +203,7 @@ def _first_from(ascending, first, last, value):  # type: ignore[no-untyped-def]
     return first
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     """Height [m] of the ground at a point, and its rise per metre east and north.
 
@@ -231,7 +230,7 @@ def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     return _height(ground, x, y), slope_x * share, slope_y * share
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _gap(ground, vertices, edges, rotation, size, level, x, y, plane):  # type: ignore[no-untyped-def]
     """How far the ground lies below its tangent plane along the rock's waterline, at most [m]."""
     gap = 0.0
@@ -251,7 +250,7 @@ def _gap(ground, vertices, edges, rotation, size, level, x, y, plane):  # type: 
     return gap
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _onto(ground, x, y):  # type: ignore[no-untyped-def]
     """The nearest point of the grid's rectangle."""
     rows, columns = ground.elevation.shape
@@ -261,7 +260,7 @@ def _onto(ground, x, y):  # type: ignore[no-untyped-def]
     return min(x, east * ground.spacing), min(y, north * ground.spacing)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _height(ground, x, y):  # type: ignore[no-untyped-def]
     """Height [m] of the triangulated ground, cells cut from south-west to north-east."""
     elevation = ground.elevation

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from terrain_forge.kernels import kernel
 from terrain_forge.seeds import mix, uniform
 from terrain_forge.specs import BY_KIND, Positive, Spec
 
@@ -138,7 +138,7 @@ def largest_diameter(law: SizeLaw, area: float) -> float:
     return float(np.exp(brentq(surplus, np.log(1e-9), np.log(1e6), xtol=1e-14)))
 
 
-@njit(cache=True)
+@kernel
 def _sample_golombek(hashes, smallest, largest, q):  # type: ignore[no-untyped-def]
     diameters = np.empty(len(hashes))
     inverse, width = 1.0 / smallest, 1.0 / smallest - 1.0 / largest
@@ -153,7 +153,7 @@ def _sample_golombek(hashes, smallest, largest, q):  # type: ignore[no-untyped-d
     return diameters
 
 
-@njit(cache=True)
+@kernel
 def _sample_power(hashes, smallest, largest, exponent):  # type: ignore[no-untyped-def]
     diameters = np.empty(len(hashes))
     low, high = smallest**-exponent, largest**-exponent

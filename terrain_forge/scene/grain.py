@@ -7,8 +7,8 @@ so that it never repeats and never swims between two pictures.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from terrain_forge.kernels import inner
 from terrain_forge.seeds import mix
 
 _TURN_COS, _TURN_SIN = 0.4472135954999579, 0.8944271909999159
@@ -20,26 +20,26 @@ _PRIMES = (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def cell_hash(key, i, j, k):  # type: ignore[no-untyped-def]
     """A 64-bit hash of a lattice cell."""
     x, y, z = _PRIMES
     return mix(key, np.uint64(i) * x + np.uint64(j) * y + np.uint64(k) * z)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def part(hashed, shift):  # type: ignore[no-untyped-def]
     """Sixteen bits of a hash as a number from -1 to 1."""
     return np.float64((hashed >> np.uint64(shift)) & np.uint64(0xFFFF)) * _COMPONENT - 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _fade(t):  # type: ignore[no-untyped-def]
     """Perlin's quintic and its derivative."""
     return t * t * t * (t * (t * 6.0 - 15.0) + 10.0), 30.0 * t * t * (t * (t - 2.0) + 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def noise_2d(key, x, y):  # type: ignore[no-untyped-def]
     """Gradient noise of a unit lattice and its derivatives along x and y."""
     i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
@@ -58,7 +58,7 @@ def noise_2d(key, x, y):  # type: ignore[no-untyped-def]
     return value, slope_x + du * (v * twist + se - sw), slope_y + dv * (u * twist + nw - sw)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
     """Fine relief of loose ground below `coarsest` [m], faded out where a pixel cannot show it.
 
@@ -83,7 +83,7 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
     return value, slope_x, slope_y
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-untyped-def]
     """Small stones that lie on the soil, at most one to a cell of size `cell` [m].
 
@@ -112,7 +112,7 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     return cover, -steep * off_x, -steep * off_y, part(draw, 24), shadow * (1.0 - cover)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def noise_3d(key, x, y, z):  # type: ignore[no-untyped-def]
     """Gradient noise of a unit lattice in space and its gradient."""
     i, j, k = np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z))
@@ -134,7 +134,7 @@ def noise_3d(key, x, y, z):  # type: ignore[no-untyped-def]
     return total, along_x, along_y, along_z
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def face(key, x, y, z, coarsest, footprint):  # type: ignore[no-untyped-def]
     """Roughness of a rock's surface at a place in its own frame [m].
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from terrain_forge.kernels import inner
 from terrain_forge.scene.grain import soil
 from terrain_forge.scene.surface import BENT_X, BENT_Y, BENT_Z, RANGE, RED, SHADE
 
@@ -42,7 +42,7 @@ class Light(NamedTuple):
     """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _reflect(point, towards, light):  # type: ignore[no-untyped-def]
     """Lunar-Lambert reflectance of a point over its albedo, times the cosine of incidence."""
     sun = light.towards_sun
@@ -57,7 +57,7 @@ def _reflect(point, towards, light):  # type: ignore[no-untyped-def]
     return surge * (light.lunar * 2.0 * mu0 / (mu0 + mu) + (1.0 - light.lunar) * mu0)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def add_surface(pixel, point, lit, open_sky, towards, light, far):  # type: ignore[no-untyped-def]
     """Add a sample's light, faded by the air, to its pixel."""
     direct = (1.0 - 0.7 * point[SHADE]) * _reflect(point, towards, light) if lit else 0.0
@@ -68,7 +68,7 @@ def add_surface(pixel, point, lit, open_sky, towards, light, far):  # type: igno
         pixel[channel] += shone * clear + light.horizon[channel] * (1.0 - clear)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def add_sky(pixel, start, towards, step, land, light):  # type: ignore[no-untyped-def]
     """Add what a ray sees that leaves the world: sky, or the plain beyond the edge."""
     if towards[2] >= 0.0:

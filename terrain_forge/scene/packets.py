@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
+
+from terrain_forge.kernels import inner, kernel
 
 LANES = 8
 """Rays of a packet; eight is the native width of AVX2."""
@@ -55,7 +57,7 @@ def packet_memory(count: int = CHUNKS) -> NDArray[np.float32]:
     return whole.view(np.float32).reshape(count, ROWS, LANES)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-untyped-def]
     """Put an active ray into a lane: origin and direction as triples."""
     ray[ORIGIN_X, lane], ray[ORIGIN_Y, lane], ray[ORIGIN_Z, lane] = origin
@@ -66,7 +68,7 @@ def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-u
     word[ACTIVE, lane] = NOTHING
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def hit_rock(word, lane):  # type: ignore[no-untyped-def]
     """Row of the rock that a lane hit, -1 for the ground, -2 for nothing."""
     if word[GEOMETRY, lane] == NOTHING:
@@ -76,7 +78,7 @@ def hit_rock(word, lane):  # type: ignore[no-untyped-def]
     return np.int64(word[COPY, lane])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
     """Outward unit normal in the scene's frame of the triangle that a lane hit."""
     x = np.float64(ray[NORMAL_X, lane])
@@ -95,7 +97,7 @@ def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
     return x / length, y / length, z / length
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _load(ray, word, origins, directions, first, filled, far):  # type: ignore[no-untyped-def]
     """Put the rays of some rows into a packet's first lanes, and let the others idle."""
     for lane in range(LANES):
@@ -107,14 +109,14 @@ def _load(ray, word, origins, directions, first, filled, far):  # type: ignore[n
         set_ray(ray, word, lane, origin, direction, 0.0, far)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _share(chunk, count):  # type: ignore[no-untyped-def]
     """First row of a chunk of whole packets, and one past its last."""
     rows = -(-count // (LANES * CHUNKS)) * LANES
     return chunk * rows, min((chunk + 1) * rows, count)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def cast_packets(  # type: ignore[no-untyped-def]
     begin, end, scene, query, origins, directions, rotation, packets, distance, normal, rock
 ):
@@ -136,7 +138,7 @@ def cast_packets(  # type: ignore[no-untyped-def]
                 rock[row], normal[row, 0], normal[row, 1], normal[row, 2] = hit, x, y, z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def occlude_packets(  # type: ignore[no-untyped-def]
     begin, end, scene, query, origins, directions, reach, packets, blocked
 ):

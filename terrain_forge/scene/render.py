@@ -6,9 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, njit
+from numba import get_num_threads
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inlined, inner, kernel
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.lend import lend
@@ -73,7 +74,7 @@ class _View(NamedTuple):
     step: float
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _aim(view, column, row):  # type: ignore[no-untyped-def]
     """Origin and unit direction of the ray through a place in the picture."""
     x, y = column - 0.5 * view.width, row - 0.5 * view.height
@@ -90,7 +91,7 @@ def _aim(view, column, row):  # type: ignore[no-untyped-def]
     return (o[0], o[1], o[2]), (a / length, b / length, c / length)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _place(ray, lane, rock, distance, start, towards, stones, point):  # type: ignore[no-untyped-def]
     """Move a surface point to a lane's hit; returns whether it is beside the pixel's last one.
 
@@ -105,7 +106,7 @@ def _place(ray, lane, rock, distance, start, towards, stones, point):  # type: i
     return beside
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _shade(ray, word, lane, view, towards, land, tracks, stones, point):  # type: ignore[no-untyped-def]
     facing = -(point[FLAT_X] * towards[0] + point[FLAT_Y] * towards[1] + point[FLAT_Z] * towards[2])
     step = view.step * (point[RANGE] if view.pinhole else 1.0)
@@ -118,7 +119,7 @@ def _shade(ray, word, lane, view, towards, land, tracks, stones, point):  # type
         see_rock(point, land, stones, rock, np.int64(word[TRIANGLE, lane]), u, v, footprint)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _leave(ray, word, lane, point, direction, reach):  # type: ignore[no-untyped-def]
     """Aim a lane from just above a surface point; returns whether it leads out of the surface."""
     rise = (
@@ -136,7 +137,7 @@ def _leave(ray, word, lane, point, direction, reach):  # type: ignore[no-untyped
     return rise > 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _see_packet(scene, query, view, land, tracks, stones, sun, ray, point, x, y):  # type: ignore[no-untyped-def]
     """Shade what a packet of pixels sees and ask for the Sun.
 
@@ -169,7 +170,7 @@ def _see_packet(scene, query, view, land, tracks, stones, sun, ray, point, x, y)
     return seen, lit, known
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _see_sky(scene, query, land, ray, point, left, top, sample, seen):  # type: ignore[no-untyped-def]
     """Bit mask of the lanes from whose surface a random ray gets to the sky."""
     word, address = ray.view(np.uint32), ray.ctypes.data
@@ -188,7 +189,7 @@ def _see_sky(scene, query, land, ray, point, left, top, sample, seen):  # type: 
     return free
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _sample(  # type: ignore[no-untyped-def]
     scene, queries, view, land, tracks, stones, light, ray, point, left, top, sample, image
 ):
@@ -212,7 +213,7 @@ def _sample(  # type: ignore[no-untyped-def]
     return seen == 0 or (known == _ALL and even)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point, left, top, image):  # type: ignore[no-untyped-def]
     """Expose 4 × 2 pixels: two samples where nothing changes and the Sun shines, else four."""
     for lane in range(LANES):
@@ -230,7 +231,7 @@ def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point
             image[top + lane // _TILE, left + lane % _TILE, channel] /= taken
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _expose_band(scene, queries, view, land, tracks, stones, light, band, ray, point, image):  # type: ignore[no-untyped-def]
     land, tracks, stones = lend(land), lend(tracks), lend(stones)
     ray, point, pixels = lend((ray, point, image))

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.errors import TerrainForgeError
+from terrain_forge.kernels import over_chunks
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
-from terrain_forge.threads import over_chunks
 from terrain_forge.world import Heightfield, RockField, RockLibrary, World, merge, rotations
 
 Array = NDArray[np.float64]

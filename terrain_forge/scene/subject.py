@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import kernel
 from terrain_forge.scene.light import Light
 from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
@@ -158,7 +158,7 @@ def _resampled(plan: Array) -> Array:
     return np.column_stack([place, heading, along])
 
 
-@njit(cache=True)
+@kernel
 def _stamp(points, corner, spacing, reach, nearest):  # type: ignore[no-untyped-def]
     """Note at each node within `reach` of a path which of its points is nearest."""
     rows, columns = nearest.shape

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inner
 from terrain_forge.scene.grain import cell_hash, clasts, face, part, soil
 from terrain_forge.seeds import mix
 
@@ -100,7 +100,7 @@ class Stones(NamedTuple):
     """How much of the ground's colour lies on faces that look up, 0 to 1."""
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _cell(land, x, y):  # type: ignore[no-untyped-def]
     """Column and row of the cell under a place and the place in the cell, 0 to 1."""
     rows, columns = land.elevation.shape
@@ -111,13 +111,13 @@ def _cell(land, x, y):  # type: ignore[no-untyped-def]
     return i, j, min(max(column - i, 0.0), 1.0), min(max(row - j, 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _blend(sw, se, nw, ne, u, v):  # type: ignore[no-untyped-def]
     south, north = sw + u * (se - sw), nw + u * (ne - nw)
     return south + v * (north - south)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _node_slope(land, i, j):  # type: ignore[no-untyped-def]
     rows, columns = land.elevation.shape
     west, east = max(i - 1, 0), min(i + 1, columns - 1)
@@ -127,7 +127,7 @@ def _node_slope(land, i, j):  # type: ignore[no-untyped-def]
     return along_x, (z[north, i] - z[south, i]) / ((north - south) * land.spacing)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _colour(land, i, j, u, v, channel):  # type: ignore[no-untyped-def]
     rgb, linear = land.rgb, land.linear
     sw, se = linear[rgb[j, i, channel]], linear[rgb[j, i + 1, channel]]
@@ -135,13 +135,13 @@ def _colour(land, i, j, u, v, channel):  # type: ignore[no-untyped-def]
     return _blend(sw, se, nw, ne, u, v)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _set_normal(point, x, y, z):  # type: ignore[no-untyped-def]
     length = np.sqrt(x * x + y * y + z * z)
     point[BENT_X], point[BENT_Y], point[BENT_Z] = x / length, y / length, z / length
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _track(tracks, land, x, y, ragged, footprint):  # type: ignore[no-untyped-def]
     """Imprint (0 to 1) and rise per metre along x and y of the wheel tracks at a place.
 
@@ -168,7 +168,7 @@ def _track(tracks, land, x, y, ragged, footprint):  # type: ignore[no-untyped-de
     return depth, tread * cos - edge * sin, tread * sin + edge * cos
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _texture_ground(land, x, y, footprint):  # type: ignore[no-untyped-def]
     """Brightness, shade and rise per metre along x and y of soil and small stones at a place."""
     east, north = x + land.shift[0], y + land.shift[1]
@@ -188,7 +188,7 @@ def _texture_ground(land, x, y, footprint):  # type: ignore[no-untyped-def]
     return bright, shade, rise_x, rise_y
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     """Fill in normal, albedo and lift of a point on the ground; its place is set already."""
     x, y = point[X], point[Y]
@@ -205,7 +205,7 @@ def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
         point[RED + channel] = _colour(land, i, j, u, v, channel) * bright
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _round_off(point, land, i, j, u, v):  # type: ignore[no-untyped-def]
     """The interpolated slope, and the lift to the smooth surface that it pretends.
 
@@ -226,7 +226,7 @@ def _round_off(point, land, i, j, u, v):  # type: ignore[no-untyped-def]
     return along_x, along_y
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _smooth_normal(stones, rock, triangle, u, v):  # type: ignore[no-untyped-def]
     """The interpolated vertex normal of a rock in its own frame."""
     corners = stones.faces[stones.first_face[rock] + triangle]
@@ -239,7 +239,7 @@ def _smooth_normal(stones, rock, triangle, u, v):  # type: ignore[no-untyped-def
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def see_rock(point, land, stones, rock, triangle, u, v, footprint):  # type: ignore[no-untyped-def]
     """Fill in the normal and the albedo of a point on a rock; its place and flat normal are set."""
     turn, centre = stones.rotation[rock], stones.centre[rock]
@@ -270,13 +270,13 @@ def see_rock(point, land, stones, rock, triangle, u, v, footprint):  # type: ign
         point[RED + channel] = bare + dust * (soiled - bare)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _height(land, i, j, u, v):  # type: ignore[no-untyped-def]
     z = land.elevation
     return _blend(z[j, i], z[j, i + 1], z[j + 1, i], z[j + 1, i + 1], u, v)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def hemisphere(point, key, column, row, sample):  # type: ignore[no-untyped-def]
     """A direction about the shading normal, density by the cosine; `sample` 0 to 3 stratifies."""
     draw = cell_hash(key, column, row, 7)

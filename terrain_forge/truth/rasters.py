@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from terrain_forge.threads import over_chunks
+from terrain_forge.kernels import inner, kernel, over_chunks
 from terrain_forge.world import World, merge, rotations
 
 _STRIP = 32
@@ -73,7 +72,7 @@ def _strips(
     return np.searchsorted(strip[order], np.arange(strips + 1)), rock[order]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rasterise(  # type: ignore[no-untyped-def]
     first_strip, last_strip, largest, top, rock_id, corner, strips, rocks, vertices, faces
 ):
@@ -98,7 +97,7 @@ def _rasterise(  # type: ignore[no-untyped-def]
             _draw(faces_of, points, nodes, box, corner, ids[rock], top, rock_id)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _meets_node(centre, reach, box):  # type: ignore[no-untyped-def]
     """Whether a square about a rock holds a node of the box: many pebbles fit between the nodes."""
     west, east, south, north = box
@@ -107,7 +106,7 @@ def _meets_node(centre, reach, box):  # type: ignore[no-untyped-def]
     return columns >= 0.0 and rows >= 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _place(corners, pose, centre, points, nodes):  # type: ignore[no-untyped-def]
     """Vertices as (column, row, height), and the nodes west, east, south and north of each."""
     for n in range(len(corners)):
@@ -120,7 +119,7 @@ def _place(corners, pose, centre, points, nodes):  # type: ignore[no-untyped-def
         nodes[n, 2], nodes[n, 3] = np.floor(points[n, 1]), np.ceil(points[n, 1])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _draw(triangles, points, nodes, box, corner, identity, top, rock_id):  # type: ignore[no-untyped-def]
     """Raise the nodes of the box that lie under the upward triangles of one rock."""
     for n in range(len(triangles)):
@@ -141,7 +140,7 @@ def _draw(triangles, points, nodes, box, corner, identity, top, rock_id):  # typ
                     rock_id[j, i] = identity
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _height(a, b, c, column, row):  # type: ignore[no-untyped-def]
     """Height of an upward triangle above a node, minus infinity where it does not cover it.
 

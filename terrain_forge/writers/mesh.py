@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from terrain_forge.kernels import inner, kernel
 
 Floats = NDArray[np.float64] | NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -109,7 +110,23 @@ def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
     return unit
 
 
-@njit(cache=True, error_model="numpy")
+def _stl_records(vertices: Floats, faces: Indices) -> NDArray[np.uint16]:
+    """Records of 12 float32 (normal and corners) and an unused uint16, shape [faces, 25]."""
+    corners = np.asarray(vertices[faces], np.float32)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    (ax, ay, az), (bx, by, bz) = first.T, second.T
+    normal = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    x, y, z = normal.T
+    length = np.sqrt(x * x + y * y + z * z).astype(np.float64)
+    numbers = np.empty((len(faces), 12), dtype="<f4")
+    numbers[:, :3] = normal * (1.0 / np.where(length > 0.0, length, 1.0))[:, None]
+    numbers[:, 3:] = corners.reshape(-1, 9)
+    records = np.zeros((len(faces), 25), dtype="<u2")
+    records[:, :24] = numbers.view("<u2")
+    return records
+
+
+@inner
 def _put_integer(text, at, number):  # type: ignore[no-untyped-def]
     """Write a positive integer in decimal; returns where the text goes on."""
     width = 1
@@ -123,7 +140,7 @@ def _put_integer(text, at, number):  # type: ignore[no-untyped-def]
     return at + width
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def]
     """Write a number rounded to so many decimals (unit = 10**decimals), without trailing zeros."""
     scaled = np.int64(np.rint(abs(value) * unit))
@@ -145,7 +162,7 @@ def _put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def
     return at + decimals + 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
     unit = 10**decimals
     at = 0
@@ -161,7 +178,7 @@ def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
     return at
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
     """Write again what stands at `start`; returns where the text goes on."""
     for place in range(width):
@@ -169,7 +186,7 @@ def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
     return at + width
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
     at = 0
     for face in range(faces.shape[0]):

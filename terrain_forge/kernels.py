@@ -1,0 +1,49 @@
+"""How kernels are compiled, and how they run on all processor cores.
+
+A first build waits for the compiler, so each kernel should compile once and cheaply: the same array
+types at every call, numbers and loops rather than array expressions, and no parallel loops, for
+which there is `over_chunks`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numba import get_num_threads, njit
+
+_CHUNKS_PER_THREAD = 4
+
+kernel: Any = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+"""Compiles a function that Python calls; kept on disk for the next run."""
+
+inner: Any = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""Compiles a function that only kernels call; it is kept within them. Python cannot call it, since
+its entry from there would often take longer to compile than itself."""
+
+inlined: Any = njit(error_model="numpy", inline="always")
+"""Makes a function a part of the kernel that calls it, in one place: cheaper than `inner` for large
+ones and for those that take many arrays."""
+
+
+def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
+    """Call `part(first, last, *arguments)` for parts of range(count) that together are all of it.
+
+    Args:
+        part: A kernel. What it writes for one element depends on no other element, so that the
+            number of threads and their order change no result.
+        count: Number of elements.
+        arguments: Passed on, arrays to be written among them.
+    """
+    threads = get_num_threads()
+    chunks = min(count, threads * _CHUNKS_PER_THREAD)
+    if threads == 1 or chunks < 2:
+        part(0, count, *arguments)
+        return
+    borders = np.linspace(0, count, chunks + 1).astype(int).tolist()
+    with ThreadPoolExecutor(threads) as pool:
+        for done in [pool.submit(part, a, b, *arguments) for a, b in pairwise(borders)]:
+            done.result()
