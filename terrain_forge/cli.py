@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terrain_forge import __version__
-from terrain_forge.errors import SimulationError, TerrainForgeError
+from terrain_forge.errors import OutputError, SimulationError, TerrainForgeError
 
 if TYPE_CHECKING:
     from terrain_forge.recipe_file import RecipeFile
@@ -142,8 +142,13 @@ def view(out: Path) -> None:
 
     read_manifest(out)
     page = (out / "report.html").absolute()
+    if not page.is_file():
+        raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")
     _say(str(page))
-    click.launch(page.as_uri())
+    if sys.platform != "linux" or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ:
+        click.launch(page.as_uri())
+    else:
+        _say("there is no display here: open that file in a browser")
 
 
 @cli.command()
@@ -163,7 +168,12 @@ def _load(path: Path, seed: int | None, changes: tuple[str, ...]) -> RecipeFile:
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        raise OutputError(f"--only {text!r}: names of exports, such as sdf,mjcf")
+    return names
 
 
 def _say(text: str) -> None:

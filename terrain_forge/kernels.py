@@ -17,10 +17,14 @@ from numba import get_num_threads, njit
 
 _CHUNKS_PER_THREAD = 4
 
-kernel: Any = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+# Numba builds entries from C and from Python for each function unless told not to.
+_NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
+_NOT_FROM_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True}
+
+kernel: Any = njit(cache=True, nogil=True, error_model="numpy", **_NOT_FROM_C)
 """Compiles a function that Python calls; kept on disk for the next run."""
 
-inner: Any = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner: Any = njit(error_model="numpy", **_NOT_FROM_C, **_NOT_FROM_PYTHON)
 """Compiles a function that only kernels call; it is kept within them. Python cannot call it, since
 its entry from there would often take longer to compile than itself."""
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 
 from terrain_forge.errors import RecipeError
+from terrain_forge.paths.route import Route
 from terrain_forge.recipe import Recipe
 
 BYTES_PER_NODE = 120
 """Peak memory of a build for each node of the ground (measured by benchmarks/)."""
+MOST_SAMPLES = 2_000_000
+"""Samples of one path."""
 BYTES_PER_ROCK = 1500
 """Peak memory of a build for each rock (measured by benchmarks/)."""
 
@@ -17,9 +19,18 @@ BYTES_PER_ROCK = 1500
 def require_paths(recipe: Recipe) -> None:
     """Refuse names of paths that occur twice, and a drive along a path that does not exist."""
     paths = [path.name for path in recipe.paths]
-    for name, times in Counter(paths).items():
-        if times > 1:
-            raise RecipeError(f"{times} paths are called {name!r}", key=("paths",))
+    for number, path in enumerate(recipe.paths):
+        key = ("paths", number)
+        earlier = [name.lower() for name in paths[:number]]
+        if path.name.lower() in earlier:
+            raise RecipeError(
+                f"a path before is called {path.name!r} too, case aside", key=(*key, "name")
+            )
+        if path.shake.rms_deg and path.shake.cutoff_hz > 0.5 * path.rate_hz:
+            raise RecipeError(
+                f"{path.shake.cutoff_hz:g} Hz, at most half the rate, {0.5 * path.rate_hz:g} Hz",
+                key=(*key, "shake", "cutoff_hz"),
+            )
     driven = driven_path(recipe)
     if driven is not None and driven not in paths:
         known = ", ".join(paths) or "none"
@@ -77,6 +88,17 @@ def require_fits(recipe: Recipe) -> None:
 def memory_needed(recipe: Recipe) -> float:
     """Estimated peak memory of a build [bytes]."""
     return expected_nodes(recipe) * BYTES_PER_NODE + expected_rocks(recipe) * BYTES_PER_ROCK
+
+
+def require_samples(route: Route, *, rate: float, key: tuple[str | int, ...]) -> None:
+    """Refuse a path of more samples than anybody could use."""
+    samples = route.length / route.speed * rate
+    if samples > MOST_SAMPLES:
+        raise RecipeError(
+            f"{route.length:.3g} m at {route.speed:g} m/s and {rate:g} Hz are {samples:.3g} "
+            f"samples, at most {MOST_SAMPLES:,}",
+            key=(*key, "rate_hz"),
+        )
 
 
 def expected_nodes(recipe: Recipe) -> float:

@@ -23,8 +23,10 @@ from terrain_forge.limits import (
     require_fits,
     require_lattice,
     require_paths,
+    require_samples,
 )
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
+from terrain_forge.paths.route import Route
 from terrain_forge.paths.trajectory import lay_trajectory
 from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
 from terrain_forge.rocks.library import make_library
@@ -75,14 +77,13 @@ def plan(
     require_paths(recipe)
     require_centre(recipe)
     require_lattice(recipe)
-    check_rocks(recipe.rocks, area)
+    check_rocks(recipe.rocks, recipe.dtm.size_m)
     require_fits(recipe)
     driven = driven_path(recipe)
     routes = tuple(
-        plan_route(path, rover=rover, driven=path.name == driven) for path in recipe.paths
+        _plan_path(recipe, number, rover, driven=path.name == driven)
+        for number, path in enumerate(recipe.paths)
     )
-    for route in routes:
-        require_inside(route, size=recipe.dtm.size_m, rover=rover)
     ground = survey(recipe.dtm, body=body, folder=Path(folder), heights=heights)
     return Site(
         name=recipe.name,
@@ -102,6 +103,14 @@ def plan(
         routes=routes,
         recipe_json=portable_json(recipe),
     )
+
+
+def _plan_path(recipe: Recipe, number: int, rover: Rover, *, driven: bool) -> Route:
+    path, key = recipe.paths[number], ("paths", number)
+    route = plan_route(path, rover=rover, driven=driven, key=key)
+    require_inside(route, size=recipe.dtm.size_m, rover=rover, key=key)
+    require_samples(route, rate=path.rate_hz, key=key)
+    return route
 
 
 def realise(site: Site, window: Window | None = None, *, progress: Progress = silent) -> World:

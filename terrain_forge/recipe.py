@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
@@ -108,8 +109,11 @@ class ExportOrder:
     options: Any
 
 
-RESERVED = ("world", "truth", "paths", "validation")
-"""Folders of a world that no export may be called."""
+RESERVED = {
+    *("world", "truth", "paths", "validation", "dataset"),
+    *("manifest.json", "timings.json", "report.html", "preview.png"),
+}
+"""Names in a world's folder that no export may have, in any case."""
 
 
 @cache
@@ -160,8 +164,8 @@ def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
 
 def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
     key = ("exports", folder)
-    if folder in RESERVED:
-        raise RecipeError(f"{folder!r} is a folder of every world, choose another", key=key)
+    if folder.lower() in RESERVED:
+        raise RecipeError(f"{folder!r} is part of every world, choose another name", key=key)
     kind = options.pop("kind", folder)
     try:
         found = exporter(kind)
@@ -177,6 +181,8 @@ def _option_message(kind: str, found: Exporter, error: ValueError) -> str:
     first = error.errors()[0]  # type: ignore[attr-defined]
     option = ".".join(map(str, first["loc"]))
     if first["type"] == "unexpected_keyword_argument":
-        allowed = sorted(found.Options.__dataclass_fields__)
-        return f"{kind} has no option {option!r}, it has: {', '.join(allowed) or 'none'}"
+        allowed = sorted(field.name for field in fields(found.Options) if field.name != "kind")
+        close = get_close_matches(option, allowed, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        return f"{kind} has no option {option!r}{hint}, it has: {', '.join(allowed) or 'none'}"
     return f"option {option!r} of {kind}: {first['msg']}, found {first['input']!r}"

@@ -11,13 +11,15 @@ from typing import Any
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from terrain_forge.errors import OutputError, RecipeError, TerrainForgeError
 from terrain_forge.recipe import Recipe, adapter, json_schema
 
 Key = tuple[str | int, ...]
 
+_UNION = ("tuple[", "dict[", "function-")
+"""How pydantic begins the names of nameless union members in a location."""
 _PLAIN_TAGS = {
     f"tag:yaml.org,2002:{n}" for n in ("map", "seq", "str", "int", "float", "bool", "null")
 }
@@ -124,6 +126,8 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
     seen.add(id(node))
     if isinstance(node, MappingNode):
         for name, value in node.value:
+            if not isinstance(name, ScalarNode):
+                raise RecipeError(_locate(path, lines, key, "a key must be a word"))
             inner = (*key, str(name.value))
             lines[inner] = name.start_mark.line + 1
             _collect(path, value, inner, lines, seen)
@@ -160,10 +164,23 @@ def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
 def _explain(path: Path, lines: dict[Key, int], data: Any, error: ValidationError) -> str:
     # A misspelt key is also a missing one: the misspelling is what helps.
     unknown = "unexpected_keyword_argument"
-    first, *rest = sorted(error.errors(), key=lambda e: e["type"] != unknown)
+    first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
     key = _real_key(data, first["loc"])
     more = f" (and {len(rest)} more)" if rest else ""
     return _locate(path, lines, key, _message(dict(first), key)) + more
+
+
+def _meant(error: ValidationError) -> list[Any]:
+    """The errors without those of union members that the user did not mean.
+
+    `exports` may be a list or a mapping; pydantic reports what is wrong with both.
+    """
+    errors = error.errors()
+    shapes = [e for e in errors if len(e["loc"]) > 1 and str(e["loc"][1]).startswith(_UNION)]
+    if not shapes:
+        return errors
+    inside = [e for e in shapes if len(e["loc"]) > 2]
+    return inside or [{**shapes[0], "type": "list_or_mapping"}]
 
 
 def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
@@ -171,6 +188,8 @@ def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
     key: list[str | int] = []
     for n, step in enumerate(loc):
         last = n == len(loc) - 1
+        if str(step).startswith(_UNION) or step == "[key]":
+            continue
         if isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
             key.append(step)
             data = data.get(step)
@@ -185,6 +204,22 @@ def _message(error: dict[str, Any], key: Key) -> str:
     match error["type"]:
         case "unexpected_keyword_argument":
             return _unknown_key(str(key[-1]), error["loc"])
+        case "list_or_mapping":
+            return f"must be a list or a mapping, found {_shown(found)}"
+        case "dataclass_type" | "dataclass_exact_type" | "dict_type":
+            return f"must be a mapping of keys, found {_shown(found)}"
+        case "union_tag_not_found" if not isinstance(found, dict):
+            return f"must be a mapping of keys, found {_shown(found)}"
+        case "union_tag_invalid" if not isinstance(found, dict):
+            return f"must be a mapping of keys, found {_shown(found)}"
+        case "tuple_type" | "list_type":
+            return f"must be a list, found {_shown(found)}"
+        case "too_short" if "min_length" in context:
+            return f"needs at least {context['min_length']}, has {context['actual_length']}"
+        case "too_long" if "max_length" in context:
+            return f"takes at most {context['max_length']}, has {context['actual_length']}"
+        case "string_too_short" | "string_too_long":
+            return f"must have 1 to {context.get('max_length', 'any number of')} characters"
         case "missing" | "missing_argument" | "missing_keyword_only_argument":
             return "is missing"
         case "union_tag_invalid":
@@ -194,7 +229,7 @@ def _message(error: dict[str, Any], key: Key) -> str:
         case "union_tag_not_found":
             return "needs a `kind`"
         case "predicate_failed":
-            return f"must be a name without / \\ : or control characters, found {found!r}"
+            return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
     text = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     return f"must be {text}, found {_shown(found)}"
 
@@ -204,6 +239,8 @@ def _words(expected: str) -> list[str]:
 
 
 def _shown(found: Any) -> str:
+    if found is None:
+        return "nothing"
     text = json.dumps(found, default=str, ensure_ascii=False)
     return text if len(text) <= 60 else text[:57] + "..."
 

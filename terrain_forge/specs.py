@@ -23,13 +23,12 @@ MAX_NAME = 100
 
 
 def is_file_name(text: str) -> bool:
-    """Whether a text can name a file or folder without leaving its folder."""
-    return bool(text) and text not in (".", "..") and not any(c in text for c in "/\\:\0\n\r\t")
+    """Whether a text can name a file or folder that is visible and does not leave its folder."""
+    return bool(text) and text[0] != "." and text.isprintable() and not set(text) & set("/\\:")
 
 
 FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]
-"""A name that may become a file's or a folder's: no separator, so that it cannot leave its
-folder."""
+"""A name that may become a file's or a folder's: no separator, no leading dot."""
 
 
 class _ByKind:

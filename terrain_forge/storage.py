@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import zlib
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +45,14 @@ def load_world(directory: Path) -> World:
         world = from_plain(plain["world"], arrays)
     except OutputError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise OutputError(f"{directory}: holds no readable terrain-forge world ({error})") from None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError) as error:
+        raise _unreadable(directory, error) from None
+    except (BadZipFile, zlib.error) as error:
+        raise _unreadable(directory, error) from None
     assert isinstance(world, World)
     return world
+
+
+def _unreadable(directory: Path, error: Exception) -> OutputError:
+    why = " ".join(str(error).split()) or type(error).__name__
+    return OutputError(f"{directory}: holds no readable terrain-forge world ({why})")

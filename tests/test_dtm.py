@@ -118,6 +118,21 @@ def test_north_is_true_on_a_polar_grid(tmp_path):
     assert lon[1] == pytest.approx(lon[0], abs=1e-6)
 
 
+@pytest.mark.parametrize(("west", "asked"), [(199.99, -160.0), (199.99, 200.0), (-160.01, 200.0)])
+def test_longitudes_count_either_way(tmp_path, west, asked):
+    step = 1.0 / 59274.7  # about a metre
+    write_raster(
+        tmp_path / "dtm.tif",
+        crs="+proj=longlat +R=3396190",
+        transform=from_origin(west, -29.99, step * 4, step * 4),
+    )
+    spec = RasterDtm(
+        source="dtm.tif", size_m=(60.0, 60.0), centre=Centre(lonlat_deg=(asked, -30.0))
+    )
+    site, _ = look(spec, tmp_path)
+    assert np.degrees(site.lonlat[1]) == pytest.approx(-30.0)
+
+
 def test_window_is_the_cut_of_the_whole(tmp_path):
     write_raster(tmp_path / "dtm.tif")
     site, whole = look(RasterDtm(source="dtm.tif", size_m=(120.0, 80.0), level="plane"), tmp_path)

@@ -85,6 +85,20 @@ def test_shipped_recipes_are_sound(recipe):
         ("exports: [sdf, mjcf, usd]", "exports: {sdf: {colour: 1}}", ["no option 'colour'"]),
         ("drive: loop", "drive: long", ["'long'", "loop"]),
         ("schema: 1 ", "schema: 2 ", ["schema", "found 2"]),
+        ("diameter_m: [0.5, 2.0]", "diameter_m: [30, 40]", ["half the site", "populations[1]"]),
+        ("rms_deg: 0.2", "rms_deg: 1.0e9", ["rms_deg", "20"]),
+        ("cutoff_hz: 2", "cutoff_hz: 2000", ["half the rate", "paths[0].shake"]),
+        ("speed_m_s: 0.38", "speed_m_s: 1.0e-12", ["speed_m_s", "0.001"]),
+        ("rate_hz: 12", "rate_hz: 0", ["rate_hz"]),
+        ("[8, 6], [0, 9], [-8, 6]", "[9, -5], [0, 9]", ["points 2 and 3", "paths[0].route"]),
+        ("exports: [sdf, mjcf, usd]", "exports: {../x: {kind: sdf}}", ["a name without"]),
+        ("exports: [sdf, mjcf, usd]", "exports: {sdf: }", ["exports.sdf", "mapping", "nothing"]),
+        ("exports: [sdf, mjcf, usd]", "exports: sdf", ["a list or a mapping", '"sdf"']),
+        ("exports: [sdf, mjcf, usd]", "exports: {manifest.json: {kind: sdf}}", ["part of every"]),
+        ("exports: [sdf, mjcf, usd]", "exports: {sdf: {flavr: gz}}", ["did you mean 'flavour'"]),
+        ("name: hello-mars", "name: .git", ["leading dot"]),
+        ("seed: 42", "? [a, b]\n: 42", ["a key must be a word"]),
+        ("rover: morpheus", "rover:", ["rover", "nothing"]),
         ("seed: 42", "seed: 4.2", ["seed", "found 4.2"]),
     ],
 )  # fmt: skip
@@ -106,18 +120,40 @@ def test_the_line_is_right(tmp_path, old, new):
     assert found == line_of(path, new)
 
 
+TEXTS_THAT_ARE_NO_RECIPES = [
+    ("name: !!python/object/apply:os.system [ls]", ["tag", "plain data"]),
+    ("name: !mine x", ["tag"]),
+    ("a: &a [1]\nb: *a", ["alias"]),
+    ("name: [", ["not YAML"]),
+    ("name: a\nname: b", ["duplicate", ":2"]),
+    ("- 1", ["mapping"]),
+    ("", ["mapping"]),
+    ("just text", ["mapping"]),
+]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("name: !!python/object/apply:os.system [ls]", ["tag", "plain data"]),
-        ("name: !mine x", ["tag"]),
-        ("a: &a [1]\nb: *a", ["alias"]),
-        ("name: [", ["not YAML"]),
-        ("name: a\nname: b", ["duplicate", ":2"]),
-        ("- 1", ["mapping"]),
-        ("", ["mapping"]),
-        ("just text", ["mapping"]),
+        ("terrain: {spacing_m: 1}\ndtm:\n", ["dtm", "a mapping", "nothing"]),
+        ("terrain: {spacing_m: 1}\ndtm: [1]\n", ["dtm", "a mapping", "[1]"]),
+        ("dtm: {kind: flat, size_m: [4, 4]}\nterrain: 3\n", ["terrain", "a mapping", "3"]),
+        ("dtm: {kind: flat, size_m: [4]}\nterrain: {spacing_m: 1}\n", ["dtm.size_m"]),
+        ("dtm: {kind: flat, size_m: [4, 4]}\nterrain: {spacing_m: 1}\npaths: 7\n", ["a list"]),
+        ("dtm: {kind: flt, size_m: [4, 4]}\nterrain: {spacing_m: 1}\n", ["'flt'", "flat"]),
     ],
+)
+def test_parts_that_are_no_mappings(tmp_path, text, words):
+    path = tmp_path / "recipe.yaml"
+    path.write_text(f"schema: 1\nname: a\nbody: mars\n{text}")
+    message = complaint(path)
+    for word in words:
+        assert word in message, message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    TEXTS_THAT_ARE_NO_RECIPES,
 )
 def test_recipes_are_plain_data(tmp_path, text, words):
     path = tmp_path / "recipe.yaml"

@@ -252,12 +252,12 @@ def test_what_cannot_be_packed_is_refused():
 )
 def test_contradictions_are_refused(populations, message):
     with pytest.raises(RecipeError, match=message):
-        check_rocks(RocksSpec(library=LibrarySpec(), populations=populations), 1e4)
+        check_rocks(RocksSpec(library=LibrarySpec(), populations=populations), (100.0, 100.0))
 
 
 def test_largest_rock_comes_from_the_area():
     kinds = (population(k=0.1, diameter_m=(0.5, None)), population("b", diameter_m=(0.1, 0.6)))
     rocks = RocksSpec(populations=kinds)
-    check_rocks(rocks, 1e4)
+    check_rocks(rocks, (100.0, 100.0))
     assert largest_rock(rocks, 1e4) == pytest.approx(1.743, abs=1e-3)
     assert largest_rock(RocksSpec(), 1e4) == 0.0

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.dtm.projection import geographic_crs, local_crs, transform
 from terrain_forge.dtm.raster import Raster
-
-COARSE_POSTING = 50.0
-"""Posting [m] beyond which a DTM says nothing about a rover's site."""
+from terrain_forge.dtm.roughness import COARSE_POSTING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,14 +126,16 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
         found.append("without georeference: give its size on the ground as dtm.extent_m")
     if not raster.vertical_known:
         found.append("without vertical scale: give dtm.height_range_m or dtm.height_scale")
-    if posting and posting > COARSE_POSTING:
+    coarse = posting is not None and posting > COARSE_POSTING
+    if posting and coarse:
         found.append(
             f"a posting of {_metres(posting)} is too coarse for a rover: the ground between the "
             "samples would be invented"
         )
     quantum = raster.quantum
     dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
-    if quantum and raster.vertical_known and (dtype.itemsize == 1 or quantum >= 0.02):
+    stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= 0.02)
+    if quantum and stairs and raster.vertical_known and not coarse:
         found.append(
             f"{8 * dtype.itemsize} bits: heights come in stairs of {_metres(quantum)}, "
             "which a wheel feels"

@@ -33,11 +33,14 @@ def dtm_heights(*, site: Site, window: Window) -> Array:
 
 def patch_pixels(patch: DtmPatch, local_crs: str, east: Array, north: Array) -> tuple[Array, Array]:
     """Fractional column and row of the patch under points of the site [m]."""
+    a, b, c, d, e, f = patch.to_pixel
     if patch.crs:
         x, y = transform(local_crs, patch.crs, east, north)
     else:
         x, y = east, north
-    a, b, c, d, e, f = patch.to_pixel
+    period, middle = patch.wrap
+    if period:
+        x = x + period * np.round((middle - x) / period)
     return a * x + b * y + c, d * x + e * y + f
 
 

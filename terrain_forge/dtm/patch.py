@@ -21,6 +21,8 @@ class DtmPatch(Record):
     coordinates and whole numbers are sample centres."""
     crs: str
     """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    wrap: tuple[float, float]
+    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
     posting: float
     """Distance of the samples on the ground [m], the coarser of the two directions."""
     filled: int

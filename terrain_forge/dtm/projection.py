@@ -35,6 +35,20 @@ def ellipsoid(crs: str) -> tuple[float, float]:
     return major, major * (1.0 - 1.0 / inverse_flattening) if inverse_flattening else major
 
 
+def meridian_period(crs: str) -> float:
+    """How far apart, in x, a CRS repeats a meridian; 0 where x does not repeat."""
+    from rasterio.crs import CRS
+
+    parsed = CRS.from_wkt(crs)
+    if parsed.is_geographic:
+        return 360.0
+    values = parsed.to_dict()
+    if values.get("proj") != "eqc":
+        return 0.0
+    scale = np.cos(np.radians(float(values.get("lat_ts", 0.0))))
+    return float(2.0 * np.pi * ellipsoid(crs)[0] * scale)
+
+
 def geographic_crs(crs: str) -> str:
     """WKT of longitude and latitude in degrees on the same ellipsoid as `crs`."""
     major, minor = ellipsoid(crs)

@@ -91,8 +91,7 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     import rasterio
 
     path = folder / spec.source
-    if not path.is_file():
-        raise DataError(f"no such file: {spec.source}", key=("dtm", "source"))
+    require_file(path, spec.source, ("dtm", "source"))
     try:
         dataset = _open(path)
     except rasterio.errors.RasterioError:
@@ -190,6 +189,17 @@ def _reference_radius(offset: float, crs: str, body: Body) -> float:
     return ellipsoid(crs)[0] if crs else body.mean_radius
 
 
+def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
+    """Refuse a path that leads to no file.
+
+    Raises:
+        DataError: says by `name` what is there instead.
+    """
+    if not path.is_file():
+        problem = "is a folder, not a file" if path.is_dir() else "no such file"
+        raise DataError(f"{problem}: {name}", key=key)
+
+
 def files_of_raster(path: Path) -> list[Path]:
     """Files that belong to a raster besides the one that is opened, such as a label's image."""
     with _open(path) as dataset:
@@ -206,8 +216,7 @@ def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
 
     from terrain_forge.frames import image_rows
 
-    if not (folder / path).is_file():
-        raise DataError(f"no such file: {path}", key=key)
+    require_file(folder / path, path, key)
     try:
         with _open(folder / path) as dataset:
             values = dataset.read(1)

@@ -10,6 +10,8 @@ from terrain_forge.site import Roughness
 
 Array = NDArray[np.float64]
 
+COARSE_POSTING = 50.0
+"""Posting [m] beyond which a DTM says nothing about a rover's site."""
 SHORTEST, LONGEST = 4, 32
 """Baselines of the fit, in posts: a stereo DTM resolves 3 to 5 of them."""
 HURST_LIMITS = (0.5, 0.95)
@@ -22,6 +24,8 @@ def fit_roughness(heights: Array, posting: float, body: Body) -> Roughness:
     With fewer than 4 × 32 posts a side the fit would mean nothing, and the body's figures are
     taken. Shepard et al. 2001, doi:10.1029/2000JE001429.
     """
+    if posting > COARSE_POSTING:
+        return body_roughness(body, f"a DTM of {posting:.3g} m posting says nothing of 1 m")
     if min(heights.shape) < 4 * LONGEST:
         return body_roughness(
             body, f"DTM of {heights.shape[1]} × {heights.shape[0]} posts too small"

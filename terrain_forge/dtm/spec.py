@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Gt, Interval, MinLen
 
 from terrain_forge.specs import Pair, Positive, PositivePair, Spec
 
@@ -30,7 +30,7 @@ class RasterDtm(Spec):
     """Heights from a raster file: anything that GDAL opens."""
 
     kind: Literal["raster"] = "raster"
-    source: str
+    source: Annotated[str, MinLen(1)]
     """The file, its path relative to the recipe (for PDS3 with a detached label: the label)."""
     size_m: PositivePair
     """Size of the site, node to node, east and north [m]; whole multiples of the spacing."""

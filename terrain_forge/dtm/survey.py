@@ -12,7 +12,13 @@ from terrain_forge.bodies import Body
 from terrain_forge.dtm.gridify import patch_pixels
 from terrain_forge.dtm.kernel import cubic
 from terrain_forge.dtm.patch import DtmPatch
-from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
+from terrain_forge.dtm.projection import (
+    body_crs,
+    geographic_crs,
+    local_crs,
+    meridian_period,
+    transform,
+)
 from terrain_forge.dtm.raster import Raster, open_raster
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, RasterDtm
@@ -96,7 +102,9 @@ def _array_patch(spec: ArrayDtm, heights: Array | None) -> DtmPatch:
     rows, columns = values.shape
     step = 1.0 / spec.posting_m
     to_pixel = (step, 0.0, (columns - 1) / 2, 0.0, step, (rows - 1) / 2)
-    return DtmPatch(heights=values, to_pixel=to_pixel, crs="", posting=spec.posting_m, filled=0)
+    return DtmPatch(
+        heights=values, to_pixel=to_pixel, crs="", wrap=(0.0, 0.0), posting=spec.posting_m, filled=0
+    )
 
 
 def _raster_patch(
@@ -154,9 +162,15 @@ def _transform_point(source: str, target: str, point: tuple[float, float]) -> tu
 
 def _read_patch(raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float, ...]) -> DtmPatch:
     """The samples under the site with context around them, holes filled."""
+    wrap = (meridian_period(raster.crs), raster.middle[0]) if raster.crs else (0.0, 0.0)
     whole = DtmPatch(
-        heights=np.zeros((1, 1)), to_pixel=to_pixel, crs=raster.crs, posting=1.0, filled=0
-    )  # type: ignore[arg-type]
+        heights=np.zeros((1, 1)),
+        to_pixel=to_pixel,
+        crs=raster.crs,
+        wrap=wrap,
+        posting=1.0,
+        filled=0,
+    )
     column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
     _require_inside(raster, spec, column, row)
     columns = _span(column, raster.shape[1])
@@ -174,6 +188,7 @@ def _read_patch(raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float
         heights=_fill(heights, valid),
         to_pixel=(a, b, c - columns.start, d, e, f - rows.start),
         crs=raster.crs,
+        wrap=wrap,
         posting=_posting(column, row, spec.size_m),
         filled=int((~valid[inside]).sum()),
     )

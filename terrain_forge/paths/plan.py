@@ -14,17 +14,27 @@ Array = NDArray[np.float64]
 
 STEP = 0.02
 """Distance of a route's points [m]."""
+SHARPEST = 0.5
+"""Turn between two of its points [rad], beyond which a route is no smooth curve."""
 CORRIDOR_MARGIN = 0.4
 """What a default corridor is wider than the rover [m]."""
 
 
-def plan_route(spec: PathSpec, *, rover: Rover, driven: bool) -> Route:
+def plan_route(
+    spec: PathSpec, *, rover: Rover, driven: bool, key: tuple[str | int, ...] = ("paths",)
+) -> Route:
     """The route of a path, its corridor resolved.
 
+    Args:
+        spec: the path as the recipe has it.
+        rover: who drives.
+        driven: whether the validation drives it, so that a corridor is the default.
+        key: where the path stands in the recipe.
+
     Raises:
-        RecipeError: if two neighbouring points are the same.
+        RecipeError: if two neighbouring points are the same, or if the curve turns back on itself.
     """
-    position, heading, distance = _trace(spec.route)
+    position, heading, distance = _trace(spec.route, (*key, "route", "points_m"))
     corridor = spec.corridor or (Corridor() if driven else Corridor(width_m=0.0))
     width = corridor.width_m
     return Route(
@@ -39,7 +49,13 @@ def plan_route(spec: PathSpec, *, rover: Rover, driven: bool) -> Route:
     )
 
 
-def require_inside(route: Route, *, size: tuple[float, float], rover: Rover) -> None:
+def require_inside(
+    route: Route,
+    *,
+    size: tuple[float, float],
+    rover: Rover,
+    key: tuple[str | int, ...] = ("paths",),
+) -> None:
     """Refuse a route on which a corner of the rover would leave the terrain.
 
     Raises:
@@ -51,7 +67,7 @@ def require_inside(route: Route, *, size: tuple[float, float], rover: Rover) -> 
         raise RecipeError(
             f"path {route.name!r} leaves the terrain: at ({x:.1f}, {y:.1f}) m the rover stands out "
             f"by {excess:.2f} m; the site reaches {east:g} m east and {north:g} m north",
-            key=("paths",),
+            key=(*key, "route", "points_m"),
         )
 
 
@@ -78,7 +94,7 @@ def overhang(
     return float(excess[worst]), (float(route.position[worst, 0]), float(route.position[worst, 1]))
 
 
-def _trace(spline: Spline) -> tuple[Array, Array, Array]:
+def _trace(spline: Spline, key: tuple[str | int, ...]) -> tuple[Array, Array, Array]:
     """Points every few centimetres of the C² curve, headings, and distances along it."""
     from scipy.interpolate import CubicSpline
 
@@ -90,7 +106,7 @@ def _trace(spline: Spline) -> tuple[Array, Array, Array]:
         at = int(np.argmin(chords))
         raise RecipeError(
             f"points {at} and {(at + 1) % len(spline.points_m)} of the spline are the same",
-            key=("paths",),
+            key=key,
         )
     # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
     # doi:10.1016/0010-4485(89)90003-1).
@@ -103,4 +119,8 @@ def _trace(spline: Spline) -> tuple[Array, Array, Array]:
     position, tangent = curve(parameter), curve(parameter, 1)
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     heading = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
+    turns = np.abs(np.diff(heading))
+    if turns.max() > SHARPEST:
+        x, y = position[int(np.argmax(turns))]
+        raise RecipeError(f"the route turns back on itself at ({x:.2f}, {y:.2f}) m", key=key)
     return position, heading, np.concatenate([[0.0], np.cumsum(steps)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le, MinLen
+from annotated_types import Ge, Interval, Le, MinLen
 
 from terrain_forge.specs import FileName, NotNegative, Pair, Positive, Spec
 
@@ -25,17 +25,17 @@ class Spline(Spec):
 class Shake(Spec):
     """Vibration of the body: band-limited noise on roll, pitch and yaw."""
 
-    rms_deg: NotNegative = 0.0
+    rms_deg: Annotated[float, Interval(ge=0, le=20)] = 0.0
     """RMS of each angle [degrees]."""
     cutoff_hz: Positive = 2.0
-    """Highest frequency in it [Hz]."""
+    """Highest frequency in it [Hz]; at most half the path's rate."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Corridor(Spec):
     """A strip along the path that is kept free of rocks."""
 
-    width_m: NotNegative | None = None
+    width_m: Annotated[float, Interval(ge=0, le=100)] | None = None
     """Width of the strip [m]; 0 for none; without it the rover's width and 0.4 m."""
     clearance_m: NotNegative = 0.15
     """Height above the ground that no rock in the strip exceeds [m]."""
@@ -49,11 +49,11 @@ class PathSpec(Spec):
     """Name of the path and of its files."""
     route: Spline
     """Where it goes."""
-    speed_m_s: Positive
+    speed_m_s: Annotated[float, Interval(ge=0.001, le=100)]
     """Speed along the route [m/s]."""
     rate_hz: Annotated[float, Ge(0.1), Le(1000)] = 12.0
     """Samples per second [Hz]."""
-    height_m: NotNegative = 0.0
+    height_m: Annotated[float, Interval(ge=0, le=100)] = 0.0
     """Height of base_link's origin above the ground under the rover [m]."""
     shake: Shake = Shake()
     """Vibration; none by default."""

@@ -30,6 +30,7 @@ FOOTPRINT_DIRECTIONS = 32
 
 _BOUND_YAWS = 12
 _BOUND_TILTS = 3
+_BOUND_LEANS = 1 + _BOUND_TILTS * _BOUND_YAWS
 _BOUND_BURIALS = 4
 _BOUND_MARGIN = 1.04
 _DIRECTIONS = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-1.0, 1.0)])
@@ -327,27 +328,52 @@ def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
     up = (0.0, 0.0, 1.0)
     low, high = extent(vertices, up)
     reach = rise = 0.0
-    support = np.zeros(FOOTPRINT_DIRECTIONS)
-    for step in range(1 + _BOUND_TILTS * _BOUND_YAWS):
-        tilt = MAX_TILT * ((step + _BOUND_YAWS - 1) // _BOUND_YAWS) / _BOUND_TILTS
-        azimuth = 2.0 * np.pi * step / _BOUND_YAWS
-        east, north = np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
-        rotation = rotation_matrix(resting_rotation(east, north, np.cos(tilt), 0.0))
-        smallest = np.inf
-        for burial in range(_BOUND_BURIALS + 1):
-            level = low + (high - low) * MAX_BURIED * burial / _BOUND_BURIALS
-            diameter = exposed_diameter(vertices, edges, rotation, up, level)
-            rise = max(rise, (high - level) / np.cos(tilt) / diameter)
-            smallest = min(smallest, diameter)
-        hull = _plan_hull(vertices, rotation)
-        reach = max(reach, np.sqrt(_farthest(hull, 0.0, 0.0)[1]) / smallest)
+    support, smallest = np.zeros(FOOTPRINT_DIRECTIONS), np.empty(_BOUND_LEANS)
+    for burial in range(_BOUND_BURIALS + 1):
+        level = low + (high - low) * MAX_BURIED * burial / _BOUND_BURIALS
+        waterline = _waterline(vertices, edges, level)
+        for step in range(_BOUND_LEANS):
+            rotation = _leaning(step)
+            diameter = exposed_diameter(vertices, waterline, rotation, up, level)
+            rise = max(rise, (high - level) / np.cos(_tilt(step)) / diameter)
+            smallest[step] = diameter if burial == 0 else min(smallest[step], diameter)
+    for step in range(_BOUND_LEANS):
+        hull = _plan_hull(vertices, _leaning(step))
+        reach = max(reach, np.sqrt(_farthest(hull, 0.0, 0.0)[1]) / smallest[step])
         for d in range(FOOTPRINT_DIRECTIONS):
             angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS
             east, north = np.cos(angle), np.sin(angle)
             for n in range(len(hull)):
                 along = hull[n, 0] * east + hull[n, 1] * north
-                support[d] = max(support[d], along / smallest)
+                support[d] = max(support[d], along / smallest[step])
     return reach, rise, support
+
+
+@inner
+def _tilt(step):  # type: ignore[no-untyped-def]
+    """Tilt of the ground [rad] at one step of the sweep."""
+    return MAX_TILT * ((step + _BOUND_YAWS - 1) // _BOUND_YAWS) / _BOUND_TILTS
+
+
+@inner
+def _leaning(step):  # type: ignore[no-untyped-def]
+    """Rotation of a rock on the ground at one step of the sweep, shape [3, 3]."""
+    tilt, azimuth = _tilt(step), 2.0 * np.pi * step / _BOUND_YAWS
+    east, north = np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
+    return rotation_matrix(resting_rotation(east, north, np.cos(tilt), 0.0))
+
+
+@inner
+def _waterline(vertices, edges, level):  # type: ignore[no-untyped-def]
+    """The edges that cross a height, shape [edges, 2]."""
+    kept = np.empty_like(edges)
+    count = 0
+    for e in range(len(edges)):
+        a, b = edges[e, 0], edges[e, 1]
+        if (vertices[a, 2] - level >= 0.0) != (vertices[b, 2] - level >= 0.0):
+            kept[count, 0], kept[count, 1] = a, b
+            count += 1
+    return kept[:count]
 
 
 @inner

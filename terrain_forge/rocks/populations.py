@@ -39,7 +39,7 @@ class PopulationSpec(Spec):
     between. No measured distribution is known; the older a surface, the deeper its rocks."""
     rgb: tuple[Fraction, Fraction, Fraction] | None = None
     """Colour, sRGB 0 to 1; by default that of the body's rocks."""
-    density_kg_m3: Positive | None = None
+    density_kg_m3: Annotated[float, Interval(ge=100, le=20000)] | None = None
     """Density [kg/m³]; by default that of the body's rocks."""
 
     def diameter_range(self, area: float) -> tuple[float, float]:
@@ -65,14 +65,18 @@ def largest_rock(rocks: RocksSpec, area: float) -> float:
     return max((p.diameter_range(area)[1] for p in rocks.populations), default=0.0)
 
 
-def check_rocks(rocks: RocksSpec, area: float) -> None:
-    """Refuse rocks that contradict themselves or that cannot lie on an area [m²].
+def check_rocks(rocks: RocksSpec, size: tuple[float, float]) -> None:
+    """Refuse rocks that contradict themselves or that cannot lie on a site.
+
+    Args:
+        rocks: what is wanted.
+        size: the site, east and north [m].
 
     Raises:
         RecipeError: for a name that is given twice, a range upside down, too many populations or
             rocks, or more cover than can be packed.
     """
-    key = ("rocks", "populations")
+    key, area = ("rocks", "populations"), size[0] * size[1]
     populations = rocks.populations
     if len(populations) > MAX_POPULATIONS:
         raise RecipeError(f"{len(populations)} populations, at most {MAX_POPULATIONS}", key=key)
@@ -80,7 +84,7 @@ def check_rocks(rocks: RocksSpec, area: float) -> None:
         if times > 1:
             raise RecipeError(f"{times} populations are called {name!r}", key=key)
     for number, population in enumerate(populations):
-        _check_population(population, area, (*key, number))
+        _check_population(population, size, (*key, number))
     cover = sum(_cover(population, area) for population in populations)
     if cover > MAX_COVER:
         raise RecipeError(
@@ -90,11 +94,20 @@ def check_rocks(rocks: RocksSpec, area: float) -> None:
         )
 
 
-def _check_population(population: PopulationSpec, area: float, key: tuple[str | int, ...]) -> None:
+def _check_population(
+    population: PopulationSpec, size: tuple[float, float], key: tuple[str | int, ...]
+) -> None:
+    area = size[0] * size[1]
     low, high = population.diameter_m
     if high is not None and high <= low:
         raise RecipeError(
             f"smallest {low:g} m, largest {high:g} m: the largest must be larger",
+            key=(*key, "diameter_m"),
+        )
+    if max(low, high or 0.0) > 0.5 * min(size):
+        raise RecipeError(
+            f"rocks of up to {max(low, high or 0.0):g} m, at most half the site's shorter side, "
+            f"{0.5 * min(size):g} m",
             key=(*key, "diameter_m"),
         )
     shallow, deep = population.buried_fraction

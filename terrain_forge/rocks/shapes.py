@@ -19,6 +19,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import kernel
 from terrain_forge.records import Record
 
 Array = NDArray[np.float64]
@@ -59,9 +60,17 @@ class Blank(Record):
 
 def projections(points: Array, axes: Array) -> Array:
     """Coordinates of points along axes, shapes [n, 3] and [m, 3] to [n, m], free of BLAS."""
-    result: Array = points[:, 0, None] * axes[:, 0]
-    result += points[:, 1, None] * axes[:, 1]
-    result += points[:, 2, None] * axes[:, 2]
+    result: Array = _project(np.array(points, order="C"), np.array(axes.T, order="C"))
+    return result
+
+
+@kernel
+def _project(points, axes):  # type: ignore[no-untyped-def]
+    result = np.empty((len(points), axes.shape[1]))
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(axes.shape[1]):
+            result[i, k] = x * axes[0, k] + y * axes[1, k] + z * axes[2, k]
     return result
 
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.kernels import kernel
 from terrain_forge.seeds import mix, uniform
-from terrain_forge.specs import BY_KIND, Positive, Spec
+from terrain_forge.specs import BY_KIND, Spec
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Golombek(Spec):
     """Name of the law."""
     k: Annotated[float, Interval(gt=0, le=0.4)]
     """Part of the ground that rocks of all sizes cover, 0 to 0.4."""
-    q_per_m: Positive | None = None
+    q_per_m: Annotated[float, Interval(gt=0, le=1000)] | None = None
     """Decay of the cover with diameter [1/m]; by default Mars' 1.79 + 0.152 / k."""
 
     @property
@@ -93,9 +93,9 @@ class PowerLaw(Spec):
 
     kind: Literal["power_law"] = "power_law"
     """Name of the law."""
-    number_per_m2: Positive
+    number_per_m2: Annotated[float, Interval(gt=0, le=1e3)]
     """Rocks larger than 1 m on a square metre, c [1/m²]."""
-    exponent: Annotated[float, Gt(0)]
+    exponent: Annotated[float, Interval(gt=0, le=10)]
     """Fall of the cumulative number with diameter, m."""
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:

@@ -288,6 +288,9 @@ def develop(image: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def _dither(rows: int, columns: int) -> NDArray[np.float32]:
     """Interleaved gradient noise, 0 to 1 (Jimenez 2014), which hides the steps of a smooth sky."""
-    ramp = 0.06711056 * np.arange(columns)[None, :] + 0.00583715 * np.arange(rows)[:, None]
-    noise = 52.9829189 * (ramp - np.floor(ramp))
-    return np.asarray(0.999 * (noise - np.floor(noise)), dtype=np.float32)
+    noise = 0.06711056 * np.arange(columns)[None, :] + 0.00583715 * np.arange(rows)[:, None]
+    whole = np.empty_like(noise)
+    for factor in (52.9829189, 0.999):
+        noise -= np.floor(noise, out=whole)
+        noise *= factor
+    return noise.astype(np.float32)

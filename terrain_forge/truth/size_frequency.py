@@ -72,6 +72,8 @@ def size_frequency(
     outside = ~in_corridor(world.site, world.field.position[:, :2])
     names = np.array(world.field.populations, dtype=object)[world.field.population]
     unplaced = dict(zip(world.field.populations, world.unplaced, strict=True))
+    if area <= 0.0:  # corridors cover everything: there is nothing to prove
+        populations = ()
     laws = [TruncatedLaw.of(spec, world) for spec in populations]
     proofs = [
         {

@@ -33,15 +33,22 @@ def ground_agreement(world: World, directory: Path, *, points: int = 2000) -> li
     at = random_points(world, points)
     checks: list[Check] = []
     for folder in export_folders(directory):
-        if (folder / "world.xml").is_file():
-            from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
-
-            checks += mujoco_agreement(world, sample_model(world, folder), folder.name, at)
-        elif (folder / "world.sdf").is_file():
-            checks.append(_compare(world, folder.name, at, _sdf_meshes(folder)))
-        else:
-            checks.append(_compare(world, folder.name, at, _usd_meshes(usd_layer(folder))))
+        try:
+            checks += _folder_checks(world, folder, at)
+        except Exception as error:  # each consumer has its own; an export that it cannot read fails
+            why = " ".join(str(error).split())
+            checks.append(failed(f"{folder.name}: ground", f"cannot be opened: {why}"))
     return checks
+
+
+def _folder_checks(world: World, folder: Path, at: Array) -> list[Check]:
+    if (folder / "world.xml").is_file():
+        from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
+
+        return mujoco_agreement(world, sample_model(world, folder), folder.name, at)
+    if (folder / "world.sdf").is_file():
+        return [_compare(world, folder.name, at, _sdf_meshes(folder))]
+    return [_compare(world, folder.name, at, _usd_meshes(usd_layer(folder)))]
 
 
 def export_folders(directory: Path) -> list[Path]:

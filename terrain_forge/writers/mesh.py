@@ -88,11 +88,16 @@ def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
         vertices: Positions [m], shape [vertices, 3]; stored as float32.
         faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
     """
+    # A record is 12 float32 and one uint16: as rows of 25 uint16 it needs no unaligned access.
+    records = np.empty((_CHUNK, 25), dtype="<u2")
+    points = np.array(vertices, np.float64, order="C")
     with Path(path).open("wb") as file:
         file.write(_STL_HEADER.ljust(80))
         file.write(len(faces).to_bytes(4, "little"))
         for start in range(0, len(faces), _CHUNK):
-            file.write(_stl_records(vertices, faces[start : start + _CHUNK]).data)
+            some = np.array(faces[start : start + _CHUNK], np.int32, order="C")
+            _fill_stl(records, points, some)
+            file.write(records[: len(some)].data)
 
 
 def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
@@ -108,22 +113,6 @@ def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
     normals[length[:, 0] == 0] = (0, 0, 1)
     unit: NDArray[np.float64] = normals / np.where(length > 0, length, 1)
     return unit
-
-
-def _stl_records(vertices: Floats, faces: Indices) -> NDArray[np.uint16]:
-    """Records of 12 float32 (normal and corners) and an unused uint16, shape [faces, 25]."""
-    corners = np.asarray(vertices[faces], np.float32)
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    (ax, ay, az), (bx, by, bz) = first.T, second.T
-    normal = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-    x, y, z = normal.T
-    length = np.sqrt(x * x + y * y + z * z).astype(np.float64)
-    numbers = np.empty((len(faces), 12), dtype="<f4")
-    numbers[:, :3] = normal * (1.0 / np.where(length > 0.0, length, 1.0))[:, None]
-    numbers[:, 3:] = corners.reshape(-1, 9)
-    records = np.zeros((len(faces), 25), dtype="<u2")
-    records[:, :24] = numbers.view("<u2")
-    return records
 
 
 @inner
@@ -207,3 +196,22 @@ def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
         text[at] = 10
         at += 1
     return at
+
+
+@kernel
+def _fill_stl(records, vertices, faces):  # type: ignore[no-untyped-def]
+    number = np.empty(12, dtype=np.float32)
+    halves = number.view(np.uint16)
+    for face in range(len(faces)):
+        for corner in range(3):
+            for axis in range(3):
+                number[3 + 3 * corner + axis] = vertices[faces[face, corner], axis]
+        ax, ay, az = number[6] - number[3], number[7] - number[4], number[8] - number[5]
+        bx, by, bz = number[9] - number[3], number[10] - number[4], number[11] - number[5]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        scale = 1.0 / length if length > 0 else 0.0
+        number[0], number[1], number[2] = nx * scale, ny * scale, nz * scale
+        for half in range(24):
+            records[face, half] = halves[half]
+        records[face, 24] = 0

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Interval, MinLen
 from numpy.typing import NDArray
 
 from terrain_forge.dtm.kernel import cubic
@@ -25,9 +26,9 @@ class DisplacementMap(Layer):
     """
 
     kind: Literal["displacement_map"] = "displacement_map"
-    image: str
+    image: Annotated[str, MinLen(1)]
     """Image file (8 or 16 bit, or float), its path relative to the recipe."""
-    height_m: float
+    height_m: Annotated[float, Interval(ge=-1e4, le=1e4)]
     """Height of the value 1 above the value 0 [m]; negative turns hills into hollows."""
     zero_level: Fraction = 0.0
     """The value that leaves the ground where it is."""

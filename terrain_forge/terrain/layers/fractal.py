@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from terrain_forge.seeds import stage_key
 from terrain_forge.site import Site, Window
-from terrain_forge.specs import NotNegative, Positive
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.noise import octaves
 
@@ -37,11 +36,11 @@ class Fractal(Layer):
     kind: Literal["fractal"] = "fractal"
     hurst: Annotated[float, Interval(ge=0.05, le=0.98)] | None = None
     """Hurst exponent H; without it the one fitted to the DTM."""
-    deviation_1m_m: NotNegative | None = None
+    deviation_1m_m: Annotated[float, Interval(ge=0, le=10)] | None = None
     """RMS height difference of points 1 m apart [m]; without it the one fitted to the DTM."""
-    longest_wavelength_m: Positive | None = None
+    longest_wavelength_m: Annotated[float, Interval(gt=0, le=1e6)] | None = None
     """Longest wavelength [m]; without it twice the DTM's posting, or 32 m on a flat site."""
-    gain: NotNegative = 1.0
+    gain: Annotated[float, Interval(ge=0, le=100)] = 1.0
     """Factor on the heights."""
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
