@@ -6,6 +6,7 @@ error; 130 interrupted.
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -236,6 +237,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit."""
     # A polite kill must clean up as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # A build makes many objects and few cycles, the kernels' compiler above all.
+    gc.set_threshold(100_000, 50, 50)
     debug = "--debug" in (sys.argv[1:] if arguments is None else arguments)
     try:
         cli.main(args=arguments, prog_name="terrain-forge", standalone_mode=False)

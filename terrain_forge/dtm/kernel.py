@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
+
+from terrain_forge.kernels import inner, kernel, over_chunks
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, inline="always")
+@inner
 def _weights(t):  # type: ignore[no-untyped-def]
     """Cubic convolution with a = -1/2 (Keys 1981, doi:10.1109/TASSP.1981.1163711)."""
     w0 = ((-0.5 * t + 1.0) * t - 0.5) * t
@@ -19,16 +20,15 @@ def _weights(t):  # type: ignore[no-untyped-def]
     return w0, w1, w2, w3
 
 
-@njit(cache=True, inline="always")
+@inner
 def _index(n, length, wrap):  # type: ignore[no-untyped-def]
     return n % length if wrap else min(max(n, 0), length - 1)
 
 
-@njit(cache=True, parallel=True)
-def _cubic(grid, column, row, wrap):  # type: ignore[no-untyped-def]
+@kernel
+def _cubic(first, last, grid, column, row, wrap, result):  # type: ignore[no-untyped-def]
     rows, columns = grid.shape
-    result = np.empty(column.shape)
-    for j in prange(column.shape[0]):
+    for j in range(first, last):
         for i in range(column.shape[1]):
             left, top = np.floor(column[j, i]), np.floor(row[j, i])
             across = _weights(column[j, i] - left)
@@ -41,7 +41,6 @@ def _cubic(grid, column, row, wrap):  # type: ignore[no-untyped-def]
                     line += across[m] * source[_index(np.int64(left) + m - 1, columns, wrap)]
                 total += down[n] * line
             result[j, i] = total
-    return result
 
 
 def cubic(grid: Array, *, column: Array, row: Array, wrap: bool = False) -> Array:
@@ -53,11 +52,7 @@ def cubic(grid: Array, *, column: Array, row: Array, wrap: bool = False) -> Arra
         row: the same for rows.
         wrap: whether the grid is one tile of a repeating pattern.
     """
-    return np.asarray(
-        _cubic(
-            np.ascontiguousarray(grid),
-            np.ascontiguousarray(column),
-            np.ascontiguousarray(row),
-            wrap,
-        )
-    )
+    result = np.empty(column.shape)
+    places = np.array(column, order="C"), np.array(row, order="C")
+    over_chunks(_cubic, len(result), np.array(grid, order="C"), *places, wrap, result)
+    return result

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import kernel, over_chunks
 from terrain_forge.seeds import stage_key
 from terrain_forge.site import Site, Window
 from terrain_forge.specs import Fraction, Spec
@@ -53,32 +53,36 @@ def colour_ground(
         stage_key(site.seed, "appearance"), east, north, _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN
     )
     colour = np.array(spec.ground_rgb or site.body.ground_rgb)
-    return np.asarray(
-        _paint(
-            ground.elevation,
-            round((float(east[0]) - ground.origin[0]) / ground.spacing),
-            round((float(north[0]) - ground.origin[1]) / ground.spacing),
-            _cells(site.spacing),
-            site.spacing,
-            mottle,
-            colour,
-            spec.variation,
-        )
+    rgb = np.empty((*mottle.shape, 3), dtype=np.uint8)
+    over_chunks(
+        _paint,
+        len(mottle),
+        ground.elevation,
+        round((float(east[0]) - ground.origin[0]) / ground.spacing),
+        round((float(north[0]) - ground.origin[1]) / ground.spacing),
+        _cells(site.spacing),
+        site.spacing,
+        mottle,
+        colour,
+        spec.variation,
+        rgb,
     )
+    return rgb
 
 
 def _cells(spacing: float) -> int:
     return max(1, round(_STENCIL_M / spacing))
 
 
-@njit(cache=True, parallel=True)
-def _paint(elevation, column, row, cells, spacing, mottle, colour, variation):  # type: ignore[no-untyped-def]
+@kernel
+def _paint(  # type: ignore[no-untyped-def]
+    first, last, elevation, column, row, cells, spacing, mottle, colour, variation, rgb
+):
     """Colour each node; `elevation[row, column]` lies under the first node of `mottle`."""
-    rows, columns = mottle.shape
+    columns = mottle.shape[1]
     last_row, last_column = elevation.shape[0] - 1, elevation.shape[1] - 1
     grey = (colour[0] + colour[1] + colour[2]) / 3.0
-    rgb = np.empty((rows, columns, 3), dtype=np.uint8)
-    for j in prange(rows):
+    for j in range(first, last):
         south, north = max(row + j - cells, 0), min(row + j + cells, last_row)
         for i in range(columns):
             west, east = max(column + i - cells, 0), min(column + i + cells, last_column)
@@ -98,4 +102,3 @@ def _paint(elevation, column, row, cells, spacing, mottle, colour, variation):  
             for channel in range(3):
                 value = bright * (grey + vivid * (colour[channel] - grey))
                 rgb[j, i, channel] = np.uint8(255.0 * min(max(value, 0.0), 1.0) + 0.5)
-    return rgb

@@ -8,9 +8,9 @@ no two lattices share their zeros.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inner, kernel, over_chunks
 from terrain_forge.seeds import mix, uniform, zigzag
 
 Array = NDArray[np.float64]
@@ -20,13 +20,13 @@ _ANGLES = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)
 _GRADIENTS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
 
 
-@njit(cache=True, inline="always")
+@inner
 def _corner(key, i, j, dx, dy):  # type: ignore[no-untyped-def]
     index = mix(mix(key, zigzag(i)), zigzag(j)) >> np.uint64(56)
     return _GRADIENTS[index, 0] * dx + _GRADIENTS[index, 1] * dy
 
 
-@njit(cache=True, inline="always")
+@kernel
 def gradient_noise(key, x, y):  # type: ignore[no-untyped-def]
     """Gradient noise of a unit lattice at (x, y), about -0.7 to 0.7, zero at the lattice points."""
     i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
@@ -40,10 +40,11 @@ def gradient_noise(key, x, y):  # type: ignore[no-untyped-def]
     return south + fade_v * (north - south)
 
 
-@njit(cache=True, parallel=True)
-def _sum_octaves(key, east, north, wavelengths, amplitudes):  # type: ignore[no-untyped-def]
-    total = np.zeros((north.size, east.size))
-    for row in prange(north.size):
+@kernel
+def _sum_octaves(  # type: ignore[no-untyped-def]
+    first, last, key, east, north, wavelengths, amplitudes, total
+):
+    for row in range(first, last):
         for octave in range(wavelengths.size):
             octave_key = mix(key, np.uint64(octave))
             shift_x = 1024.0 * uniform(mix(octave_key, np.uint64(1)))
@@ -55,7 +56,6 @@ def _sum_octaves(key, east, north, wavelengths, amplitudes):  # type: ignore[no-
                 x = cos * east[column] - sin * north[row] + shift_x
                 y = sin * east[column] + cos * north[row] + shift_y
                 total[row, column] += amplitude * gradient_noise(octave_key, x, y)
-    return total
 
 
 def octaves(
@@ -70,15 +70,18 @@ def octaves(
         wavelengths: lattice distance of each octave [m].
         amplitudes: factor of each octave, in the unit of the result.
     """
-    return np.asarray(
-        _sum_octaves(
-            key,
-            np.ascontiguousarray(east, np.float64),
-            np.ascontiguousarray(north, np.float64),
-            np.asarray(wavelengths, np.float64),
-            np.asarray(amplitudes, np.float64),
-        )
+    total = np.zeros((len(north), len(east)))
+    over_chunks(
+        _sum_octaves,
+        len(north),
+        key,
+        np.array(east, np.float64, order="C"),
+        np.array(north, np.float64, order="C"),
+        np.array(wavelengths, np.float64),
+        np.array(amplitudes, np.float64),
+        total,
     )
+    return total
 
 
 def fbm(
