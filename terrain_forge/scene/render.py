@@ -51,7 +51,7 @@ from terrain_forge.scene.surface import (
 
 Array = NDArray[np.float64]
 
-SAMPLES = 4
+_SAMPLES, _MAP_SAMPLES = 4, 2
 _TILE = 4
 _OFFSETS = np.array([(0.375, 0.125), (0.625, 0.875), (0.875, 0.375), (0.125, 0.625)])
 _ALL = (1 << LANES) - 1
@@ -72,6 +72,7 @@ class _View(NamedTuple):
     height: int
     pinhole: bool
     step: float
+    samples: int
 
 
 @inner
@@ -215,16 +216,16 @@ def _sample(  # type: ignore[no-untyped-def]
 
 @inlined
 def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point, left, top, image):  # type: ignore[no-untyped-def]
-    """Expose 4 × 2 pixels: two samples where nothing changes and the Sun shines, else four."""
+    """Expose 4 × 2 pixels: half the samples where nothing changes and the Sun shines."""
     for lane in range(LANES):
         point[lane, OWNER] = NOBODY
     taken = 0
-    for sample in range(SAMPLES):
+    for sample in range(view.samples):
         calm = _sample(
             scene, queries, view, land, tracks, stones, light, ray, point, left, top, sample, image
         )
         taken = sample + 1
-        if calm and taken == SAMPLES // 2:
+        if calm and taken == view.samples // 2:
             break
     for lane in range(LANES):
         for channel in range(3):
@@ -256,6 +257,7 @@ def expose(
         height=camera.height,
         pinhole=camera.pinhole,
         step=float(np.linalg.norm(camera.right)),
+        samples=_SAMPLES if camera.pinhole else _MAP_SAMPLES,
     )
     image = np.zeros((height, width, 3), dtype=np.float32)
     queries = COHERENT, INCOHERENT
