@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.rocks import outline
 from terrain_forge.rocks.carving import Sphere, carve, convex_faces, fibonacci_sphere
-from terrain_forge.rocks.collision import collision_hull
+from terrain_forge.rocks.collision import collision_hull, collision_parts
 from terrain_forge.rocks.library import LibrarySpec, lay_down, make_library
 from terrain_forge.rocks.shapes import FAMILIES, block, projections
 from terrain_forge.rocks.solid import mass_properties
@@ -225,3 +225,32 @@ def test_convex_faces_refuse_a_point_inside():
 def test_bad_specs_are_refused(bad):
     with pytest.raises(ValidationError):
         TypeAdapter(LibrarySpec).validate_python(bad)
+
+
+def bowl():
+    """A box with a deep pit: far from convex."""
+    from manifold3d import Manifold
+
+    solid = Manifold.cube((1.0, 0.8, 0.6), True) - Manifold.sphere(0.35, 32).translate((0, 0, 0.3))
+    mesh = solid.to_mesh()
+    return Mesh(vertices=mesh.vert_properties[:, :3], faces=mesh.tri_verts)
+
+
+def test_one_hull_or_several_parts():
+    """The parts of a bowl leave its pit open; their volumes come closer to it than one hull's."""
+    shape = bowl()
+    (hull,) = collision_parts(shape, vertices=64, excess=1.0)
+    parts = collision_parts(shape, vertices=32, excess=0.05)
+    assert len(parts) > 1
+    volume = mass_properties(shape).volume
+    summed = sum(mass_properties(part).volume for part in parts)
+    assert summed / volume < 1.06
+    assert mass_properties(hull).volume / volume > 1.1
+    for part in parts:
+        assert len(part.vertices) <= 32
+        solid = trimesh.Trimesh(part.vertices, part.faces)
+        assert solid.is_watertight
+        assert solid.is_convex
+        assert not solid.contains([[0.0, 0.0, 0.15]])[0]
+    again = collision_parts(shape, vertices=32, excess=0.05)
+    assert again == parts

@@ -14,7 +14,7 @@ from terrain_forge.world import Heightfield, Trajectory
 
 Array = NDArray[np.float64]
 
-_FOOTPRINT = 7
+_FOOTPRINT = 5
 """Ground heights taken along each side of the rover's footprint."""
 
 

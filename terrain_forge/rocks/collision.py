@@ -1,4 +1,4 @@
-"""Collision shapes: one convex hull of few vertices that stands in for a rock."""
+"""Collision shapes: one convex hull of few vertices, or several parts where one is too coarse."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.rocks.carving import convex_faces, fibonacci_sphere, supporting
 from terrain_forge.rocks.shapes import projections
+from terrain_forge.rocks.solid import mass_properties
 from terrain_forge.world import Mesh
 
 Array = NDArray[np.float64]
@@ -14,6 +15,36 @@ Array = NDArray[np.float64]
 _VIEWS = 800
 _LEVEL = 1e-9  # of a mean axis: corners of the facet on which the rock rests
 _TOP_WEIGHT = 2.0  # errors near the top count more: they are the rock's height
+
+
+_CONCAVITY = 0.05  # CoACD's threshold: what a part may differ from its own hull
+
+
+def collision_parts(mesh: Mesh, *, vertices: int, excess: float) -> tuple[Mesh, ...]:
+    """Convex parts of at most `vertices` corners each that stand in for a mesh.
+
+    One hull, if its volume exceeds the mesh's by at most the fraction `excess`; else an approximate
+    convex decomposition (CoACD: Wei et al. 2022, doi:10.1145/3528223.3530103), which takes seconds.
+
+    Args:
+        mesh: A closed mesh around the origin.
+        vertices: Largest number of corners of a part, at least 6.
+        excess: Largest excess of volume that one hull may have, as a fraction.
+    """
+    hull = collision_hull(mesh, vertices=vertices)
+    if mass_properties(hull).volume <= (1.0 + excess) * mass_properties(mesh).volume:
+        return (hull,)
+    import coacd
+
+    coacd.set_log_level("error")
+    parts = coacd.run_coacd(
+        coacd.Mesh(mesh.vertices, mesh.faces),
+        threshold=_CONCAVITY,
+        max_ch_vertex=vertices,
+        decimate=True,
+        seed=0,
+    )
+    return tuple(convex_hull(np.asarray(points, np.float64)) for points, _ in parts)
 
 
 def collision_hull(mesh: Mesh, *, vertices: int) -> Mesh:
@@ -51,8 +82,9 @@ def collision_hull(mesh: Mesh, *, vertices: int) -> Mesh:
 
 
 def convex_hull(points: Array) -> Mesh:
-    """The convex hull of points around the origin as a closed mesh of its corners alone."""
+    """The convex hull of points as a closed mesh of its corners alone."""
     from scipy.spatial import ConvexHull
 
     corners = points[ConvexHull(points).vertices]
-    return Mesh(vertices=corners, faces=convex_faces(corners))
+    middle = corners.mean(axis=0)
+    return Mesh(vertices=corners, faces=convex_faces(corners - middle))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.rocks import outline
 from terrain_forge.rocks.carving import Sphere, carve
-from terrain_forge.rocks.collision import collision_hull
+from terrain_forge.rocks.collision import collision_parts
 from terrain_forge.rocks.shapes import FAMILIES, Blank, Family, projections
 from terrain_forge.rocks.solid import mass_properties
 from terrain_forge.seeds import mix, stage_key
@@ -35,7 +35,10 @@ class LibrarySpec(Spec):
     and freshly broken; `slab`: flat, of layered rock; `cobble`: worn round; `vesicular`: basalt
     with gas bubbles."""
     hull_vertices: Annotated[int, Interval(ge=16, le=64)] = 64
-    """Largest number of vertices of a shape's convex collision hull; GPU engines like 32."""
+    """Largest number of vertices of a shape's convex collision parts; GPU engines like 32."""
+    hull_excess: Annotated[float, Interval(ge=0.01, le=1)] = 0.15
+    """Part by which one collision hull's volume may exceed the shape's; a shape beyond it is cut
+    into several convex parts, which takes seconds for each. Shapes of ours stay below 0.07."""
 
 
 def make_library(spec: LibrarySpec) -> RockLibrary:
@@ -50,23 +53,23 @@ def make_library(spec: LibrarySpec) -> RockLibrary:
     for n in range(spec.shapes):
         family = spec.families[n % len(spec.families)]
         blank = FAMILIES[family](Generator(Philox(key=int(mix(key, n)))))
-        prototypes.append(_prototype(family, blank, sphere, spec.hull_vertices))
+        prototypes.append(_prototype(family, blank, sphere, spec))
     return RockLibrary(prototypes=tuple(prototypes), seed=spec.seed)
 
 
-def _prototype(family: str, blank: Blank, sphere: Sphere, hull_vertices: int) -> RockPrototype:
+def _prototype(family: str, blank: Blank, sphere: Sphere, spec: LibrarySpec) -> RockPrototype:
     meshes = lay_down(carve(blank, sphere), blank.axes)
     shape = meshes[0]
     solid = mass_properties(shape)
-    hull = collision_hull(shape, vertices=hull_vertices)
+    hulls = collision_parts(shape, vertices=spec.hull_vertices, excess=spec.hull_excess)
     reach, rise = outline.bounds(shape)
     return RockPrototype(
         family=family,
         meshes=meshes,
-        hulls=(hull,),
+        hulls=hulls,
         volume=solid.volume,
         inertia=solid.inertia,
-        hull_excess=mass_properties(hull).volume / solid.volume - 1.0,
+        hull_excess=sum(mass_properties(hull).volume for hull in hulls) / solid.volume - 1.0,
         reach=reach,
         rise=rise,
     )
