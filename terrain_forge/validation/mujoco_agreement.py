@@ -121,7 +121,8 @@ def _top(world: World, row: int) -> float:
         for hull in world.library.prototypes[field.prototype[row]].hulls
     ]
     centre = field.position[row : row + 1, :2]
-    return max(float(heights_on(hull, centre)[0]) for hull in placed)
+    # A part that does not lie over the centre has no height there.
+    return float(np.nanmax([heights_on(hull, centre)[0] for hull in placed]))
 
 
 def _ray(model: Any, data: Any, start: tuple[float, ...], group: int) -> tuple[float, int]:
