@@ -70,10 +70,10 @@ def check_raster(path: Path) -> list[str]:
 def cost(recipe: Recipe) -> str:
     """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
     nodes, rocks = expected_nodes(recipe), expected_rocks(recipe)
-    seconds = 1.5 + nodes / 1e6 + rocks / 30e3
+    seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3
     return (
         f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks: about {seconds:.0f} s "
-        f"without a drive, {0.3 + memory_needed(recipe) / 1e9:.1f} GB"
+        f"without a drive, {memory_needed(recipe) / 1e9:.1f} GB"
     )
 
 

@@ -8,12 +8,14 @@ from terrain_forge.errors import RecipeError
 from terrain_forge.paths.route import Route
 from terrain_forge.recipe import Recipe
 
-BYTES_PER_NODE = 120
-"""Peak memory of a build for each node of the ground (measured by benchmarks/)."""
+BYTES = 0.4e9
+"""Peak memory of a build without ground and rocks: the libraries (measured, as the next two)."""
+BYTES_PER_NODE = 100
+"""Peak memory of a build for each node of the ground."""
 MOST_SAMPLES = 2_000_000
 """Samples of one path."""
-BYTES_PER_ROCK = 1500
-"""Peak memory of a build for each rock (measured by benchmarks/)."""
+BYTES_PER_ROCK = 4500
+"""Peak memory of a build for each rock."""
 
 
 def require_paths(recipe: Recipe) -> None:
@@ -87,7 +89,8 @@ def require_fits(recipe: Recipe) -> None:
 
 def memory_needed(recipe: Recipe) -> float:
     """Estimated peak memory of a build [bytes]."""
-    return expected_nodes(recipe) * BYTES_PER_NODE + expected_rocks(recipe) * BYTES_PER_ROCK
+    ground, rocks = expected_nodes(recipe), expected_rocks(recipe)
+    return BYTES + ground * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
 
 
 def require_samples(route: Route, *, rate: float, key: tuple[str | int, ...]) -> None:
