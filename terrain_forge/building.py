@@ -6,7 +6,8 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -35,10 +36,10 @@ class BuildResult:
 
 
 STAGES = (
-    *("plan", "ground", "rock library", "rocks", "paths", "world", "truth", "preview"),
-    *("validation", "report page", "manifest", "done"),
+    *("plan", "rock library", "ground", "rocks", "paths", "writing"),
+    *("validation", "report page", "manifest"),
 )
-"""Stages of a build besides its exports."""
+"""Stages of a build."""
 
 
 class Stopwatch:
@@ -47,7 +48,7 @@ class Stopwatch:
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._name = ""
-        self._since = time.perf_counter()
+        self._begin = self._since = time.perf_counter()
         self.seconds: dict[str, float] = {}
         self.figures: dict[str, float] = {}
 
@@ -61,12 +62,20 @@ class Stopwatch:
             self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._since
         self._name, self._since = stage, now
 
+    def timed(self, name: str, task: Callable[[], Any]) -> Any:
+        """Carry out a task that others may run beside, and note its wall time."""
+        since = time.perf_counter()
+        result = task()
+        self.seconds[name] = time.perf_counter() - since
+        return result
+
     def write(self, directory: Path) -> None:
-        """End the last stage and write timings.json."""
-        self("done")
+        """Write timings.json; the times of tasks that ran side by side overlap."""
+        now = time.perf_counter()
+        self.seconds[self._name] = now - self._since
         timings = {
             "wall_time_s": {name: round(value, 4) for name, value in self.seconds.items()},
-            "total_s": round(sum(self.seconds.values()), 4),
+            "total_s": round(now - self._begin, 4),
             **self.figures,
         }
         (directory / "timings.json").write_text(json.dumps(timings, indent=1) + "\n")
@@ -137,32 +146,46 @@ def _write_whole(
 ) -> BuildResult:
     with replacing(out) as directory:
         losses = write(world, directory, orders=orders, watch=watch)
-        passed = assess(world, directory, losses=losses, watch=watch)
+        passed = assess(world, directory, losses=losses, altered={}, watch=watch)
     return BuildResult(directory=out, world=world, passed=passed, losses=losses)
 
 
 def write(
     world: World, directory: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
 ) -> dict[str, tuple[str, ...]]:
-    """Write the world, its exports, truth, paths and picture; returns the exports' losses."""
-    from terrain_forge.paths.files import write_trajectory
+    """Write the world, its exports, truth, paths and picture; returns the exports' losses.
+
+    None of them needs another, so they go side by side: kernels and the file system leave Python's
+    lock to the others.
+    """
+    from terrain_forge.paths.files import write_trajectories
     from terrain_forge.preview import write_preview
     from terrain_forge.truth.bundle import write_truth
 
-    watch("world")
-    world.save(directory)
-    losses = {}
-    for order in orders:
-        watch(f"export {order.folder}")
-        losses[order.folder] = export(world, directory, order)
-    watch("truth")
-    write_truth(world, directory)
-    (directory / "paths").mkdir(exist_ok=True)
-    for trajectory in world.trajectories:
-        write_trajectory(trajectory, directory / "paths")
-    watch("preview")
-    write_preview(world, directory / "preview.png")
-    return losses
+    tasks: dict[str, Callable[[], Any]] = {
+        f"export {order.folder}": partial(export, world, directory, order) for order in orders
+    }
+    tasks["truth"] = partial(write_truth, world, directory)
+    tasks["preview"] = partial(write_preview, world, directory / "preview.png")
+    tasks["path files"] = partial(write_trajectories, world.trajectories, directory / "paths")
+    tasks["world"] = partial(world.save, directory)
+    results = _side_by_side(tasks, watch)
+    return {order.folder: results[f"export {order.folder}"] for order in orders}
+
+
+def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
+    """Results of tasks that run two at a time; the first that fails cancels those not begun."""
+    watch("writing")
+    with ThreadPoolExecutor(2) as pool:
+        futures = {name: pool.submit(watch.timed, name, task) for name, task in tasks.items()}
+        try:
+            for done, future in enumerate(as_completed(futures.values()), 1):
+                future.result()
+                watch("writing", done / len(futures))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return {name: future.result() for name, future in futures.items()}
 
 
 def export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]:
@@ -173,21 +196,43 @@ def export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]
 
 
 def assess(
-    world: World, directory: Path, *, losses: dict[str, tuple[str, ...]], watch: Stopwatch
+    world: World,
+    directory: Path,
+    *,
+    losses: dict[str, tuple[str, ...]],
+    altered: dict[str, str],
+    watch: Stopwatch,
 ) -> bool:
-    """Validate what lies in the folder, write its report page, timings and manifest."""
+    """Validate what lies in the folder, write its report page, timings and manifest.
+
+    Args:
+        world: the world.
+        directory: the output folder.
+        losses: what each export cannot say, by its folder.
+        altered: files that are not as they were built, with the hash that they should have.
+        watch: told what is being done.
+
+    Returns:
+        Whether every check passed.
+    """
     from terrain_forge.report_page import write_report_page
     from terrain_forge.validation.checks import validate
     from terrain_forge.validation.spec import ValidateSpec
 
     watch("validation")
     spec = world.site.recipe.validate or ValidateSpec()
-    result = validate(world, directory, spec=spec, progress=partial(watch, "validation"))
+    result = validate(
+        world,
+        directory,
+        spec=spec,
+        altered=tuple(altered),
+        progress=partial(watch, "validation"),
+    )
     watch.figures.update(result.timings)
     watch("report page")
     write_report_page(world, directory)
     watch("manifest")
-    write_manifest(world.site, directory, losses=losses)
+    write_manifest(world.site, directory, losses=losses, altered=altered)
     watch.write(directory)
     return result.passed
 

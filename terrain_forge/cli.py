@@ -79,8 +79,7 @@ def build(
         folder_is_ours = (out / "manifest.json").is_file()
         if folder_is_ours:
             raise click.UsageError(f"{out} would be replaced, and the recipe lies in it")
-    stages = len(building.STAGES) + len(file.recipe.exports)
-    with _Bar(stages) as progress, _located(file):
+    with _Bar(len(building.STAGES)) as progress, _located(file):
         result = building.build(
             file.recipe, out, folder=file.folder, only=_names(only), progress=progress
         )
@@ -243,7 +242,8 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         cli.main(args=arguments, prog_name="terrain-forge", standalone_mode=False)
     except click.ClickException as error:
-        error.show()
+        message = " ".join(error.format_message().split())
+        click.echo(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
         sys.exit(WRONG_INPUT)
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted, nothing was left behind", err=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import fields
 from pathlib import Path
 
 from terrain_forge.dtm.raster import files_of_raster, read_image
@@ -22,7 +23,8 @@ def read_images(recipe: Recipe, folder: Path) -> tuple[Image, ...]:
     images = {}
     for number, layer in enumerate(recipe.terrain.layers):
         for path in layer.images():
-            values = read_image(path, folder, ("terrain", "layers", number))
+            key = next(f.name for f in fields(layer) if getattr(layer, f.name) == path)
+            values = read_image(path, folder, ("terrain", "layers", number, key))
             images[path] = Image(path=names[path], values=values)
     return tuple(images.values())
 

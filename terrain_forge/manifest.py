@@ -23,13 +23,20 @@ _PACKAGES = (
 _FREE = ("dataset/", "validation/consumers/")
 
 
-def write_manifest(site: Site, directory: Path, *, losses: dict[str, tuple[str, ...]]) -> Path:
+def write_manifest(
+    site: Site,
+    directory: Path,
+    *,
+    losses: dict[str, tuple[str, ...]],
+    altered: dict[str, str],
+) -> Path:
     """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes.
 
     Args:
         site: what the world was made from.
         directory: the output folder.
         losses: what each export cannot say, by its folder.
+        altered: files that are not as they were built, which keep the hash that they should have.
     """
     manifest = {
         "terrain_forge": terrain_forge.__version__,
@@ -40,7 +47,7 @@ def write_manifest(site: Site, directory: Path, *, losses: dict[str, tuple[str, 
         "versions": {"python": platform.python_version(), **_versions()},
         "inputs": dict(site.inputs),
         "losses": {folder: list(losses[folder]) for folder in sorted(losses)},
-        "outputs": _hashes(directory),
+        "outputs": dict(sorted({**_hashes(directory), **altered}.items())),
     }
     path = directory / NAME
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
@@ -56,11 +63,31 @@ def read_manifest(directory: Path) -> dict[str, Any]:
     """
     try:
         manifest = json.loads((directory / NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except OSError:
         raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})") from None
+    except ValueError:
+        raise OutputError(f"{directory / NAME} is damaged: not JSON") from None
     if not isinstance(manifest, dict) or "terrain_forge" not in manifest:
         raise OutputError(f"{directory}/{NAME} is not terrain-forge's")
     return manifest
+
+
+def altered_files(
+    directory: Path, manifest: dict[str, Any], *, besides: tuple[str, ...]
+) -> dict[str, str]:
+    """Files that are missing or not as they were built, with the hash that they should have.
+
+    Args:
+        directory: the output folder.
+        manifest: its manifest.
+        besides: files and folders (with a slash) that are about to be written anew.
+    """
+    found = _hashes(directory)
+    return {
+        name: wanted
+        for name, wanted in manifest["outputs"].items()
+        if found.get(name) != wanted and not name.startswith(besides)
+    }
 
 
 def _versions() -> dict[str, str]:

@@ -158,6 +158,8 @@ def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
     """
     exports = recipe.exports
     if not isinstance(exports, dict):
+        if len(set(exports)) < len(exports):
+            raise RecipeError("a format is named twice", key=("exports",))
         exports = {name: {} for name in exports}
     return tuple(_order(folder, dict(options)) for folder, options in exports.items())
 

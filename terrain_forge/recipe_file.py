@@ -126,7 +126,7 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
     seen.add(id(node))
     if isinstance(node, MappingNode):
         for name, value in node.value:
-            if not isinstance(name, ScalarNode):
+            if not isinstance(name, ScalarNode) or str(name.tag) not in _PLAIN_TAGS:
                 raise RecipeError(_locate(path, lines, key, "a key must be a word"))
             inner = (*key, str(name.value))
             lines[inner] = name.start_mark.line + 1
@@ -139,7 +139,7 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
 def _apply(data: Any, change: str) -> None:
     """Put one `key=value` of the command line into the data."""
     name, equals, text = change.partition("=")
-    keys = name.strip().split(".")
+    keys = name.strip().replace("[", ".").replace("]", "").split(".")
     if not equals or not all(keys):
         raise RecipeError(f"--set {change}: must be key=value, such as terrain.spacing_m=0.25")
     try:
@@ -248,10 +248,8 @@ def _shown(found: Any) -> str:
 def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
     allowed = _allowed_keys(loc[:-1])
     close = difflib.get_close_matches(name, allowed, n=1)
-    hint = f", did you mean {close[0]!r}?" if close else ""
-    return f"unknown key {name!r}{hint} allowed: {', '.join(allowed)}".replace(
-        "? allowed", "? Allowed"
-    )
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"unknown key {name!r}{hint}, allowed: {', '.join(allowed)}"
 
 
 def _allowed_keys(loc: tuple[str | int, ...]) -> list[str]:

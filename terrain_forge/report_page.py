@@ -29,7 +29,7 @@ from terrain_forge.report_usage import usage
 from terrain_forge.terrain.statistics import slope_statistics
 from terrain_forge.world import Trajectory, World
 
-_MAP_PIXELS = 640
+_MAP_PIXELS = 560
 _LIMIT_Z = 3.29
 _LIMIT_P = 0.001
 

@@ -7,10 +7,13 @@ from pathlib import Path
 from terrain_forge.building import Stopwatch, assess
 from terrain_forge.building import export as export_folder
 from terrain_forge.errors import OutputError
-from terrain_forge.manifest import read_manifest
+from terrain_forge.manifest import altered_files, read_manifest
 from terrain_forge.pipeline import Progress, silent
 from terrain_forge.recipe import ExportOrder, export_orders
 from terrain_forge.world import World
+
+ASSESSED = ("validation/", "report.html")
+"""What every assessment writes anew."""
 
 
 def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silent) -> bool:
@@ -25,13 +28,17 @@ def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silen
     """
     out = Path(out)
     watch = Stopwatch(progress)
-    losses = read_manifest(out)["losses"]
+    manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
-    for order in _orders(world, only):
+    orders = _orders(world, only)
+    renewed = tuple(f"{order.folder}/" for order in orders)
+    altered = altered_files(out, manifest, besides=(*ASSESSED, *renewed))
+    losses = manifest["losses"]
+    for order in orders:
         watch(f"export {order.folder}")
         losses[order.folder] = export_folder(world, out, order)
-    return assess(world, out, losses=losses, watch=watch)
+    return assess(world, out, losses=losses, altered=altered, watch=watch)
 
 
 def validate(out: Path | str, *, progress: Progress = silent) -> bool:
@@ -42,9 +49,11 @@ def validate(out: Path | str, *, progress: Progress = silent) -> bool:
     """
     out = Path(out)
     watch = Stopwatch(progress)
-    losses = read_manifest(out)["losses"]
+    manifest = read_manifest(out)
     watch("load")
-    return assess(World.load(out), out, losses=losses, watch=watch)
+    world = World.load(out)
+    altered = altered_files(out, manifest, besides=ASSESSED)
+    return assess(world, out, losses=manifest["losses"], altered=altered, watch=watch)
 
 
 def _orders(world: World, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:

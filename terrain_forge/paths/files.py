@@ -12,6 +12,12 @@ from terrain_forge.world import Trajectory
 from terrain_forge.writers.table import Column, write_table
 
 
+def write_trajectories(trajectories: tuple[Trajectory, ...], directory: Path) -> list[Path]:
+    """Write the files of all trajectories into `directory`, which is made even for none."""
+    directory.mkdir(parents=True, exist_ok=True)
+    return [path for one in trajectories for path in write_trajectory(one, directory)]
+
+
 def write_trajectory(trajectory: Trajectory, directory: Path) -> list[Path]:
     """Write NAME.csv and NAME.tum into `directory`; returns both.
 

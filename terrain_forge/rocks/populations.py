@@ -36,7 +36,8 @@ class PopulationSpec(Spec):
     whole area is expected to exceed."""
     buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)
     """Smallest and largest part of a rock's height that lies below the ground, 0 to 0.5; uniform
-    between. No measured distribution is known; the older a surface, the deeper its rocks."""
+    between. No measured distribution is known; the older a surface, the deeper its rocks. Where the
+    ground falls away under a rock it is sunk further, to 0.6 at most, so that no daylight shows."""
     rgb: tuple[Fraction, Fraction, Fraction] | None = None
     """Colour, sRGB 0 to 1; by default that of the body's rocks."""
     density_kg_m3: Annotated[float, Interval(ge=100, le=20000)] | None = None
@@ -57,7 +58,7 @@ class RocksSpec(Spec):
     library: LibrarySpec = field(default_factory=LibrarySpec)
     """The rock shapes."""
     populations: tuple[PopulationSpec, ...] = ()
-    """The populations, in any order; none for bare ground."""
+    """The populations; none for bare ground. Rocks are numbered population by population."""
 
 
 def largest_rock(rocks: RocksSpec, area: float) -> float:

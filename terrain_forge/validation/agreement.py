@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -31,14 +33,17 @@ def ground_agreement(world: World, directory: Path, *, points: int = 2000) -> li
         The checks, each named after its export's folder.
     """
     at = random_points(world, points)
-    checks: list[Check] = []
-    for folder in export_folders(directory):
-        try:
-            checks += _folder_checks(world, folder, at)
-        except Exception as error:  # each consumer has its own; an export that it cannot read fails
-            why = " ".join(str(error).split())
-            checks.append(failed(f"{folder.name}: ground", f"cannot be opened: {why}"))
-    return checks
+    with ThreadPoolExecutor(2) as pool:
+        found = pool.map(partial(_read_back, world, at), export_folders(directory))
+        return [check for checks in found for check in checks]
+
+
+def _read_back(world: World, at: Array, folder: Path) -> list[Check]:
+    try:
+        return _folder_checks(world, folder, at)
+    except Exception as error:  # each consumer has its own; an export that it cannot read fails
+        why = " ".join(str(error).split())
+        return [failed(f"{folder.name}: ground", f"cannot be opened: {why}")]
 
 
 def _folder_checks(world: World, folder: Path, at: Array) -> list[Check]:

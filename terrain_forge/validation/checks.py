@@ -18,7 +18,7 @@ from terrain_forge.records import Record
 from terrain_forge.registry import exporter
 from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.check import Check, at_least, at_most, failed
-from terrain_forge.validation.drive import DriveResult, drive, load_scene
+from terrain_forge.validation.drive import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.validation.rocks import overlapping_pairs
 from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.world import World
@@ -53,6 +53,7 @@ def validate(
     directory: Path,
     *,
     spec: ValidateSpec,
+    altered: tuple[str, ...] = (),
     progress: Callable[[float], None] | None = None,
 ) -> ValidationResult:
     """Check the world and what was exported of it; write the report into `directory`/validation.
@@ -64,6 +65,7 @@ def validate(
         world: The world.
         directory: Its built folder.
         spec: What to check.
+        altered: Files of the folder that are not as they were built.
         progress: Told the share of the drive that is done, 0 to 1.
     """
     folder = directory / "validation"
@@ -76,7 +78,9 @@ def validate(
         driven, result, timings = _drive(world, scene, spec.drive_spec, progress)
         checks += driven
     agreed = ground_agreement(world, directory, points=spec.points)
-    checks = agreed + checks
+    shown = ", ".join(altered[:3])
+    whole = at_most("files: missing or altered", float(len(altered)), 0.0, note=shown)
+    checks = [whole, *agreed, *checks]
     files = _write(world, folder, checks, result)
     return ValidationResult(checks=tuple(checks), drive=result, timings=timings, files=tuple(files))
 
@@ -167,7 +171,7 @@ def drive_checks(result: DriveResult, spec: DriveSpec) -> list[Check]:
         name=f"{title}: progress",
         figure=result.progress,
         unit="m",
-        limit=result.planned_distance,
+        limit=result.planned_distance - ARRIVAL,
         passed=result.completed,
         note=result.reason,
     )

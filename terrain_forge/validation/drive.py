@@ -25,7 +25,7 @@ CONTROL_RATE = 50.0
 """Commands, and looks at the state, per second [Hz]; as near as whole time steps come."""
 LOG_RATE = 10.0
 """Poses kept per second [Hz]."""
-_ARRIVAL = 0.05
+ARRIVAL = 0.05
 _STUCK_TIME, _STUCK_PART, _STUCK_ANGLE = 10.0, 0.1, math.radians(5.0)
 _TIPPED = math.radians(70.0)
 _OFF_PATH_FACTOR = 3.0
@@ -178,7 +178,7 @@ class _Log:
         )
         for name, force in vehicle.rock_forces().items():
             self.rocks[name] = max(self.rocks.get(name, 0.0), force)
-        self.completed = pursuit.progress >= pursuit.path.length - _ARRIVAL
+        self.completed = pursuit.progress >= pursuit.path.length - ARRIVAL
         self.reason = "arrived" if self.completed else self._trouble(pursuit, tilt)
 
     def _trouble(self, pursuit: PurePursuit, tilt: float) -> str:
@@ -189,7 +189,7 @@ class _Log:
         if tilt > _TIPPED:
             return f"tipped over {where}"
         if abs(pursuit.offset) > _OFF_PATH_FACTOR * self.spec.cross_track_m:
-            return f"left the path {where}"
+            return f"left the path by {abs(pursuit.offset):.3g} m {where}"
         if self._is_stuck(pursuit.path.speed):
             return f"stuck {where}"
         if time > self.spec.time_factor * duration + _STUCK_TIME:
