@@ -190,7 +190,7 @@ def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict
 
 def export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]:
     """Write one export into its folder of `directory`, whole or not at all; returns its losses."""
-    with replacing(directory / order.folder, known=True) as folder:
+    with replacing(directory / order.folder) as folder:
         report = order.exporter.export(world, folder, options=order.options)
     return report.losses
 
@@ -270,20 +270,15 @@ def require_ours(out: Path) -> None:
 
 
 @contextmanager
-def replacing(target: Path, *, known: bool = False) -> Iterator[Path]:
+def replacing(target: Path) -> Iterator[Path]:
     """A temporary sibling folder that takes the target's place when the block ends well.
 
     An older target is set aside until then. Leftovers of builds that were killed are cleared away.
-
-    Args:
-        target: the folder to make.
-        known: whether the target lies in a folder of ours already, so that no leftovers are sought.
     """
     target = target.absolute()
     fresh = target.with_name(f".{target.name}.new-{os.getpid()}")
     aside = target.with_name(f".{target.name}.old-{os.getpid()}")
-    if not known:
-        _clear_leftovers(target)
+    _clear_leftovers(target)
     try:
         _make(fresh)
         yield fresh

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from terrain_forge.errors import RecipeError
 from terrain_forge.specs import Spec
-from terrain_forge.world import World
+
+if TYPE_CHECKING:
+    from terrain_forge.world import World
 
 EXPORTERS = "terrain_forge.exporters"
 _log = logging.getLogger(__name__)
