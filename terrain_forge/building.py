@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -303,7 +304,7 @@ def _make(folder: Path) -> None:
 def _clear_leftovers(target: Path) -> None:
     """Remove what killed builds of this target left; bring back a world that one had set aside."""
     for kind in ("new", "old"):
-        for left in sorted(target.parent.glob(f".{target.name}.{kind}-*")):
+        for left in sorted(target.parent.glob(f".{escape(target.name)}.{kind}-*")):
             process = left.name.rpartition("-")[2]
             if process.isdigit() and Path(f"/proc/{process}").exists():
                 continue
