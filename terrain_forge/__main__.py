@@ -1,6 +1,6 @@
 """`python -m terrain_forge` is `terrain-forge`."""
 
-from terrain_forge.cli import main
+from terrain_forge.cli import run
 
 if __name__ == "__main__":
-    main()
+    run()

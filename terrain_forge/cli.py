@@ -13,6 +13,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -186,7 +187,7 @@ def _finish(passed: bool, out: Path) -> None:
     click.echo(
         f"{out}: a validation check failed, see {out / 'validation' / 'report.json'}", err=True
     )
-    sys.exit(FAILED_CHECK)
+    raise click.exceptions.Exit(FAILED_CHECK)
 
 
 class _Bar:
@@ -232,31 +233,41 @@ class _located:
             raise type(error)(self._file.locate(error)) from None
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit."""
+def main(arguments: list[str]) -> int:
+    """Run a command line; returns its exit status."""
     # A polite kill must clean up as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     # A build makes many objects and few cycles, the kernels' compiler above all.
     gc.set_threshold(100_000, 50, 50)
-    debug = "--debug" in (sys.argv[1:] if arguments is None else arguments)
     try:
-        cli.main(args=arguments, prog_name="terrain-forge", standalone_mode=False)
+        return int(cli.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
     except click.ClickException as error:
         message = " ".join(error.format_message().split())
         click.echo(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
-        sys.exit(WRONG_INPUT)
+        return WRONG_INPUT
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted, nothing was left behind", err=True)
-        # Where the interrupt met an exec() (imports run some), CPython would end by the signal,
-        # although it was handled; so leave at once.
-        sys.stderr.flush()
-        os._exit(INTERRUPTED)
+        return INTERRUPTED
     except TerrainForgeError as error:
-        if debug:
+        if "--debug" in arguments:
             traceback.print_exc()
         click.echo(f"terrain-forge: {error}", err=True)
-        sys.exit(FAILED_CHECK if isinstance(error, SimulationError) else WRONG_INPUT)
+        return FAILED_CHECK if isinstance(error, SimulationError) else WRONG_INPUT
     except Exception:
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
-        sys.exit(INTERNAL)
+        return INTERNAL
+
+
+def run() -> None:
+    """The command `terrain-forge`: run the process's command line and end the process.
+
+    It ends without taking the interpreter apart, which would take half a second after a build; and
+    where an interrupt met an exec() (imports run some), CPython would end by the signal, although
+    it was handled.
+    """
+    status = main(sys.argv[1:])
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(status)
