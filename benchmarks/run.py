@@ -38,10 +38,8 @@ def main() -> None:
     print(f"{platform.system()}, Python {platform.python_version()}, median (min to max) of {runs}")
     print(f"\n{'job':<40}{'wall s':>20}{'processor s':>20}{'peak MB':>18}")
     for name, arguments in JOBS.items():
-        with tempfile.TemporaryDirectory() as folder:
-            command = [a.replace("OUT", f"{folder}/out") for a in arguments]
-            once(command)
-            rows = [once(command) for _ in range(runs)]
+        once(arguments)
+        rows = [once(arguments) for _ in range(runs)]
         columns = [
             spread(values, digits)
             for values, digits in zip(zip(*rows, strict=True), (2, 2, 0), strict=True)
@@ -50,13 +48,15 @@ def main() -> None:
 
 
 def once(arguments: list[str]) -> tuple[float, float, float]:
-    """Wall time [s], processor time [s] and peak memory [MB] of one run."""
-    start = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "terrain_forge", *arguments], stdout=subprocess.DEVNULL
-    )
-    _, status, usage = os.wait4(process.pid, 0)
-    wall = time.perf_counter() - start
+    """Wall time [s], processor time [s] and peak memory [MB] of one run into a new folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [a.replace("OUT", f"{folder}/out") for a in arguments]
+        start = time.perf_counter()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "terrain_forge", *command], stdout=subprocess.DEVNULL
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        wall = time.perf_counter() - start
     if status:
         sys.exit(f"{arguments}: status {os.waitstatus_to_exitcode(status)}")
     return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
