@@ -27,18 +27,13 @@ if TYPE_CHECKING:  # for editors and type checkers; at run time __getattr__ impo
         SimulationError,
         TerrainForgeError,
     )
+    from terrain_forge.motion import Trajectory
     from terrain_forge.pipeline import plan, realise
     from terrain_forge.recipe import Recipe
     from terrain_forge.recipe_file import RecipeFile, load_recipe, save_recipe
     from terrain_forge.registry import ExportReport, exporter, exporter_names
     from terrain_forge.site import Site, Window
-    from terrain_forge.world import (
-        Heightfield,
-        RockField,
-        RockLibrary,
-        Trajectory,
-        World,
-    )
+    from terrain_forge.world import Heightfield, RockField, RockLibrary, World
 
 __version__ = "0.1.0"
 
@@ -62,7 +57,7 @@ _HOMES = {
     "Heightfield": "world",
     "RockField": "world",
     "RockLibrary": "world",
-    "Trajectory": "world",
+    "Trajectory": "motion",
     "World": "world",
     "TerrainForgeError": "errors",
     "RecipeError": "errors",

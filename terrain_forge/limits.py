@@ -12,10 +12,10 @@ BYTES = 0.4e9
 """Peak memory of a build without ground and rocks: the libraries (measured, as the next two)."""
 BYTES_PER_NODE = 100
 """Peak memory of a build for each node of the ground."""
-MOST_SAMPLES = 2_000_000
-"""Samples of one path."""
 BYTES_PER_ROCK = 4500
 """Peak memory of a build for each rock."""
+MOST_SAMPLES = 2_000_000
+"""Samples of one path."""
 
 
 def require_paths(recipe: Recipe) -> None:

@@ -1,7 +1,6 @@
 """The pipeline: plan a Site from a recipe, realise a World of a window of it.
 
-    recipe ─plan─► Site (+ Routes) ─realise(window)─► World: ground ► rock library ► rock field ►
-    paths
+    recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ► ground ► rocks ► paths
 
 Writing the World is `build`'s task (terrain_forge/building.py).
 """
@@ -25,6 +24,7 @@ from terrain_forge.limits import (
     require_paths,
     require_samples,
 )
+from terrain_forge.motion import Trajectory
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.route import Route
 from terrain_forge.paths.trajectory import lay_trajectory
@@ -39,15 +39,7 @@ from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window
 from terrain_forge.terrain.appearance import colour_ground, stencil_reach
 from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.world import (
-    Appearance,
-    Heightfield,
-    Lighting,
-    Trajectory,
-    World,
-    owned,
-    touches,
-)
+from terrain_forge.world import Appearance, Heightfield, Lighting, World, owned, touches
 
 Progress = Callable[[str, float], None]
 """Told the name of each stage as it begins, and the share of it that is done, 0 to 1."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
+from terrain_forge.motion import Trajectory
 from terrain_forge.report_style import (
     Cell,
     Html,
@@ -27,7 +28,7 @@ from terrain_forge.report_style import (
 )
 from terrain_forge.report_usage import usage
 from terrain_forge.terrain.statistics import slope_statistics
-from terrain_forge.world import Trajectory, World
+from terrain_forge.world import World
 
 _MAP_PIXELS = 560
 _LIMIT_Z = 3.29

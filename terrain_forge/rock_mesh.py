@@ -28,6 +28,19 @@ def outline_error(mesh: Mesh, reference: Mesh) -> float:
     return float(np.abs(support - wanted).max())
 
 
+def largest_outline_error(coarse: Sequence[Mesh], shapes: Sequence[RockPrototype]) -> float:
+    """The largest `outline_error` of meshes that stand for rock shapes [mean axes]."""
+    return max(outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True))
+
+
+def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
+    """What an export loses by colliding rocks as their convex parts, as a sentence."""
+    excess = max((shape.hull_excess for shape in shapes), default=0.0)
+    if excess <= 0.0:
+        return ()
+    return (f"Rocks collide as convex parts, up to {100 * excess:.1f} % larger than the rock.",)
+
+
 def coarse_shape(prototype: RockPrototype, tolerance: float) -> Mesh:
     """The shape of fewest faces whose outline is the finest mesh's within `tolerance` [mean axes].
 

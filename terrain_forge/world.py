@@ -7,18 +7,15 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.frames import compass_to_direction, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.frames import compass_to_direction, matrix_from_quaternion
+from terrain_forge.motion import Trajectory
 from terrain_forge.records import Record
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -214,73 +211,6 @@ class RockField(Record):
 
 ROCK_COLUMNS = tuple(field.name for field in fields(RockField) if field.name != "populations")
 """Names of a rock field's arrays."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Poses(Record):
-    """Poses of a moving frame at some times."""
-
-    position: Array
-    """Origin in the world frame [m], shape [times, 3]."""
-    rpy: Array
-    """Roll, pitch, yaw [rad], continuous in time, shape [times, 3]."""
-    velocity: Array
-    """Velocity of the origin in the world frame [m/s], shape [times, 3]."""
-    acceleration: Array
-    """Acceleration of the origin in the world frame [m/s²], shape [times, 3]."""
-
-    @property
-    def quaternion(self) -> Array:
-        """Rotation (w, x, y, z) to the world frame, shape [times, 4]."""
-        return quaternion_from_rpy(self.rpy)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Trajectory(Record):
-    """Motion of the rover's `base_link` (x forward): a C² spline through samples."""
-
-    name: str
-    """Name of the path."""
-    time: Array
-    """Sample times, from 0 [s], shape [samples]."""
-    position: Array
-    """Origin of base_link in the world frame [m], shape [samples, 3]."""
-    rpy: Array
-    """Roll, pitch, yaw [rad], continuous (yaw is not wrapped), shape [samples, 3]."""
-    closed: bool
-    """Whether the path ends where it began."""
-
-    def __post_init__(self) -> None:
-        self.freeze("time", np.float64, ("samples",))
-        self.freeze("position", np.float64, (len(self.time), 3))
-        self.freeze("rpy", np.float64, (len(self.time), 3))
-
-    @property
-    def quaternion(self) -> Array:
-        """Rotation (w, x, y, z) of each sample, shape [samples, 4]."""
-        return quaternion_from_rpy(self.rpy)
-
-    @property
-    def length(self) -> float:
-        """Length of the path through the samples [m]."""
-        return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
-
-    @cached_property
-    def _spline(self) -> CubicSpline:
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self.time, np.hstack([self.position, self.rpy]))
-
-    def at(self, time: ArrayLike) -> Poses:
-        """Poses, velocities and accelerations at times [s] within the trajectory."""
-        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
-        values = self._spline(times)
-        return Poses(
-            position=values[:, :3],
-            rpy=values[:, 3:],
-            velocity=self._spline(times, 1)[:, :3],
-            acceleration=self._spline(times, 2)[:, :3],
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

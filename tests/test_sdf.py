@@ -11,7 +11,8 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.sdf import Options, export
 
-from terrain_forge.world import Trajectory, rotations
+from terrain_forge.motion import Trajectory
+from terrain_forge.world import rotations
 from tests.surfaces import random_points, top_under
 
 CONSUMERS = Path(__file__).parent / "consumers"

@@ -7,6 +7,7 @@ import trimesh
 
 from terrain_forge.bodies import MARS
 from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.motion import Trajectory
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Roughness, Site
 from terrain_forge.world import (
@@ -17,7 +18,6 @@ from terrain_forge.world import (
     RockField,
     RockLibrary,
     RockPrototype,
-    Trajectory,
     World,
 )
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.motion import Trajectory
 from terrain_forge.registry import ExportReport
-from terrain_forge.world import Trajectory, World
+from terrain_forge.world import World
 from terrain_forge.writers.mesh import write_stl
 
 from .ground import GroundPart, ground_part

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from terrain_forge.frames import Array
+from terrain_forge.motion import Trajectory
 from terrain_forge.rovers.description import Rover, Shape
-from terrain_forge.world import Trajectory
 
 from . import material
 from .markup import Lines, element, numbers

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import coarse_shape, outline_error
+from terrain_forge.rock_mesh import coarse_shape, collision_losses, largest_outline_error
 from terrain_forge.world import Mesh, World
 from terrain_forge.writers.naming import file_name
 
@@ -82,14 +82,9 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
     shapes = world.library.prototypes
     small = int((world.field.diameter < options.individual_min_m).sum())
     if small:
-        errors = [outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True)]
+        error = largest_outline_error(coarse, shapes)
         losses.append(
             f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
-            f"separate, their outline off by up to {100 * max(errors):.1f} % of their size."
+            f"separate, their outline off by up to {100 * error:.1f} % of their size."
         )
-    excess = max((shape.hull_excess for shape in shapes), default=0.0)
-    if excess > 0:
-        losses.append(
-            f"Rocks collide as convex parts, up to {100 * excess:.1f} % larger than the rock."
-        )
-    return tuple(losses)
+    return (*losses, *collision_losses(shapes))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import coarse_shape, outline_error
+from terrain_forge.rock_mesh import coarse_shape, collision_losses, largest_outline_error
 from terrain_forge.world import Mesh, World
 
 from .ground import write_ground
@@ -46,14 +46,9 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
     shapes = world.library.prototypes
     small = int((world.field.diameter < options.collider_min_m).sum())
     if small:
-        errors = [outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True)]
+        error = largest_outline_error(coarse, shapes)
         losses.append(
             f"{small} rocks below {options.collider_min_m:g} m share one collider per tile, "
-            f"its outline off by up to {100 * max(errors):.1f} % of a rock's size."
+            f"its outline off by up to {100 * error:.1f} % of a rock's size."
         )
-    excess = max((shape.hull_excess for shape in shapes), default=0.0)
-    if excess > 0:
-        losses.append(
-            f"Rocks collide as convex parts, up to {100 * excess:.1f} % larger than the rock."
-        )
-    return tuple(losses)
+    return (*losses, *collision_losses(shapes))

@@ -8,8 +8,9 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from terrain_forge.frames import Array, quaternion_from_rpy
+from terrain_forge.motion import Trajectory
 from terrain_forge.rovers.description import Link, Rover, Sensor, Shape
-from terrain_forge.world import Trajectory, World
+from terrain_forge.world import World
 from terrain_forge.writers.naming import identifier
 
 from .layer import gf_quaternion, new_layer, save, set_conventions

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.frames import xyzw
-from terrain_forge.world import Trajectory
+from terrain_forge.motion import Trajectory
 from terrain_forge.writers.table import Column, write_table
 
 

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.frames import rpy_from_matrix
+from terrain_forge.motion import Trajectory
 from terrain_forge.paths.route import Route
 from terrain_forge.paths.spec import PathSpec
 from terrain_forge.rovers.description import Rover
 from terrain_forge.seeds import stage_key, uniforms
-from terrain_forge.world import Heightfield, Trajectory
+from terrain_forge.world import Heightfield
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.motion import Trajectory
 from terrain_forge.records import Record
 from terrain_forge.rovers.description import Rover
-from terrain_forge.world import Trajectory
 
 Array = NDArray[np.float64]
 

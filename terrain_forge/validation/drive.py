@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from terrain_forge.errors import SimulationError
 from terrain_forge.frames import quaternion_from_rpy, rpy_from_quaternion
+from terrain_forge.motion import Trajectory
 from terrain_forge.records import Record
 from terrain_forge.rovers.description import Rover
 from terrain_forge.validation.controller import PlanarPath, PurePursuit, wheel_rates
 from terrain_forge.validation.spec import DriveSpec
-from terrain_forge.world import Trajectory
 
 Array = NDArray[np.float64]
 
