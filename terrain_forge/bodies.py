@@ -2,8 +2,8 @@
 
 Sources: NASA Space Science Data Coordinated Archive fact sheets (Williams; gravity, radii); solar
 irradiance is the solar constant 1361 W/m² (Kopp & Lean 2011, doi:10.1029/2010GL045777) divided by
-the square of the mean distance in astronomical units. The Mars gravity and sky colour are those
-that the seed's Gazebo world uses too.
+the square of the mean distance in astronomical units. Densities and colours are assumptions within
+the usual ranges (docs/science.md).
 """
 
 from __future__ import annotations

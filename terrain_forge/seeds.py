@@ -1,4 +1,4 @@
-"""Randomness addressed by what and where, never by when (DESIGN §5).
+"""Randomness addressed by what and where, never by when (docs/conventions.md).
 
 A stage has one 64-bit key. Every element of the stage is drawn by hashing (key, address) with a
 counter-based mixer (the finaliser of SplitMix64: Steele, Lea & Flood 2014,
