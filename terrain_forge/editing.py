@@ -73,6 +73,8 @@ def add_rock(
         yaw=np.array([yaw]),
         buried=np.array([buried_fraction]),
         diameter=np.array([diameter]),
+        loose=np.array([False]),
+        solid=np.array([True]),
         unplaced=(0,),
     )
     density = density or _density(world, population)

@@ -91,6 +91,8 @@ def plan(
         roughness=ground.roughness,
         largest_rock=largest_rock(recipe.rocks, area),
         images=read_images(recipe, Path(folder)),
+        tables=(),
+        meshes=(),
         inputs=hash_inputs(recipe, Path(folder)),
         routes=routes,
         recipe_json=portable_json(recipe),
@@ -115,7 +117,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     populations = recipe.rocks.populations
 
     progress("rock library", 0.0)
-    library = make_library(recipe.rocks.library)
+    library = make_library(recipe.rocks.library, brought=site.meshes)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, library=library)
     around = site.padded(window, max(margin, stencil_reach(site)))

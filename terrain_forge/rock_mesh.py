@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel
-from terrain_forge.world import Heightfield, Mesh, RockField, RockPrototype, rotations
+from terrain_forge.mesh import Mesh
+from terrain_forge.world import Heightfield, RockField, RockPrototype, rotations
 
 Array = NDArray[np.float64]
 

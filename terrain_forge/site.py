@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.bodies import Body
 from terrain_forge.dtm.patch import DtmPatch
+from terrain_forge.mesh import Mesh
 from terrain_forge.records import Record
 
 if TYPE_CHECKING:
@@ -66,6 +67,33 @@ class Image(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Table(Record):
+    """A table of numbers that the recipe names, read when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    columns: tuple[str, ...]
+    """Names of the columns."""
+    values: NDArray[np.float64]
+    """The numbers, shape [rows, columns]; NaN is refused."""
+
+    def __post_init__(self) -> None:
+        self.freeze("values", np.float64, ("rows", len(self.columns)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BroughtMesh(Record):
+    """A rock shape that the user brings, read and repaired when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    mesh: Mesh
+    """Closed, faces outward, in the file's axes and units."""
+    repairs: tuple[str, ...]
+    """What was repaired, for the report."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Site(Record):
     """A place on a body with everything that must not depend on the window that is made of it.
 
@@ -99,7 +127,11 @@ class Site(Record):
     largest_rock: float
     """Exposed diameter that no rock of the site exceeds [m]."""
     images: tuple[Image, ...]
-    """Images that layers use."""
+    """Images that layers and rocks use."""
+    tables: tuple[Table, ...]
+    """Tables that rocks use."""
+    meshes: tuple[BroughtMesh, ...]
+    """Rock shapes that the user brings."""
     inputs: tuple[tuple[str, str], ...]
     """Input files: path as the recipe writes it (absolute ones: the name only), SHA-256."""
     routes: tuple[Route, ...]
@@ -161,3 +193,7 @@ class Site(Record):
     def image(self, path: str) -> NDArray[np.float64]:
         """Values of the image that the recipe calls `path`."""
         return next(image.values for image in self.images if image.path == path)
+
+    def table(self, path: str) -> Table:
+        """The table that the recipe calls `path`."""
+        return next(table for table in self.tables if table.path == path)

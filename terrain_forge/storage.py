@@ -15,7 +15,7 @@ from terrain_forge.errors import OutputError
 from terrain_forge.records import from_plain, to_plain
 from terrain_forge.world import World
 
-FORMAT = 1
+FORMAT = 2
 
 
 def save_world(world: World, directory: Path) -> list[Path]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.frames import compass_to_direction, matrix_from_quaternion
+from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
 from terrain_forge.records import Record
 from terrain_forge.rovers.description import Rover
@@ -101,20 +102,6 @@ class Heightfield(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mesh(Record):
-    """A triangle mesh."""
-
-    vertices: Array
-    """Positions [m], shape [vertices, 3]."""
-    faces: NDArray[np.int32]
-    """Corner indices, counter-clockwise seen from outside, shape [faces, 3]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("vertices", np.float64, ("vertices", 3))
-        self.freeze("faces", np.int32, ("faces", 3))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class RockPrototype(Record):
     """One rock shape: origin at its centre of mass, z up as it rests, mean axis 1 m."""
 
@@ -132,6 +119,15 @@ class RockPrototype(Record):
     [3, 3]."""
     hull_excess: float
     """Summed volume of the hulls over the volume of the mesh, minus 1."""
+    hull_distance: float
+    """Hausdorff distance between the surface of the hulls' union and that of the first mesh [mean
+    axes]."""
+    uvs: tuple[Array, ...]
+    """Texture coordinates of each mesh's face corners, in units of the library's tiling texture,
+    each of shape [faces, 3, 2]; a seam lies between faces that disagree at a shared corner."""
+    outline_errors: tuple[float, ...]
+    """For each mesh, how far its outline is off the first one's, seen from any side, at most [mean
+    axes]; 0 for the first."""
     reach: float
     """Over all tilts and burials that resting allows: the largest horizontal distance of any point
     of the rock from its centre of mass, as a fraction of the exposed diameter."""
@@ -141,6 +137,12 @@ class RockPrototype(Record):
 
     def __post_init__(self) -> None:
         self.freeze("inertia", np.float64, (3, 3))
+        if not len(self.meshes) == len(self.uvs) == len(self.outline_errors):
+            raise ValueError("RockPrototype: as many uvs and outline_errors as meshes")
+        for uv, mesh in zip(self.uvs, self.meshes, strict=True):
+            if uv.shape != (len(mesh.faces), 3, 2):
+                raise ValueError(f"RockPrototype.uvs: shape {uv.shape}, expected a pair per corner")
+            uv.setflags(write=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,6 +153,12 @@ class RockLibrary(Record):
     """The shapes; rocks name them by index."""
     seed: int
     """The library's own seed."""
+    texture: NDArray[np.uint8]
+    """Brightness of a rock's surface, which tiles both ways and which a population's colour
+    multiplies, linear, 0 to 255, rows run up, shape [rows, columns]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("texture", np.uint8, ("rows", "columns"))
 
     @cached_property
     def content_hash(self) -> str:
@@ -192,6 +200,11 @@ class RockField(Record):
     """Volume of the whole rock [m³], shape [rocks]."""
     mass: Array
     """Mass [kg], shape [rocks]."""
+    loose: NDArray[np.bool_]
+    """Which rocks lie on the ground as bodies that can be pushed; the others are fixed, shape
+    [rocks]."""
+    solid: NDArray[np.bool_]
+    """Which rocks can be touched; the others are there for the eye alone, shape [rocks]."""
 
     def __post_init__(self) -> None:
         for name in ("id", "population", "prototype"):
@@ -200,6 +213,8 @@ class RockField(Record):
         self.freeze("quaternion", np.float64, ("rocks", 4))
         for name in ("scale", "diameter", "height", "buried_fraction", "volume", "mass"):
             self.freeze(name, np.float64, ("rocks",))
+        for name in ("loose", "solid"):
+            self.freeze(name, np.bool_, ("rocks",))
 
     def __len__(self) -> int:
         return len(self.id)

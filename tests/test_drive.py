@@ -6,6 +6,7 @@ import pytest
 from terrain_forge.exporters import mjcf
 
 from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.agreement import ground_agreement, random_points
@@ -16,7 +17,6 @@ from terrain_forge.validation.rocks import overlapping_pairs
 from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
 from terrain_forge.validation.vehicle import Vehicle
-from terrain_forge.world import Mesh
 from terrain_forge.writers.mesh import write_obj, write_stl
 from tests import worlds
 

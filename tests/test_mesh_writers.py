@@ -12,8 +12,9 @@ from terrain_forge.ground_mesh import (
     grid_texture_coordinates,
     grid_vertices,
 )
+from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import coarse_shape, merge_rocks, outline_error
-from terrain_forge.world import Heightfield, Mesh
+from terrain_forge.world import Heightfield
 from terrain_forge.writers.image import encode_png, write_png
 from terrain_forge.writers.mesh import vertex_normals, write_obj, write_obj_rows, write_stl
 from terrain_forge.writers.naming import file_name, identifier
@@ -196,7 +197,13 @@ def test_the_coarse_shape_is_the_smallest_that_fits(small_world):
     assert outline_error(Mesh(vertices=finest.vertices * 1.1, faces=finest.faces), finest) < 0.12
     rough = Mesh(vertices=finest.vertices * 1.04, faces=finest.faces[:20])
     off = Mesh(vertices=np.add(finest.vertices, (0, 0, 0.3)), faces=finest.faces[:10])
-    levels = prototype.replace(meshes=(finest, rough, off), hulls=(finest, finest))
+    meshes = finest, rough, off
+    levels = prototype.replace(
+        meshes=meshes,
+        hulls=(finest, finest),
+        uvs=tuple(np.zeros((len(mesh.faces), 3, 2)) for mesh in meshes),
+        outline_errors=(0.0, 0.1, 0.3),
+    )
     assert coarse_shape(levels, 0.05) is levels.meshes[1]
     assert coarse_shape(levels, 0.5) is levels.meshes[2]
     assert coarse_shape(levels, 0.001) is levels.meshes[1]  # none fits: the closest

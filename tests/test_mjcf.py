@@ -9,9 +9,10 @@ from terrain_forge.exporters import mjcf
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.mesh import Mesh
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.surface_mesh import heights_on
-from terrain_forge.world import Heightfield, Mesh
+from terrain_forge.world import Heightfield
 from tests import worlds
 
 SKY = 1000.0

@@ -4,13 +4,14 @@ import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 
 from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mesh import Mesh
 from terrain_forge.rocks import outline
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import margin, scatter
 from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.site import Window
-from terrain_forge.world import Heightfield, Mesh, rotations
+from terrain_forge.world import Heightfield, rotations
 from tests import worlds
 
 LIBRARY = worlds.library()

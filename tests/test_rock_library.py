@@ -12,13 +12,13 @@ import trimesh
 from numpy.random import Generator, Philox
 from pydantic import TypeAdapter, ValidationError
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.rocks import outline
 from terrain_forge.rocks.carving import Sphere, carve, convex_faces, fibonacci_sphere
 from terrain_forge.rocks.collision import collision_hull, collision_parts
 from terrain_forge.rocks.library import LibrarySpec, lay_down, make_library
 from terrain_forge.rocks.shapes import FAMILIES, block, projections
 from terrain_forge.rocks.solid import mass_properties
-from terrain_forge.world import Mesh
 
 SPEC = LibrarySpec(shapes=16, seed=7, families=("block", "slab", "cobble", "vesicular"))
 

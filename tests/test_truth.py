@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mesh import Mesh
 from terrain_forge.paths.files import write_trajectory
 from terrain_forge.paths.route import Route
 from terrain_forge.rocks.populations import PopulationSpec
@@ -22,7 +23,7 @@ from terrain_forge.truth.bundle import write_truth
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.size_frequency import clark_evans, size_frequency, write_size_frequency
 from terrain_forge.truth.tables import geographic, write_rocks
-from terrain_forge.world import Mesh, merge
+from terrain_forge.world import merge
 from tests import worlds
 
 ALPHA = 0.001
@@ -77,7 +78,9 @@ def with_boxes(positions):
     box = trimesh.creation.box(extents=(2.0, 2.0, 2.0))
     world = worlds.world(rocks=len(positions))
     shape = Mesh(vertices=box.vertices, faces=box.faces)
-    prototype = world.library.prototypes[0].replace(meshes=(shape,), hulls=(shape,))
+    prototype = world.library.prototypes[0].replace(
+        meshes=(shape,), hulls=(shape,), uvs=(np.zeros((len(shape.faces), 3, 2)),)
+    )
     count = len(positions)
     return world.replace(
         site=world.site.replace(spacing=1.0),

@@ -7,6 +7,7 @@ import trimesh
 
 from terrain_forge.bodies import MARS
 from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Roughness, Site
@@ -14,7 +15,6 @@ from terrain_forge.world import (
     Appearance,
     Heightfield,
     Lighting,
-    Mesh,
     RockField,
     RockLibrary,
     RockPrototype,
@@ -47,6 +47,8 @@ def site() -> Site:
         roughness=Roughness(hurst=0.6, deviation=0.05, source="test"),
         largest_rock=2.0,
         images=(),
+        tables=(),
+        meshes=(),
         inputs=(),
         routes=(),
         recipe_json="{}",
@@ -79,6 +81,9 @@ def _prototype(stretch: tuple[float, float, float], seed: int) -> RockPrototype:
         volume=float(mesh.volume),
         inertia=np.asarray(inertia),
         hull_excess=0.0,
+        hull_distance=0.0,
+        uvs=(shape.vertices[shape.faces][:, :, :2],),
+        outline_errors=(0.0,),
         reach=0.8,
         rise=1.0,
     )
@@ -88,7 +93,8 @@ def library() -> RockLibrary:
     """Three convex, asymmetric shapes."""
     stretches = [(1.0, 0.8, 0.6), (1.2, 0.7, 0.7), (0.9, 0.9, 0.5)]
     prototypes = tuple(_prototype(s, n) for n, s in enumerate(stretches))
-    return RockLibrary(prototypes=prototypes, seed=0)
+    texture = np.arange(64 * 64).reshape(64, 64) % 251
+    return RockLibrary(prototypes=prototypes, seed=0, texture=texture)
 
 
 def field(count: int = 40) -> RockField:
@@ -114,6 +120,8 @@ def field(count: int = 40) -> RockField:
         buried_fraction=np.full(count, 0.5),
         volume=volume,
         mass=volume * MARS.rock_density,
+        loose=np.zeros(count, np.bool_),
+        solid=np.ones(count, np.bool_),
     )
 
 

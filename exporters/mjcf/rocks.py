@@ -8,7 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.world import Mesh, RockField, RockLibrary, World
+from terrain_forge.mesh import Mesh
+from terrain_forge.world import RockField, RockLibrary, World
 
 from .xml import element
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_mesh import coarse_shape, collision_losses, largest_outline_error
-from terrain_forge.world import Mesh, World
+from terrain_forge.world import World
 from terrain_forge.writers.naming import file_name
 
 from . import ground, rocks

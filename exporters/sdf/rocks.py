@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from terrain_forge.frames import rpy_from_quaternion
+from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import merge_rocks
-from terrain_forge.world import Mesh, RockField, World
+from terrain_forge.world import RockField, World
 from terrain_forge.writers.mesh import vertex_normals, write_obj, write_stl
 
 from . import material

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_mesh import coarse_shape, collision_losses, largest_outline_error
-from terrain_forge.world import Mesh, World
+from terrain_forge.world import World
 
 from .ground import write_ground
 from .library import write_library

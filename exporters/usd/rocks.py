@@ -12,8 +12,9 @@ import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from terrain_forge.frames import xyzw
+from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import merge_rocks
-from terrain_forge.world import Mesh, RockField, World
+from terrain_forge.world import RockField, World
 
 from . import library
 from .layer import add_reference, define_mesh, gf_quaternion, label, make_collider, new_stage

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import kernel
+from terrain_forge.mesh import Mesh
 from terrain_forge.rocks.shapes import Blank, convex_gauge, projections, radii
-from terrain_forge.world import Mesh
 
 Array = NDArray[np.float64]
 

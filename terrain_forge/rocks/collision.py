@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.rocks.carving import convex_faces, fibonacci_sphere, supporting
 from terrain_forge.rocks.shapes import projections
 from terrain_forge.rocks.solid import mass_properties
-from terrain_forge.world import Mesh
 
 Array = NDArray[np.float64]
 

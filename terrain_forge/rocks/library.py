@@ -10,14 +10,16 @@ from annotated_types import Interval, MinLen
 from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.rocks import outline
 from terrain_forge.rocks.carving import Sphere, carve
 from terrain_forge.rocks.collision import collision_parts
 from terrain_forge.rocks.shapes import FAMILIES, Blank, Family, projections
 from terrain_forge.rocks.solid import mass_properties
 from terrain_forge.seeds import mix, stage_key
+from terrain_forge.site import BroughtMesh
 from terrain_forge.specs import Spec
-from terrain_forge.world import Mesh, RockLibrary, RockPrototype
+from terrain_forge.world import RockLibrary, RockPrototype
 
 Array = NDArray[np.float64]
 
@@ -41,12 +43,17 @@ class LibrarySpec(Spec):
     into several convex parts, which takes seconds for each. Shapes of ours stay below 0.07."""
 
 
-def make_library(spec: LibrarySpec) -> RockLibrary:
+def make_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) -> RockLibrary:
     """Make the library; equal specs give equal bytes, and shape n does not depend on how many.
+
+    Args:
+        spec: What is wanted.
+        brought: The user's own shapes, which follow those that are made.
 
     Raises:
         ArithmeticError: if the surface of a shape degenerates (no drawn shape is known to).
     """
+    del brought  # not used yet
     key = stage_key(spec.seed, "rock-library")
     sphere = Sphere()
     prototypes = []
@@ -54,7 +61,11 @@ def make_library(spec: LibrarySpec) -> RockLibrary:
         family = spec.families[n % len(spec.families)]
         blank = FAMILIES[family](Generator(Philox(key=int(mix(key, n)))))
         prototypes.append(_prototype(family, blank, sphere, spec))
-    return RockLibrary(prototypes=tuple(prototypes), seed=spec.seed)
+    return RockLibrary(
+        prototypes=tuple(prototypes),
+        seed=spec.seed,
+        texture=np.full((64, 64), 255),
+    )
 
 
 def _prototype(family: str, blank: Blank, sphere: Sphere, spec: LibrarySpec) -> RockPrototype:
@@ -70,6 +81,9 @@ def _prototype(family: str, blank: Blank, sphere: Sphere, spec: LibrarySpec) -> 
         volume=solid.volume,
         inertia=solid.inertia,
         hull_excess=sum(mass_properties(hull).volume for hull in hulls) / solid.volume - 1.0,
+        hull_distance=0.0,
+        uvs=tuple(mesh.vertices[mesh.faces][:, :, :2].copy() for mesh in meshes),
+        outline_errors=(0.0,) * len(meshes),
         reach=reach,
         rise=rise,
     )

@@ -8,15 +8,11 @@ where its edges cross it, and the widths of their convex hull in plan are those 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel
-
-if TYPE_CHECKING:
-    from terrain_forge.world import Mesh
+from terrain_forge.mesh import Mesh
 
 Array = NDArray[np.float64]
 

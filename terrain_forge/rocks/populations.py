@@ -6,12 +6,13 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Interval
+from annotated_types import Interval, MinLen
 
 from terrain_forge.errors import RecipeError
+from terrain_forge.rocks.arrangement import Arrangement, Poisson
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.size_frequency import SizeFrequency, largest_diameter
-from terrain_forge.specs import FileName, Fraction, Positive, Spec
+from terrain_forge.specs import FileName, Fraction, NotNegative, Pair, Positive, Spec
 
 MAX_POPULATIONS = 64
 """Populations of a site; a rock's id holds the population's index and its number."""
@@ -38,6 +39,20 @@ class PopulationSpec(Spec):
     """Smallest and largest part of a rock's height that lies below the ground, 0 to 0.5; uniform
     between. No measured distribution is known; the older a surface, the deeper its rocks. Where the
     ground falls away under a rock it is sunk further, to 0.6 at most, so that no daylight shows."""
+    arrangement: Arrangement = field(default_factory=Poisson)
+    """How the rocks lie towards each other: anywhere (Poisson), in clusters, around craters."""
+    density_image: Annotated[str, MinLen(1)] | None = None
+    """An image laid over the site, north up; it multiplies the number of rocks by 0 (black) to 1
+    (white, the law's own number)."""
+    max_slope_deg: Annotated[float, Interval(gt=0, le=90)] | None = None
+    """No rock's centre lies on ground that is steeper than this [degrees]."""
+    families: Annotated[tuple[str, ...], MinLen(1)] | None = None
+    """Families of the library's shapes that these rocks have; by default any."""
+    loose_m: tuple[Positive, Positive] | None = None
+    """Smallest and largest diameter [m] of rocks that lie on the ground as bodies that a rover can
+    push; the others are fixed in it."""
+    collision_min_m: NotNegative = 0.0
+    """Rocks smaller than this [m] are there for the eye alone: nothing touches them."""
     rgb: tuple[Fraction, Fraction, Fraction] | None = None
     """Colour, sRGB 0 to 1; by default that of the body's rocks."""
     density_kg_m3: Annotated[float, Interval(ge=100, le=20000)] | None = None
@@ -52,6 +67,38 @@ class PopulationSpec(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RockListSpec(Spec):
+    """Rocks that a table lists one by one."""
+
+    name: FileName
+    """Name, unique among lists and populations."""
+    file: Annotated[str, MinLen(1)]
+    """CSV with a header: `x_m`, `y_m` (east and north of the centre in the site's frame) and
+    `diameter_m`; if wanted `yaw_deg`, `buried_fraction` and `prototype` too."""
+    buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)
+    """Smallest and largest buried part of the height, where the table gives none."""
+    families: Annotated[tuple[str, ...], MinLen(1)] | None = None
+    """Families of the library's shapes that these rocks have, where the table names no prototype;
+    by default any."""
+    rgb: tuple[Fraction, Fraction, Fraction] | None = None
+    """Colour, sRGB 0 to 1; by default that of the body's rocks."""
+    density_kg_m3: Annotated[float, Interval(ge=100, le=20000)] | None = None
+    """Density [kg/m³]; by default that of the body's rocks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeepOut(Spec):
+    """A circle that is kept free of rocks."""
+
+    centre_m: Pair
+    """East and north of its centre [m]."""
+    radius_m: Positive
+    """Radius [m]."""
+    clearance_m: NotNegative = 0.0
+    """Height above the ground [m] that rocks within may have; 0 for no rock at all."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class RocksSpec(Spec):
     """All rocks of a world."""
 
@@ -59,6 +106,10 @@ class RocksSpec(Spec):
     """The rock shapes."""
     populations: tuple[PopulationSpec, ...] = ()
     """The populations; none for bare ground. Rocks are numbered population by population."""
+    lists: tuple[RockListSpec, ...] = ()
+    """The user's own rocks, each placed as it is listed; scattered rocks keep clear of them."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Circles that no rock reaches into, as a landing pad or the rover's start."""
 
 
 def largest_rock(rocks: RocksSpec, area: float) -> float:

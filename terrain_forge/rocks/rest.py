@@ -85,6 +85,8 @@ def rest(
         buried_fraction=buried,
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
+        loose=scattered.loose,
+        solid=scattered.solid,
     )
 
 

@@ -66,6 +66,10 @@ class Scattered(Record):
     """Part of the rock's extent that should lie below the ground, 0 to 1, shape [rocks]."""
     diameter: Array
     """Exposed plan diameter [m], shape [rocks]."""
+    loose: NDArray[np.bool_]
+    """Which rocks lie unburied, as bodies that can be pushed, shape [rocks]."""
+    solid: NDArray[np.bool_]
+    """Which rocks can be touched, shape [rocks]."""
     unplaced: tuple[int, ...]
     """Rocks of each population, of those first put into the window, that found no free place."""
 
@@ -75,6 +79,8 @@ class Scattered(Record):
         self.freeze("xy", np.float64, ("rocks", 2))
         for name in ("yaw", "buried", "diameter"):
             self.freeze(name, np.float64, ("rocks",))
+        for name in ("loose", "solid"):
+            self.freeze(name, np.bool_, ("rocks",))
 
     def __len__(self) -> int:
         return len(self.id)
@@ -132,6 +138,8 @@ def scatter(
         yaw=drawn.yaw[kept],
         buried=drawn.buried[kept],
         diameter=drawn.diameter[kept],
+        loose=np.zeros(len(kept), np.bool_),
+        solid=np.ones(len(kept), np.bool_),
         unplaced=tuple(
             int(np.count_nonzero(lost & (drawn.population == n))) for n in range(len(populations))
         ),

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.records import Record
-from terrain_forge.world import Mesh
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import kernel
+from terrain_forge.mesh import Mesh
 from terrain_forge.scene.light import Light
 from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.surface import Land, Stones, Tracks
 from terrain_forge.seeds import stage_key
-from terrain_forge.world import Lighting, Mesh, World
+from terrain_forge.world import Lighting, World
 
 Array = NDArray[np.float64]
 

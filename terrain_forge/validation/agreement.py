@@ -12,10 +12,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.seeds import mix, stage_key, uniform
 from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
-from terrain_forge.world import Heightfield, Mesh, World
+from terrain_forge.world import Heightfield, World
 
 Array = NDArray[np.float64]
 

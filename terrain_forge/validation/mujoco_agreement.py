@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from terrain_forge.errors import SimulationError
 from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mesh import Mesh
 from terrain_forge.validation.agreement import ground_check
 from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.surface_mesh import heights_on
-from terrain_forge.world import Mesh, World
+from terrain_forge.world import World
 
 Array = NDArray[np.float64]
 

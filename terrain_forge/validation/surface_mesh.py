@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from terrain_forge.world import Mesh
+from terrain_forge.mesh import Mesh
 
 Array = NDArray[np.float64]
 
