@@ -7,7 +7,7 @@ from math import degrees
 from pathlib import Path
 
 from terrain_forge.bodies import BODIES
-from terrain_forge.dtm.describe import Description, describe
+from terrain_forge.dtm.describe import Description, describe, site_facts
 from terrain_forge.dtm.raster import open_raster
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.errors import DataError
@@ -38,14 +38,15 @@ def check_recipe(recipe: Recipe, folder: Path) -> Iterator[str]:
         f"  roughness    H = {site.roughness.hurst:.2f}, {site.roughness.deviation * 100:.2g} cm "
         f"at 1 m ({site.roughness.source})"
     )
-    if site.dtm is not None and site.dtm.filled:
-        yield f"  holes        {site.dtm.filled} samples within the site are filled"
-    yield f"  rocks        about {expected_rocks(recipe):,.0f}, up to {site.largest_rock:.3g} m"
+    for line in site_facts(site):
+        yield f"  {line}"
+    rocks = expected_rocks(site.recipe) + sum(len(table.values) for table in site.tables)
+    yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
     for route in site.routes:
         duration = route.length / route.speed
         yield f"  path         {route.name}: {route.length:.1f} m, {duration:.0f} s"
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
-    yield f"cost           {cost(recipe)}"
+    yield f"cost           {cost(expected_nodes(recipe), rocks)}"
 
 
 def check_raster(path: Path) -> list[str]:
@@ -67,13 +68,12 @@ def check_raster(path: Path) -> list[str]:
     raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
 
 
-def cost(recipe: Recipe) -> str:
+def cost(nodes: float, rocks: float) -> str:
     """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
-    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe)
     seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3
     return (
         f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks: about {seconds:.0f} s "
-        f"without a drive, {memory_needed(recipe) / 1e9:.1f} GB"
+        f"without a drive, {memory_needed(nodes, rocks) / 1e9:.1f} GB"
     )
 
 

@@ -13,11 +13,12 @@ import numpy as np
 
 from terrain_forge.errors import DataError
 from terrain_forge.rocks.outline import MAX_BURIED
+from terrain_forge.rocks.overlap import overlapping_pairs
 from terrain_forge.rocks.populations import MAX_ROCKS
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import Scattered
+from terrain_forge.rocks.settle import settle
 from terrain_forge.specs import MAX_NAME, is_file_name
-from terrain_forge.validation.rocks import overlapping_pairs
 from terrain_forge.world import RockField, World, merge
 
 BY_HAND = "by hand"
@@ -35,6 +36,7 @@ def add_rock(
     buried_fraction: float = 0.3,
     population: str = BY_HAND,
     density: float | None = None,
+    loose: bool = False,
     may_overlap: bool = False,
 ) -> World:
     """The world with one more rock, laid on the ground as the scattered ones are.
@@ -53,11 +55,13 @@ def add_rock(
             falls away beneath it.
         population: Name of the population that it joins.
         density: Density [kg/m³]; by default that of the population or else of the body's rocks.
+        loose: Whether it lies on the ground as a body that can be pushed, settled where it stays,
+            rather than buried.
         may_overlap: Whether it may overlap other rocks, seen from above.
 
     Raises:
-        DataError: for values out of range, a rock that could reach beyond the world's ground, or
-            one that overlaps another.
+        DataError: for values out of range, a rock that could reach beyond the world's ground, one
+            that overlaps another, or a loose one that finds no rest there.
     """
     _check_numbers(world, diameter=diameter, prototype=prototype, yaw=yaw, density=density)
     if not 0.0 <= buried_fraction <= MAX_BURIED:
@@ -73,7 +77,7 @@ def add_rock(
         yaw=np.array([yaw]),
         buried=np.array([buried_fraction]),
         diameter=np.array([diameter]),
-        loose=np.array([False]),
+        loose=np.array([loose]),
         solid=np.array([True]),
         unplaced=(0,),
     )
@@ -81,8 +85,13 @@ def add_rock(
     rested = rest(
         scattered=scattered, library=world.library, ground=world.ground, density=[density]
     )
+    settled = settle(
+        rocks=rested, library=world.library, ground=world.ground, gravity=world.site.body.gravity
+    )
+    if loose and not settled.loose[0]:
+        raise DataError(f"a loose rock finds no rest at ({east:g}, {north:g}) m")
     populations = world.field.populations
-    rock = rested.replace(
+    rock = settled.replace(
         populations=populations, population=np.array([populations.index(population)])
     )
     if not may_overlap:

@@ -1,32 +1,99 @@
-"""The files that a recipe names: reading its images, their hashes, and names without a place."""
+"""The files that a recipe names: reading them, their hashes, and names without a place."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import fields, replace
 from pathlib import Path
 
-from terrain_forge.dtm.raster import files_of_raster, read_image
+from terrain_forge.dtm.raster import files_of_raster, read_image, require_file
 from terrain_forge.dtm.spec import RasterDtm
+from terrain_forge.errors import DataError
+from terrain_forge.input_table import read_table
 from terrain_forge.recipe import Recipe, recipe_json
-from terrain_forge.site import Image
+from terrain_forge.rocks.laws.counts import MAX_COUNTED
+from terrain_forge.rocks.laws.law import Key
+from terrain_forge.rocks.laws.tabulated import MAX_ROWS
+from terrain_forge.rocks.list_table import MAX_LISTED, NEEDED, OPTIONAL, check_list
+from terrain_forge.rocks.size_frequency import Counts, SizeFrequency, Tabulated
+from terrain_forge.site import BroughtMesh, Image, Table
+
+
+def resolve_laws(recipe: Recipe, folder: Path) -> Recipe:
+    """The recipe with each size-frequency law written out: its file read, its body's defaults set.
+
+    Raises:
+        DataError: for a table that is missing or cannot be read.
+    """
+    populations = tuple(
+        replace(population, size_frequency=_resolve(population.size_frequency, recipe, folder, n))
+        for n, population in enumerate(recipe.rocks.populations)
+    )
+    return replace(recipe, rocks=replace(recipe.rocks, populations=populations))
 
 
 def read_images(recipe: Recipe, folder: Path) -> tuple[Image, ...]:
-    """The images of all layers, under their portable names.
+    """The images of all layers and populations, under their portable names.
 
     Raises:
-        DataError: for a file that is missing or no image.
+        DataError: for a file that is missing or no image, or a density image without density.
     """
     names = portable_names(recipe)
     images = {}
     for number, layer in enumerate(recipe.terrain.layers):
         for path in layer.images():
-            key = next(f.name for f in fields(layer) if getattr(layer, f.name) == path)
-            values = read_image(path, folder, ("terrain", "layers", number, key))
+            name = next(f.name for f in fields(layer) if getattr(layer, f.name) == path)
+            values = read_image(path, folder, ("terrain", "layers", number, name))
             images[path] = Image(path=names[path], values=values)
+    for number, population in enumerate(recipe.rocks.populations):
+        if population.density_image is not None:
+            path, key = population.density_image, ("rocks", "populations", number, "density_image")
+            image = Image(path=names[path], values=read_image(path, folder, key))
+            _require_density(image, key)
+            images[path] = image
     return tuple(images.values())
+
+
+def read_tables(recipe: Recipe, folder: Path) -> tuple[Table, ...]:
+    """The lists of rocks, under their portable names.
+
+    Raises:
+        DataError: for a table that is missing, cannot be read, or has rocks that cannot be.
+    """
+    names, library = portable_names(recipe), recipe.rocks.library
+    shapes = library.shapes + len(library.meshes)
+    tables = {}
+    for number, listed in enumerate(recipe.rocks.lists):
+        key = ("rocks", "lists", number, "file")
+        table = read_table(
+            listed.file, folder, needed=NEEDED, optional=OPTIONAL, most=MAX_LISTED, key=key
+        )
+        check_list(table, size=recipe.dtm.size_m, shapes=shapes, key=key)
+        tables[listed.file] = table.replace(path=names[listed.file])
+    return tuple(tables.values())
+
+
+def read_meshes(recipe: Recipe, folder: Path) -> tuple[BroughtMesh, ...]:
+    """The user's own rock shapes, repaired, each file once under its portable name.
+
+    Raises:
+        DataError: for a file that is missing, no mesh, or none that encloses a volume.
+    """
+    if not recipe.rocks.library.meshes:
+        return ()
+    from terrain_forge.rocks.brought import read_rock_mesh
+
+    names = portable_names(recipe)
+    meshes = {}
+    for number, mesh in enumerate(recipe.rocks.library.meshes):
+        if mesh.file not in meshes:
+            key = ("rocks", "library", "meshes", number, "file")
+            require_file(folder / mesh.file, mesh.file, key)
+            shape, repairs = read_rock_mesh(folder / mesh.file, key=key)
+            meshes[mesh.file] = BroughtMesh(path=names[mesh.file], mesh=shape, repairs=repairs)
+    return tuple(meshes.values())
 
 
 def hash_inputs(recipe: Recipe, folder: Path) -> tuple[tuple[str, str], ...]:
@@ -54,7 +121,7 @@ def portable_names(recipe: Recipe) -> dict[str, str]:
     names: dict[str, str] = {}
     for path in _paths(recipe):
         name = Path(path).name if Path(path).is_absolute() else path
-        names[path] = name if name not in names.values() else f"{len(names)}-{name}"
+        names[path] = name if name not in names.values() else f"{len(names)}/{name}"
     return names
 
 
@@ -66,6 +133,77 @@ def sha256(path: Path) -> str:
 
 def _paths(recipe: Recipe) -> list[str]:
     """Paths of all inputs as the recipe writes them, each once."""
-    paths = [recipe.dtm.source] if isinstance(recipe.dtm, RasterDtm) else []
-    paths += [path for layer in recipe.terrain.layers for path in layer.images()]
-    return list(dict.fromkeys(paths))
+    return list(dict.fromkeys(_all_paths(recipe)))
+
+
+def _all_paths(recipe: Recipe) -> Iterator[str]:
+    if isinstance(recipe.dtm, RasterDtm):
+        yield recipe.dtm.source
+    for layer in recipe.terrain.layers:
+        yield from layer.images()
+    yield from recipe.rocks.library.files()
+    for population in recipe.rocks.populations:
+        if population.density_image is not None:
+            yield population.density_image
+    for listed in recipe.rocks.lists:
+        yield listed.file
+    # Last, so that the names of the others are the same once the laws are resolved.
+    for population in recipe.rocks.populations:
+        law = population.size_frequency
+        if isinstance(law, Counts | Tabulated) and law.file is not None:
+            yield law.file
+
+
+def _resolve(law: SizeFrequency, recipe: Recipe, folder: Path, number: int) -> SizeFrequency:
+    key: Key = ("rocks", "populations", number, "size_frequency")
+    law = law.on(recipe.body)
+    law.check(key)
+    if isinstance(law, Counts) and law.file is not None:
+        return _read_counts(law, law.file, folder, (*key, "file"))
+    if isinstance(law, Tabulated) and law.file is not None:
+        needed = ("diameter_m", "number_per_m2")
+        rows = read_table(law.file, folder, needed=needed, most=MAX_ROWS, key=(*key, "file"))
+        diameters, numbers = (tuple(rows.column(name).tolist()) for name in needed)
+        _require_positive(rows, needed, (*key, "file"))
+        return replace(law, file=None, diameters_m=diameters, numbers_per_m2=numbers)
+    return law
+
+
+def _read_counts(law: Counts, file: str, folder: Path, key: Key) -> Counts:
+    single, binned = ("diameter_m",), ("low_m", "high_m", "count")
+    table = read_table(
+        file, folder, needed=(), optional=(*single, *binned), most=MAX_COUNTED, key=key
+    )
+    if set(table.columns) == set(single):
+        _require_positive(table, single, key)
+        return replace(law, file=None, diameters_m=tuple(table.column("diameter_m").tolist()))
+    if set(table.columns) != set(binned):
+        raise DataError(
+            f"{file} needs the column diameter_m, or low_m, high_m and count; found "
+            f"{', '.join(table.columns)}",
+            key=key,
+        )
+    _require_positive(table, binned[:2], key)
+    low, high, count = (tuple(table.column(name).tolist()) for name in binned)
+    if any(number < 0 or number != int(number) for number in count):
+        raise DataError(f"{file}: a count is no whole number of rocks", key=key)
+    bins = tuple((a, b, int(number)) for a, b, number in zip(low, high, count, strict=True))
+    return replace(law, file=None, bins=bins)
+
+
+def _require_positive(table: Table, names: tuple[str, ...], key: Key) -> None:
+    for name in names:
+        least = float(table.column(name).min())
+        if least <= 0.0:
+            raise DataError(f"{table.path}: {name} must be above 0, found {least:g}", key=key)
+
+
+def _require_density(image: Image, key: Key) -> None:
+    least, most = float(image.values.min()), float(image.values.max())
+    if least < 0.0 or most > 1.0:
+        raise DataError(
+            f"{image.path} holds values from {least:g} to {most:g}, allowed: 0 (no rocks) to 1",
+            key=key,
+        )
+    if most == 0.0:
+        raise DataError(f"{image.path} is black all over: it leaves no place for rocks", key=key)

@@ -7,6 +7,7 @@ import os
 from terrain_forge.errors import RecipeError
 from terrain_forge.paths.route import Route
 from terrain_forge.recipe import Recipe
+from terrain_forge.rocks.feasibility import expected_count
 
 BYTES = 0.4e9
 """Peak memory of a build without ground and rocks: the libraries (measured, as the next two)."""
@@ -72,10 +73,15 @@ def require_lattice(recipe: Recipe) -> None:
             )
 
 
-def require_fits(recipe: Recipe) -> None:
-    """Refuse a world that would not fit into this machine's memory."""
-    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe)
-    needed = memory_needed(recipe)
+def require_fits(recipe: Recipe, *, listed: int = 0) -> None:
+    """Refuse a world that would not fit into this machine's memory.
+
+    Args:
+        recipe: what to make.
+        listed: rocks of the user's own lists.
+    """
+    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe) + listed
+    needed = memory_needed(nodes, rocks)
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > there:
         key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
@@ -87,10 +93,9 @@ def require_fits(recipe: Recipe) -> None:
         )
 
 
-def memory_needed(recipe: Recipe) -> float:
-    """Estimated peak memory of a build [bytes]."""
-    ground, rocks = expected_nodes(recipe), expected_rocks(recipe)
-    return BYTES + ground * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
+def memory_needed(nodes: float, rocks: float) -> float:
+    """Estimated peak memory of a build with so many nodes and rocks [bytes]."""
+    return BYTES + nodes * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
 
 
 def require_samples(route: Route, *, rate: float, key: tuple[str | int, ...]) -> None:
@@ -112,11 +117,5 @@ def expected_nodes(recipe: Recipe) -> float:
 
 
 def expected_rocks(recipe: Recipe) -> float:
-    """Expected number of rocks of all populations."""
-    area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
-    total = 0.0
-    for population in recipe.rocks.populations:
-        low, high = population.diameter_range(area)
-        law = population.size_frequency
-        total += area * float(law.cumulative_number(low) - law.cumulative_number(high))
-    return total
+    """Expected number of rocks of all populations of a recipe whose laws are resolved."""
+    return sum(expected_count(p, recipe.dtm.size_m) for p in recipe.rocks.populations)

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from terrain_forge.bodies import BODIES
 from terrain_forge.dtm.survey import survey
-from terrain_forge.inputs import hash_inputs, portable_json, read_images
+from terrain_forge.inputs import (
+    hash_inputs,
+    portable_json,
+    read_images,
+    read_meshes,
+    read_tables,
+    resolve_laws,
+)
 from terrain_forge.limits import (
     driven_path,
     require_centre,
@@ -29,11 +36,13 @@ from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.route import Route
 from terrain_forge.paths.trajectory import lay_trajectory
 from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
-from terrain_forge.rocks.library import make_library
-from terrain_forge.rocks.populations import check_rocks, largest_rock
+from terrain_forge.rocks.cache import find_library
+from terrain_forge.rocks.clearings import clearings
+from terrain_forge.rocks.feasibility import check_rocks, largest_rock
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import margin as rock_margin
 from terrain_forge.rocks.scatter import scatter
+from terrain_forge.rocks.settle import require_loose, settle
 from terrain_forge.rovers.catalogue import find_rover
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window
@@ -63,20 +72,24 @@ def plan(
     Raises:
         RecipeError, DataError: before any work starts, if the recipe cannot be built.
     """
+    folder = Path(folder)
     recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
     body, rover = BODIES[recipe.body], find_rover(recipe.rover)
     area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
     require_paths(recipe)
     require_centre(recipe)
     require_lattice(recipe)
+    given, recipe = recipe, resolve_laws(recipe, folder)
     check_rocks(recipe.rocks, recipe.dtm.size_m)
-    require_fits(recipe)
+    require_loose(recipe)
+    tables = read_tables(recipe, folder)
+    require_fits(recipe, listed=sum(len(table.values) for table in tables))
     driven = driven_path(recipe)
     routes = tuple(
         _plan_path(recipe, number, rover, driven=path.name == driven)
         for number, path in enumerate(recipe.paths)
     )
-    ground = survey(recipe.dtm, body=body, folder=Path(folder), heights=heights)
+    ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
     return Site(
         name=recipe.name,
         seed=recipe.seed,
@@ -89,12 +102,13 @@ def plan(
         slope=ground.slope,
         dtm=ground.dtm,
         roughness=ground.roughness,
-        largest_rock=largest_rock(recipe.rocks, area),
-        images=read_images(recipe, Path(folder)),
-        tables=(),
-        meshes=(),
-        inputs=hash_inputs(recipe, Path(folder)),
+        largest_rock=largest_rock(recipe.rocks, area, tables),
+        images=read_images(recipe, folder),
+        tables=tables,
+        meshes=read_meshes(recipe, folder),
+        inputs=hash_inputs(given, folder),
         routes=routes,
+        clearings=clearings(recipe.rocks.keep_out, routes=routes, rover=rover),
         recipe_json=portable_json(recipe),
     )
 
@@ -114,12 +128,12 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     Paths are laid where they lie wholly within the window.
     """
     recipe, window = site.recipe, window or site.window
-    populations = recipe.rocks.populations
+    populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
     progress("rock library", 0.0)
-    library = make_library(recipe.rocks.library, brought=site.meshes)
+    library = find_library(recipe.rocks.library, brought=site.meshes)
     progress("ground", 0.0)
-    margin = rock_margin(site=site, populations=populations, library=library)
+    margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
     around = site.padded(window, max(margin, stencil_reach(site)))
     land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
     ground = land.cut(
@@ -129,9 +143,23 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         rows=window.rows,
     )
     progress("rocks", 0.0)
-    scattered = scatter(site=site, populations=populations, library=library, window=window)
-    density = np.array([p.density_kg_m3 or site.body.rock_density for p in populations])
-    rocks = rest(scattered=scattered, library=library, ground=land, density=density)
+    scattered = scatter(
+        site=site,
+        populations=populations,
+        lists=lists,
+        library=library,
+        window=window,
+        ground=land,
+    )
+    density = np.array([g.density_kg_m3 or site.body.rock_density for g in recipe.rocks.groups])
+    laid = rest(scattered=scattered, library=library, ground=land, density=density)
+    rocks = settle(
+        rocks=laid,
+        library=library,
+        ground=land,
+        gravity=site.body.gravity,
+        progress=lambda share: progress("loose rocks", share),
+    )
     own = owned(rocks, ground, site.bounds)
     progress("paths", 0.0)
     rover = find_rover(recipe.rover)
@@ -151,11 +179,11 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
 
 
 def _paint(site: Site, window: Window, land: Heightfield) -> Appearance:
-    spec, populations = site.recipe.terrain.appearance, site.recipe.rocks.populations
-    rocks = [population.rgb or site.body.rock_rgb for population in populations]
+    spec, rocks = site.recipe.terrain.appearance, site.recipe.rocks
+    colours = [group.rgb or site.body.rock_rgb for group in rocks.groups]
     return Appearance(
         ground_rgb=colour_ground(site=site, window=window, ground=land, spec=spec),
-        rock_rgb=np.round(255.0 * np.reshape(rocks, (-1, 3))).astype(np.uint8),
+        rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
     )
 
 

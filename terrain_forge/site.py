@@ -50,6 +50,17 @@ class Roughness(Record):
     """RMS deviation at a baseline of 1 m [m]."""
     source: str
     """Where the figures come from, for the report."""
+    exponent: tuple[float, float] | None = None
+    """Exponent as it was fitted to the DTM, before it was limited, and its standard error."""
+    resolved: int = 1
+    """Shortest baseline that the DTM resolves [posts]."""
+    local: NDArray[np.float32] | None = None
+    """RMS deviation at 1 m around each post of the DTM [m], shape [rows, columns] of the patch;
+    None where nothing local is known."""
+
+    def __post_init__(self) -> None:
+        if self.local is not None:
+            self.freeze("local", np.float32, ("rows", "columns"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,6 +91,11 @@ class Table(Record):
     def __post_init__(self) -> None:
         self.freeze("values", np.float64, ("rows", len(self.columns)))
 
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Numbers of the column of that name, shape [rows]."""
+        values: NDArray[np.float64] = self.values[:, self.columns.index(name)]
+        return values
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BroughtMesh(Record):
@@ -91,6 +107,18 @@ class BroughtMesh(Record):
     """Closed, faces outward, in the file's axes and units."""
     repairs: tuple[str, ...]
     """What was repaired, for the report."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clearing(Record):
+    """A circle that no rock above a clearance reaches into, such as a landing pad."""
+
+    centre: tuple[float, float]
+    """East and north [m]."""
+    radius: float
+    """Radius [m]."""
+    clearance: float
+    """Height above the ground that rocks within may have [m]; 0 for no rock at all."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,6 +164,8 @@ class Site(Record):
     """Input files: path as the recipe writes it (absolute ones: the name only), SHA-256."""
     routes: tuple[Route, ...]
     """The recipe's routes, known before terrain and rocks."""
+    clearings: tuple[Clearing, ...] = ()
+    """Circles free of rocks: those of the recipe, and the starts of routes without corridor."""
     recipe_json: str
     """The resolved recipe as canonical JSON, without absolute paths."""
 

@@ -162,12 +162,14 @@ class RockLibrary(Record):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of all vertices and faces, hexadecimal."""
-        digest = sha256()
+        """SHA-256 of all vertices, faces, texture coordinates and the texture, hexadecimal."""
+        digest = sha256(self.texture.tobytes())
         for prototype in self.prototypes:
             for mesh in (*prototype.meshes, *prototype.hulls):
                 digest.update(mesh.vertices.tobytes())
                 digest.update(mesh.faces.tobytes())
+            for uvs in prototype.uvs:
+                digest.update(uvs.tobytes())
         return digest.hexdigest()
 
 

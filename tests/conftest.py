@@ -6,3 +6,11 @@ from tests import worlds
 @pytest.fixture(scope="session")
 def small_world():
     return worlds.world()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory):
+    """Tests share rock libraries among themselves, not with the user."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield

@@ -17,10 +17,10 @@ from terrain_forge.editing import BY_HAND
 from terrain_forge.recipe import Recipe, RocksSpec, TerrainSpec, recipe_json
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.outline import exposed_outline, mean_width
+from terrain_forge.rocks.overlap import overlapping_pairs
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.validation.rocks import overlapping_pairs
 from terrain_forge.world import World, rotations
 
 SIZE = (12.0, 8.0)
@@ -250,3 +250,13 @@ def test_recipe_made_in_python_is_checked():
     wrong = Recipe(**{**vars(RECIPE), "terrain": TerrainSpec(spacing_m=-1.0)})
     with pytest.raises(tf.RecipeError, match=re.escape("terrain.spacing_m: ")):
         tf.plan(wrong)
+
+
+def test_a_loose_rock_is_settled(cleared):
+    edited = tf.add_rock(cleared, east=2.0, north=1.0, diameter=0.3, prototype=1, loose=True)
+    rock = edited.field.select(np.array([len(cleared.field)]))
+    assert rock.loose[0]
+    assert rock.buried_fraction[0] == 0.0
+    turn = rotations(rock)[0][:2]
+    plan = rock.scale[0] * edited.library.prototypes[1].meshes[0].vertices @ turn.T
+    assert mean_width(plan) == pytest.approx(0.3)

@@ -6,9 +6,10 @@ from scipy.spatial import ConvexHull, cKDTree
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.mesh import Mesh
 from terrain_forge.rocks import outline
+from terrain_forge.rocks.library import LibrarySpec, make_library
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.rest import rest
-from terrain_forge.rocks.scatter import margin, scatter
+from terrain_forge.rocks.rest import FOOT, rest
+from terrain_forge.rocks.scatter import Scattered, margin, scatter
 from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.site import Window
 from terrain_forge.world import Heightfield, rotations
@@ -80,6 +81,7 @@ def test_exposed_diameter_is_the_wanted_one(laid):
     """Cut by another library at the tangent plane, measured by brute force."""
     _, scattered, field = laid
     np.testing.assert_array_equal(field.diameter, scattered.diameter)
+    off = []
     for n in range(0, len(field), 7):
         faces = LIBRARY.prototypes[field.prototype[n]].meshes[0].faces
         mesh = trimesh.Trimesh(placed_vertices(field, n), faces, process=False)
@@ -87,9 +89,11 @@ def test_exposed_diameter_is_the_wanted_one(laid):
         along = mesh.vertices @ normal
         level = along.min() + field.buried_fraction[n] * np.ptp(along)
         exposed = exposed_part(mesh, normal, level * normal)
-        assert slow_diameter(exposed[:, :2]) == pytest.approx(field.diameter[n], rel=1e-6)
+        off.append(abs(slow_diameter(exposed[:, :2]) / field.diameter[n] - 1.0))
         height = ((exposed @ normal).max() - level) / normal[2]
         assert height == pytest.approx(field.height[n], rel=1e-6)
+    assert max(off) < 2e-3
+    assert np.quantile(off, 0.9) < 1e-6
 
 
 def test_the_plane_passes_through_the_ground_under_the_centre(laid):
@@ -133,23 +137,70 @@ def test_steepest_tilt():
     np.testing.assert_allclose(tilt, outline.MAX_TILT, atol=1e-6)
 
 
+def gaps(field, library, land):
+    """Largest height above the ground, over the diameter, of a loop around each rock's foot.
+
+    The loop is cut by trimesh at the height of the foot, and sampled.
+    """
+    found = []
+    for n in range(len(field)):
+        mesh = library.prototypes[field.prototype[n]].meshes[0]
+        solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        level = solid.bounds[0, 2] + FOOT * np.ptp(solid.bounds[:, 2])
+        ends = trimesh.intersections.mesh_plane(solid, (0, 0, 1), (0, 0, level))
+        points = np.concatenate([ends[:, 0], ends[:, 1], ends.mean(axis=1)])
+        points = field.position[n] + field.scale[n] * points @ rotations(field)[n].T
+        above = points[:, 2] - land.height_at(points[:, 0], points[:, 1])
+        found.append(above.max() / field.diameter[n])
+    return np.array(found)
+
+
 def test_no_daylight_under_any_rock(laid):
-    """All along the waterline that the wanted burial gives, the ground is at or above the rock."""
     land, scattered, field = laid
-    deepest = 0.0
-    for n in np.flatnonzero(field.buried_fraction < outline.MAX_BURIED - 1e-9):
-        mesh = LIBRARY.prototypes[field.prototype[n]].meshes[0]
-        height = mesh.vertices[:, 2]
-        wanted = height.min() + scattered.buried[n] * np.ptp(height)
-        ends = mesh.vertices[outline.edges(mesh)]
-        ends = ends[(ends[:, 0, 2] < wanted) != (ends[:, 1, 2] < wanted)]
-        part = (wanted - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
-        corners = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
-        points = field.position[n] + field.scale[n] * corners @ rotations(field)[n].T
-        gap = points[:, 2] - land.height_at(points[:, 0], points[:, 1])
-        deepest = max(deepest, gap.max() / field.diameter[n])
-    assert deepest < 0.01
-    assert (field.buried_fraction >= outline.MAX_BURIED - 1e-9).mean() < 0.05
+    gap = gaps(field, LIBRARY, land)
+    assert np.quantile(gap, 0.99) < 0.002
+    assert gap.max() < 0.01
+    # Burial is as wanted but for what the ground demands.
+    assert np.all(field.buried_fraction >= scattered.buried - 1e-12)
+    assert (field.buried_fraction - scattered.buried).mean() < 0.03
+
+
+def test_no_daylight_on_very_rough_ground():
+    """Self-affine ground whose slopes over 0.1 m have an RMS of 20 degrees."""
+    random = np.random.default_rng(1)
+    cells, spacing = 512, 0.1
+    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(cells), np.fft.rfftfreq(cells), indexing="ij"))
+    waves[0, 0] = np.inf
+    phases = random.normal(size=waves.shape) + 1j * random.normal(size=waves.shape)
+    heights = np.fft.irfft2(phases * waves**-1.8, s=(cells, cells))
+    heights *= np.tan(np.radians(20.0)) * spacing / np.sqrt((np.diff(heights, axis=1) ** 2).mean())
+    land = Heightfield(elevation=heights, spacing=spacing, origin=(-25.0, -25.0))
+    count, library = 1500, make_library(LibrarySpec(shapes=6))
+    scattered = Scattered(
+        populations=("rocks",),
+        id=np.arange(count),
+        population=np.zeros(count),
+        prototype=random.integers(0, 6, count),
+        xy=random.uniform(-22.0, 22.0, (count, 2)),
+        yaw=random.uniform(0, 2 * np.pi, count),
+        buried=random.uniform(0.05, 0.5, count),
+        diameter=0.2 * 10 ** random.random(count),
+        loose=np.zeros(count, np.bool_),
+        solid=np.ones(count, np.bool_),
+        unplaced=(0,),
+    )
+    field = rest(scattered=scattered, library=library, ground=land, density=(2900.0,))
+    assert (gaps(field, library, land) > 0.01).mean() < 0.01
+    deep = field.buried_fraction > outline.MAX_BURIED
+    assert deep.any()
+    assert deep.mean() < 0.05
+    for n in np.flatnonzero(deep):
+        mesh = library.prototypes[field.prototype[n]].meshes[0]
+        plan = field.scale[n] * mesh.vertices @ rotations(field)[n][:2].T
+        support = outline.footprint(mesh)
+        angle = scattered.yaw[n] + 2 * np.pi * np.arange(len(support)) / len(support)
+        along = (plan @ np.stack([np.cos(angle), np.sin(angle)])).max(axis=0)
+        assert np.all(along <= support * field.diameter[n] * (1 + 1e-9))
 
 
 def test_bottom_below_and_top_above_the_ground(laid):
@@ -158,7 +209,6 @@ def test_bottom_below_and_top_above_the_ground(laid):
         points = placed_vertices(field, n)
         above = points[:, 2] - land.height_at(points[:, 0], points[:, 1])
         assert above.min() < 0.0 < above.max()
-    assert np.all(field.buried_fraction <= outline.MAX_BURIED)
 
 
 def test_masses_are_density_times_volume(laid):

@@ -1,23 +1,58 @@
+"""The size-frequency laws: golden numbers, closed forms against quadrature, samplers, fits."""
+
+from __future__ import annotations
+
+import json
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import kstest
+from scipy.stats import chisquare, kstest
 
-from terrain_forge.rocks.placement import words
-from terrain_forge.rocks.size_frequency import Golombek, PowerLaw, largest_diameter
+from terrain_forge.errors import RecipeError
+from terrain_forge.rocks.addresses import words
+from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
+from terrain_forge.rocks.size_frequency import (
+    Counts,
+    CoverAbove,
+    Exponential,
+    Golombek,
+    PowerLaw,
+    Tabulated,
+    largest_diameter,
+)
 
+ALPHA = 0.001
+# A table whose pieces fall as D^-2.5, D^-2 (where the cover needs a logarithm) and D^-4.2.
+TABLE = Tabulated(
+    diameters_m=(0.1, 0.4, 0.8, 1.6),
+    numbers_per_m2=(1.0, 4**-2.5, 4**-2.5 / 4, 4**-2.5 / 4 / 2**4.2),
+)
 LAWS = [
     Golombek(k=0.02),
     Golombek(k=0.3),
-    Golombek(k=0.0125, q_per_m=1.5928),
+    Golombek(k=0.0125, q_of_k="moon"),
+    Golombek(site="viking_2"),
+    Golombek(cover=CoverAbove(fraction=0.04, above_m=0.2)),
     PowerLaw(number_per_m2=2.34e-3, exponent=2.11),
     PowerLaw(number_per_m2=1e-4, exponent=1.75),
     PowerLaw(number_per_m2=1e-3, exponent=2.0),
+    PowerLaw(number_per_m2=1e-3, exponent=4.0),
+    PowerLaw(site="surveyor_3"),
+    Exponential(number_per_m2=2.0, decay_per_m=3.5),
+    TABLE,
 ]
 
 
-def addresses(count):
-    return words(np.arange(count, dtype=np.uint64), 99)
+def addresses(count, seed=99):
+    return words(np.arange(count, dtype=np.uint64), seed)
+
+
+def counted(law, *, rocks, smallest, seed):
+    """Diameters that a survey finds which expects so many rocks, and the area [m²] it searches."""
+    area = rocks / float(law.cumulative_number(smallest))
+    number = np.random.default_rng(seed).poisson(rocks)
+    return tuple(law.sample(addresses(number, seed), smallest, 50.0).tolist()), area
 
 
 def test_golombek_golden_numbers():
@@ -37,53 +72,251 @@ def test_golombek_golden_numbers():
 @pytest.mark.parametrize(
     ("k", "numbers"),
     [
-        (0.01, (1.2081e-1, 7.0951e-3, 8.5652e-6, 4.7877e-10, 5.2641e-18, 2.3644e-33)),
-        (0.05, (1.0342, 2.4010e-1, 1.3553e-2, 3.7284e-4, 8.5206e-7, 1.4729e-11)),
-        (0.3, (4.7340, 1.5372, 2.0990e-1, 2.2469e-2, 6.9985e-4, 2.0360e-6)),
+        (0.01, (1.2081e-1, 7.0951e-3, 8.5652e-6, 4.7877e-10, 4.4978e-14, 5.2641e-18, 2.3644e-33)),
+        (0.02, (3.8878e-1, 5.2648e-2, 6.7804e-4, 1.7782e-6, 7.6226e-9, 4.0340e-11, 7.3743e-20)),
+        (0.05, (1.0342, 2.4010e-1, 1.3553e-2, 3.7284e-4, 1.6150e-5, 8.5206e-7, 1.4729e-11)),
+        (0.07, (1.3843, 3.5883e-1, 2.7179e-2, 1.1819e-3, 7.9982e-5, 6.5621e-6, 6.5321e-10)),
+        (0.1, (1.8635, 5.2613e-1, 4.9934e-2, 3.0746e-3, 2.9150e-4, 3.3362e-5, 1.2388e-8)),
+        (0.2, (3.3282, 1.0426, 1.2974e-1, 1.2073e-2, 1.7035e-3, 2.8835e-4, 5.0054e-7)),
+        (0.3, (4.7340, 1.5372, 2.0990e-1, 2.2469e-2, 3.6252e-3, 6.9985e-4, 2.0360e-6)),
     ],
 )
 def test_golombek_table(k, numbers):
-    found = Golombek(k=k).cumulative_number([0.1, 0.2, 0.5, 1, 2, 4])
+    found = Golombek(k=k).cumulative_number([0.1, 0.2, 0.5, 1, 1.5, 2, 4])
     np.testing.assert_allclose(found, numbers, rtol=1e-4)
 
 
 @pytest.mark.parametrize(
     ("k", "diameters"),
-    [(0.02, (0.304, 0.653, 1.051)), (0.1, (0.774, 1.743, 2.862)), (0.3, (1.214, 2.635, 4.259))],
+    [
+        (0.02, (0.304, 0.653, 1.051)),
+        (0.05, (0.538, 1.204, 1.972)),
+        (0.07, (0.647, 1.457, 2.392)),
+        (0.1, (0.774, 1.743, 2.862)),
+        (0.2, (1.045, 2.314, 3.771)),
+        (0.3, (1.214, 2.635, 4.259)),
+    ],
 )
 def test_largest_rock_of_an_area(k, diameters):
     found = [largest_diameter(Golombek(k=k), area) for area in (1e2, 1e4, 1e6)]
     np.testing.assert_allclose(found, diameters, atol=6e-4)
 
 
-@pytest.mark.parametrize("law", LAWS)
+def test_no_largest_rock_where_less_than_one_is_expected():
+    assert largest_diameter(Exponential(number_per_m2=0.01, decay_per_m=2.0), 50.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("k", "quantiles"),
+    [(0.07, (0.1460, 0.2955, 0.5975, 0.9723)), (0.2, (0.1540, 0.3458, 0.7694, 1.3220))],
+)
+def test_golombek_quantiles(k, quantiles):
+    law = Golombek(k=k)
+    below = 1.0 - law.cumulative_number(quantiles) / law.cumulative_number(0.1)
+    np.testing.assert_allclose(below, (0.5, 0.9, 0.99, 0.999), atol=2e-4)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
 def test_closed_forms_agree_with_each_other(law):
     def density(d):
         step = 1e-5 * d
         return float(law.cumulative_number(d - step) - law.cumulative_number(d + step)) / (2 * step)
 
     a, b, area = 0.3, 1.7, 50.0
-    cover = quad(lambda d: np.pi / 4 * d**2 * density(d), a, b)[0]
-    variance = quad(lambda d: (np.pi / 4 * d**2) ** 2 * density(d), a, b)[0] / area
-    assert law.cumulative_area(a) - law.cumulative_area(b) == pytest.approx(cover, rel=1e-6)
-    assert law.cover_variance(a, b, area) == pytest.approx(variance, rel=1e-6)
+    knots = [0.4, 0.8, 1.6]
+    cover = quad(lambda d: np.pi / 4 * d**2 * density(d), a, b, points=knots)[0]
+    fourth = quad(lambda d: (np.pi / 4 * d**2) ** 2 * density(d), a, b, points=knots)[0]
+    assert law.cumulative_area(a) - law.cumulative_area(b) == pytest.approx(cover, rel=2e-5)
+    assert law.cover_variance(a, b, area) == pytest.approx(fourth / area, rel=2e-5)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", LAWS, ids=repr)
 @pytest.mark.parametrize(("a", "b"), [(0.1, 0.2), (0.1, 4.0), (1.0, 2.0), (1.0, 1.01)])
 def test_samples_follow_the_law(law, a, b):
-    sample = law.sample(addresses(20_000), a, b)
-    assert a <= sample.min()
-    assert sample.max() <= b
     numbers = law.cumulative_number(np.array([a, b]))
 
     def cdf(d):
         return (numbers[0] - law.cumulative_number(d)) / (numbers[0] - numbers[1])
 
-    assert kstest(sample, cdf).pvalue > 0.001
+    for seed in (1, 2):
+        sample = law.sample(addresses(10_000, seed), a, b)
+        assert a <= sample.min()
+        assert sample.max() <= b
+        assert kstest(sample, cdf).pvalue > ALPHA
+        bins = np.histogram(cdf(sample), bins=50, range=(0.0, 1.0))[0]
+        assert chisquare(bins).pvalue > ALPHA
 
 
 def test_a_sample_depends_on_its_own_address_alone():
-    law, hashes = Golombek(k=0.05), addresses(100)
-    whole = law.sample(hashes, 0.1, 1.0)
-    np.testing.assert_array_equal(law.sample(hashes[40:41], 0.1, 1.0), whole[40:41])
+    hashes = addresses(1000)
+    for law in LAWS:
+        whole = law.sample(hashes, 0.1, 1.0)
+        for part in (slice(40, 41), slice(7, 500)):
+            np.testing.assert_array_equal(law.sample(hashes[part], 0.1, 1.0), whole[part])
+
+
+@pytest.mark.parametrize("above", [0.0, 0.1, 0.2, 1.5])
+@pytest.mark.parametrize("given", [{}, {"q_of_k": "moon"}, {"q_per_m": 3.0}])
+def test_cover_gives_the_k_that_covers(above, given):
+    law = Golombek(cover=CoverAbove(fraction=0.004, above_m=above), **given)
+    assert law.cumulative_area(above) == pytest.approx(0.004, rel=1e-12)
+    same = Golombek(k=law.abundance, **given)
+    assert same.cumulative_number(0.3) == pytest.approx(law.cumulative_number(0.3), rel=1e-12)
+
+
+def test_lunar_decay():
+    law = Golombek(k=0.0125).on("moon")
+    assert law.q == pytest.approx(1.5928, rel=1e-9)
+    np.testing.assert_allclose(
+        law.cumulative_number([0.1, 0.5, 1.0]), (0.15912, 0.01024, 0.0016333), rtol=1e-4
+    )
+    assert Golombek(k=0.0125).on("mars") == Golombek(k=0.0125)
+    assert Golombek(k=0.0125, q_per_m=2.0).on("moon").q == 2.0
+    assert Golombek(site="insight").on("moon").q == Golombek(k=0.03).q
+    assert Golombek(site="chang_e_3").q == pytest.approx(1.5928)
+
+
+def test_sites_name_their_sources():
+    assert Golombek(site="viking_1").q == 4.08
+    assert Golombek(site="viking_2").cumulative_area(0.0) == pytest.approx(0.176)
+    assert Golombek(site="pathfinder").abundance == 0.19
+    assert PowerLaw(site="surveyor_7").cumulative_number(1.0) == pytest.approx(2.74e-2)
+    reports = [Golombek(site=site).report() for site in ABUNDANCES]
+    assert all("doi:" in report["source"] for report in reports if report["verified"])
+    assert {report["site"] for report in reports if not report["verified"]} == {
+        *("viking_1", "viking_2", "meridiani", "gale", "jezero", "change_3", "chang_e_3")
+    }
+    for site in FRAGMENTS:
+        assert not PowerLaw(site=site).report()["verified"]
+
+
+def test_table_meets_its_rows_and_goes_on_beyond():
+    np.testing.assert_allclose(
+        TABLE.cumulative_number(TABLE.diameters_m), TABLE.numbers_per_m2, rtol=1e-12
+    )
+    last = TABLE.numbers_per_m2[-1]
+    assert TABLE.cumulative_number(3.2) == pytest.approx(last / 2**4.2, rel=1e-12)
+    assert TABLE.smallest_known == 0.1
+
+
+NINE = ((0.1, 0.2, 9),)
+FAMILIES = [
+    (Golombek(k=0.07), {}, {"k": 0.07}),
+    (Golombek(k=0.0125, q_of_k="moon"), {"q_of_k": "moon"}, {"k": 0.0125}),
+    (Golombek(site="viking_1"), {"q_of_k": "free"}, {"k": 0.069, "q_per_m": 4.08}),
+    (
+        PowerLaw(site="surveyor_1"),
+        {"fit": "power_law"},
+        {"number_per_m2": 2.34e-3, "exponent": 2.11},
+    ),
+    (
+        Exponential(number_per_m2=2.0, decay_per_m=3.5),
+        {"fit": "exponential"},
+        {"number_per_m2": 2.0, "decay_per_m": 3.5},
+    ),
+]
+
+
+@pytest.mark.parametrize("binned", [False, True])
+@pytest.mark.parametrize(("law", "how", "truth"), FAMILIES, ids=lambda v: repr(v)[:40])
+def test_fits_recover_the_law(law, how, truth, binned):
+    """Errors over surveys are normal with the standard errors that the fit states."""
+    errors, seeds = [], range(40)
+    for seed in seeds:
+        diameters, area = counted(law, rocks=400, smallest=0.2, seed=seed)
+        rocks = {"diameters_m": diameters, "complete_from_m": 0.2}
+        if binned:
+            edges = [*np.geomspace(0.2, 1.6, 13).tolist(), None]
+            number = np.histogram(diameters, bins=[*edges[:-1], np.inf])[0].tolist()
+            rocks = {"bins": tuple(zip(edges[:-1], edges[1:], number, strict=True))}
+        survey = Counts(area_m2=area, **rocks, **how)
+        survey.check(("law",))
+        found = survey.fitted.parameters
+        errors.append([(found[n].value - v) / found[n].standard_error for n, v in truth.items()])
+        assert survey.report()["goodness"]["p_value"] > ALPHA
+    errors = np.array(errors)
+    bound = 3.3 / np.sqrt(len(seeds))
+    # Maximum likelihood is biased by a part of a standard error at 400 rocks.
+    assert np.all(np.abs(errors.mean(axis=0)) < bound + 0.15)
+    assert np.all(np.abs(errors.std(axis=0) - 1.0) < 0.45)
+
+
+def test_fits_agree_with_their_closed_forms():
+    diameters, area = counted(LAWS[5], rocks=200, smallest=0.1, seed=3)
+    power = Counts(
+        diameters_m=diameters, area_m2=area, complete_from_m=0.1, fit="power_law"
+    ).fitted.parameters["exponent"]
+    exponent = len(diameters) / np.sum(np.log(np.array(diameters) / 0.1))
+    assert power.value == pytest.approx(exponent, rel=1e-6)
+    assert power.standard_error == pytest.approx(exponent / np.sqrt(len(diameters)), rel=1e-3)
+    decay = Counts(
+        diameters_m=diameters, area_m2=area, complete_from_m=0.1, fit="exponential"
+    ).fitted.parameters["decay_per_m"]
+    assert decay.value == pytest.approx(1.0 / (np.mean(diameters) - 0.1), rel=1e-6)
+
+
+def test_a_limit_that_the_smallest_rock_sets_bends_no_fit():
+    """The smallest of n rocks lies above the survey's true limit; counted, it tilts the fit."""
+    law, errors = PowerLaw(number_per_m2=0.01, exponent=2.0), []
+    for seed in range(200):
+        diameters, area = counted(law, rocks=20, smallest=0.2, seed=seed)
+        fit = Counts(diameters_m=diameters, area_m2=area, fit="power_law").fitted
+        errors.append(1.0 / fit.parameters["exponent"].value - 0.5)  # the mean log is unbiased
+    error = np.mean(errors) / (np.std(errors) / np.sqrt(len(errors)))
+    assert abs(error) < 3.3
+
+
+def test_a_fitted_law_serves_as_a_law():
+    diameters, area = counted(Golombek(k=0.1), rocks=500, smallest=0.15, seed=7)
+    law = Counts(diameters_m=diameters, area_m2=area)
+    assert law.smallest_known == min(diameters)
+    assert law.count.rocks == len(diameters) - 1
+    fitted = law.fitted.law
+    assert isinstance(fitted, Golombek)
+    assert law.cumulative_number(0.3) == fitted.cumulative_number(0.3)
+    np.testing.assert_array_equal(
+        law.sample(addresses(9), 0.2, 1.0), fitted.sample(addresses(9), 0.2, 1.0)
+    )
+    assert law.on("moon").fitted.law.q_of_k == "moon"
+    for one in (law, *LAWS):
+        assert json.loads(json.dumps(one.report(), allow_nan=False))["kind"] == one.kind
+
+
+@pytest.mark.parametrize("wrong", ["exponential", "power_law"])
+def test_goodness_tells_a_wrong_law(wrong):
+    diameters, area = counted(Golombek(k=0.07), rocks=3000, smallest=0.1, seed=1)
+    survey = Counts(diameters_m=diameters, area_m2=area, complete_from_m=0.1, fit=wrong)
+    assert survey.report()["goodness"]["p_value"] < ALPHA
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (Golombek(), ["one of k, cover and site", "none"]),
+        (Golombek(k=0.1, site="gale"), ["k and site"]),
+        (Golombek(site="gale", q_per_m=2.0), ["own q"]),
+        (Golombek(k=0.1, q_of_k="moon", q_per_m=2.0), ["q_of_k and q_per_m"]),
+        (Golombek(cover=CoverAbove(fraction=0.3, above_m=0.5)), ["0.3", "at most 0.4", "0.135"]),
+        (PowerLaw(), ["number_per_m2 and exponent", "none"]),
+        (PowerLaw(exponent=2.0), ["found exponent"]),
+        (PowerLaw(exponent=2.0, number_per_m2=0.1, site="surveyor_1"), ["and site"]),
+        (Tabulated(diameters_m=(1.0, 2.0)), ["found diameters_m"]),
+        (Tabulated(diameters_m=(1.0, 2.0), numbers_per_m2=(1.0, 1.0)), ["must fall", "row 1"]),
+        (Tabulated(diameters_m=(2.0, 1.0), numbers_per_m2=(2.0, 1.0)), ["must rise"]),
+        (Tabulated(diameters_m=(1.0, 2.0, 3.0), numbers_per_m2=(2.0, 1.0)), ["3 diameters"]),
+        (Counts(area_m2=1.0), ["one of file", "none"]),
+        (Counts(area_m2=1.0, diameters_m=(0.1, 0.2)), ["1 rocks", "at least 5"]),
+        (Counts(area_m2=1.0, bins=((0.1, 0.2, 9), (0.15, 0.3, 1))), ["overlaps"]),
+        (Counts(area_m2=1.0, bins=((0.1, None, 9), (0.15, 0.3, 1))), ["overlaps"]),
+        (Counts(area_m2=1.0, bins=((0.2, 0.1, 9),)), ["low comes first"]),
+        (Counts(area_m2=1.0, bins=NINE, fit="exponential", q_of_k="moon"), ["golombek"]),
+        (Counts(area_m2=0.1, bins=((0.5, 1.0, 99), (1.0, 2.0, 30))), ["its range", "k = 0.4"]),
+        (Counts(area_m2=9.0, bins=NINE, complete_from_m=0.8), ["0 rocks"]),
+    ],
+)  # fmt: skip
+def test_laws_that_contradict_themselves(law, words):
+    with pytest.raises(RecipeError) as caught:
+        law.check(("rocks", "populations", 0, "size_frequency"))
+    assert caught.value.key[:3] == ("rocks", "populations", 0)
+    for word in words:
+        assert word in str(caught.value)

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import kernel
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.shapes import Blank, convex_gauge, projections, radii
+from terrain_forge.rocks.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes import Blank, projections, radii
+from terrain_forge.rocks.simplification import simplify
 
 Array = NDArray[np.float64]
 
-LEVELS = (642, 162, 42)
-"""Vertices of the levels of detail: 1280, 320 and 80 faces."""
+LEVELS = 3
+"""Levels of detail of a rock."""
+TIMES_FEWER = 4
+"""How many times fewer vertices a level has than the one before."""
+MOST_VERTICES = 962
+"""Vertices of the finest level, at most."""
 
-_CANDIDATES = 2000
-_VIEWS = 400
-_CREASE_WEIGHT = 0.3  # a full turn of the normal counts like so many mean axes of distance
-_FLATTENING = 0.35  # bends facets by a little so that their triangulation is Delaunay-like
+_CANDIDATES = 5000
 
 
 class Sphere:
@@ -29,7 +30,6 @@ class Sphere:
     def __init__(self) -> None:
         self.directions = fibonacci_sphere(_CANDIDATES)
         self.faces = convex_faces(self.directions)
-        self.views = fibonacci_sphere(_VIEWS)
 
 
 def fibonacci_sphere(count: int) -> Array:
@@ -42,24 +42,38 @@ def fibonacci_sphere(count: int) -> Array:
 
 
 def carve(blank: Blank, sphere: Sphere) -> tuple[Mesh, ...]:
-    """The rock's meshes, finest first, in the blank's frame; coarser vertices are among the finer.
+    """The rock's meshes, finest first, in the blank's frame.
 
-    Vertices are chosen farthest first in position and normal together, so they gather along edges.
-    The coarsest level has those that carry the silhouette. The triangulation is that of the convex
-    part of the blank; being star-shaped, it stays closed and free of self-intersection whatever the
-    roughness does to the radii.
+    The blank is sampled densely; its vertices then merge until so many are left as the level may
+    have, which gathers them where the surface bends and leaves them on its edges. All levels are
+    star-shaped about the blank's centre, so that none cuts itself.
     """
     points = sphere.directions * radii(blank, sphere.directions)[:, None] * blank.axes
-    normals = vertex_normals(points, sphere.faces)
-    features = np.hstack([points, _CREASE_WEIGHT * normals]).T.copy()
-    chosen = farthest_first(features, np.zeros(1, np.intp), LEVELS[0])
-    outer = supporting(points[chosen], sphere.views, LEVELS[-1])
-    kept = np.ascontiguousarray(features[:, chosen])
-    chosen = chosen[farthest_first(kept, outer, LEVELS[0])]
-    points, directions = points[chosen], sphere.directions[chosen]
-    gauge = np.sqrt(convex_gauge(blank, directions) ** 2 + _FLATTENING**2)
-    convex = directions / gauge[:, None]
-    return tuple(Mesh(vertices=points[:n], faces=convex_faces(convex[:n])) for n in LEVELS)
+    dense = Mesh(vertices=points, faces=sphere.faces)
+    meshes = [simplify(dense, blank.vertices, star_shaped=True)]
+    for _ in range(LEVELS - 1):
+        fewer = len(meshes[-1].vertices) // TIMES_FEWER
+        meshes.append(simplify(meshes[-1], fewer, star_shaped=True))
+    return tuple(meshes)
+
+
+def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
+    """Levels of detail, finest first, of a closed mesh that need not be star-shaped.
+
+    The first has at most `MOST_VERTICES`. A level that would cut itself gets half as many vertices
+    again, until it is as fine as the one before.
+    """
+    meshes: list[Mesh] = []
+    finer = mesh
+    for wanted in (MOST_VERTICES // TIMES_FEWER**level for level in range(LEVELS)):
+        count = wanted
+        found = simplify(finer, count)
+        while found is not finer and cuts_itself(found):
+            count = (3 * count) // 2
+            found = finer if count >= len(finer.vertices) else simplify(finer, count)
+        meshes.append(found)
+        finer = found
+    return tuple(meshes)
 
 
 def convex_faces(points: Array) -> NDArray[np.int32]:
@@ -81,16 +95,6 @@ def outward(points: Array, faces: NDArray[np.int32]) -> NDArray[np.int32]:
     a, b, c = (points[faces[:, n]] for n in range(3))
     inward = np.einsum("ij,ij->i", np.cross(a, b), c) < 0
     return np.where(inward[:, None], faces[:, ::-1], faces)
-
-
-def vertex_normals(points: Array, faces: NDArray[np.int32]) -> Array:
-    """Unit normals at the vertices, faces weighted by area, shape [vertices, 3]."""
-    a, b, c = (points[faces[:, n]] for n in range(3))
-    areas = np.repeat(np.cross(b - a, c - a), 3, axis=0)
-    corners = faces.ravel()
-    summed = [np.bincount(corners, areas[:, axis], len(points)) for axis in range(3)]
-    normals = np.stack(summed, axis=1)
-    return cast(Array, normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def supporting(
@@ -120,33 +124,3 @@ def supporting(
         chosen.append(best[worst])
         reached = np.maximum(reached, heights[:, best[worst]])
     return np.array(chosen, dtype=np.intp)
-
-
-@kernel
-def farthest_first(features, first, count):  # type: ignore[no-untyped-def]
-    """Indices of `count` columns: those of `first`, then each farthest from all before it.
-
-    Gonzalez 1985, doi:10.1016/0304-3975(85)90224-5.
-    """
-    rows, columns = features.shape
-    chosen, nearest, squared = np.empty(count, np.intp), np.empty(columns), np.empty(columns)
-    for n in range(len(first)):
-        chosen[n] = first[n]
-    for column in range(columns):
-        nearest[column] = np.inf
-    for n in range(count - 1):
-        for column in range(columns):
-            squared[column] = 0.0
-        for row in range(rows):
-            centre = features[row, chosen[n]]
-            for column in range(columns):
-                squared[column] += (features[row, column] - centre) ** 2
-        for column in range(columns):
-            nearest[column] = min(nearest[column], squared[column])
-        if n + 1 >= len(first):
-            farthest = 0
-            for column in range(columns):
-                if nearest[column] > nearest[farthest]:
-                    farthest = column
-            chosen[n + 1] = farthest
-    return chosen

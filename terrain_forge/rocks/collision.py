@@ -2,58 +2,137 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.errors import RecipeError
 from terrain_forge.mesh import Mesh
+from terrain_forge.records import Record
 from terrain_forge.rocks.carving import convex_faces, fibonacci_sphere, supporting
 from terrain_forge.rocks.shapes import projections
 from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.rocks.surface_distance import hausdorff_distance
 
 Array = NDArray[np.float64]
 
 _VIEWS = 800
 _LEVEL = 1e-9  # of a mean axis: corners of the facet on which the rock rests
-_TOP_WEIGHT = 2.0  # errors near the top count more: they are the rock's height
+_END_WEIGHT = 2.0  # errors near top and base count more: the rock's height, and how it rests
+
+_GROWTH = 1.003  # of parts about their middles
+# Level of detail that is cut up, and how far a part may differ from its own hull (CoACD's
+# threshold): from the cheapest to the closest.
+_ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05), (0, 0.025))
 
 
-_CONCAVITY = 0.05  # CoACD's threshold: what a part may differ from its own hull
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CollisionShape(Record):
+    """Convex parts and how well they stand for a rock."""
+
+    parts: tuple[Mesh, ...]
+    """Convex closed meshes, which may overlap."""
+    excess: float
+    """Volume of their union over the rock's, minus 1."""
+    distance: float
+    """Hausdorff distance between the union's surface and the rock's [m], to 1 mm."""
+
+    def fits(self, *, excess: float, distance: float) -> bool:
+        """Whether both errors are within their limits."""
+        return self.excess <= excess and self.distance <= distance
 
 
-def collision_parts(mesh: Mesh, *, vertices: int, excess: float) -> tuple[Mesh, ...]:
-    """Convex parts of at most `vertices` corners each that stand in for a mesh.
+def collision_parts(
+    meshes: tuple[Mesh, ...], *, vertices: int, excess: float, distance: float, name: str
+) -> CollisionShape:
+    """Convex parts of at most `vertices` corners each that stand in for a rock.
 
-    One hull, if its volume exceeds the mesh's by at most the fraction `excess`; else an approximate
-    convex decomposition (CoACD: Wei et al. 2022, doi:10.1145/3528223.3530103), which takes seconds.
+    One hull where that is close enough; else an approximate convex decomposition (CoACD: Wei et al.
+    2022, doi:10.1145/3528223.3530103), the coarsest that is close enough, which takes seconds.
 
     Args:
-        mesh: A closed mesh around the origin.
+        meshes: The rock's levels of detail around the origin, finest first, mean axis 1 m.
         vertices: Largest number of corners of a part, at least 6.
-        excess: Largest excess of volume that one hull may have, as a fraction.
+        excess: Largest excess of volume, as a fraction.
+        distance: Largest Hausdorff distance [m].
+        name: What the rock is called in an error.
+
+    Raises:
+        RecipeError: if no decomposition is so close.
     """
-    hull = collision_hull(mesh, vertices=vertices)
-    if mass_properties(hull).volume <= (1.0 + excess) * mass_properties(mesh).volume:
-        return (hull,)
+    shape = meshes[0]
+    hull = certify((collision_hull(shape, vertices=vertices),), shape)
+    if hull.fits(excess=excess, distance=distance):
+        return hull
+    best = hull
+    for level, concavity in _ATTEMPTS:
+        mesh = meshes[min(level, len(meshes) - 1)]
+        found = certify(_decompose(mesh, vertices=vertices, concavity=concavity), shape)
+        if found.fits(excess=excess, distance=distance):
+            return found
+        best = min(best, found, key=lambda one: max(one.excess / excess, one.distance / distance))
+    raise RecipeError(
+        f"{name}: its convex parts come to {best.excess:.3f} of excess volume (wanted "
+        f"{excess:g}) and {best.distance:.3f} mean axes of distance (wanted {distance:g}): "
+        "raise hull_excess or hull_distance",
+        key=("rocks", "library"),
+    )
+
+
+def certify(parts: tuple[Mesh, ...], shape: Mesh) -> CollisionShape:
+    """The errors of convex parts as a stand-in for a closed mesh, measured on their union."""
+    union = unite(parts)
+    volume = mass_properties(shape).volume
+    return CollisionShape(
+        parts=parts,
+        excess=mass_properties(union).volume / volume - 1.0,
+        distance=hausdorff_distance(union, shape),
+    )
+
+
+def unite(meshes: tuple[Mesh, ...]) -> Mesh:
+    """The union of closed meshes."""
+    if len(meshes) == 1:
+        return meshes[0]
+    from manifold3d import Manifold, Mesh64, OpType
+
+    bodies = [
+        Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64))) for mesh in meshes
+    ]
+    united = Manifold.batch_boolean(bodies, OpType.Add).to_mesh64()
+    return Mesh(vertices=united.vert_properties[:, :3], faces=united.tri_verts)
+
+
+def _decompose(mesh: Mesh, *, vertices: int, concavity: float) -> tuple[Mesh, ...]:
     import coacd
 
     coacd.set_log_level("error")
     parts = coacd.run_coacd(
         coacd.Mesh(mesh.vertices, mesh.faces),
-        threshold=_CONCAVITY,
+        threshold=concavity,
         max_ch_vertex=vertices,
         decimate=True,
         seed=0,
     )
-    return tuple(convex_hull(np.asarray(points, np.float64)) for points, _ in parts)
+    hulls = [convex_hull(np.asarray(points, np.float64)) for points, _ in parts]
+    if len(hulls) == 1:
+        return tuple(hulls)
+    # Parts meet along cuts; grown a little they overlap, so that no crack is left between them.
+    middles = [hull.vertices.mean(axis=0) for hull in hulls]
+    return tuple(
+        hull.replace(vertices=middle + _GROWTH * (hull.vertices - middle))
+        for hull, middle in zip(hulls, middles, strict=True)
+    )
 
 
 def collision_hull(mesh: Mesh, *, vertices: int) -> Mesh:
     """A convex hull of at most `vertices` corners that nearly contains the mesh.
 
-    The corners are those of the mesh that its extent in all directions needs most, upward ones
-    first. Each is then moved out by half of what the mesh still juts out of the worst face around
-    it, so that the error is spread to both sides; but none goes below the facet on which the mesh
-    rests, so that the hull rests on it too.
+    The corners are those of the mesh that its extent in all directions needs most, upward and
+    downward ones first. Each is then moved out by half of what the mesh still juts out of the worst
+    face around it, so that the error is spread to both sides; but none goes below the facet on
+    which the mesh rests, so that the hull rests on it too.
 
     Args:
         mesh: A closed mesh around the origin.
@@ -63,7 +142,7 @@ def collision_hull(mesh: Mesh, *, vertices: int) -> Mesh:
 
     corners = mesh.vertices[ConvexHull(mesh.vertices).vertices]
     views = fibonacci_sphere(_VIEWS)
-    views *= np.where(views[:, 2:] > 0.5, _TOP_WEIGHT, 1.0)
+    views *= np.where(np.abs(views[:, 2:]) > 0.5, _END_WEIGHT, 1.0)
     lowest = corners[:, 2].min()
     feet = np.flatnonzero(corners[:, 2] < lowest + _LEVEL)
     inner = corners[supporting(corners, views, vertices, first=feet[:3].tolist())]

@@ -1,4 +1,4 @@
-"""The strips along driven routes that no rock above the corridor's clearance may enter."""
+"""The ground that no rock above a clearance may enter: strips along routes, and circles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel
-from terrain_forge.paths.route import Route
 from terrain_forge.site import Site, Window
 
 Array = NDArray[np.float64]
@@ -19,12 +18,18 @@ _LINES_PER_HALF_WIDTH = 25
 
 
 class Corridors(NamedTuple):
-    """The corridors of a site, their segments sorted into square bins for fast distances."""
+    """The corridors of a site, then its clearings, which are kept free alike.
+
+    The corridors' segments are sorted into square bins for fast distances.
+    """
 
     half_width: Array
-    """Half the width of each corridor [m], shape [corridors]."""
+    """Half the width of each corridor, radius of each clearing [m], shape [corridors +
+    clearings]."""
     clearance: Array
-    """Height that no rock within exceeds [m], shape [corridors]."""
+    """Height that no rock within exceeds [m], shape [corridors + clearings]."""
+    centre: Array
+    """East and north of each clearing's centre [m], shape [clearings, 2]."""
     segments: Array
     """East and north of both ends [m], shape [segments, 4]."""
     corridor: NDArray[np.int64]
@@ -41,9 +46,10 @@ class Corridors(NamedTuple):
     """Segments that touch a bin."""
 
 
-def corridors(routes: tuple[Route, ...]) -> Corridors:
-    """The corridors of those routes that have one."""
-    kept = [route for route in routes if route.corridor_width > 0.0]
+def corridors(site: Site) -> Corridors:
+    """The corridors of those routes of a site that have one, and its clearings."""
+    kept = [route for route in site.routes if route.corridor_width > 0.0]
+    circles = site.clearings
     pairs = [np.hstack([r.position[:-1], r.position[1:]]) for r in kept]
     segments = np.concatenate(pairs) if pairs else np.zeros((0, 4))
     ends = segments.reshape(-1, 2)
@@ -53,8 +59,11 @@ def corridors(routes: tuple[Route, ...]) -> Corridors:
     bins = (span // bin_size).astype(np.int64) + 1
     first, members = _sort_into_bins(segments, origin, bin_size, bins)
     return Corridors(
-        half_width=np.array([0.5 * r.corridor_width for r in kept]),
-        clearance=np.array([r.corridor_clearance for r in kept]),
+        half_width=np.array(
+            [*(0.5 * r.corridor_width for r in kept), *(c.radius for c in circles)]
+        ),
+        clearance=np.array([c.corridor_clearance for c in kept] + [c.clearance for c in circles]),
+        centre=np.array([c.centre for c in circles], np.float64).reshape(-1, 2),
         segments=segments,
         corridor=np.repeat(np.arange(len(kept)), [len(p) for p in pairs]),
         origin=origin,
@@ -66,17 +75,17 @@ def corridors(routes: tuple[Route, ...]) -> Corridors:
 
 
 def in_corridor(site: Site, xy: Array) -> NDArray[np.bool_]:
-    """Which points (east, north) [m], shape [points, 2], lie in a corridor of the site."""
-    inside: NDArray[np.bool_] = _inside(corridors(site.routes), np.asarray(xy, np.float64))
+    """Which points (east, north) [m], shape [points, 2], lie in a corridor or clearing."""
+    inside: NDArray[np.bool_] = _inside(corridors(site), np.asarray(xy, np.float64))
     return inside
 
 
 def corridor_area(site: Site, window: Window) -> float:
-    """Area [m²] of a window that lies in a corridor, overlaps counted once.
+    """Area [m²] of a window that lies in a corridor or clearing, overlaps counted once.
 
     Exact along east, by lines half a fiftieth of a corridor apart along north.
     """
-    strips = corridors(site.routes)
+    strips = corridors(site)
     if len(strips.half_width) == 0:
         return 0.0
     east, north = site.axes(window)
@@ -104,10 +113,14 @@ def _sort_into_bins(
 
 @inner
 def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
-    """Distance [m] of a point to each corridor's middle, shape [corridors]; at most `limit`."""
+    """Distance [m] of a point to each corridor's middle, at most `limit`, and each clearing's."""
     squares = np.empty(len(strips.half_width))
+    lanes = len(squares) - len(strips.centre)
     for c in range(len(squares)):
         squares[c] = limit * limit
+    for c in range(len(strips.centre)):
+        dx, dy = x - strips.centre[c, 0], y - strips.centre[c, 1]
+        squares[lanes + c] = dx * dx + dy * dy
     origin, size, bins = strips.origin, strips.bin_size, strips.bins
     i0, i1 = _bin_range(origin[0], size, bins[0], x - limit, x + limit)
     j0, j1 = _bin_range(origin[1], size, bins[1], y - limit, y + limit)
@@ -121,6 +134,15 @@ def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
     for c in range(len(squares)):
         squares[c] = np.sqrt(squares[c])
     return squares
+
+
+@inner
+def search_radius(strips, radius):  # type: ignore[no-untyped-def]
+    """Distance [m] from which on no corridor matters to a rock of a radius [m]."""
+    limit = radius
+    for c in range(len(strips.half_width) - len(strips.centre)):
+        limit = max(limit, strips.half_width[c] + radius)
+    return limit
 
 
 @inner
@@ -143,9 +165,7 @@ def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
 @kernel
 def _inside(strips, xy):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
-    limit = 0.0
-    for c in range(len(strips.half_width)):
-        limit = max(limit, strips.half_width[c])
+    limit = search_radius(strips, 0.0)
     for n in range(len(xy)):
         away = distances(strips, xy[n, 0], xy[n, 1], limit)
         for c in range(len(away)):
@@ -156,10 +176,10 @@ def _inside(strips, xy):  # type: ignore[no-untyped-def]
 @kernel
 def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-def]
     step = (north - south) / lines
-    widest = 0.0
-    for c in range(len(strips.half_width)):
-        widest = max(widest, strips.half_width[c])
-    lows, highs = np.empty(len(strips.members)), np.empty(len(strips.members))
+    widest = search_radius(strips, 0.0)
+    lanes = len(strips.half_width) - len(strips.centre)
+    most = len(strips.members) + len(strips.centre)
+    lows, highs = np.empty(most), np.empty(most)
     length = 0.0
     for line in range(lines):
         y = south + (line + 0.5) * step
@@ -173,6 +193,13 @@ def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-d
             low, high = max(low, west), min(high, east)
             if low < high:
                 lows[count], highs[count] = low, high
+                count += 1
+        for c in range(len(strips.centre)):
+            offset, radius = y - strips.centre[c, 1], strips.half_width[lanes + c]
+            if abs(offset) < radius:
+                half = np.sqrt(radius * radius - offset * offset)
+                lows[count] = max(strips.centre[c, 0] - half, west)
+                highs[count] = min(strips.centre[c, 0] + half, east)
                 count += 1
         reached = west
         for n in np.argsort(lows[:count]):

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval, MinLen
+from numba import get_num_threads
 from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.mesh import Mesh
 from terrain_forge.rocks import outline
-from terrain_forge.rocks.carving import Sphere, carve
+from terrain_forge.rocks.carving import Sphere, carve, levels_of_detail
 from terrain_forge.rocks.collision import collision_parts
-from terrain_forge.rocks.shapes import FAMILIES, Blank, Family, projections
+from terrain_forge.rocks.families import FAMILIES, Family
+from terrain_forge.rocks.shapes import projections
 from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.rocks.surface_distance import hausdorff_distance
+from terrain_forge.rocks.texture import box_projection, rock_texture
 from terrain_forge.seeds import mix, stage_key
 from terrain_forge.site import BroughtMesh
 from terrain_forge.specs import Spec
@@ -23,24 +29,61 @@ from terrain_forge.world import RockLibrary, RockPrototype
 
 Array = NDArray[np.float64]
 
+_OUTLINE_TOLERANCE = 2e-3  # of a mean axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshSpec(Spec):
+    """A rock shape of the user's own."""
+
+    file: Annotated[str, MinLen(1)]
+    """A closed mesh in metres, z up: OBJ, STL, PLY, GLB or glTF. It is scaled to the diameters that
+    are drawn; its materials are not used."""
+    family: Annotated[str, MinLen(1)] | None = None
+    """Family that the shape counts to; by default the file's name without its ending."""
+    keep_up: bool = False
+    """Whether it lies as the file has it; else it is laid on its most stable side."""
+
+    @property
+    def family_name(self) -> str:
+        """The family that the shape counts to."""
+        return self.family or PurePosixPath(self.file).stem
+
 
 @dataclass(frozen=True, kw_only=True)
 class LibrarySpec(Spec):
     """Which rock shapes a world draws from."""
 
-    shapes: Annotated[int, Interval(ge=1, le=1000)] = 24
-    """Number of different shapes; more of them change none of the first ones."""
+    shapes: Annotated[int, Interval(ge=0, le=1000)] = 24
+    """Number of different shapes that are made; more of them change none of the first ones. 0 only
+    where `meshes` has shapes."""
     seed: Annotated[int, Interval(ge=0, le=2**63 - 1)] = 0
     """Seed of the library alone, so that several worlds can share one."""
     families: Annotated[tuple[Family, ...], MinLen(1)] = ("block", "slab", "block", "cobble")
     """Families that the shapes take in turn; one named twice gives twice as many. `block`: angular
     and freshly broken; `slab`: flat, of layered rock; `cobble`: worn round; `vesicular`: basalt
-    with gas bubbles."""
+    with gas bubbles; `ventifact`: faceted by windblown sand; `breccia`: broken rock that an impact
+    has welded together."""
+    meshes: tuple[MeshSpec, ...] = ()
+    """The user's own shapes, which follow those that are made."""
     hull_vertices: Annotated[int, Interval(ge=16, le=64)] = 64
     """Largest number of vertices of a shape's convex collision parts; GPU engines like 32."""
-    hull_excess: Annotated[float, Interval(ge=0.01, le=1)] = 0.15
-    """Part by which one collision hull's volume may exceed the shape's; a shape beyond it is cut
-    into several convex parts, which takes seconds for each. Shapes of ours stay below 0.07."""
+    hull_excess: Annotated[float, Interval(ge=0.01, le=1)] = 0.2
+    """Part by which the volume of a shape's collision parts together may exceed the shape's. A
+    shape that one hull does not fit so well is cut into several parts, which takes seconds for
+    each, once."""
+    hull_distance: Annotated[float, Interval(ge=0.02, le=1)] = 0.15
+    """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
+    distance), as a part of its mean axis."""
+
+    def files(self) -> tuple[str, ...]:
+        """Paths of the user's own shapes as the recipe writes them, each once."""
+        return tuple(dict.fromkeys(mesh.file for mesh in self.meshes))
+
+    def family_names(self) -> tuple[str, ...]:
+        """The families that the library has shapes of, each once."""
+        made = self.families[: self.shapes]
+        return tuple(dict.fromkeys([*made, *(mesh.family_name for mesh in self.meshes)]))
 
 
 def make_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) -> RockLibrary:
@@ -48,45 +91,68 @@ def make_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) ->
 
     Args:
         spec: What is wanted.
-        brought: The user's own shapes, which follow those that are made.
+        brought: The user's own shapes, by the paths that the spec names.
 
     Raises:
-        ArithmeticError: if the surface of a shape degenerates (no drawn shape is known to).
+        RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
     """
-    del brought  # not used yet
     key = stage_key(spec.seed, "rock-library")
-    sphere = Sphere()
-    prototypes = []
-    for n in range(spec.shapes):
+    sphere = Sphere() if spec.shapes else None
+
+    def made(n: int) -> RockPrototype:
+        assert sphere is not None
         family = spec.families[n % len(spec.families)]
         blank = FAMILIES[family](Generator(Philox(key=int(mix(key, n)))))
-        prototypes.append(_prototype(family, blank, sphere, spec))
-    return RockLibrary(
-        prototypes=tuple(prototypes),
-        seed=spec.seed,
-        texture=np.full((64, 64), 255),
-    )
+        meshes = lay_down(carve(blank, sphere), blank.axes)
+        return _prototype(family, meshes, spec, name=f"shape {n} ({family})")
+
+    files = {mesh.path: mesh.mesh for mesh in brought}
+    with ThreadPoolExecutor(get_num_threads()) as threads:
+        prototypes = [*threads.map(made, range(spec.shapes))]
+    prototypes += [_own_prototype(own, files[own.file], spec) for own in spec.meshes]
+    return RockLibrary(prototypes=tuple(prototypes), seed=spec.seed, texture=rock_texture())
 
 
-def _prototype(family: str, blank: Blank, sphere: Sphere, spec: LibrarySpec) -> RockPrototype:
-    meshes = lay_down(carve(blank, sphere), blank.axes)
+def _own_prototype(own: MeshSpec, mesh: Mesh, spec: LibrarySpec) -> RockPrototype:
+    """The prototype of a shape that the user brings."""
+    meshes = lay_as_it_is(levels_of_detail(mesh), upright=own.keep_up)
+    return _prototype(own.family_name, meshes, spec, name=own.file)
+
+
+def _prototype(
+    family: str, meshes: tuple[Mesh, ...], spec: LibrarySpec, *, name: str
+) -> RockPrototype:
     shape = meshes[0]
     solid = mass_properties(shape)
-    hulls = collision_parts(shape, vertices=spec.hull_vertices, excess=spec.hull_excess)
+    collision = collision_parts(
+        meshes,
+        vertices=spec.hull_vertices,
+        excess=spec.hull_excess,
+        distance=spec.hull_distance,
+        name=name,
+    )
     reach, rise = outline.bounds(shape)
     return RockPrototype(
         family=family,
         meshes=meshes,
-        hulls=hulls,
+        hulls=collision.parts,
         volume=solid.volume,
         inertia=solid.inertia,
-        hull_excess=sum(mass_properties(hull).volume for hull in hulls) / solid.volume - 1.0,
-        hull_distance=0.0,
-        uvs=tuple(mesh.vertices[mesh.faces][:, :, :2].copy() for mesh in meshes),
-        outline_errors=(0.0,) * len(meshes),
+        hull_excess=collision.excess,
+        hull_distance=collision.distance,
+        uvs=tuple(box_projection(mesh) for mesh in meshes),
+        outline_errors=(0.0, *(_outline_error(mesh, shape) for mesh in meshes[1:])),
         reach=reach,
         rise=rise,
     )
+
+
+def _outline_error(mesh: Mesh, shape: Mesh) -> float:
+    """How far the outline of a mesh is off the shape's from any side, at most [m].
+
+    No outline differs by more than the surfaces do, whose Hausdorff distance this is.
+    """
+    return hausdorff_distance(mesh, shape, tolerance=_OUTLINE_TOLERANCE) + _OUTLINE_TOLERANCE
 
 
 def lay_down(meshes: tuple[Mesh, ...], axes: Array) -> tuple[Mesh, ...]:
@@ -102,10 +168,29 @@ def lay_down(meshes: tuple[Mesh, ...], axes: Array) -> tuple[Mesh, ...]:
     rotation = resting_axes(meshes[0].vertices - solid.centre, solid.inertia)
     turned = [projections(mesh.vertices - solid.centre, rotation) for mesh in meshes]
     stretch = axes / np.ptp(turned[0], axis=0)
-    laid = [
-        mesh.replace(vertices=vertices * stretch)
-        for mesh, vertices in zip(meshes, turned, strict=True)
-    ]
+    return _same_volume([vertices * stretch for vertices in turned], meshes)
+
+
+def lay_as_it_is(meshes: tuple[Mesh, ...], *, upright: bool) -> tuple[Mesh, ...]:
+    """Lay a rock down without stretching it: its mean axis becomes 1 m, the rest as `lay_down`.
+
+    Args:
+        meshes: The levels of detail, finest first.
+        upright: Whether z stays up; else the rock is turned onto its most stable side.
+    """
+    solid = mass_properties(meshes[0])
+    centred = meshes[0].vertices - solid.centre
+    rotation = np.eye(3) if upright else resting_axes(centred, solid.inertia)
+    extents = np.ptp(projections(centred, rotation), axis=0)
+    return _same_volume(
+        [projections(mesh.vertices - solid.centre, rotation) / extents.mean() for mesh in meshes],
+        meshes,
+    )
+
+
+def _same_volume(vertices: list[Array], meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
+    """Meshes with new vertices, the coarser ones grown about the origin to the first's volume."""
+    laid = [mesh.replace(vertices=v) for mesh, v in zip(meshes, vertices, strict=True)]
     volumes = [mass_properties(mesh).volume for mesh in laid]
     return tuple(
         mesh.replace(vertices=mesh.vertices * np.cbrt(volumes[0] / volume))

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 MAX_TILT = np.radians(40.0)
 """Steepest ground that a rock follows [rad]; on steeper ground it lies as on this."""
 MAX_BURIED = 0.6
-"""Largest part of a rock's extent that resting buries."""
+"""Largest part of a rock's extent that resting buries, but for a few rocks with room for more."""
 
 FOOTPRINT_DIRECTIONS = 32
 """Directions in which a footprint is known, evenly around."""
@@ -87,6 +87,21 @@ def footprint(mesh: Mesh) -> Array:
     _, _, support = _sweep(mesh.vertices.copy(), edges(mesh))
     footprint: Array = support * _BOUND_MARGIN
     return footprint
+
+
+def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
+    """Whether points of a rock lie within its footprint and within its reach.
+
+    Args:
+        plan: East and north of the points, over the diameter, shape [points, 2]; the footprint's
+            origin is at (0, 0).
+        yaw: Turn of the footprint [rad].
+        support: The footprint, as `footprint` has it.
+        reach: Largest distance of a point from (0, 0), over the diameter.
+    """
+    angles = yaw + 2.0 * np.pi * np.arange(FOOTPRINT_DIRECTIONS) / FOOTPRINT_DIRECTIONS
+    along = (plan @ np.stack([np.cos(angles), np.sin(angles)])).max(axis=0)
+    return bool(np.all(along <= support) and np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The kernels of scattering: drawing rocks by address and moving them until none overlaps."""
+"""Placing rocks: each at its first place or, where that is taken, at another one near by."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inlined, inner, kernel, over_chunks
-from terrain_forge.rocks.corridor import Corridors, distances
+from terrain_forge.rocks.addresses import RETRY
+from terrain_forge.rocks.corridor import Corridors, distances, search_radius
+from terrain_forge.rocks.intensity import Intensity, weight
 from terrain_forge.rocks.outline import FOOTPRINT_DIRECTIONS
-from terrain_forge.seeds import mix, poisson, uniform
+from terrain_forge.seeds import mix, uniform
 
 Array = NDArray[np.float64]
 
 PENDING, PLACED, UNPLACED, LEFT_OUT = range(4)
 """States of a rock: not yet treated, in its place, without a free place, in a corridor."""
 
-SIZE, EAST, NORTH, PROTOTYPE, YAW, BURIED, RETRY = range(7)
-"""What is drawn for a rock: the last word of the address."""
-
-_RETRIES = 256
+_RETRIES = 1024
 
 
 class Layout(NamedTuple):
@@ -42,6 +41,11 @@ class Layout(NamedTuple):
     """Bins that a class's cells are cut into each way, to find near rocks, shape [classes]."""
     first_bin: NDArray[np.int64]
     """Where a class's bins begin, row by row, shape [classes + 1]."""
+    population: NDArray[np.int64]
+    """Index of a class's population; -1 for the user's own rocks, which stay where they are, shape
+    [classes]."""
+    local: NDArray[np.bool_]
+    """Whether a class's rocks look for room around their first place, shape [classes]."""
 
 
 class Rocks(NamedTuple):
@@ -52,7 +56,9 @@ class Rocks(NamedTuple):
     prototype: NDArray[np.int64]
     """Whose footprint the rock has, shape [rocks]."""
     diameter: Array
-    """Exposed diameter, which scales the footprint [m], shape [rocks]."""
+    """Exposed diameter [m], shape [rocks]."""
+    room: Array
+    """Diameter that scales the footprint [m]: the exposed one or more, shape [rocks]."""
     yaw: Array
     """Turn of the footprint [rad], shape [rocks]."""
     height: Array
@@ -67,89 +73,63 @@ class Rocks(NamedTuple):
     """The next placed rock of the same bin, or -1, shape [rocks]."""
 
 
-@kernel
-def cell_counts(key, columns, rows, mean):  # type: ignore[no-untyped-def]
-    """Poisson number of rocks in each cell of a class, shape [rows, columns]."""
-    counts = np.empty((rows, columns), dtype=np.int64)
-    for j in range(rows):
-        for i in range(columns):
-            counts[j, i] = poisson(mix(mix(mix(key, i), j), 0), mean)
-    return counts
-
-
-@kernel
-def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
-    """Hashed addresses of the rocks of a region of cells that begins at (column, row)."""
-    count = 0
-    for j in range(counts.shape[0]):
-        for i in range(counts.shape[1]):
-            count += counts[j, i]
-    found = np.empty(count, dtype=np.uint64)
-    n = 0
-    for j in range(counts.shape[0]):
-        for i in range(counts.shape[1]):
-            cell = mix(mix(key, column + i), row + j)
-            for k in range(counts[j, i]):
-                found[n] = mix(cell, k + 1)
-                n += 1
-    return found
-
-
-@kernel
-def words(address, what):  # type: ignore[no-untyped-def]
-    """Extend each address by what is drawn there."""
-    found = np.empty(len(address), dtype=np.uint64)
-    for n in range(len(address)):
-        found[n] = mix(address[n], what)
-    return found
-
-
-@kernel
-def draw(address, what):  # type: ignore[no-untyped-def]
-    """A uniform number in (0, 1) for each address."""
-    drawn = np.empty(len(address))
-    for n in range(len(address)):
-        drawn[n] = uniform(mix(address[n], what))
-    return drawn
-
-
-def place(layout: Layout, rocks: Rocks, footprints: Array, strips: Corridors) -> None:
+def place(
+    layout: Layout, rocks: Rocks, *, footprints: Array, strips: Corridors, intensity: Intensity
+) -> None:
     """Find a place for every rock, in the order of the classes; changes `rocks`.
 
-    `footprints` are the prototypes' support functions, shape [prototypes, directions].
+    Args:
+        layout: The classes' cells.
+        rocks: The rocks at their first places.
+        footprints: The prototypes' support functions, shape [prototypes, directions].
+        strips: What tall rocks keep off.
+        intensity: Where else rocks may not go.
     """
     for c, (column, row, columns, rows) in enumerate(layout.region.tolist()):
+        if layout.population[c] < 0:
+            _lay(layout, rocks, c)
+            continue
         for colour in range(4):
             # Cells of one colour are every other one each way, counted on the whole site: their
             # rocks cannot meet, so that it does not matter in which order they are placed.
             i0, j0 = (column + colour) & 1, (row + (colour >> 1)) & 1
             across, along = (columns - i0 + 1) // 2, (rows - j0 + 1) // 2
-            over_chunks(
-                _place_cells, across * along, layout, rocks, footprints, strips, c, i0, j0, across
-            )
+            there = layout, rocks, footprints, strips, intensity if layout.local[c] else None
+            over_chunks(_place_cells, across * along, *there, c, i0, j0, across)
+
+
+@kernel
+def _lay(layout, rocks, c):  # type: ignore[no-untyped-def]
+    """Leave the rocks of a class of one cell where they are."""
+    cell = layout.first_cell[c]
+    for rock in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
+        _settle(layout, rocks, c, 0, 0, rock, rocks.circle[rock, 0], rocks.circle[rock, 1])
 
 
 @kernel
 def _place_cells(  # type: ignore[no-untyped-def]
-    first, last, layout, rocks, footprints, strips, c, i0, j0, across
+    first, last, layout, rocks, footprints, strips, intensity, c, i0, j0, across
 ):
-    """Place the rocks of some cells of one colour, which are numbered row by row."""
+    """Place the rocks of some cells of one colour, which are numbered row by row.
+
+    `intensity` is None for classes whose rocks may go anywhere: a kernel of its own, as fast as one
+    that knows of no weights.
+    """
     column, row, columns = layout.region[c, 0], layout.region[c, 1], layout.region[c, 2]
     for n in range(first, last):
         i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
         cell = layout.first_cell[c] + j * columns + i
         for rock in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
-            _place_one(layout, rocks, footprints, strips, c, column + i, row + j, rock)
+            _place_one(layout, rocks, footprints, strips, intensity, c, column + i, row + j, rock)
 
 
 @inlined
-def _place_one(layout, rocks, footprints, strips, c, column, row, rock):  # type: ignore[no-untyped-def]
+def _place_one(  # type: ignore[no-untyped-def]
+    layout, rocks, footprints, strips, intensity, c, column, row, rock
+):
     """Put a rock of class `c` at its first choice or, failing that, elsewhere in its cell."""
     first_x, first_y, radius = rocks.circle[rock]
-    width, depth = layout.side[c, 0], layout.side[c, 1]
-    limit = radius
-    for s in range(len(strips.half_width)):
-        limit = max(limit, strips.half_width[s] + radius)
+    limit = search_radius(strips, radius)
     home = distances(strips, first_x, first_y, limit)
     for s in range(len(home)):
         if home[s] < strips.half_width[s] and rocks.height[rock] > strips.clearance[s]:
@@ -159,16 +139,55 @@ def _place_one(layout, rocks, footprints, strips, c, column, row, rock):  # type
     x, y = first_x, first_y
     for trial in range(1 + _RETRIES):
         if trial > 0:
-            x = layout.bounds[0] + (column + uniform(mix(retry, 2 * trial))) * width
-            y = layout.bounds[1] + (row + uniform(mix(retry, 2 * trial + 1))) * depth
+            x, y = _elsewhere(layout, c, column, row, rocks.circle[rock], retry, trial)
+            if intensity is not None and not _is_home(layout, c, column, row, x, y):
+                continue
         if (
             _on_site(layout.bounds, x, y, radius)
             and _is_free(layout, rocks, footprints, c, x, y, rock)
             and _keeps_off(strips, home, x, y, radius, limit, rocks.height[rock])
         ):
+            if intensity is not None:
+                drawn = uniform(mix(retry, 2 * _RETRIES + 2 + trial))
+                population = layout.population[c]
+                if trial > 0 and not _is_likely(intensity, population, rocks, rock, x, y, drawn):
+                    continue
             _settle(layout, rocks, c, column, row, rock, x, y)
             return
     rocks.state[rock] = UNPLACED
+
+
+@inner
+def _elsewhere(layout, c, column, row, circle, retry, trial):  # type: ignore[no-untyped-def]
+    """Another place for a rock: anywhere in its cell, or within a range that grows by trials."""
+    u, v = uniform(mix(retry, 2 * trial)), uniform(mix(retry, 2 * trial + 1))
+    width, depth = layout.side[c, 0], layout.side[c, 1]
+    if not layout.local[c]:
+        return layout.bounds[0] + (column + u) * width, layout.bounds[1] + (row + v) * depth
+    nearest, widest = 2.0 * circle[2], np.sqrt(width * width + depth * depth)
+    away = nearest * (widest / nearest) ** (trial / _RETRIES) * np.sqrt(u)
+    angle = 2.0 * np.pi * v
+    return circle[0] + away * np.cos(angle), circle[1] + away * np.sin(angle)
+
+
+@inner
+def _is_home(layout, c, column, row, x, y):  # type: ignore[no-untyped-def]
+    """Whether a place lies in a cell."""
+    i = np.floor((x - layout.bounds[0]) / layout.side[c, 0])
+    j = np.floor((y - layout.bounds[1]) / layout.side[c, 1])
+    return i == column and j == row
+
+
+@inner
+def _is_likely(intensity, population, rocks, rock, x, y, drawn):  # type: ignore[no-untyped-def]
+    """Whether a rock may move to a place: by chance if rocks are less likely there.
+
+    The chance is the ratio of the weights (Metropolis et al. 1953, doi:10.1063/1.1699114), so that
+    moves leave the density as it is; `drawn` is uniform.
+    """
+    first_x, first_y, _ = rocks.circle[rock]
+    before = weight(intensity, population, first_x, first_y, rocks.diameter[rock])
+    return drawn * before < weight(intensity, population, x, y, rocks.diameter[rock])
 
 
 @inlined
@@ -263,7 +282,7 @@ def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def
     table = footprints[rocks.prototype[rock]]
     along = (1.0 - part) * table[n] + part * table[(n + 1) % FOOTPRINT_DIRECTIONS]
     # The corner where two neighbouring half planes meet lies this much beyond the chord.
-    return rocks.diameter[rock] * along / np.cos(0.5 * step)
+    return rocks.room[rock] * along / np.cos(0.5 * step)
 
 
 @inlined

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -15,11 +14,9 @@ from terrain_forge.rocks.size_frequency import SizeFrequency, largest_diameter
 from terrain_forge.specs import FileName, Fraction, NotNegative, Pair, Positive, Spec
 
 MAX_POPULATIONS = 64
-"""Populations of a site; a rock's id holds the population's index and its number."""
+"""Populations and lists of a site; a rock's id holds the population's index and its number."""
 MAX_ROCKS = 2**25
 """Rocks of one population."""
-MAX_COVER = 0.4
-"""Part of the ground that all rocks may cover; more cannot be packed without overlap."""
 
 BuriedFraction = Annotated[float, Interval(ge=0, le=0.5)]
 
@@ -29,12 +26,13 @@ class PopulationSpec(Spec):
     """Rocks of one kind, scattered at random."""
 
     name: FileName
-    """Name, unique among the populations; it also addresses the population's randomness."""
+    """Name, unique among populations and lists; it also addresses the population's randomness."""
     size_frequency: SizeFrequency
     """How many rocks of which size there are."""
-    diameter_m: tuple[Positive, Positive | None]
-    """Smallest and largest exposed plan diameter [m]; without a largest, that which one rock of the
-    whole area is expected to exceed."""
+    diameter_m: tuple[Positive | None, Positive | None] = (None, None)
+    """Smallest and largest exposed plan diameter [m]. A largest of null is that which one rock of
+    the whole area is expected to exceed; a smallest of null is that of the counted or tabulated
+    rocks. The other laws go on to ever smaller rocks and need a smallest diameter."""
     buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)
     """Smallest and largest part of a rock's height that lies below the ground, 0 to 0.5; uniform
     between. No measured distribution is known; the older a surface, the deeper its rocks. Where the
@@ -60,10 +58,25 @@ class PopulationSpec(Spec):
 
     def diameter_range(self, area: float) -> tuple[float, float]:
         """Smallest and largest diameter [m] on an area [m²]; equal where no rock is expected."""
-        smallest, largest = self.diameter_m
+        smallest, largest = self.smallest_diameter, self.diameter_m[1]
         if largest is None:
             largest = max(smallest, largest_diameter(self.size_frequency, area))
         return smallest, largest
+
+    @property
+    def smallest_diameter(self) -> float:
+        """Smallest diameter [m], the population's own or else its law's.
+
+        Raises:
+            RecipeError: if neither has one.
+        """
+        smallest = self.diameter_m[0] or self.size_frequency.smallest_known
+        if smallest is None:
+            raise RecipeError(
+                f"a {self.size_frequency.kind} law goes on to ever smaller rocks: give the "
+                "smallest diameter, as in [0.1, null]"
+            )
+        return smallest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,76 +124,7 @@ class RocksSpec(Spec):
     keep_out: tuple[KeepOut, ...] = ()
     """Circles that no rock reaches into, as a landing pad or the rover's start."""
 
-
-def largest_rock(rocks: RocksSpec, area: float) -> float:
-    """Exposed diameter [m] that no rock on an area [m²] exceeds; 0 without populations."""
-    return max((p.diameter_range(area)[1] for p in rocks.populations), default=0.0)
-
-
-def check_rocks(rocks: RocksSpec, size: tuple[float, float]) -> None:
-    """Refuse rocks that contradict themselves or that cannot lie on a site.
-
-    Args:
-        rocks: what is wanted.
-        size: the site, east and north [m].
-
-    Raises:
-        RecipeError: for a name that is given twice, a range upside down, too many populations or
-            rocks, or more cover than can be packed.
-    """
-    key, area = ("rocks", "populations"), size[0] * size[1]
-    populations = rocks.populations
-    if len(populations) > MAX_POPULATIONS:
-        raise RecipeError(f"{len(populations)} populations, at most {MAX_POPULATIONS}", key=key)
-    for name, times in Counter(p.name for p in populations).items():
-        if times > 1:
-            raise RecipeError(f"{times} populations are called {name!r}", key=key)
-    for number, population in enumerate(populations):
-        _check_population(population, size, (*key, number))
-    cover = sum(_cover(population, area) for population in populations)
-    if cover > MAX_COVER:
-        raise RecipeError(
-            f"the rocks would cover {cover:.3g} of the ground, at most {MAX_COVER} can be packed "
-            "without overlap",
-            key=key,
-        )
-
-
-def _check_population(
-    population: PopulationSpec, size: tuple[float, float], key: tuple[str | int, ...]
-) -> None:
-    area = size[0] * size[1]
-    low, high = population.diameter_m
-    if high is not None and high <= low:
-        raise RecipeError(
-            f"smallest {low:g} m, largest {high:g} m: the largest must be larger",
-            key=(*key, "diameter_m"),
-        )
-    if max(low, high or 0.0) > 0.5 * min(size):
-        raise RecipeError(
-            f"rocks of up to {max(low, high or 0.0):g} m, at most half the site's shorter side, "
-            f"{0.5 * min(size):g} m",
-            key=(*key, "diameter_m"),
-        )
-    shallow, deep = population.buried_fraction
-    if deep < shallow:
-        raise RecipeError(
-            f"from {shallow:g} to {deep:g}: the smaller one comes first",
-            key=(*key, "buried_fraction"),
-        )
-    law = population.size_frequency
-    smallest, largest = population.diameter_range(area)
-    count = float(law.cumulative_number(smallest) - law.cumulative_number(largest)) * area
-    if count > 0.9 * MAX_ROCKS:
-        raise RecipeError(
-            f"{count:.3g} rocks on {area:.3g} m², at most {0.9 * MAX_ROCKS:.3g}: "
-            "raise the smallest diameter",
-            key=(*key, "diameter_m"),
-        )
-
-
-def _cover(population: PopulationSpec, area: float) -> float:
-    """Part of the ground that a population's rocks cover."""
-    law = population.size_frequency
-    smallest, largest = population.diameter_range(area)
-    return float(law.cumulative_area(smallest) - law.cumulative_area(largest))
+    @property
+    def groups(self) -> tuple[PopulationSpec | RockListSpec, ...]:
+        """The populations, then the lists: a rock's `population` is an index into these."""
+        return (*self.populations, *self.lists)

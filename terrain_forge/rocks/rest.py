@@ -2,9 +2,9 @@
 
 The ground's tangent plane at a rock goes through the ground under its centre of mass; its slope is
 that of a least-squares plane through the ground on a ring of 0.8 diameters. The rock stands upright
-on that plane, sunk into it by its share of burial, and further by as much as the real ground falls
-short of the plane along the rock's waterline. Only then is it scaled, so that the part above the
-plane has the wanted exposed diameter exactly.
+on that plane, sunk into it by its share of burial, and further where the real ground falls short of
+the plane: its foot must reach the ground all around. Only then is it scaled, so that the part above
+the plane has the wanted exposed diameter exactly.
 """
 
 from __future__ import annotations
@@ -14,12 +14,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.kernels import inner, kernel, over_chunks
+from terrain_forge.mesh import Mesh
+from terrain_forge.rocks.exposure import (
+    DEEPEST,
+    Exposure,
+    exposed_width,
+    exposure,
+    upright_width,
+)
+from terrain_forge.rocks.lattice import Lattice, height, lattice, onto
 from terrain_forge.rocks.outline import (
     MAX_BURIED,
     MAX_TILT,
     edges,
-    exposed_diameter,
+    fits,
+    footprint,
     resting_rotation,
     rotation_matrix,
 )
@@ -28,11 +39,13 @@ from terrain_forge.world import Heightfield, RockField, RockLibrary
 
 Array = NDArray[np.float64]
 
+FOOT = 0.05
+"""Height of the loop around a rock's foot that lies below the ground, as a part of its extent."""
+
+_SINKINGS = 4
+_NEGLIGIBLE = 1e-3
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
-_UP = (0.0, 0.0, 1.0)
-_UPRIGHT = np.eye(3)
-_BURIALS = np.linspace(0.0, MAX_BURIED, 7)
 
 
 def rest(
@@ -47,7 +60,8 @@ def rest(
         density: Density of each population's rocks [kg/m³], shape [populations].
 
     Returns:
-        The rocks in the order of `scattered`.
+        The rocks in the order of `scattered`, all of them fixed and buried; `loose` says as there
+        which ones are yet to be settled.
 
     Raises:
         ValueError: if the centre of a rock lies off the ground.
@@ -55,34 +69,25 @@ def rest(
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
-    # In cells, and rounded, the origin of every window of a site has the same fraction of a cell.
-    origin = np.round(np.array(ground.origin) / ground.spacing, 6)
-    corner = np.floor(origin)
-    shapes, count = _shapes(library), len(scattered.diameter)
-    z, scale, height, buried = (np.empty(count) for _ in range(4))
-    quaternion = np.empty((count, 4))
-    over_chunks(
-        _rest,
-        count,
-        (scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype),
-        scattered.diameter / _upright_diameter(shapes, scattered),
-        shapes,
-        _Ground(ground.elevation, ground.spacing, origin - corner, corner.astype(np.int64)),
-        (z, quaternion, scale, height, buried),
+    shapes, grid = _shapes(library), lattice(ground)
+    rocks = _Rocks(
+        scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
     )
+    lain = _lay(rocks, shapes, grid, MAX_BURIED)
+    _sink_deeper(lain, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
-    volume = unit_volume[scattered.prototype] * scale**3
+    volume = unit_volume[scattered.prototype] * lain.scale**3
     return RockField(
         populations=scattered.populations,
         id=scattered.id,
         population=scattered.population,
         prototype=scattered.prototype,
-        position=np.column_stack([scattered.xy, z]),
-        quaternion=quaternion,
-        scale=scale,
+        position=np.column_stack([scattered.xy, lain.z]),
+        quaternion=lain.quaternion,
+        scale=lain.scale,
         diameter=scattered.diameter,
-        height=height,
-        buried_fraction=buried,
+        height=lain.height,
+        buried_fraction=lain.buried,
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
         loose=scattered.loose,
@@ -90,119 +95,116 @@ def rest(
     )
 
 
-class _Ground(NamedTuple):
-    """The ground's grid, placed on the lattice of its site, so that every window has equal bits."""
-
-    elevation: NDArray[np.float32]
-    spacing: float
-    fraction: Array
-    """Where the lattice's nodes lie, east and north, in parts of a cell, shape [2]."""
-    corner: NDArray[np.int64]
-    """Whole cells from the site's origin to the south-western node, shape [2]."""
-
-
 class _Shapes(NamedTuple):
-    """The prototypes' meshes, one after the other."""
+    """What resting needs to know of the prototypes."""
 
-    vertices: Array
-    first_vertex: NDArray[np.int64]
-    edges: NDArray[np.int32]
-    """Sorted within a prototype by `edge_low`."""
-    first_edge: NDArray[np.int64]
-    edge_low: Array
-    """Height of each edge's lower end."""
-    edge_rise: Array
-    """Largest rise of an edge of each prototype."""
-    low: Array
-    """Lowest vertex of each prototype."""
-    high: Array
-    """Highest vertex of each prototype."""
-    width: Array
-    """Exposed diameter of each prototype upright, buried by 0 to `MAX_BURIED` in even steps."""
+    exposure: Exposure
+    """Their exposed diameters."""
+    foot: Array
+    """Points that must be below the ground, shape [prototypes, points, 3]."""
+
+
+class _Rocks(NamedTuple):
+    """Rocks that are to be laid down, columns of `Scattered`."""
+
+    xy: Array
+    yaw: Array
+    buried: Array
+    diameter: Array
+    prototype: NDArray[np.int32]
+
+
+class _Lain(NamedTuple):
+    """How rocks lie."""
+
+    z: Array
+    """Height of the centre of mass [m], shape [rocks]."""
+    quaternion: Array
+    """Rotation, shape [rocks, 4]."""
+    scale: Array
+    """Size in units of the prototype, shape [rocks]."""
+    height: Array
+    """Top above the tangent plane [m], shape [rocks]."""
+    buried: Array
+    """Part of the extent below the tangent plane, shape [rocks]."""
 
 
 def _shapes(library: RockLibrary) -> _Shapes:
-    vertices, pairs, lows, rises, widths = [], [], [], [], []
-    for prototype in library.prototypes:
-        points, lines = prototype.meshes[0].vertices.copy(), edges(prototype.meshes[0])
-        ends = points[lines, 2]
-        order = np.argsort(ends.min(axis=1), kind="stable")
-        vertices.append(points)
-        pairs.append(lines[order])
-        lows.append(ends.min(axis=1)[order])
-        rises.append(np.ptp(ends, axis=1).max())
-        levels = points[:, 2].min() + np.ptp(points[:, 2]) * _BURIALS
-        widths.append([exposed_diameter(points, pairs[-1], _UPRIGHT, _UP, h) for h in levels])
-    return _Shapes(
-        vertices=np.concatenate(vertices),
-        first_vertex=np.cumsum([0, *map(len, vertices)]),
-        edges=np.concatenate(pairs),
-        first_edge=np.cumsum([0, *map(len, pairs)]),
-        edge_low=np.concatenate(lows),
-        edge_rise=np.array(rises),
-        low=np.array([v[:, 2].min() for v in vertices]),
-        high=np.array([v[:, 2].max() for v in vertices]),
-        width=np.array(widths),
-    )
+    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
+    longest = max(map(len, feet))
+    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
+    return _Shapes(exposure(library), np.array(padded))
 
 
-def _upright_diameter(shapes: _Shapes, scattered: Scattered) -> Array:
-    """Exposed diameter that rocks of unit scale would have upright, shape [rocks]."""
-    diameter = np.empty(len(scattered.buried))
-    for prototype, width in enumerate(shapes.width):
-        rows = scattered.prototype == prototype
-        diameter[rows] = np.interp(scattered.buried[rows], _BURIALS, width)
-    return diameter
+def _foot(mesh: Mesh) -> Array:
+    """Where a rock's edges are at the height of its foot, all around it, shape [points, 3]."""
+    vertices, ends = mesh.vertices, mesh.vertices[edges(mesh)]
+    level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
+    ends = ends[(ends[:, 0, 2] < level) != (ends[:, 1, 2] < level)]
+    part = (level - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
+    foot: Array = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
+    return foot
+
+
+def _lay(rocks: _Rocks, shapes: _Shapes, ground: Lattice, deepest: float) -> _Lain:
+    """Lay rocks down; daylight buries none deeper than to a part of its extent."""
+    count = len(rocks.yaw)
+    lain = _Lain(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
+    over_chunks(_lay_some, count, rocks, shapes.exposure, shapes.foot, ground, deepest, lain)
+    return lain
+
+
+def _sink_deeper(
+    lain: _Lain, rocks: _Rocks, library: RockLibrary, shapes: _Shapes, ground: Lattice
+) -> None:
+    """Bury rocks that would still show daylight deeper, where their footprint has room for it.
+
+    Few rocks on the roughest ground need it. They grow, since less of them is exposed.
+    """
+    rows = np.flatnonzero(lain.buried >= MAX_BURIED)
+    short = _Rocks(**{name: column[rows] for name, column in rocks._asdict().items()})
+    deeper = _lay(short, shapes, ground, DEEPEST)
+    supports = {
+        n: footprint(library.prototypes[n].meshes[0])
+        for n in np.unique(rocks.prototype[rows]).tolist()
+    }
+    for n, row in enumerate(rows.tolist()):
+        prototype = library.prototypes[rocks.prototype[row]]
+        turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
+        plan = deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices @ turn.T
+        support = supports[int(rocks.prototype[row])]
+        if fits(plan, yaw=rocks.yaw[row], support=support, reach=prototype.reach):
+            for column, values in zip(lain, deeper, strict=True):
+                column[row] = values[n]
 
 
 @kernel
-def _rest(first, last, rocks, upright_size, shapes, ground, result):  # type: ignore[no-untyped-def]
-    xy, yaw, wanted, diameter, prototype = rocks
-    z, quaternion, scale, height, buried = result
+def _lay_some(first, last, rocks, exposure, foot, ground, deepest, lain):  # type: ignore[no-untyped-def]
+    diameter, prototype = rocks.diameter, rocks.prototype
     for n in range(first, last):
-        p, x, y = prototype[n], xy[n, 0], xy[n, 1]
-        vertices = shapes.vertices[shapes.first_vertex[p] : shapes.first_vertex[p + 1]]
-        low, span = shapes.low[p], shapes.high[p] - shapes.low[p]
+        p, x, y = prototype[n], rocks.xy[n, 0], rocks.xy[n, 1]
+        low, span = exposure.low[p], exposure.span[p]
         plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter[n], ground.spacing))
         upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
-        turn = resting_rotation(-plane[1] * upright, -plane[2] * upright, upright, yaw[n])
+        turn = resting_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[n])
         rotation = rotation_matrix(turn)
-        level = low + wanted[n] * span
-        # The size that the rock would have upright is close enough to tell how far to sink it.
-        size = upright_size[n]
-        waterline = _crossing(shapes, p, level)
-        gap = _gap(ground, vertices, waterline, rotation, size, level, x, y, plane)
-        if gap > 0.0:
-            level = min(level + gap * upright / size, max(low + MAX_BURIED * span, level))
-            waterline = _crossing(shapes, p, level)
-        size = diameter[n] / exposed_diameter(vertices, waterline, rotation, _UP, level)
+        burial = rocks.buried[n]
+        size = diameter[n] / upright_width(exposure, p, low + burial * span)
+        for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
+            needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
+            deeper = min((needed - low) / span, deepest)
+            sinks = deeper > burial + _NEGLIGIBLE
+            burial = max(burial, deeper)
+            level = low + burial * span
+            size = diameter[n] / exposed_width(exposure, p, rotation, level)
+            if not sinks:
+                break
         for k in range(4):
-            quaternion[n, k] = turn[k]
-        scale[n] = size
-        z[n] = plane[0] - level * size / upright
-        height[n] = (low + span - level) * size / upright
-        buried[n] = (level - low) / span
-
-
-@inner
-def _crossing(shapes, p, level):  # type: ignore[no-untyped-def]
-    """Edges of a prototype among which are all that cross a level."""
-    first, last = shapes.first_edge[p], shapes.first_edge[p + 1]
-    deepest = level - (1.0 + 1e-9) * shapes.edge_rise[p]
-    begin = _first_from(shapes.edge_low, first, last, deepest)
-    return shapes.edges[begin : _first_from(shapes.edge_low, begin, last, level)]
-
-
-@inner
-def _first_from(ascending, first, last, value):  # type: ignore[no-untyped-def]
-    """Index of the first number in a range of an ascending array that is not below a value."""
-    while first < last:
-        middle = (first + last) // 2
-        if ascending[middle] < value:
-            first = middle + 1
-        else:
-            last = middle
-    return first
+            lain.quaternion[n, k] = turn[k]
+        lain.scale[n] = size
+        lain.z[n] = plane[0] - level * size / upright
+        lain.height[n] = (low + span - level) * size / upright
+        lain.buried[n] = burial
 
 
 @inner
@@ -215,8 +217,8 @@ def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     mean_x = mean_y = 0.0
     for k in range(_RING_POINTS):
         angle = 2.0 * np.pi * k / _RING_POINTS
-        xs[k], ys[k] = _onto(ground, x + radius * np.cos(angle), y + radius * np.sin(angle))
-        zs[k] = _height(ground, xs[k], ys[k])
+        xs[k], ys[k] = onto(ground, x + radius * np.cos(angle), y + radius * np.sin(angle))
+        zs[k] = height(ground, xs[k], ys[k])
         mean_x, mean_y = mean_x + xs[k], mean_y + ys[k]
     mean_x, mean_y = mean_x / _RING_POINTS, mean_y / _RING_POINTS
     xx = xy = yy = xz = yz = 0.0
@@ -229,51 +231,19 @@ def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     slope_y = (xx * yz - xy * xz) / determinant
     steepness = np.sqrt(slope_x * slope_x + slope_y * slope_y)
     share = min(1.0, np.tan(MAX_TILT) / steepness) if steepness > 0.0 else 1.0
-    return _height(ground, x, y), slope_x * share, slope_y * share
+    return height(ground, x, y), slope_x * share, slope_y * share
 
 
 @inner
-def _gap(ground, vertices, edges, rotation, size, level, x, y, plane):  # type: ignore[no-untyped-def]
-    """How far the ground lies below its tangent plane along the rock's waterline, at most [m]."""
-    gap = 0.0
-    for e in range(len(edges)):
-        a, b = edges[e, 0], edges[e, 1]
-        one, other = vertices[a, 2] - level, vertices[b, 2] - level
-        if (one >= 0.0) == (other >= 0.0):
-            continue
-        part = one / (one - other)
-        u = vertices[a, 0] + part * (vertices[b, 0] - vertices[a, 0])
-        v = vertices[a, 1] + part * (vertices[b, 1] - vertices[a, 1])
-        dx = size * (rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * level)
-        dy = size * (rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * level)
-        east, north = _onto(ground, x + dx, y + dy)
-        wanted = plane[0] + plane[1] * (east - x) + plane[2] * (north - y)
-        gap = max(gap, wanted - _height(ground, east, north))
-    return gap
-
-
-@inner
-def _onto(ground, x, y):  # type: ignore[no-untyped-def]
-    """The nearest point of the grid's rectangle."""
-    rows, columns = ground.elevation.shape
-    west, south = ground.corner[0] + ground.fraction[0], ground.corner[1] + ground.fraction[1]
-    east, north = west + (columns - 1), south + (rows - 1)
-    x, y = max(x, west * ground.spacing), max(y, south * ground.spacing)
-    return min(x, east * ground.spacing), min(y, north * ground.spacing)
-
-
-@inner
-def _height(ground, x, y):  # type: ignore[no-untyped-def]
-    """Height [m] of the triangulated ground, cells cut from south-west to north-east."""
-    elevation = ground.elevation
-    rows, columns = elevation.shape
-    u, v = x / ground.spacing - ground.fraction[0], y / ground.spacing - ground.fraction[1]
-    i = min(max(int(np.floor(u)) - ground.corner[0], 0), columns - 2)
-    j = min(max(int(np.floor(v)) - ground.corner[1], 0), rows - 2)
-    u, v = u - (i + ground.corner[0]), v - (j + ground.corner[1])
-    sw, ne = np.float64(elevation[j, i]), np.float64(elevation[j + 1, i + 1])
-    if u >= v:
-        se = np.float64(elevation[j, i + 1])
-        return sw + u * (se - sw) + v * (ne - se)
-    nw = np.float64(elevation[j + 1, i])
-    return sw + v * (nw - sw) + u * (ne - nw)
+def _covering(ground, foot, rotation, size, x, y, plane, upright):  # type: ignore[no-untyped-def]
+    """The level of a prototype that must come down to the plane for its foot to be covered."""
+    level = -np.inf
+    for n in range(len(foot)):
+        u, v, w = size * foot[n, 0], size * foot[n, 1], size * foot[n, 2]
+        dx = rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w
+        dy = rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w
+        east, north = onto(ground, x + dx, y + dy)
+        gap = plane[0] + plane[1] * (east - x) + plane[2] * (north - y)
+        gap -= height(ground, east, north)
+        level = max(level, foot[n, 2] + gap * upright / size)
+    return level

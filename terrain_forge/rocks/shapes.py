@@ -1,31 +1,36 @@
-"""Rock shapes as a sculptor would make them: a blank cut by planes, chipped, worn and roughened.
+"""Rock shapes as fracture and wear leave them: a blank cut by faces, chipped, worn and roughened.
 
-A blank is star-shaped about its centre. Its surface in the direction d lies at 1 / g(d), where the
-gauge g is the p-norm of what bounds the body: planes (n·d / h each), chips (the *smaller* of two
-planes, which takes away only what lies beyond both and so leaves a ledge) and a sphere. A large
-p leaves fresh edges, a small one worn edges. Noise and pits then act along d, and `axes` stretch
-the whole. Such a body cannot cut itself, whatever is drawn.
-
-A family is one function from a random generator to a `Blank`, entered in `Family` and `FAMILIES`.
+A blank is star-shaped about its centre: it is known by the distance of its surface along each
+direction d, so it cannot cut itself, whatever is drawn. The distance is 1 / g(d), where the gauge g
+is the p-norm of what bounds the body: faces (plane or a little hollow or bulging), ledges (the
+*smaller* of two planes, which takes away only what lies beyond both) and a sphere. A large p
+leaves fresh edges, a small one worn edges. Chipped edges, roughness and gas bubbles then act along
+d, and `axes` stretch the whole.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.random import Generator
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import kernel
+from terrain_forge.kernels import inner, kernel
 from terrain_forge.records import Record
+from terrain_forge.seeds import mix
 
 Array = NDArray[np.float64]
 
-Family = Literal["block", "slab", "cobble", "vesicular"]
-"""Names of the shape families."""
+_COMPONENT = 1.0 / 32768.0
+_PRIMES = (
+    np.uint64(0x9E3779B185EBCA87),
+    np.uint64(0xC2B2AE3D27D4EB4F),
+    np.uint64(0x165667B19E3779F9),
+)
+_EDGE = 0.07  # within this relative difference of two gauges a point is at an edge
+_THINNEST = 0.83  # least part of the blank's distance that bubbles leave
+_OCTAVES = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,28 +39,59 @@ class Blank(Record):
 
     axes: Array
     """Wanted extents a ≥ b ≥ c, their mean 1, shape [3]."""
-    planes: Array
-    """Outward normal over distance, n / h, of the planes that cut the rock, shape [planes, 3]."""
-    chips: Array
-    """Pairs of such planes; what lies beyond both of a pair is gone, shape [chips, 2, 3]."""
+    faces: Array
+    """Outward normal, distance from the centre and curvature (hollow faces positive) of the
+    fracture faces, shape [faces, 5]."""
+    ledges: Array
+    """Pairs of planes, normal over distance; what lies beyond both of a pair is gone, shape
+    [ledges, 2, 3]."""
     sharpness: float
     """Exponent p of the gauge: about 8 for a river cobble, 60 for a fresh fracture."""
     roundness: float
     """Weight of the unit sphere in the gauge: 1 cuts at the half axes, 0 not at all."""
-    waves: Array
-    """Wave vectors [rad per half axis] and phases [rad] of the roughness, shape [waves, 4]."""
-    amplitudes: Array
-    """Amplitude of each wave as a fraction of the radius, shape [waves]."""
-    pits: Array
-    """Unit vector, angular radius [rad] and depth [fraction of the radius], shape [pits, 5]."""
+    chipping: float
+    """Largest depth of the bites along the edges, as a fraction of the radius."""
+    roughness: float
+    """Amplitude of the roughness, as a fraction of the radius."""
+    wavelength: float
+    """Its largest wavelength [half axes]; each of four octaves has half that of the last."""
+    fall: float
+    """Ratio of its amplitudes an octave apart."""
+    steps: float
+    """How far the roughness is broken into steps, 0 to 1."""
+    lumps: float
+    """Amplitude of the clasts that stand out of the surface, as a fraction of the radius."""
+    bubbles: Array
+    """Centre and radius of spheres that are taken away, shape [bubbles, 4]."""
+    key: int
+    """Key of the noise, 64 bits."""
+    vertices: int
+    """Vertices of the finest mesh."""
 
     def __post_init__(self) -> None:
         self.freeze("axes", np.float64, (3,))
-        self.freeze("planes", np.float64, ("planes", 3))
-        self.freeze("chips", np.float64, ("chips", 2, 3))
-        self.freeze("waves", np.float64, ("waves", 4))
-        self.freeze("amplitudes", np.float64, (len(self.waves),))
-        self.freeze("pits", np.float64, ("pits", 5))
+        self.freeze("faces", np.float64, ("faces", 5))
+        self.freeze("ledges", np.float64, ("ledges", 2, 3))
+        self.freeze("bubbles", np.float64, ("bubbles", 4))
+
+
+def radii(blank: Blank, directions: Array) -> Array:
+    """Distance of the surface from the centre along unit `directions` [half axes], shape [n]."""
+    surface = np.array(
+        [
+            blank.sharpness,
+            blank.roundness,
+            blank.chipping,
+            blank.roughness,
+            blank.wavelength,
+            blank.fall,
+            blank.steps,
+            blank.lumps,
+        ]
+    )
+    arrays = (blank.faces.copy(), blank.ledges.copy(), blank.bubbles.copy())
+    result: Array = _radii(np.array(directions, order="C"), *arrays, surface, np.uint64(blank.key))
+    return result
 
 
 def projections(points: Array, axes: Array) -> Array:
@@ -74,186 +110,160 @@ def _project(points, axes):  # type: ignore[no-untyped-def]
     return result
 
 
-def convex_gauge(blank: Blank, directions: Array) -> Array:
-    """Gauge of the convex part of the blank (no chips, no roughness) along unit `directions`.
-
-    Args:
-        blank: The rock to be.
-        directions: Unit vectors in units of the half axes, shape [n, 3].
-
-    Returns:
-        1 / distance of the surface from the centre [1 / half axis], shape [n].
-    """
-    terms = projections(directions, blank.planes)
-    return _norm(np.maximum(terms, 0.0), blank.roundness, blank.sharpness)
-
-
-def radii(blank: Blank, directions: Array) -> Array:
-    """Distance of the surface from the centre along unit `directions` [half axes], shape [n]."""
-    planes = projections(directions, blank.planes)
-    one, other = (projections(directions, blank.chips[:, side]) for side in (0, 1))
-    terms = np.maximum(np.concatenate([planes, np.minimum(one, other)], axis=1), 0.0)
-    distance = 1.0 / _norm(terms, blank.roundness, blank.sharpness)
-    relief = _roughness(blank, directions * distance[:, None]) - _pits(blank, directions)
-    result: Array = distance * (1.0 + relief)
+@kernel
+def _radii(directions, faces, ledges, bubbles, surface, key):  # type: ignore[no-untyped-def]
+    sharpness, roundness, chipping, roughness, wavelength, fall, steps, lumps = surface
+    gauges = np.empty(len(faces) + len(ledges) + 1)
+    result = np.empty(len(directions))
+    for n in range(len(directions)):
+        x, y, z = directions[n, 0], directions[n, 1], directions[n, 2]
+        _face_gauges(faces, x, y, z, gauges)
+        for k in range(len(ledges)):
+            one, other = ledges[k, 0], ledges[k, 1]
+            first = one[0] * x + one[1] * y + one[2] * z
+            second = other[0] * x + other[1] * y + other[2] * z
+            gauges[len(faces) + k] = max(0.0, min(first, second))
+        gauges[-1] = roundness
+        worn = sharpness * 2.0 ** (1.5 * _noise(key, 1.3 * x, 1.3 * y, 1.3 * z))
+        gauge, edge = _blend(gauges, worn)
+        radius = 1.0 / gauge
+        x, y, z = x * radius, y * radius, z * radius
+        relief = roughness * _rough(
+            key, x / wavelength, y / wavelength, z / wavelength, fall, steps
+        )
+        if chipping > 0.0:
+            bite = _noise(key + np.uint64(77), 3.1 * x, 3.1 * y, 3.1 * z)
+            bite += 0.4 * _noise(key + np.uint64(78), 7.3 * x, 7.3 * y, 7.3 * z)
+            relief -= chipping * edge * min(1.0, max(0.0, 2.5 * (bite + 0.1)))
+        if lumps > 0.0:
+            relief += lumps * _clasts(key, 2.6 * x, 2.6 * y, 2.6 * z)
+        x, y, z = directions[n, 0], directions[n, 1], directions[n, 2]
+        result[n] = _open_bubbles(bubbles, x, y, z, radius * (1.0 + relief))
     return result
 
 
-def _norm(terms: Array, constant: float, sharpness: float) -> Array:
-    """The p-norm of terms and constant, scaled by the largest so that no power overflows."""
-    largest = np.maximum(terms.max(axis=1), constant)
-    total = ((terms / largest[:, None]) ** sharpness).sum(axis=1)
-    total += (constant / largest) ** sharpness
-    result: Array = largest * total ** (1.0 / sharpness)
-    return result
+@inner
+def _face_gauges(faces, x, y, z, gauges):  # type: ignore[no-untyped-def]
+    """Gauge of each face: that of the paraboloid n·p = h + κ/2 |p - (n·p) n|²."""
+    for k in range(len(faces)):
+        along = faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z
+        distance, curvature = faces[k, 3], faces[k, 4]
+        square = along * along - 2.0 * curvature * distance * (1.0 - along * along)
+        gauges[k] = 0.0
+        if square >= 0.0 and (along > 0.0 or curvature < 0.0):
+            gauges[k] = (along + np.sqrt(square)) / (2.0 * distance)
 
 
-def _roughness(blank: Blank, points: Array) -> Array:
-    phases = projections(points, blank.waves[:, :3]) + blank.waves[:, 3]
-    result: Array = np.einsum("ik,k->i", np.sin(phases), blank.amplitudes)
-    return result
+@inner
+def _blend(gauges, sharpness):  # type: ignore[no-untyped-def]
+    """The p-norm of the gauges, and how near the two largest are to each other, 0 to 1."""
+    largest = second = 0.0
+    for k in range(len(gauges)):
+        if gauges[k] > largest:
+            second, largest = largest, gauges[k]
+        elif gauges[k] > second:
+            second = gauges[k]
+    total = 0.0
+    for k in range(len(gauges)):
+        if gauges[k] > 0.0:
+            total += (gauges[k] / largest) ** sharpness
+    edge = max(0.0, 1.0 - (largest - second) / (_EDGE * largest))
+    return largest * total ** (1.0 / sharpness), edge
 
 
-def _pits(blank: Blank, directions: Array) -> Array:
-    """Depth of the deepest bowl at each direction."""
-    if not len(blank.pits):
-        return np.zeros(len(directions))
-    cosines = projections(directions, blank.pits[:, :3])
-    beyond = (1.0 - cosines) / (1.0 - np.cos(blank.pits[:, 3]))
-    bowls = np.maximum(1.0 - beyond, 0.0) * blank.pits[:, 4]
-    result: Array = bowls.max(axis=1)
-    return result
+@inner
+def _rough(key, x, y, z, fall, steps):  # type: ignore[no-untyped-def]
+    """Noise of four octaves, about -1 to 1, the coarser ones partly broken into steps."""
+    total, weight, scale = 0.0, 1.0, 1.0
+    for octave in range(_OCTAVES):
+        value = 1.6 * _noise(mix(key, np.uint64(octave)), scale * x, scale * y, scale * z)
+        if octave < 2:
+            level = np.floor(3.0 * value)
+            part = 3.0 * value - level
+            part = min(1.0, max(0.0, (part - 0.38) / 0.24))
+            value += steps * ((level + part) / 3.0 - value)
+        total += weight * value
+        weight, scale = weight * fall, scale * 2.03
+    return total
 
 
-def block(random: Generator) -> Blank:
-    """An angular block: three joint sets, fracture planes across its corners, edges hardly worn."""
-    faces = np.concatenate([_joints(random, tilt=0.17), _fractures(random, count=9, nearest=1.0)])
-    return Blank(
-        axes=_axes(random, flatness=(0.55, 0.12)),
-        planes=faces,
-        chips=_chips(random, faces[:6], faces[:6], count=2, depth=(0.10, 0.24)),
-        sharpness=random.uniform(30.0, 70.0),
-        roundness=0.0,
-        **_rough(random, amplitude=0.016),
-        pits=np.empty((0, 5)),
-    )
+@inner
+def _corner(key, i, j, k, x, y, z):  # type: ignore[no-untyped-def]
+    a, b, c = _PRIMES
+    hashed = mix(key, np.uint64(i) * a + np.uint64(j) * b + np.uint64(k) * c)
+    u = np.float64(hashed & np.uint64(0xFFFF)) * _COMPONENT - 1.0
+    v = np.float64((hashed >> np.uint64(16)) & np.uint64(0xFFFF)) * _COMPONENT - 1.0
+    w = np.float64((hashed >> np.uint64(32)) & np.uint64(0xFFFF)) * _COMPONENT - 1.0
+    return u * x + v * y + w * z
 
 
-def slab(random: Generator) -> Blank:
-    """A flat piece of layered rock: two bedding planes, steep sides, ledges of broken layers."""
-    bedding = _unit(np.array([[0, 0, 1], [0, 0, -1]]) + random.normal(0, 0.05, (2, 3)))
-    count = int(random.integers(6, 9))
-    azimuth = 2 * np.pi * (np.arange(count) + random.uniform(-0.35, 0.35, count)) / count
-    dip = random.normal(0.0, 0.12, count)
-    sides = _unit(np.stack([np.cos(azimuth), np.sin(azimuth), dip], axis=1))
-    sides = sides / random.uniform(0.86, 1.1, (count, 1))
-    ledges = _chips(random, bedding, sides, count=3, depth=(0.1, 0.3))
-    return Blank(
-        axes=_axes(random, flatness=(0.30, 0.05)),
-        planes=np.concatenate([bedding, sides, _fractures(random, count=4, nearest=1.1)]),
-        chips=ledges,
-        sharpness=random.uniform(35.0, 70.0),
-        roundness=0.0,
-        **_rough(random, amplitude=0.013),
-        pits=np.empty((0, 5)),
-    )
+@inner
+def _noise(key, x, y, z):  # type: ignore[no-untyped-def]
+    """Gradient noise of a unit lattice, about -0.6 to 0.6."""
+    i, j, k = np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z))
+    x, y, z = x - i, y - j, z - k
+    u = x * x * x * (x * (x * 6.0 - 15.0) + 10.0)
+    v = y * y * y * (y * (y * 6.0 - 15.0) + 10.0)
+    w = z * z * z * (z * (z * 6.0 - 15.0) + 10.0)
+    value = 0.0
+    for corner in range(8):
+        a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
+        weight = (u if a else 1.0 - u) * (v if b else 1.0 - v) * (w if c else 1.0 - w)
+        value += weight * _corner(key, i + a, j + b, k + c, x - a, y - b, z - c)
+    return value
 
 
-def cobble(random: Generator) -> Blank:
-    """A rounded cobble: an ellipsoid with a few old faces, worn smooth."""
-    return Blank(
-        axes=_axes(random, flatness=(0.58, 0.10)),
-        planes=_fractures(random, count=12, nearest=0.72),
-        chips=np.empty((0, 2, 3)),
-        sharpness=random.uniform(12.0, 22.0),
-        roundness=0.95,
-        **_rough(random, amplitude=0.02, fall=0.4),
-        pits=np.empty((0, 5)),
-    )
+@inner
+def _clasts(key, x, y, z):  # type: ignore[no-untyped-def]
+    """Clasts set in a matrix: one in most cells of a unit lattice, 0 to 1 where they stand out."""
+    i, j, k = np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z))
+    highest = 0.0
+    for a in range(-1, 2):
+        for b in range(-1, 2):
+            for c in range(-1, 2):
+                p, q, r = _PRIMES
+                cell = np.uint64(i + a) * p + np.uint64(j + b) * q + np.uint64(k + c) * r
+                hashed = mix(key + np.uint64(99), cell)
+                s = np.float64(hashed & np.uint64(0xFFFF)) * 0.5 * _COMPONENT
+                t = np.float64((hashed >> np.uint64(16)) & np.uint64(0xFFFF)) * 0.5 * _COMPONENT
+                u = np.float64((hashed >> np.uint64(32)) & np.uint64(0xFFFF)) * 0.5 * _COMPONENT
+                size = 0.25 + 0.5 * np.float64(hashed >> np.uint64(48)) * 0.5 * _COMPONENT
+                # The angular clast's own distance: a mean of the cube's and the sphere's.
+                dx, dy, dz = abs(i + a + s - x), abs(j + b + t - y), abs(k + c + u - z)
+                away = 0.5 * max(dx, max(dy, dz)) + 0.5 * np.sqrt(dx * dx + dy * dy + dz * dz)
+                highest = max(highest, min(1.0, 3.0 * (1.0 - away / size)))
+    return highest
 
 
-def vesicular(random: Generator) -> Blank:
-    """Vesicular basalt: a subangular block whose surface cuts through old gas bubbles."""
-    faces = np.concatenate([_joints(random, tilt=0.35), _fractures(random, count=10, nearest=0.9)])
-    count = int(random.integers(30, 50))
-    pits = np.column_stack(
-        [
-            _unit(random.normal(size=(count, 3))),
-            np.exp(random.uniform(np.log(0.09), np.log(0.26), count)),
-            np.zeros(count),
-        ]
-    )
-    pits[:, 4] = pits[:, 3] * random.uniform(0.35, 0.6, count)
-    return Blank(
-        axes=_axes(random, flatness=(0.60, 0.10)),
-        planes=faces,
-        chips=np.empty((0, 2, 3)),
-        sharpness=random.uniform(16.0, 30.0),
-        roundness=0.8,
-        **_rough(random, amplitude=0.012),
-        pits=pits,
-    )
+@inner
+def _open_bubbles(bubbles, x, y, z, radius):  # type: ignore[no-untyped-def]
+    """The distance along a direction after the bubbles that the surface cuts have been opened."""
+    opened = radius
+    for k in range(len(bubbles)):
+        along = bubbles[k, 0] * x + bubbles[k, 1] * y + bubbles[k, 2] * z
+        square = bubbles[k, 0] ** 2 + bubbles[k, 1] ** 2 + bubbles[k, 2] ** 2
+        half = bubbles[k, 3] ** 2 - square + along * along
+        if along > 0.0 and half > 0.0:
+            half = np.sqrt(half)
+            if along + half >= radius:
+                opened = min(opened, max(along - half, _THINNEST * radius))
+    return opened
 
 
-FAMILIES: dict[Family, Callable[[Generator], Blank]] = {
-    "block": block,
-    "slab": slab,
-    "cobble": cobble,
-    "vesicular": vesicular,
-}
-"""The shape families by the name that a recipe uses."""
-
-
-def _axes(random: Generator, *, flatness: tuple[float, float]) -> Array:
-    """Extents a ≥ b ≥ c of mean 1: b/a ~ N(0.8, 0.1), c/a ~ N(flatness), clipped.
-
-    Fragments of impact experiments have a : b : c near 2 : √2 : 1 (Fujiwara, Kamimoto & Tsukamoto
-    1978, doi:10.1038/272602a0).
-    """
-    breadth = float(np.clip(random.normal(0.8, 0.1), 0.5, 1.0))
-    height = float(np.clip(random.normal(*flatness), 0.2, breadth))
-    axes = np.array([1.0, breadth, height])
-    result: Array = axes / axes.mean()
-    return result
-
-
-def _unit(vectors: Array) -> Array:
-    result: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return result
-
-
-def _joints(random: Generator, *, tilt: float) -> Array:
-    """Both sides of three joint sets that are square to each other but for `tilt` (rms, rad)."""
-    square = np.concatenate([np.eye(3), -np.eye(3)])
-    return _unit(square + random.normal(0, tilt, (6, 3))) / random.uniform(0.85, 1.1, (6, 1))
-
-
-def _fractures(random: Generator, *, count: int, nearest: float) -> Array:
-    """Planes of any direction that cut corners and edges, `nearest` or a little farther out."""
-    normals = _unit(random.normal(size=(count, 3)))
-    return normals / random.uniform(nearest, nearest + 0.35, (count, 1))
-
-
-def _chips(
-    random: Generator, ones: Array, others: Array, *, count: int, depth: tuple[float, float]
-) -> Array:
-    """Ledges where one of `ones` meets one of `others`, both pushed in by a share of `depth`."""
-    cosines = projections(_unit(ones), _unit(others))
-    first, second = np.nonzero(np.abs(cosines) < 0.5)
-    chosen = random.permutation(len(first))[:count]
-    pairs = np.stack([ones[first[chosen]], others[second[chosen]]], axis=1)
-    return pairs / (1.0 - random.uniform(*depth, (len(pairs), 2, 1)))
-
-
-def _rough(random: Generator, *, amplitude: float, fall: float = 0.65) -> dict[str, Any]:
-    """Coherent roughness of rms `amplitude`: waves of random direction in three octaves.
-
-    Wavelengths from 1.7 half axes down to 0.2; `fall` is the ratio of amplitudes an octave apart.
-    """
-    octave = np.repeat(np.arange(3), 8)
-    number = 2 * np.pi * 0.6 * 2.0 ** (octave + random.uniform(0, 1, len(octave)))
-    vectors = _unit(random.normal(size=(len(octave), 3))) * number[:, None]
-    waves = np.column_stack([vectors, random.uniform(0, 2 * np.pi, len(octave))])
-    weights = fall**octave
-    weights *= amplitude / np.sqrt(0.5 * (weights**2).sum())
-    return {"waves": waves, "amplitudes": weights}
+def blank_of(axes: Array, faces: Array, **surface: Any) -> Blank:
+    """A blank with the given faces and, where nothing else is said, a bare sharp surface."""
+    bare: dict[str, Any] = {
+        "ledges": np.empty((0, 2, 3)),
+        "sharpness": 60.0,
+        "roundness": 0.0,
+        "chipping": 0.0,
+        "roughness": 0.0,
+        "wavelength": 1.0,
+        "fall": 0.5,
+        "steps": 0.0,
+        "lumps": 0.0,
+        "bubbles": np.empty((0, 4)),
+        "key": 0,
+        "vertices": 642,
+    }
+    return Blank(axes=axes, faces=faces, **(bare | surface))

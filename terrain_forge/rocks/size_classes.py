@@ -1,4 +1,4 @@
-"""Size classes: the octaves of diameter in which rocks are scattered, and their cells."""
+"""Size classes: the octaves of diameter in which a population's rocks are scattered."""
 
 from __future__ import annotations
 
@@ -8,24 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.errors import RecipeError
-from terrain_forge.rocks.placement import cell_counts
+from terrain_forge.rocks import clusters
+from terrain_forge.rocks.addresses import cell_counts
+from terrain_forge.rocks.arrangement import Clustered
+from terrain_forge.rocks.cells import Cells, divide
+from terrain_forge.rocks.clusters import Parents
+from terrain_forge.rocks.intensity import Intensity, crater_bounds
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
 from terrain_forge.seeds import mix, stage_key
 from terrain_forge.site import Site
 from terrain_forge.world import RockLibrary
 
-Rectangle = tuple[float, float, float, float]
-"""West, south, east, north [m]."""
+Array = NDArray[np.float64]
 
-_ROCKS_PER_CELL = 40.0
-_DIAMETERS_PER_CELL = 40.0
+LOOSE_ROOM = 1.25
+"""Room that a loose rock is given, over what it needs at rest: it is yet to settle on the ground,
+and no neighbour may hold it."""
+
 _MAX_ROCKS_PER_CELL = 500.0
-_COLOURS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class SizeClass:
-    """One octave of diameter of one population, and the cells that divide the site for it."""
+    """One octave of diameter of one population."""
 
     population: int
     """Index of the population."""
@@ -35,157 +40,155 @@ class SizeClass:
     """Smallest diameter [m]."""
     largest: float
     """Largest diameter [m]."""
-    radius: float
-    """Radius [m] of the largest rock's circle."""
-    columns: int
-    """Cells of the site from west to east."""
-    rows: int
-    """Cells of the site from south to north."""
-    side: tuple[float, float]
-    """Size of a cell, east and north [m]."""
-    split: int
-    """Bins that a cell is cut into each way, of about one rock each."""
+    cells: Cells
+    """The cells in which its rocks are placed."""
+    bounds: Array | None
+    """How much denser than the law the rocks are drawn in each cell, shape [rows, columns]; None
+    for 1 everywhere."""
+    parents: Parents | None
+    """The clusters that the rocks belong to, if any."""
     counts: NDArray[np.int64]
-    """Rocks in each cell of the site, shape [rows, columns]."""
-    first_id: NDArray[np.int64]
-    """Id of each cell's first rock, shape [rows, columns]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Region:
-    """A rectangle of the cells of a class."""
-
-    column: int
-    """First cell, from the west."""
-    row: int
-    """First cell, from the south."""
-    columns: int
-    """Cells from west to east."""
-    rows: int
-    """Cells from south to north."""
-
-    def cut(self, grid: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The region's part of a grid of all cells, shape [rows, columns]."""
-        return grid[self.row : self.row + self.rows, self.column : self.column + self.columns]
-
-    def rectangle(self, size_class: SizeClass, site: Site) -> Rectangle:
-        """The ground that the cells cover [m]."""
-        width, depth = size_class.side
-        west, south = site.west + self.column * width, site.south + self.row * depth
-        return west, south, west + self.columns * width, south + self.rows * depth
+    """Rocks that are drawn in each cell, shape [rows, columns], or for each parent."""
+    first_id: int
+    """Id of the first rock; ids go on cell by cell or parent by parent."""
 
 
 def size_classes(
-    *, site: Site, populations: tuple[PopulationSpec, ...], library: RockLibrary
+    *,
+    site: Site,
+    populations: tuple[PopulationSpec, ...],
+    library: RockLibrary,
+    intensity: Intensity,
 ) -> list[SizeClass]:
     """The size classes of all populations, in the order in which they are placed: largest first.
 
     Raises:
         RecipeError: if a population is too dense to be placed without overlap, or too numerous.
     """
-    reach = max(prototype.reach for prototype in library.prototypes)
     found = []
     for index, population in enumerate(populations):
-        found += _octaves(site, population, index, reach)
+        found += _octaves(site, population, index, library, intensity)
     return sorted(found, key=lambda c: (-c.largest, c.population, -c.smallest))
 
 
-def _octaves(site: Site, population: PopulationSpec, index: int, reach: float) -> list[SizeClass]:
-    """The classes of one population, smallest first."""
-    law = population.size_frequency
-    low, last = population.diameter_range(site.size[0] * site.size[1])
-    key = stage_key(site.seed, f"rocks/{population.name}")
-    next_id, octave, classes = index * MAX_ROCKS, 0, []
-    while low < last:
-        high = min(2.0 * low, last)
-        density = float(law.cumulative_number(low) - law.cumulative_number(high))
-        columns, rows = _divide(site, density, high, reach)
-        side = site.size[0] / columns, site.size[1] / rows
-        mean = density * side[0] * side[1]
-        if mean > _MAX_ROCKS_PER_CELL:
+def shapes_of(
+    families: tuple[str, ...] | None, library: RockLibrary, where: tuple[str | int, ...]
+) -> NDArray[np.int64]:
+    """Indices of the library's shapes that belong to some families, or of all of them.
+
+    Raises:
+        RecipeError: if the library has no shape of a family.
+    """
+    there = [prototype.family for prototype in library.prototypes]
+    for family in families or ():
+        if family not in there:
             raise RecipeError(
-                f"{population.name}: {density:.3g} rocks of {low:.3g} to {high:.3g} m on a square "
-                "metre: so many cannot be packed without overlap",
-                key=("rocks", "populations", index),
+                f"the library has no shape of the family {family!r}, it has: "
+                f"{', '.join(dict.fromkeys(there))}",
+                key=(*where, "families"),
             )
-        class_key = np.uint64(mix(key, octave))
-        counts = cell_counts(class_key, columns, rows, mean)
-        ids = next_id + np.cumsum(counts.ravel())
-        classes.append(
+    chosen = np.array([families is None or family in families for family in there])
+    return np.flatnonzero(chosen)
+
+
+def is_loose(population: PopulationSpec, diameter: Array) -> NDArray[np.bool_]:
+    """Which diameters [m] are those of loose rocks."""
+    smallest, largest = population.loose_m or (np.inf, np.inf)
+    loose: NDArray[np.bool_] = (diameter >= smallest) & (diameter <= largest)
+    return loose
+
+
+def _octaves(
+    site: Site,
+    population: PopulationSpec,
+    index: int,
+    library: RockLibrary,
+    intensity: Intensity,
+) -> list[SizeClass]:
+    """The classes of one population, smallest first."""
+    where = ("rocks", "populations", index)
+    shapes = shapes_of(population.families, library, where)
+    reach = max(library.prototypes[shape].reach for shape in shapes)
+    low, last = population.diameter_range(site.size[0] * site.size[1])
+    last = min(last, intensity.largest_rock(index))
+    key = stage_key(site.seed, f"rocks/{population.name}")
+    parents = None
+    if isinstance(population.arrangement, Clustered):
+        parents = clusters.parents(population.arrangement, site=site, key=key, where=where)
+    next_id = index * MAX_ROCKS
+    found: list[SizeClass] = []
+    while low < last:
+        sizes = low, min(2.0 * low, last)
+        cells = _cells(site, population, sizes, reach, local=intensity.thins(index))
+        bounds = None
+        if intensity.around[index]:
+            bounds = crater_bounds(intensity, index, low, cells.columns, cells.rows)
+        class_key = np.uint64(mix(key, len(found)))
+        counts = _counts(population, sizes, class_key, cells, bounds, parents, where)
+        found.append(
             SizeClass(
                 population=index,
                 key=class_key,
-                smallest=low,
-                largest=high,
-                radius=reach * high,
-                columns=columns,
-                rows=rows,
-                side=side,
-                split=max(int(mean**0.5), 1),
+                smallest=sizes[0],
+                largest=sizes[1],
+                cells=cells,
+                bounds=bounds,
+                parents=parents,
                 counts=counts,
-                first_id=ids.reshape(counts.shape) - counts,
+                first_id=next_id,
             )
         )
-        next_id, low, octave = int(ids[-1]), high, octave + 1
+        next_id, low = next_id + int(counts.sum()), sizes[1]
     if next_id > (index + 1) * MAX_ROCKS:
         raise RecipeError(
             f"{population.name}: {next_id - index * MAX_ROCKS} rocks, at most {MAX_ROCKS}: "
             "raise the smallest diameter",
-            key=("rocks", "populations", index),
+            key=where,
         )
-    return classes
+    return found
 
 
-def _divide(site: Site, density: float, diameter: float, reach: float) -> tuple[int, int]:
-    """Columns and rows of cells for a density [1/m²] of rocks up to a diameter [m].
-
-    A cell must be wider than two rocks, so that cells of one colour are independent. It is large
-    enough for its rocks to find room in it, even where larger rocks crowd it, and no larger, so
-    that a window depends on little around it.
-    """
-    roomy = _DIAMETERS_PER_CELL * diameter
-    if density * roomy**2 > _ROCKS_PER_CELL:
-        roomy = (_ROCKS_PER_CELL / density) ** 0.5
-    side = max(roomy, 4.0 * reach * diameter)
-    columns, rows = (max(int(length / side), 1) for length in site.size)
-    return columns, rows
-
-
-def regions(classes: list[SizeClass], window: Rectangle, site: Site) -> list[Region]:
-    """The cells of each class that the rocks of a window [m] depend on.
-
-    From the smallest class to the largest: what can reach into the window, or into the cells that
-    smaller classes need, and around it three more rings of cells, since a cell of the last colour
-    depends on its neighbours of the third, these on theirs of the second, these on the first.
-    """
-    found: list[Region] = []
-    needed: list[tuple[Rectangle, float]] = [(window, 0.0)]
-    for size_class in reversed(classes):
-        grown = [_grow(area, radius + size_class.radius) for area, radius in needed]
-        lows, highs = np.min(grown, axis=0)[:2], np.max(grown, axis=0)[2:]
-        region = _cells(size_class, (*lows, *highs), site)
-        found.append(region)
-        needed.append((region.rectangle(size_class, site), size_class.radius))
-    return found[::-1]
-
-
-def _grow(area: Rectangle, margin: float) -> Rectangle:
-    west, south, east, north = area
-    return west - margin, south - margin, east + margin, north + margin
-
-
-def _cells(size_class: SizeClass, area: Rectangle, site: Site) -> Region:
-    """The cells that touch an area, and three rings around, as far as the site goes."""
-    rings = _COLOURS - 1
-    first, last = [], []
-    for axis, count in enumerate((size_class.columns, size_class.rows)):
-        edge = (site.west, site.south)[axis]
-        low, high = ((area[axis + n] - edge) / size_class.side[axis] for n in (0, 2))
-        first.append(int(np.clip(np.floor(low) - rings, 0, count - 1)))
-        last.append(int(np.clip(np.floor(high) + rings, 0, count - 1)))
-    return Region(
-        column=first[0],
-        row=first[1],
-        columns=last[0] - first[0] + 1,
-        rows=last[1] - first[1] + 1,
+def _cells(
+    site: Site, population: PopulationSpec, sizes: tuple[float, float], reach: float, *, local: bool
+) -> Cells:
+    low, high = sizes
+    loose_low, loose_high = population.loose_m or (np.inf, np.inf)
+    room = LOOSE_ROOM if loose_low <= high and loose_high >= low else 1.0
+    return divide(
+        site,
+        density=_density(population, sizes),
+        diameter=high,
+        radius=reach * high * room,
+        local=local or isinstance(population.arrangement, Clustered),
     )
+
+
+def _counts(
+    population: PopulationSpec,
+    sizes: tuple[float, float],
+    key: np.uint64,
+    cells: Cells,
+    bounds: Array | None,
+    parents: Parents | None,
+    where: tuple[str | int, ...],
+) -> NDArray[np.int64]:
+    """Poisson numbers of rocks of a class in each cell, or of each parent."""
+    density, arrangement = _density(population, sizes), population.arrangement
+    most = density * (1.0 if bounds is None else float(bounds.max()))
+    if most * cells.area > _MAX_ROCKS_PER_CELL:
+        raise RecipeError(
+            f"{population.name}: {most:.3g} rocks of {sizes[0]:.3g} to {sizes[1]:.3g} m on a "
+            "square metre: so many cannot be packed without overlap",
+            key=where,
+        )
+    if parents is not None and isinstance(arrangement, Clustered):
+        return clusters.numbers(parents, key=key, mean=density / arrangement.clusters_per_m2)
+    means = np.full((cells.rows, cells.columns), density * cells.side[0] * cells.side[1])
+    counts: NDArray[np.int64] = cell_counts(key, means if bounds is None else means * bounds)
+    return counts
+
+
+def _density(population: PopulationSpec, sizes: tuple[float, float]) -> float:
+    """Rocks between two diameters [m] on a square metre, by the law [1/m²]."""
+    law = population.size_frequency
+    return float(law.cumulative_number(sizes[0]) - law.cumulative_number(sizes[1]))

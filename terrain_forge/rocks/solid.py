@@ -29,6 +29,12 @@ class MassProperties(Record):
         self.freeze("inertia", np.float64, (3, 3))
 
 
+def signed_volume(mesh: Mesh) -> float:
+    """Volume of a closed mesh [m³]; negative where the faces point inward."""
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6.0)
+
+
 def mass_properties(mesh: Mesh) -> MassProperties:
     """Integrate over the signed tetrahedra between the origin and each face of a closed mesh.
 

@@ -1,0 +1,139 @@
+"""Rock libraries kept on disk, so that a second build, or another world, need not make them again.
+
+The folder is `terrain-forge` in the user's cache folder (XDG_CACHE_HOME, ~/.cache); the environment
+variable TERRAIN_FORGE_CACHE names another one, or `off`. It can be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import tempfile
+import zlib
+from dataclasses import asdict
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from logging import getLogger
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.records import from_plain, to_plain
+from terrain_forge.rocks.library import LibrarySpec, make_library
+from terrain_forge.site import BroughtMesh
+from terrain_forge.world import RockLibrary
+
+logger = getLogger(__name__)
+
+MOST_FILES = 64
+"""Libraries that are kept; the oldest go first."""
+
+_VARIABLE = "TERRAIN_FORGE_CACHE"
+_MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
+_BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
+
+
+def find_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) -> RockLibrary:
+    """The library that `make_library` makes, to the bit, from the cache where it holds it.
+
+    A cache that cannot be read or written is only logged: the library is then made.
+
+    Args:
+        spec: What is wanted.
+        brought: The user's own shapes, by the paths that the spec names.
+
+    Raises:
+        RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return make_library(spec, brought=brought)
+    file = folder / f"rocks-{library_key(spec, brought)}.npz"
+    library = _read(file)
+    if library is None:
+        library = make_library(spec, brought=brought)
+        _write(file, library)
+    return library
+
+
+def cache_folder() -> Path | None:
+    """Where libraries are kept; None where they are not."""
+    chosen = os.environ.get(_VARIABLE)
+    if chosen is not None:
+        return None if chosen in ("", "off") else Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    try:
+        return Path(base or Path.home() / ".cache") / "terrain-forge"
+    except RuntimeError:  # nobody's home
+        return None
+
+
+def library_key(spec: LibrarySpec, brought: tuple[BroughtMesh, ...]) -> str:
+    """SHA-256 of all that a library follows from, hexadecimal: wishes, meshes, code, packages."""
+    wishes = json.dumps(asdict(spec), sort_keys=True)
+    digest = sha256(f"{wishes}\n{_origin()}".encode())
+    for own in brought:
+        digest.update(f"{own.path}\n{len(own.mesh.vertices)}\n".encode())
+        digest.update(own.mesh.vertices.tobytes())
+        digest.update(own.mesh.faces.tobytes())
+    return digest.hexdigest()
+
+
+@cache
+def _origin() -> str:
+    """The code that makes libraries, and what it runs on."""
+    home = Path(__file__).parent
+    sources = [*sorted(home.glob("*.py")), *(home.with_name(f"{n}.py") for n in ("mesh", "seeds"))]
+    code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+    return "\n".join([code, platform.machine(), *(f"{n} {_version(n)}" for n in _MAKERS)])
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
+
+
+def _read(file: Path) -> RockLibrary | None:
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        plain = json.loads(arrays.pop("plain").tobytes())
+        library = from_plain(plain["library"], arrays)
+        if isinstance(library, RockLibrary) and library.content_hash == plain["content_hash"]:
+            return library
+    except FileNotFoundError:
+        return None
+    except _BROKEN as error:
+        logger.info("rock cache: %s cannot be read (%s)", file, error)
+        return None
+    logger.info("rock cache: %s does not hold what it should", file)
+    return None
+
+
+def _write(file: Path, library: RockLibrary) -> None:
+    """Keep a library; readers see all of the file or none of it."""
+    arrays: dict[str, NDArray[Any]] = {}
+    plain = {"library": to_plain(library, arrays, "library"), "content_hash": library.content_hash}
+    text = np.frombuffer(json.dumps(plain).encode(), dtype=np.uint8)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=file.parent, prefix="new-") as folder:
+            new = Path(folder) / file.name
+            np.savez(new, allow_pickle=False, plain=text, **arrays)  # type: ignore[arg-type]
+            new.replace(file)
+        _drop_oldest(file.parent)
+    except OSError as error:
+        logger.info("rock cache: %s cannot be written (%s)", file, error)
+
+
+def _drop_oldest(folder: Path) -> None:
+    files = sorted(folder.glob("rocks-*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
+    for file in files[MOST_FILES:]:
+        file.unlink(missing_ok=True)

@@ -1,0 +1,137 @@
+"""Cells: how a class of rocks divides the site, and which of them a window depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.site import Site
+
+Rectangle = tuple[float, float, float, float]
+"""West, south, east, north [m]."""
+
+_ROCKS_PER_CELL = 40.0
+_DIAMETERS_PER_CELL = 40.0
+_COLOURS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cells:
+    """The cells that divide the site for a class of rocks."""
+
+    radius: float
+    """Radius [m] of the largest rock's circle."""
+    columns: int
+    """Cells of the site from west to east."""
+    rows: int
+    """Cells of the site from south to north."""
+    side: tuple[float, float]
+    """Size of a cell, east and north [m]."""
+    split: int
+    """Bins that a cell is cut into each way, of about one rock each."""
+    listed: bool = False
+    """Whether its rocks are the user's own, which lie where they are."""
+    local: bool = False
+    """Whether a rock without room looks for it around its first place, not all over its cell."""
+
+    @property
+    def area(self) -> float:
+        """Area of a cell [m²]."""
+        return self.side[0] * self.side[1]
+
+    def of(self, xy: NDArray[np.float64], site: Site) -> NDArray[np.int64]:
+        """Column and row of the cells that hold places on the site [m], shape [places, 2]."""
+        found = np.floor((xy - (site.west, site.south)) / self.side).astype(np.int64)
+        return np.clip(found, 0, (self.columns - 1, self.rows - 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A rectangle of the cells of a class."""
+
+    column: int
+    """First cell, from the west."""
+    row: int
+    """First cell, from the south."""
+    columns: int
+    """Cells from west to east."""
+    rows: int
+    """Cells from south to north."""
+
+    def cut(self, grid: NDArray[Any]) -> NDArray[Any]:
+        """The region's part of a grid of all cells, shape [rows, columns]."""
+        return grid[self.row : self.row + self.rows, self.column : self.column + self.columns]
+
+    def rectangle(self, cells: Cells, site: Site) -> Rectangle:
+        """The ground that the cells cover [m]."""
+        width, depth = cells.side
+        west, south = site.west + self.column * width, site.south + self.row * depth
+        return west, south, west + self.columns * width, south + self.rows * depth
+
+
+def divide(
+    site: Site, *, density: float, diameter: float, radius: float, local: bool = False
+) -> Cells:
+    """The cells for a density [1/m²] of rocks up to a diameter and a circle's radius [m].
+
+    A cell must be wider than two rocks, so that cells of one colour are independent. It is large
+    enough for its rocks to find room in it, even where larger rocks crowd it, and no larger, so
+    that a window depends on little around it.
+    """
+    roomy = _DIAMETERS_PER_CELL * diameter
+    if density * roomy**2 > _ROCKS_PER_CELL:
+        roomy = (_ROCKS_PER_CELL / density) ** 0.5
+    side = max(roomy, 4.0 * radius)
+    columns, rows = (max(int(length / side), 1) for length in site.size)
+    sides = site.size[0] / columns, site.size[1] / rows
+    return Cells(
+        radius=radius,
+        columns=columns,
+        rows=rows,
+        side=sides,
+        split=max(int((density * sides[0] * sides[1]) ** 0.5), 1),
+        local=local,
+    )
+
+
+def regions(classes: list[Cells], window: Rectangle, site: Site) -> list[Region]:
+    """The cells of each class that the rocks of a window [m] depend on.
+
+    From the smallest class to the largest: what can reach into the window, or into the cells that
+    smaller classes need, and around it three more rings of cells, since a cell of the last colour
+    depends on its neighbours of the third, these on theirs of the second, these on the first.
+    """
+    found: list[Region] = []
+    needed: list[tuple[Rectangle, float]] = [(window, 0.0)]
+    for cells in reversed(classes):
+        grown = [_grow(area, radius + cells.radius) for area, radius in needed]
+        lows, highs = np.min(grown, axis=0)[:2], np.max(grown, axis=0)[2:]
+        region = _touched(cells, (*lows, *highs), site)
+        found.append(region)
+        needed.append((region.rectangle(cells, site), cells.radius))
+    return found[::-1]
+
+
+def _grow(area: Rectangle, margin: float) -> Rectangle:
+    west, south, east, north = area
+    return west - margin, south - margin, east + margin, north + margin
+
+
+def _touched(cells: Cells, area: Rectangle, site: Site) -> Region:
+    """The cells that touch an area, and three rings around, as far as the site goes."""
+    rings = _COLOURS - 1
+    first, last = [], []
+    for axis, count in enumerate((cells.columns, cells.rows)):
+        edge = (site.west, site.south)[axis]
+        low, high = ((area[axis + n] - edge) / cells.side[axis] for n in (0, 2))
+        first.append(int(np.clip(np.floor(low) - rings, 0, count - 1)))
+        last.append(int(np.clip(np.floor(high) + rings, 0, count - 1)))
+    return Region(
+        column=first[0],
+        row=first[1],
+        columns=last[0] - first[0] + 1,
+        rows=last[1] - first[1] + 1,
+    )

@@ -1,0 +1,265 @@
+"""What can be said of the wanted rocks before anything is read or drawn: whether they can be."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import exp, pi
+
+import numpy as np
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.rocks.arrangement import (
+    FARTHEST,
+    INTERIOR,
+    RIM_FALL,
+    AroundCraters,
+    Crater,
+    crowding,
+)
+from terrain_forge.rocks.laws.law import Key
+from terrain_forge.rocks.library import LibrarySpec
+from terrain_forge.rocks.populations import (
+    MAX_POPULATIONS,
+    MAX_ROCKS,
+    KeepOut,
+    PopulationSpec,
+    RockListSpec,
+    RocksSpec,
+)
+from terrain_forge.site import Table
+
+MAX_COVER = 0.4
+"""Part of the ground that all rocks may cover; more cannot be packed without overlap."""
+_SAMPLES = 100
+
+Size = tuple[float, float]
+"""East and north extent of a site [m]."""
+
+
+def check_rocks(rocks: RocksSpec, size: Size) -> None:
+    """Refuse rocks that contradict themselves or that cannot lie on a site.
+
+    Args:
+        rocks: what is wanted.
+        size: the site, east and north [m].
+
+    Raises:
+        RecipeError: for a name that is given twice, a law, range or shape that cannot be, too many
+            populations or rocks, more cover than can be packed, or rocks kept out of everywhere.
+    """
+    _check_names(rocks)
+    if not rocks.library.family_names() and (rocks.populations or rocks.lists):
+        raise RecipeError("0 shapes and no meshes: rocks need a shape", key=("rocks", "library"))
+    for number, population in enumerate(rocks.populations):
+        key = ("rocks", "populations", number)
+        _check_sizes(population, size, key)
+        _check_touch(population, size, key)
+        _check_burial(population, key)
+        _check_families(population, rocks.library, key)
+        _check_craters(population, size, key)
+    for number, listed in enumerate(rocks.lists):
+        _check_burial(listed, ("rocks", "lists", number))
+        _check_families(listed, rocks.library, ("rocks", "lists", number))
+    _check_cover(rocks.populations, size)
+    _check_keep_out(rocks.keep_out, size)
+
+
+def expected_count(population: PopulationSpec, size: Size) -> float:
+    """Rocks that a population is expected to have on a site, at most.
+
+    Density images, slope limits, corridors and clearings, which thin them out, are left aside, and
+    so is that craters lie partly outside or in one another.
+    """
+    area = size[0] * size[1]
+    law, (smallest, largest) = population.size_frequency, population.diameter_range(area)
+    if not isinstance(population.arrangement, AroundCraters):
+        return area * float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+    craters = population.arrangement.craters
+    ends = np.clip([crater.largest_rock_m for crater in craters], smallest, largest)
+    number = law.cumulative_number(smallest) - law.cumulative_number(ends)
+    return float(number @ [_effective_area(crater) for crater in craters])
+
+
+def largest_rock(rocks: RocksSpec, area: float, tables: tuple[Table, ...] = ()) -> float:
+    """Exposed diameter [m] that no rock exceeds, scattered or listed; 0 without any.
+
+    Args:
+        rocks: what is wanted.
+        area: the site's [m²].
+        tables: the lists of rocks that were read.
+    """
+    scattered = [p.diameter_range(area)[1] for p in rocks.populations]
+    listed = [float(table.column("diameter_m").max()) for table in tables]
+    return max([*scattered, *listed], default=0.0)
+
+
+def _effective_area(crater: Crater) -> float:
+    """Integral of a crater's weight over endless ground [m²].
+
+    π R² (i + 2 ∫ x exp((1 - x) / s) dx from the rim to f radii), with s the range of the fall.
+    """
+    falling = (1.0 + RIM_FALL) - (FARTHEST + RIM_FALL) * exp((1.0 - FARTHEST) / RIM_FALL)
+    radius = 0.5 * crater.diameter_m
+    return crater.strength * pi * radius**2 * (INTERIOR + 2.0 * RIM_FALL * falling)
+
+
+def _check_cover(populations: tuple[PopulationSpec, ...], size: Size) -> None:
+    """Refuse more cover than can be packed, on the whole or where rocks are crowded."""
+    area, key = size[0] * size[1], ("rocks", "populations")
+    covers = [_cover(population, area) for population in populations]
+    if sum(covers) > MAX_COVER:
+        raise RecipeError(
+            f"the rocks would cover {sum(covers):.3g} of the ground, at most {MAX_COVER} can be "
+            "packed without overlap",
+            key=key,
+        )
+    for number, (population, cover) in enumerate(zip(populations, covers, strict=True)):
+        densest = sum(covers) + cover * (crowding(population.arrangement) - 1.0)
+        if densest > MAX_COVER:
+            raise RecipeError(
+                f"where they are densest the rocks would cover {densest:.3g} of the ground, at "
+                f"most {MAX_COVER} can be packed without overlap: spread them more evenly",
+                key=(*key, number, "arrangement"),
+            )
+
+
+def _cover(population: PopulationSpec, area: float) -> float:
+    """Part of the ground that a population's rocks cover where its law holds."""
+    law = population.size_frequency
+    smallest, largest = population.diameter_range(area)
+    return float(law.cumulative_area(smallest) - law.cumulative_area(largest))
+
+
+def _check_names(rocks: RocksSpec) -> None:
+    groups = len(rocks.populations) + len(rocks.lists)
+    if groups > MAX_POPULATIONS:
+        raise RecipeError(
+            f"{groups} populations and lists, at most {MAX_POPULATIONS}", key=("rocks",)
+        )
+    names = [*(p.name for p in rocks.populations), *(p.name for p in rocks.lists)]
+    for name, times in Counter(names).items():
+        if times > 1:
+            part, noun = "populations", "populations"
+            if rocks.lists:
+                part, noun = "lists", "populations or lists"
+            raise RecipeError(f"{times} {noun} are called {name!r}", key=("rocks", part))
+
+
+def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
+    population.size_frequency.check((*key, "size_frequency"))
+    key = (*key, "diameter_m")
+    _check_range(population, size, key)
+    count = expected_count(population, size)
+    if count > 0.9 * MAX_ROCKS:
+        raise RecipeError(
+            f"{count:.3g} rocks on {size[0] * size[1]:.3g} m², at most {0.9 * MAX_ROCKS:.3g}: "
+            "raise the smallest diameter",
+            key=key,
+        )
+
+
+def _check_range(population: PopulationSpec, size: Size, key: Key) -> None:
+    try:
+        low, high = population.smallest_diameter, population.diameter_m[1]
+    except RecipeError as error:
+        raise RecipeError(str(error), key=key) from None
+    known = population.size_frequency.smallest_known
+    if population.size_frequency.kind == "table" and known is not None and low < known:
+        raise RecipeError(f"from {low:g} m, the table begins at {known:g} m", key=key)
+    if high is not None and high <= low:
+        raise RecipeError(
+            f"smallest {low:g} m, largest {high:g} m: the largest must be larger", key=key
+        )
+    most, limit = max(low, high or 0.0), 0.5 * min(size)
+    if most > limit:
+        raise RecipeError(
+            f"rocks of up to {most:g} m, at most half the site's shorter side, {limit:g} m", key=key
+        )
+
+
+def _check_touch(population: PopulationSpec, size: Size, key: Key) -> None:
+    """Refuse loose rocks that are none of the population's, or that cannot be touched."""
+    if population.loose_m is None:
+        return
+    (low, high), key = population.loose_m, (*key, "loose_m")
+    if high <= low:
+        raise RecipeError(f"from {low:g} to {high:g} m: the smaller one comes first", key=key)
+    smallest, largest = population.diameter_range(size[0] * size[1])
+    if high < smallest or low > largest:
+        raise RecipeError(
+            f"from {low:g} to {high:g} m, but the rocks have {smallest:g} to {largest:g} m", key=key
+        )
+    if low < population.collision_min_m:
+        raise RecipeError(
+            f"from {low:g} m, but rocks below {population.collision_min_m:g} m cannot be touched",
+            key=key,
+        )
+
+
+def _check_burial(rocks: PopulationSpec | RockListSpec, key: Key) -> None:
+    shallow, deep = rocks.buried_fraction
+    if deep < shallow:
+        raise RecipeError(
+            f"from {shallow:g} to {deep:g}: the smaller one comes first",
+            key=(*key, "buried_fraction"),
+        )
+
+
+def _check_families(rocks: PopulationSpec | RockListSpec, library: LibrarySpec, key: Key) -> None:
+    known = library.family_names()
+    for number, family in enumerate(rocks.families or ()):
+        if family not in known:
+            raise RecipeError(
+                f"the library has no family {family!r}, it has: {', '.join(known) or 'none'}",
+                key=(*key, "families", number),
+            )
+
+
+def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
+    """Refuse craters of which none has rocks on the site."""
+    arrangement = population.arrangement
+    if not isinstance(arrangement, AroundCraters):
+        return
+    key = (*key, "arrangement", "craters")
+    if not any(_reaches(crater, size) for crater in arrangement.craters):
+        east, north = arrangement.craters[0].centre_m
+        raise RecipeError(
+            f"no crater's rocks reach the site: they lie within {FARTHEST:g} radii, the first "
+            f"crater at {east:g}, {north:g} m; the site ends at ±{0.5 * size[0]:g}, "
+            f"±{0.5 * size[1]:g} m",
+            key=key,
+        )
+    if expected_count(population, size) == 0.0:
+        most = max(c.largest_rock_m * (c.strength > 0.0) for c in arrangement.craters)
+        raise RecipeError(
+            f"no rock is left around these craters: they are too old, or their largest rocks of "
+            f"{most:.3g} m are smaller than {population.smallest_diameter:g} m",
+            key=key,
+        )
+
+
+def _reaches(crater: Crater, size: Size) -> bool:
+    """Whether any place that a crater has rocks at lies on the site."""
+    beyond = np.maximum(np.abs(crater.centre_m) - 0.5 * np.array(size), 0.0)
+    return bool(np.hypot(*beyond) < 0.5 * FARTHEST * crater.diameter_m)
+
+
+def _check_keep_out(circles: tuple[KeepOut, ...], size: Size) -> None:
+    for number, circle in enumerate(circles):
+        beyond = np.maximum(np.abs(circle.centre_m) - 0.5 * np.array(size), 0.0)
+        if np.hypot(*beyond) >= circle.radius_m:
+            x, y = circle.centre_m
+            raise RecipeError(
+                f"a circle of {circle.radius_m:g} m about {x:g}, {y:g} m lies outside the "
+                f"site, which ends at ±{0.5 * size[0]:g}, ±{0.5 * size[1]:g} m",
+                key=("rocks", "keep_out", number),
+            )
+    steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+    east, north = np.meshgrid(steps * size[0], steps * size[1])
+    free = np.ones_like(east, np.bool_)
+    for circle in circles:
+        if circle.clearance_m == 0.0:
+            away = np.hypot(east - circle.centre_m[0], north - circle.centre_m[1])
+            free &= away > circle.radius_m
+    if not free.any():
+        raise RecipeError("the circles leave no place for any rock", key=("rocks", "keep_out"))

@@ -1,0 +1,295 @@
+"""Where rocks may lie: the weight of a place, 0 to 1 or above, that multiplies a population's law.
+
+A population's weight is the product of its density image, its slope limit and, where it lies around
+craters, the sum of their weights. Rocks are drawn as densely as the weight is anywhere in a cell
+and kept with the weight's share of that (thinning: Lewis & Shedler 1979,
+doi:10.1002/nav.3800260304), which is exact: what is kept is a Poisson process of the law times the
+weight.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import DataError
+from terrain_forge.kernels import inner, kernel
+from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters, Crater
+from terrain_forge.rocks.cells import Rectangle
+from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.site import Site, Window
+from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.world import Heightfield
+
+Array = NDArray[np.float64]
+
+
+class Intensity(NamedTuple):
+    """What the weights of all populations are computed from."""
+
+    bounds: Array
+    """West, south, east, north edge of the site [m], shape [4]."""
+    image: Array
+    """Pixels of all density images, one after the other, rows run north."""
+    image_first: NDArray[np.int64]
+    """Where a population's image begins, shape [populations]."""
+    image_shape: NDArray[np.int64]
+    """Rows and columns of a population's image, 0 for none, shape [populations, 2]."""
+    around: NDArray[np.bool_]
+    """Which populations lie around craters, shape [populations]."""
+    crater: Array
+    """East, north, radius [m], strength and largest diameter [m], shape [craters, 5]."""
+    crater_first: NDArray[np.int64]
+    """Where a population's craters begin, shape [populations + 1]."""
+    steepest: Array
+    """Largest rise per metre for a population, infinite for no limit, shape [populations]."""
+    steepness: Array
+    """Rise per metre at the nodes of `steepness_window`, shape [rows, columns]."""
+    steepness_window: NDArray[np.int64]
+    """First column and row of those nodes on the site's lattice, shape [2]."""
+    spacing: float
+    """Distance of the nodes [m]."""
+
+    @property
+    def limits_slope(self) -> bool:
+        """Whether any population has a slope limit."""
+        return bool(np.isfinite(self.steepest).any())
+
+    def largest_rock(self, population: int) -> float:
+        """Diameter [m] that no rock of a population exceeds by its craters' sizes."""
+        if not self.around[population]:
+            return np.inf
+        own = slice(self.crater_first[population], self.crater_first[population + 1])
+        return float(self.crater[own, 4].max(initial=0.0))
+
+    def thins(self, population: int) -> bool:
+        """Whether a population's weight is not 1 everywhere."""
+        shaped = self.image_shape[population, 0] > 0 or self.around[population]
+        return bool(shaped or np.isfinite(self.steepest[population]))
+
+
+def crater_rows(craters: tuple[Crater, ...]) -> Array:
+    """East, north, radius [m], strength and largest rock [m] of craters, shape [craters, 5]."""
+    rows = [(*c.centre_m, 0.5 * c.diameter_m, c.strength, c.largest_rock_m) for c in craters]
+    return np.array(rows, np.float64).reshape(-1, 5)
+
+
+def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Intensity:
+    """The weights of all populations; slopes are not known yet (`with_slopes`).
+
+    Raises:
+        DataError: if an image has a value that is no density, or none that is above 0.
+    """
+    images = [_image(population, n, site) for n, population in enumerate(populations)]
+    craters = [
+        crater_rows(p.arrangement.craters) if isinstance(p.arrangement, AroundCraters) else None
+        for p in populations
+    ]
+    rows = [np.zeros((0, 5)) if found is None else found for found in craters]
+    limits = [np.inf if p.max_slope_deg is None else p.max_slope_deg for p in populations]
+    return Intensity(
+        bounds=np.array(site.bounds),
+        image=np.concatenate([np.zeros(0), *(image.ravel() for image in images)]),
+        image_first=np.cumsum([0, *(image.size for image in images)])[:-1],
+        image_shape=np.array([image.shape for image in images], np.int64).reshape(-1, 2),
+        around=np.array([found is not None for found in craters], np.bool_),
+        crater=np.concatenate([np.zeros((0, 5)), *rows]),
+        crater_first=np.cumsum([0, *map(len, rows)]),
+        steepest=np.array([np.tan(np.radians(a)) if a < 90.0 else np.inf for a in limits]),
+        steepness=np.zeros((0, 0)),
+        steepness_window=np.zeros(2, np.int64),
+        spacing=site.spacing,
+    )
+
+
+def with_slopes(
+    intensity: Intensity, *, site: Site, area: Rectangle, ground: Heightfield | None
+) -> Intensity:
+    """The same with the ground's slope over an area [m].
+
+    The rise per metre at a node is that of central differences (over two cells; one-sided at the
+    site's border); of a cell it is that of its steepest node.
+
+    Args:
+        intensity: The weights.
+        site: The site, whose layers shape the ground where it is not given.
+        area: Where slopes are needed.
+        ground: Ground that is known already; used where it holds the area and a node around.
+    """
+    if not intensity.limits_slope:
+        return intensity
+    inside = _window(site, area)
+    around = site.padded(inside, site.spacing)
+    land = _cut(ground, site, around) or shape_ground(
+        site=site, window=around, layers=site.recipe.terrain.layers
+    )
+    elevation = land.elevation.astype(np.float64)
+    north, east = (np.gradient(elevation, site.spacing, axis=axis) for axis in (0, 1))
+    row, column = inside.row - around.row, inside.column - around.column
+    nodes = np.s_[row : row + inside.rows + 1, column : column + inside.columns + 1]
+    return intensity._replace(
+        steepness=np.hypot(east[nodes], north[nodes]),
+        steepness_window=np.array([inside.column, inside.row]),
+    )
+
+
+def _window(site: Site, area: Rectangle) -> Window:
+    """The smallest window that holds an area, as far as the site goes."""
+    whole = site.window
+    west, south, east, north = np.subtract(area, (site.west, site.south) * 2) / site.spacing
+    first = np.floor([west, south]).astype(int)
+    last = np.ceil([east, north]).astype(int)
+    column, row = np.clip(first, 0, (whole.columns - 1, whole.rows - 1)).tolist()
+    right, top = np.clip(last, (column + 1, row + 1), (whole.columns, whole.rows)).tolist()
+    return Window(column=column, row=row, columns=right - column, rows=top - row)
+
+
+def _cut(ground: Heightfield | None, site: Site, window: Window) -> Heightfield | None:
+    """A window's part of the ground, where it holds the window."""
+    if ground is None:
+        return None
+    column = window.column - round((ground.origin[0] - site.west) / site.spacing)
+    row = window.row - round((ground.origin[1] - site.south) / site.spacing)
+    rows, columns = ground.shape
+    if min(column, row) < 0 or column + window.columns >= columns or row + window.rows >= rows:
+        return None
+    return ground.cut(column=column, row=row, columns=window.columns, rows=window.rows)
+
+
+def _image(population: PopulationSpec, index: int, site: Site) -> Array:
+    if population.density_image is None:
+        return np.zeros((0, 0))
+    values = site.image(population.density_image)
+    if values.min() < 0.0 or values.max() > 1.0 or values.max() == 0.0:
+        raise DataError(
+            f"{population.density_image}: values from {values.min():g} to {values.max():g}; "
+            "0 (no rocks) to 1 are allowed, some of them above 0",
+            key=("rocks", "populations", index, "density_image"),
+        )
+    return values
+
+
+@kernel
+def weights(intensity, population, xy, diameter):  # type: ignore[no-untyped-def]
+    """Weight of places for rocks of one population.
+
+    Args:
+        intensity: What it is computed from.
+        population: Index of the population.
+        xy: East and north on the site [m], shape [places, 2].
+        diameter: Diameter of the rock at each place [m], shape [places].
+
+    Returns:
+        Weights, shape [places].
+    """
+    found = np.empty(len(xy))
+    for n in range(len(xy)):
+        found[n] = weight(intensity, population, xy[n, 0], xy[n, 1], diameter[n])
+    return found
+
+
+@kernel
+def crater_bounds(intensity, population, smallest, columns, rows):  # type: ignore[no-untyped-def]
+    """Upper bound of the craters' weight in cells that divide the site, shape [rows, columns].
+
+    Craters without rocks of the `smallest` diameter [m] do not count.
+    """
+    found = np.zeros((rows, columns))
+    west, south, east, north = intensity.bounds
+    width, depth = (east - west) / columns, (north - south) / rows
+    for c in range(intensity.crater_first[population], intensity.crater_first[population + 1]):
+        x, y, radius, strength, limit = intensity.crater[c]
+        if limit <= smallest:
+            continue
+        reach = FARTHEST * radius
+        i0 = min(max(int(np.floor((x - reach - west) / width)), 0), columns)
+        i1 = min(max(int(np.floor((x + reach - west) / width)) + 1, 0), columns)
+        j0 = min(max(int(np.floor((y - reach - south) / depth)), 0), rows)
+        j1 = min(max(int(np.floor((y + reach - south) / depth)) + 1, 0), rows)
+        for j in range(j0, j1):
+            for i in range(i0, i1):
+                dx0, dx1 = _span(x - west - i * width, width)
+                dy0, dy1 = _span(y - south - j * depth, depth)
+                # A billionth closer and farther, for places that rounding puts beyond the cell.
+                near = np.sqrt(dx0 * dx0 + dy0 * dy0) / radius * (1.0 - 1e-9)
+                far = np.sqrt(dx1 * dx1 + dy1 * dy1) / radius * (1.0 + 1e-9)
+                if near > 1.0:
+                    found[j, i] += strength * _profile(near)
+                else:
+                    found[j, i] += strength * (1.0 if far > 1.0 else INTERIOR)
+    return found
+
+
+@inner
+def _span(place, side):  # type: ignore[no-untyped-def]
+    """Least and largest distance of a place from those of an interval from 0 to `side`."""
+    return max(max(-place, place - side), 0.0), max(abs(place), abs(place - side))
+
+
+@inner
+def weight(intensity, population, x, y, diameter):  # type: ignore[no-untyped-def]
+    """Weight of one place for a rock of one population."""
+    found = 1.0
+    if intensity.around[population]:
+        found = _around_craters(intensity, population, x, y, diameter)
+    if found > 0.0 and intensity.image_shape[population, 0] > 0:
+        found *= _pixel(intensity, population, x, y)
+    if found > 0.0 and intensity.steepest[population] < np.inf:
+        found *= _rise(intensity, x, y) <= intensity.steepest[population]
+    return found
+
+
+@inner
+def _around_craters(intensity, population, x, y, diameter):  # type: ignore[no-untyped-def]
+    found = 0.0
+    for c in range(intensity.crater_first[population], intensity.crater_first[population + 1]):
+        if diameter <= intensity.crater[c, 4]:
+            dx, dy = x - intensity.crater[c, 0], y - intensity.crater[c, 1]
+            away = np.sqrt(dx * dx + dy * dy) / intensity.crater[c, 2]
+            found += intensity.crater[c, 3] * _profile(away)
+    return found
+
+
+@inner
+def _profile(away):  # type: ignore[no-untyped-def]
+    """Density of rocks at a distance in crater radii, over that at the rim."""
+    if away <= 1.0:
+        return INTERIOR
+    return np.exp((1.0 - away) / RIM_FALL) if away <= FARTHEST else 0.0
+
+
+@inner
+def _pixel(intensity, population, x, y):  # type: ignore[no-untyped-def]
+    """The density image, bilinear between the centres of its pixels and level beyond them."""
+    west, south, east, north = intensity.bounds
+    rows, columns = intensity.image_shape[population]
+    i, u = _between((x - west) / (east - west) * columns - 0.5, columns)
+    j, v = _between((y - south) / (north - south) * rows - 0.5, rows)
+    low = intensity.image_first[population] + j * columns + i
+    high = low + (columns if rows > 1 else 0)
+    right = 1 if columns > 1 else 0
+    below = (1.0 - u) * intensity.image[low] + u * intensity.image[low + right]
+    above = (1.0 - u) * intensity.image[high] + u * intensity.image[high + right]
+    return (1.0 - v) * below + v * above
+
+
+@inner
+def _rise(intensity, x, y):  # type: ignore[no-untyped-def]
+    """Rise per metre of the ground at a place: the largest at the nodes of its cell."""
+    rows, columns = intensity.steepness.shape
+    column = int(np.floor((x - intensity.bounds[0]) / intensity.spacing))
+    row = int(np.floor((y - intensity.bounds[1]) / intensity.spacing))
+    i = min(max(column - intensity.steepness_window[0], 0), columns - 2)
+    j = min(max(row - intensity.steepness_window[1], 0), rows - 2)
+    below = max(intensity.steepness[j, i], intensity.steepness[j, i + 1])
+    above = max(intensity.steepness[j + 1, i], intensity.steepness[j + 1, i + 1])
+    return max(below, above)
+
+
+@inner
+def _between(place, count):  # type: ignore[no-untyped-def]
+    """The sample before a place among `count`, and the part of the way to the next, held within."""
+    n = min(max(int(np.floor(place)), 0), max(count - 2, 0))
+    return n, min(max(place - n, 0.0), 1.0)

@@ -1,0 +1,172 @@
+"""A law fitted to rocks that the user counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, MaxLen, MinLen
+from numpy.typing import ArrayLike, NDArray
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
+from terrain_forge.rocks.laws.law import Array, Key
+from terrain_forge.specs import Positive, Spec
+
+MAX_COUNTED = 100_000
+"""Rocks or bins of a count; more are told apart well enough by bins."""
+LEAST_COUNTED = 5
+"""Rocks that a law is fitted to at least."""
+
+Bin = tuple[Positive, Positive | None, Annotated[int, Ge(0)]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts(Spec):
+    """A law fitted by maximum likelihood to a count of rocks, and used in its place.
+
+    The rocks are given by one of `file`, `diameters_m` and `bins`. The fit and how good it is stand
+    in truth/size_frequency.json.
+    """
+
+    kind: Literal["counts"] = "counts"
+    """Name of the law."""
+    file: Annotated[str, MinLen(1)] | None = None
+    """CSV with a header: a column `diameter_m`, a row for each rock; or `low_m`, `high_m`,
+    `count`, a row for each bin."""
+    diameters_m: Annotated[tuple[Positive, ...], MinLen(1), MaxLen(MAX_COUNTED)] | None = None
+    """Diameter of each rock [m]."""
+    bins: Annotated[tuple[Bin, ...], MinLen(1), MaxLen(MAX_COUNTED)] | None = None
+    """Smallest and largest diameter [m] and number of rocks of each bin; a largest of null means
+    all that are larger. What lies in no bin is taken as not counted."""
+    area_m2: Positive
+    """Area on which they were counted [m²]."""
+    complete_from_m: Positive | None = None
+    """Diameter from which on every rock was counted [m]; smaller ones are left out of the fit. By
+    default the smallest diameter of the count."""
+    fit: Literal["golombek", "power_law", "exponential"] = "golombek"
+    """The law to fit."""
+    q_of_k: Literal["mars", "moon", "free"] | None = None
+    """For `golombek`: how the cover's decay q follows from k; `free` fits both. By default that of
+    the site's body."""
+
+    @property
+    def smallest_known(self) -> float:
+        """Diameter from which on the rocks were counted [m]."""
+        return self.count.smallest
+
+    @cached_property
+    def count(self) -> RockCount:
+        """The rocks that the law is fitted to."""
+        if self.bins is not None:
+            return self._binned(np.array([(a, b or np.inf, n) for a, b, n in self.bins], float))
+        if self.diameters_m is None:
+            raise RecipeError("counts needs one of file, diameters_m and bins")
+        return self._single(np.array(self.diameters_m))
+
+    @cached_property
+    def fitted(self) -> Fit:
+        """The fit of the law."""
+        return fit_law(self.count, fit=self.fit, decay=self.q_of_k or "mars")
+
+    def cumulative_number(self, diameter: ArrayLike) -> Array:
+        """N(>D) [1/m²] of the fitted law."""
+        return self.fitted.law.cumulative_number(diameter)
+
+    def cumulative_area(self, diameter: ArrayLike) -> Array:
+        """F(>D) of the fitted law; up to a constant where it diverges."""
+        return self.fitted.law.cumulative_area(diameter)
+
+    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+        """Variance of the cover by the fitted law."""
+        return self.fitted.law.cover_variance(smallest, largest, area)
+
+    def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
+        """Diameters [m] of the fitted law."""
+        return self.fitted.law.sample(hashes, smallest, largest)
+
+    def on(self, body: str) -> Counts:
+        """The law with the body's q(k), unless it has its own."""
+        if body != "moon" or self.fit != "golombek" or self.q_of_k:
+            return self
+        return replace(self, q_of_k="moon")
+
+    def check(self, key: Key) -> None:
+        """Refuse a count that is missing, doubled, too small, or beyond the law's family."""
+        given = [n for n in ("file", "diameters_m", "bins") if getattr(self, n) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none"
+            raise RecipeError(
+                f"counts needs one of file, diameters_m and bins, found {found}", key=key
+            )
+        if self.q_of_k and self.fit != "golombek":
+            raise RecipeError(f"q_of_k is golombek's, the fit is {self.fit}", key=(*key, "q_of_k"))
+        if self.file:
+            return
+        if self.bins:
+            self._check_bins(self.bins, (*key, "bins"))
+        if self.count.rocks < LEAST_COUNTED:
+            raise RecipeError(
+                f"{self.count.rocks} rocks above {self.count.smallest:g} m, at least "
+                f"{LEAST_COUNTED} are needed for a fit",
+                key=(*key, given[0]),
+            )
+        if self.fitted.at_limit:
+            raise RecipeError(
+                f"no {self.fit} law is likeliest: the fit runs to the end of its range, "
+                f"{self._shown()}; look at the diameters and the area, or fit another law",
+                key=(*key, "fit"),
+            )
+
+    def report(self) -> dict[str, Any]:
+        """The fitted law's numbers, their standard errors, and how good the fit is."""
+        return {
+            "kind": self.kind,
+            "fit": self.fitted.law.report(),
+            "rocks": self.count.rocks,
+            "area_m2": self.area_m2,
+            "complete_from_m": self.count.smallest,
+            "parameters": {name: one._asdict() for name, one in self.fitted.parameters.items()},
+            "goodness": goodness(self.count, self.fitted),
+        }
+
+    def _single(self, diameters: Array) -> RockCount:
+        smallest = self.complete_from_m or float(diameters.min())
+        # A smallest rock that sets the limit tells no more than that: counted too, it would bend
+        # the fit.
+        counted = diameters >= smallest if self.complete_from_m else diameters > smallest
+        return RockCount(
+            area=self.area_m2,
+            smallest=smallest,
+            diameters=diameters[counted],
+            bins=np.zeros((0, 2)),
+            counts=np.zeros(0),
+        )
+
+    def _binned(self, bins: Array) -> RockCount:
+        kept = bins[bins[:, 0] >= (self.complete_from_m or 0.0)]
+        return RockCount(
+            area=self.area_m2,
+            smallest=float(kept[:, 0].min(initial=np.inf)),
+            diameters=np.zeros(0),
+            bins=kept[:, :2],
+            counts=kept[:, 2],
+        )
+
+    def _check_bins(self, bins: tuple[Bin, ...], key: Key) -> None:
+        ordered = sorted((low, high or np.inf) for low, high, _ in bins)
+        for low, high in ordered:
+            if high <= low:
+                raise RecipeError(f"a bin from {low:g} to {high:g} m: low comes first", key=key)
+        for (low, high), (next_low, _) in pairwise(ordered):
+            if high > next_low * (1.0 + 1e-9):
+                raise RecipeError(
+                    f"the bin from {low:g} to {high:g} m overlaps that from {next_low:g} m", key=key
+                )
+
+    def _shown(self) -> str:
+        values = self.fitted.parameters.items()
+        return ", ".join(f"{name} = {one.value:.3g}" for name, one in values)

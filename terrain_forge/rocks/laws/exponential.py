@@ -1,0 +1,90 @@
+"""Rocks whose number falls exponentially with diameter, as on old surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import ArrayLike, NDArray
+
+from terrain_forge.kernels import kernel
+from terrain_forge.rocks.laws.law import Array, Key
+from terrain_forge.seeds import mix, uniform
+from terrain_forge.specs import Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exponential(Spec):
+    """Exponential number N(>D) = N0 exp(-λ D)."""
+
+    kind: Literal["exponential"] = "exponential"
+    """Name of the law."""
+    number_per_m2: Annotated[float, Interval(gt=0, le=1e6)]
+    """Rocks of all sizes on a square metre, N0 [1/m²]."""
+    decay_per_m: Annotated[float, Interval(gt=0, le=1e4)]
+    """Fall of the number with diameter, λ [1/m]: the inverse of the mean diameter."""
+
+    @property
+    def smallest_known(self) -> None:
+        """None: the number of rocks is finite, but they go on to the size of dust."""
+        return None
+
+    def cumulative_number(self, diameter: ArrayLike) -> Array:
+        """N(>D) = N0 exp(-λ D) [1/m²]."""
+        decay = np.exp(-self.decay_per_m * np.asarray(diameter, np.float64))
+        number: Array = self.number_per_m2 * decay
+        return number
+
+    def cumulative_area(self, diameter: ArrayLike) -> Array:
+        """F(>D) = (π/4) N0 exp(-λ D) (D² + 2 D / λ + 2 / λ²)."""
+        d, mean = np.asarray(diameter, np.float64), 1.0 / self.decay_per_m
+        return 0.25 * np.pi * self.cumulative_number(d) * (d * d + 2.0 * mean * (d + mean))
+
+    def log_density(self, diameter: ArrayLike) -> Array:
+        """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(N0 λ) - λ D."""
+        d = np.asarray(diameter, np.float64)
+        density: Array = np.log(self.number_per_m2 * self.decay_per_m) - self.decay_per_m * d
+        return density
+
+    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+        """(π/4)² (M(a) - M(b)) / area.
+
+        M(D) = N0 exp(-λ D) (D⁴ + 4 D³ / λ + 12 D² / λ² + 24 D / λ³ + 24 / λ⁴).
+        """
+        d, mean = np.array([smallest, largest]), 1.0 / self.decay_per_m
+        tail = d**4 + 4.0 * mean * (d**3 + 3.0 * mean * (d**2 + 2.0 * mean * (d + mean)))
+        moment = self.cumulative_number(d) * tail
+        return float((0.25 * np.pi) ** 2 * (moment[0] - moment[1]) / area)
+
+    def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
+        """Diameters [m] by inversion of the truncated law."""
+        diameters: Array = _sample(hashes, smallest, largest, self.decay_per_m)
+        return diameters
+
+    def on(self, body: str) -> Exponential:
+        """The law itself, which is the same on every body."""
+        del body
+        return self
+
+    def check(self, key: Key) -> None:
+        """Nothing that the schema does not refuse."""
+
+    def report(self) -> dict[str, Any]:
+        """N0 and λ."""
+        return {
+            "kind": self.kind,
+            "number_per_m2": self.number_per_m2,
+            "decay_per_m": self.decay_per_m,
+        }
+
+
+@kernel
+def _sample(hashes, smallest, largest, decay):  # type: ignore[no-untyped-def]
+    diameters = np.empty(len(hashes))
+    part = -np.expm1(-decay * (largest - smallest))
+    for n in range(len(hashes)):
+        u = uniform(mix(hashes[n], 0))
+        diameters[n] = min(smallest - np.log1p(-u * part) / decay, largest)
+    return diameters

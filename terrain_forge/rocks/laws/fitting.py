@@ -1,0 +1,236 @@
+"""Maximum-likelihood fits of size-frequency laws to counted rocks.
+
+The rocks of an area are taken as an inhomogeneous Poisson process in diameter, so the number that
+was counted is part of the likelihood:
+
+- single diameters: log L = Σ log(A n(D_i)) - A N(>D_0), D_0 where the count begins;
+- bins: log L = Σ m_j log μ_j - μ_j, μ_j = A (N(>low_j) - N(>high_j)), up to a constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.rocks.laws.exponential import Exponential
+from terrain_forge.rocks.laws.golombek import MAX_K, Golombek
+from terrain_forge.rocks.laws.power_law import PowerLaw
+
+Array = NDArray[np.float64]
+FittedLaw = Golombek | PowerLaw | Exponential
+Decay = Literal["mars", "moon", "free"]
+
+LEAST_EXPECTED = 5.0
+"""Rocks that a bin of the chi-square test is expected to hold at least; smaller bins are joined."""
+_DECAYS = 1e-3, 500.0
+_IMPOSSIBLE = 1e100
+_GRID = 200
+_STEP = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockCount:
+    """Rocks that somebody counted on an area, one by one or in bins."""
+
+    area: float
+    """Area that was searched [m²]."""
+    smallest: float
+    """Diameter from which on every rock was counted [m]."""
+    diameters: Array
+    """Their diameters [m], if they were measured one by one, shape [rocks]."""
+    bins: Array
+    """Else the bins' lower and upper diameters [m], shape [bins, 2]."""
+    counts: Array
+    """Rocks in each bin, shape [bins]."""
+
+    @property
+    def rocks(self) -> int:
+        """How many were counted."""
+        return len(self.diameters) + int(self.counts.sum())
+
+    def expected(self, law: FittedLaw) -> Array:
+        """Rocks that a law expects in each bin, or of all sizes, shape [bins] or [1]."""
+        if not len(self.bins):
+            return self.area * np.atleast_1d(law.cumulative_number(self.smallest))
+        number = law.cumulative_number(self.bins)
+        result: Array = self.area * (number[:, 0] - number[:, 1])
+        return result
+
+    def log_likelihood(self, law: FittedLaw) -> float:
+        """Logarithm of the likelihood of a law, up to a constant."""
+        from scipy.special import xlogy
+
+        expected = self.expected(law)
+        likelihood = -float(expected.sum())
+        if len(self.bins):
+            return likelihood + float(xlogy(self.counts, expected).sum())
+        single = np.log(self.area) + law.log_density(self.diameters)
+        return likelihood + float(single.sum())
+
+
+class Estimate(NamedTuple):
+    """A fitted parameter."""
+
+    value: float
+    standard_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A law fitted to a count."""
+
+    law: FittedLaw
+    """The likeliest law."""
+    parameters: dict[str, Estimate]
+    """Its parameters; standard errors are those of the observed information."""
+    at_limit: bool
+    """Whether the likelihood rises up to the end of the range that the shape is searched in."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Family:
+    """Laws of one form: one parameter shapes them; the other, if any, is their amplitude."""
+
+    make: Callable[..., FittedLaw]
+    shape: str
+    limits: tuple[float, float]
+    amplitude: str | None = None
+
+
+def _family(fit: str, decay: Decay, smallest: float) -> _Family:
+    """The family of a fit; decays are searched relative to the smallest diameter [m]."""
+    decays = _DECAYS[0] / smallest, _DECAYS[1] / smallest
+    if fit == "power_law":
+        return _Family(
+            make=PowerLaw, shape="exponent", limits=(0.01, 10.0), amplitude="number_per_m2"
+        )
+    if fit == "exponential":
+        return _Family(
+            make=Exponential, shape="decay_per_m", limits=decays, amplitude="number_per_m2"
+        )
+    if decay == "free":
+        return _Family(make=Golombek, shape="q_per_m", limits=decays, amplitude="k")
+
+    def golombek(k: float) -> Golombek:
+        return Golombek(k=k, q_of_k=decay)
+
+    return _Family(make=golombek, shape="k", limits=(1e-4, MAX_K))
+
+
+def fit_law(count: RockCount, *, fit: str, decay: Decay) -> Fit:
+    """The law of a family that makes a count likeliest.
+
+    An amplitude follows from the shape in closed form, since the expected number equals the counted
+    one; so one parameter is searched: on a grid of its logarithm first, then around the best.
+
+    Args:
+        count: the rocks, at least one.
+        fit: the family, `golombek`, `power_law` or `exponential`.
+        decay: q(k) of a `golombek` law; `free` fits q as well as k.
+    """
+    from scipy.optimize import minimize_scalar
+
+    family = _family(fit, decay, count.smallest)
+
+    def loss(log_shape: float) -> float:
+        found = count.log_likelihood(family.make(**_parameters(family, count, log_shape)))
+        return -found if np.isfinite(found) else _IMPOSSIBLE
+
+    grid = np.linspace(np.log(family.limits[0]), np.log(family.limits[1]), _GRID)
+    best = int(np.argmin([loss(at) for at in grid.tolist()]))
+    around = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
+    search = {"bounds": around, "method": "bounded", "options": {"xatol": 1e-10}}
+    found = float(minimize_scalar(loss, **search).x)
+    parameters = _parameters(family, count, found)
+    errors = _standard_errors(family, count, parameters)
+    return Fit(
+        law=family.make(**parameters),
+        parameters={
+            name: Estimate(value, float(error))
+            for (name, value), error in zip(parameters.items(), errors, strict=True)
+        },
+        at_limit=bool(min(abs(found - grid[0]), abs(found - grid[-1])) < 1e-6),
+    )
+
+
+def _parameters(family: _Family, count: RockCount, log_shape: float) -> dict[str, float]:
+    shape = {family.shape: float(np.exp(log_shape))}
+    if family.amplitude is None:
+        return shape
+    one = float(count.expected(family.make(**shape, **{family.amplitude: 1.0})).sum())
+    return shape | {family.amplitude: count.rocks / one if one > 0.0 else np.nan}
+
+
+def _standard_errors(family: _Family, count: RockCount, parameters: dict[str, float]) -> Array:
+    """Standard errors from the curvature of log L in the parameters' logarithms."""
+    names, centre = list(parameters), np.log(list(parameters.values()))
+    size = len(names)
+
+    def log_likelihood(offset: Array) -> float:
+        values = np.exp(centre + offset)
+        return count.log_likelihood(family.make(**dict(zip(names, values.tolist(), strict=True))))
+
+    steps = _STEP * np.eye(size)
+    information = np.array(
+        [
+            [
+                -log_likelihood(a + b) + log_likelihood(a - b) + log_likelihood(b - a)
+                - log_likelihood(-a - b)
+                for b in steps
+            ]
+            for a in steps
+        ]
+    ) / (4.0 * _STEP**2)  # fmt: skip
+    variance = np.diag(np.linalg.pinv(information))
+    result: Array = np.exp(centre) * np.sqrt(np.maximum(variance, 0.0))
+    return result
+
+
+def goodness(count: RockCount, fit: Fit) -> dict[str, Any]:
+    """How well a fitted law describes a count: Kolmogorov–Smirnov, or chi-square for bins.
+
+    The law was fitted to the same rocks; chi-square allows for that by its degrees of freedom,
+    Kolmogorov–Smirnov does not, so its p-value is too large.
+    """
+    from scipy.special import chdtrc, kolmogorov
+
+    if len(count.bins):
+        counted, expected = _joined(count.counts, count.expected(fit.law))
+        free = len(counted) - len(fit.parameters)
+        statistic = float(np.sum((counted - expected) ** 2 / expected))
+        return {
+            "test": "chi_square",
+            "statistic": statistic,
+            "degrees_of_freedom": free,
+            "p_value": float(chdtrc(free, statistic)) if free > 0 else None,
+        }
+    diameters = np.sort(count.diameters)
+    part = fit.law.cumulative_number(diameters) / fit.law.cumulative_number(count.smallest)
+    steps = np.arange(len(diameters) + 1) / len(diameters)
+    distance = float(np.max(np.maximum(steps[1:] - (1.0 - part), 1.0 - part - steps[:-1])))
+    root = np.sqrt(len(diameters))
+    # Stephens 1970: the limiting distribution serves small samples too with these corrections.
+    return {
+        "test": "kolmogorov_smirnov",
+        "statistic": distance,
+        "p_value": float(kolmogorov(distance * (root + 0.12 + 0.11 / root))),
+    }
+
+
+def _joined(counted: Array, expected: Array) -> tuple[Array, Array]:
+    """Neighbouring bins joined, from the largest rocks down, until each expects enough."""
+    groups = np.zeros(len(expected), np.intp)
+    group, total = 0, 0.0
+    for n in range(len(expected) - 1, -1, -1):
+        groups[n] = group
+        total += float(expected[n])
+        if total >= LEAST_EXPECTED:
+            group, total = group + 1, 0.0
+    if total > 0.0 and group > 0:  # what is left over joins the last full one
+        groups[groups == group] = group - 1
+    joined = [np.bincount(groups, values) for values in (counted, expected)]
+    return joined[0].astype(np.float64), joined[1].astype(np.float64)

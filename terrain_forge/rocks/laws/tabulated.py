@@ -1,0 +1,158 @@
+"""A law that is given as a table of cumulative numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import MaxLen, MinLen
+from numpy.typing import ArrayLike, NDArray
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.kernels import kernel
+from terrain_forge.rocks.laws.law import Array, Key
+from terrain_forge.rocks.laws.power_law import moment_above
+from terrain_forge.seeds import mix, uniform
+from terrain_forge.specs import Positive, Spec
+
+MAX_ROWS = 10_000
+"""Rows of a table."""
+
+
+class _Pieces(NamedTuple):
+    """A power law N = number (D / diameter)^-exponent from each row on; the last has no end."""
+
+    diameter: Array
+    number: Array
+    exponent: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tabulated(Spec):
+    """A table of N(>D), used as it is: a power law from row to row, and on beyond the last one."""
+
+    kind: Literal["table"] = "table"
+    """Name of the law."""
+    file: Annotated[str, MinLen(1)] | None = None
+    """CSV with the columns `diameter_m` and `number_per_m2`, instead of the two lists."""
+    diameters_m: Annotated[tuple[Positive, ...], MinLen(2), MaxLen(MAX_ROWS)] | None = None
+    """Diameters [m], rising."""
+    numbers_per_m2: Annotated[tuple[Positive, ...], MinLen(2), MaxLen(MAX_ROWS)] | None = None
+    """Rocks larger than each diameter on a square metre [1/m²], falling."""
+
+    @property
+    def smallest_known(self) -> float:
+        """The table's first diameter [m]."""
+        return float(self._pieces.diameter[0])
+
+    def cumulative_number(self, diameter: ArrayLike) -> Array:
+        """N(>D) [1/m²], log-log linear between the rows."""
+        d = np.asarray(diameter, np.float64)
+        pieces = self._pieces_at(d)
+        number: Array = pieces.number * (d / pieces.diameter) ** -pieces.exponent
+        return number
+
+    def cumulative_area(self, diameter: ArrayLike) -> Array:
+        """F(>D), exact for the pieces; up to a constant if the last one's exponent is ≤ 2."""
+        return 0.25 * np.pi * self._moment_above(np.asarray(diameter, np.float64), 2)
+
+    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+        """(π/4)² ∫ D⁴ n(D) dD / area, exact for the pieces."""
+        moment = self._moment_above(np.array([smallest, largest]), 4)
+        return float((0.25 * np.pi) ** 2 * (moment[0] - moment[1]) / area)
+
+    def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
+        """Diameters [m] by inversion of the truncated law."""
+        ends = self.cumulative_number(np.array([smallest, largest]))
+        diameters: Array = _sample(hashes, ends[0], ends[1], *self._pieces)
+        return np.clip(diameters, smallest, largest)
+
+    def on(self, body: str) -> Tabulated:
+        """The law itself, which is the same on every body."""
+        del body
+        return self
+
+    def check(self, key: Key) -> None:
+        """Refuse a table that is missing, doubled, ragged, or whose numbers do not fall."""
+        lists = [n for n in ("diameters_m", "numbers_per_m2") if getattr(self, n) is not None]
+        if len(lists) != (0 if self.file else 2):
+            found = " and ".join([*lists, *(["file"] if self.file else [])]) or "none"
+            raise RecipeError(
+                f"table needs diameters_m and numbers_per_m2, or file; found {found}", key=key
+            )
+        if self.diameters_m is None or self.numbers_per_m2 is None:
+            return
+        rows, numbers = len(self.diameters_m), len(self.numbers_per_m2)
+        if rows != numbers:
+            raise RecipeError(f"{rows} diameters, {numbers} numbers: as many of both", key=key)
+        for name, steps in (
+            ("diameters_m", np.diff(self.diameters_m)),
+            ("numbers_per_m2", -np.diff(self.numbers_per_m2)),
+        ):
+            if np.any(steps <= 0.0):
+                row = int(np.argmax(steps <= 0.0))
+                before, after = getattr(self, name)[row : row + 2]
+                way = "rise" if name == "diameters_m" else "fall"
+                raise RecipeError(
+                    f"{before:g} in row {row + 1} and {after:g} in the next: they must {way}",
+                    key=(*key, name),
+                )
+
+    def report(self) -> dict[str, Any]:
+        """The table's ends."""
+        pieces = self._pieces
+        return {
+            "kind": self.kind,
+            "rows": len(pieces.diameter),
+            "diameter_m": [float(pieces.diameter[n]) for n in (0, -1)],
+            "number_per_m2": [float(pieces.number[n]) for n in (0, -1)],
+        }
+
+    @cached_property
+    def _pieces(self) -> _Pieces:
+        if self.diameters_m is None or self.numbers_per_m2 is None:
+            raise RecipeError("table needs diameters_m and numbers_per_m2")
+        diameter, number = np.array(self.diameters_m), np.array(self.numbers_per_m2)
+        exponent = -np.diff(np.log(number)) / np.diff(np.log(diameter))
+        return _Pieces(diameter, number, np.append(exponent, exponent[-1]))
+
+    def _pieces_at(self, diameter: Array) -> _Pieces:
+        return _Pieces(*(values[self._row(diameter)] for values in self._pieces))
+
+    def _row(self, diameter: Array) -> NDArray[np.intp]:
+        rows = np.searchsorted(self._pieces.diameter, diameter, side="right") - 1
+        return np.maximum(rows, 0)
+
+    def _moment_above(self, diameter: Array, power: int) -> Array:
+        """∫ D^power n(D) dD from each diameter on: its piece's rest, and the pieces above."""
+
+        def above(at: Array, pieces: _Pieces) -> Array:
+            scale = pieces.number * pieces.diameter**power
+            moment: Array = scale * moment_above(at / pieces.diameter, pieces.exponent, power)
+            return moment
+
+        pieces, row = self._pieces, self._row(diameter)
+        ends = np.append(pieces.diameter[1:], pieces.diameter[-1])
+        at_ends = np.append(above(ends, pieces)[:-1], 0.0)
+        whole = above(pieces.diameter, pieces) - at_ends
+        beyond = np.append(np.cumsum(whole[::-1])[::-1], 0.0)[row + 1]
+        found: Array = above(diameter, self._pieces_at(diameter)) - at_ends[row] + beyond
+        return found
+
+
+@kernel
+def _sample(hashes, most, least, diameter, number, exponent):  # type: ignore[no-untyped-def]
+    diameters = np.empty(len(hashes))
+    for n in range(len(hashes)):
+        wanted = most - uniform(mix(hashes[n], 0)) * (most - least)
+        low, high = 0, len(number)
+        while high - low > 1:  # the last row whose number is not below the wanted one
+            middle = (low + high) // 2
+            if number[middle] >= wanted:
+                low = middle
+            else:
+                high = middle
+        diameters[n] = diameter[low] * (wanted / number[low]) ** (-1.0 / exponent[low])
+    return diameters

@@ -1,0 +1,83 @@
+"""The user's own rocks: placed as they are listed, before all others, and never moved."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.rocks.addresses import BURIED, PROTOTYPE, YAW, addresses, draw
+from terrain_forge.rocks.cells import Cells
+from terrain_forge.rocks.drawing import Drawn
+from terrain_forge.rocks.populations import MAX_ROCKS, RockListSpec
+from terrain_forge.rocks.size_classes import shapes_of
+from terrain_forge.seeds import stage_key
+from terrain_forge.site import Site, Table
+from terrain_forge.world import RockLibrary
+
+Array = NDArray[np.float64]
+
+
+def draw_list(
+    spec: RockListSpec, *, index: int, number: int, site: Site, library: RockLibrary
+) -> Drawn:
+    """The rocks of a list; what its table does not give is drawn as for other rocks.
+
+    Args:
+        spec: The list.
+        index: Its index among all populations; lists come last.
+        number: Its number among the recipe's lists.
+        site: The site, which holds its table.
+        library: The shapes.
+
+    Raises:
+        RecipeError: if the library has no shape of a wanted family.
+    """
+    table = site.table(spec.file)
+    count = len(table.values)
+    key = stage_key(site.seed, f"rocks/{spec.name}")
+    address = addresses(key, 0, 0, np.array([[count]]))
+    shapes = shapes_of(spec.families, library, ("rocks", "lists", number))
+    prototype = _column(table, "prototype")
+    if prototype is None:
+        prototype = shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
+    yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
+    shallow, deep = spec.buried_fraction
+    return Drawn(
+        id=index * MAX_ROCKS + np.arange(count),
+        population=np.full(count, index),
+        address=address,
+        xy=np.column_stack([table.column("x_m"), table.column("y_m")]),
+        diameter=table.column("diameter_m"),
+        prototype=prototype.astype(np.int64),
+        yaw=2.0 * np.pi * draw(address, YAW) if yaw is None else np.radians(yaw),
+        buried=shallow + (deep - shallow) * draw(address, BURIED) if buried is None else buried,
+        loose=np.zeros(count, np.bool_),
+    )
+
+
+def by_octave(drawn: Drawn, *, site: Site, library: RockLibrary) -> list[tuple[Drawn, Cells]]:
+    """Listed rocks in octaves of diameter, each with one cell, so that near ones are found fast."""
+    if len(drawn.id) == 0:
+        return []
+    octave = np.floor(np.log2(drawn.diameter / drawn.diameter.min()))
+    reach = np.array([prototype.reach for prototype in library.prototypes])
+    found = []
+    for n in np.unique(octave)[::-1]:
+        part = Drawn(*(column[octave == n] for column in drawn))
+        radius = float((reach[part.prototype] * part.diameter).max())
+        bins = min(len(part.id) ** 0.5, min(site.size) / (2.0 * radius))
+        cells = Cells(
+            radius=radius,
+            columns=1,
+            rows=1,
+            side=site.size,
+            split=max(int(bins), 1),
+            listed=True,
+        )
+        found.append((part, cells))
+    return found
+
+
+def _column(table: Table, name: str) -> Array | None:
+    """A table's column, or None where it has none of that name."""
+    return table.column(name) if name in table.columns else None

@@ -1,0 +1,74 @@
+"""Whether a surface cuts itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.kernels import inner, kernel
+from terrain_forge.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+
+def cuts_itself(mesh: Mesh) -> bool:
+    """Whether an edge of a face runs through another face.
+
+    Faces that touch or lie in one plane do not count. Sweep and prune along x: O(n²) at worst, but
+    near linear for small faces.
+    """
+    corners = mesh.vertices[mesh.faces]
+    order = np.argsort(corners[:, :, 0].min(axis=1), kind="stable")
+    faces = mesh.faces[order].astype(np.int64)
+    triangles = np.ascontiguousarray(corners[order])
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    return bool(_any_crossing(triangles, faces, low, high))
+
+
+@kernel
+def _any_crossing(triangles, faces, low, high):  # type: ignore[no-untyped-def]
+    for f in range(len(faces)):
+        for g in range(f + 1, len(faces)):
+            if low[g, 0] > high[f, 0]:
+                break
+            if low[g, 1] > high[f, 1] or low[f, 1] > high[g, 1]:
+                continue
+            if low[g, 2] > high[f, 2] or low[f, 2] > high[g, 2]:
+                continue
+            if _pierces(triangles, faces, f, g) or _pierces(triangles, faces, g, f):
+                return True
+    return False
+
+
+@inner
+def _pierces(triangles, faces, f, g):  # type: ignore[no-untyped-def]
+    """Whether an edge of f that has no corner in common with g runs through g."""
+    face, other = faces[f], faces[g]
+    for side in range(3):
+        a, b = face[side], face[(side + 1) % 3]
+        apart = True
+        for k in range(3):
+            apart = apart and a != other[k] and b != other[k]
+        if apart and _runs_through(triangles[f, side], triangles[f, (side + 1) % 3], triangles[g]):
+            return True
+    return False
+
+
+@inner
+def _volume(a, b, c, d):  # type: ignore[no-untyped-def]
+    """Six times the signed volume of a tetrahedron."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    wx, wy, wz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
+    return ux * (vy * wz - vz * wy) - uy * (vx * wz - vz * wx) + uz * (vx * wy - vy * wx)
+
+
+@inner
+def _runs_through(p, q, triangle):  # type: ignore[no-untyped-def]
+    """Whether the open segment from p to q meets the inside of a triangle."""
+    a, b, c = triangle[0], triangle[1], triangle[2]
+    if _volume(p, a, b, c) * _volume(q, a, b, c) >= 0.0:
+        return False
+    one, other, third = _volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)
+    all_left = one > 0.0 and other > 0.0 and third > 0.0
+    return all_left or (one < 0.0 and other < 0.0 and third < 0.0)

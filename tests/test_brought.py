@@ -1,0 +1,218 @@
+"""Users' meshes: every format, every defect, and what becomes of them in the library."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from terrain_forge.errors import DataError
+from terrain_forge.mesh import Mesh
+from terrain_forge.rocks.brought import read_rock_mesh
+from terrain_forge.rocks.cache import cache_folder, find_library, library_key
+from terrain_forge.rocks.library import LibrarySpec, MeshSpec, make_library
+from terrain_forge.rocks.self_intersection import cuts_itself
+from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.site import BroughtMesh
+
+KEY = ("rocks", "library", "meshes", 0, "file")
+
+
+def rough_ball(subdivisions=3):
+    """A lopsided, dented, asymmetric body of known volume."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    x, y, z = ball.vertices.T
+    radius = 1.0 + 0.15 * np.sin(3 * x + 1) * np.cos(2 * y) - 0.1 * np.maximum(z, 0) ** 2
+    return trimesh.Trimesh(ball.vertices * radius[:, None] * (1.5, 1.0, 0.7), ball.faces)
+
+
+def hook():
+    """A bent bar: not star-shaped about any point."""
+    outer = trimesh.creation.box((3.0, 1.0, 3.0))
+    cut = trimesh.creation.box((2.0, 2.0, 2.0)).apply_translation((0.8, 0.05, 0.8))
+    bar = trimesh.boolean.difference([outer, cut])
+    return bar.subdivide().subdivide()
+
+
+def written(tmp_path, body, name):
+    path = tmp_path / name
+    body.export(path)
+    return path
+
+
+def refused(path):
+    with pytest.raises(DataError) as caught:
+        read_rock_mesh(path, key=KEY)
+    assert caught.value.key == KEY
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("ending", ["obj", "stl", "ply", "glb"])
+def test_every_format_gives_the_same_body(tmp_path, ending):
+    body = rough_ball()
+    if ending == "glb":  # y is up in glTF
+        body.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+    mesh, _ = read_rock_mesh(written(tmp_path, body, f"rock.{ending}"), key=KEY)
+    assert mass_properties(mesh).volume == pytest.approx(rough_ball().volume, rel=1e-4)
+    extents = np.ptp(mesh.vertices, axis=0)
+    np.testing.assert_allclose(extents, rough_ball().extents, rtol=1e-4)
+    assert len(mesh.vertices) == len(rough_ball().vertices)
+    assert mass_properties(mesh).centre[2] == pytest.approx(rough_ball().center_mass[2], abs=1e-3)
+
+
+def test_inside_out_and_mixed_winding_are_repaired(tmp_path):
+    body = rough_ball()
+    flipped = trimesh.Trimesh(body.vertices, body.faces[:, ::-1], process=False)
+    mesh, repairs = read_rock_mesh(written(tmp_path, flipped, "in.ply"), key=KEY)
+    assert mass_properties(mesh).volume == pytest.approx(body.volume, rel=1e-4)
+    assert "turned inside out" in repairs
+    faces = body.faces.copy()
+    faces[::7] = faces[::7, ::-1]
+    mixed = trimesh.Trimesh(body.vertices, faces, process=False)
+    mesh, repairs = read_rock_mesh(written(tmp_path, mixed, "mixed.ply"), key=KEY)
+    assert mass_properties(mesh).volume == pytest.approx(body.volume, rel=1e-4)
+    assert any("faces turned" in repair for repair in repairs)
+
+
+def test_small_holes_and_doubled_faces_are_repaired(tmp_path):
+    body = rough_ball()
+    kept = np.delete(body.faces, [0, 400, 800], axis=0)
+    faces = np.vstack([kept, kept[100:103], kept[200:201, [0, 1, 1]]])
+    holed = trimesh.Trimesh(body.vertices, faces, process=False)
+    mesh, repairs = read_rock_mesh(written(tmp_path, holed, "holes.ply"), key=KEY)
+    assert trimesh.Trimesh(mesh.vertices, mesh.faces).is_watertight
+    assert mass_properties(mesh).volume == pytest.approx(body.volume, rel=0.01)
+    assert any("small holes filled" in repair for repair in repairs)
+    assert any("dropped" in repair for repair in repairs)
+
+
+def test_overlapping_bodies_are_united(tmp_path):
+    one = trimesh.creation.box((2, 2, 2))
+    both = trimesh.util.concatenate([one, one.copy().apply_translation((1, 0.5, 0.25))])
+    mesh, repairs = read_rock_mesh(written(tmp_path, both, "two.stl"), key=KEY)
+    assert mass_properties(mesh).volume == pytest.approx(16 - 1 * 1.5 * 1.75, rel=1e-6)
+    assert "2 bodies united" in repairs
+
+
+def test_bad_files_are_refused_with_the_reason(tmp_path):
+    body = rough_ball()
+    assert "no such file" in refused(tmp_path / "none.obj")
+    (tmp_path / "rock.blend").write_bytes(b"BLENDER")
+    assert "allowed: .obj" in refused(tmp_path / "rock.blend")
+    (tmp_path / "broken.glb").write_bytes(b"glTFnonsense" * 9)
+    assert "cannot be read as GLB" in refused(tmp_path / "broken.glb")
+    (tmp_path / "empty.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    assert "broken.glb" not in refused(tmp_path / "empty.obj")
+    upper = trimesh.Trimesh(body.vertices, body.faces[body.triangles_center[:, 2] > -0.2])
+    assert "is open: a hole of" in refused(written(tmp_path, upper, "open.obj"))
+    flat = trimesh.Trimesh(body.vertices * (1, 1, 0), body.faces, process=False)
+    assert "encloses no volume" in refused(written(tmp_path, flat, "flat.ply"))
+    apart = trimesh.util.concatenate([body, body.copy().apply_translation((9, 0, 0))])
+    assert "2 bodies that do not overlap" in refused(written(tmp_path, apart, "apart.ply"))
+    pushed = body.vertices.copy()
+    pushed[np.argmax(pushed[:, 2])] = (0.1, 0.05, -3.0)
+    crossed = trimesh.Trimesh(pushed, body.faces, process=False)
+    assert "cuts itself" in refused(written(tmp_path, crossed, "crossed.ply"))
+    fin = np.vstack([body.faces, [[*body.faces[0, :2], int(body.faces[500, 0])]]])
+    finned = trimesh.Trimesh(body.vertices, fin, process=False)
+    assert "more than two faces" in refused(written(tmp_path, finned, "fin.ply"))
+
+
+def test_a_moebius_strip_has_no_inside(tmp_path):
+    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    rims = []
+    for side in (-0.3, 0.3):
+        radius = 1 + side * np.cos(turn / 2)
+        rims.append(
+            np.stack([radius * np.cos(turn), radius * np.sin(turn), side * np.sin(turn / 2)], 1)
+        )
+    faces = []
+    for n in range(40):
+        a, b = n, n + 40
+        c, d = (n + 1, n + 41) if n < 39 else (40, 0)
+        faces += [(a, c, b), (b, c, d)]
+    strip = trimesh.Trimesh(np.vstack(rims), faces, process=False)
+    assert "cannot all look outward" in refused(written(tmp_path, strip, "strip.ply"))
+
+
+def brought(body, path):
+    return BroughtMesh(path=path, mesh=Mesh(vertices=body.vertices, faces=body.faces), repairs=())
+
+
+@pytest.fixture(scope="module")
+def own_library():
+    own = (MeshSpec(file="shapes/hook.stl"), MeshSpec(file="ball.ply", family="mine", keep_up=True))
+    spec = LibrarySpec(shapes=1, meshes=own, hull_excess=0.25, hull_distance=0.15)
+    shapes = (brought(rough_ball(4), "ball.ply"), brought(hook(), "shapes/hook.stl"))
+    return make_library(spec, brought=shapes)
+
+
+def test_users_shapes_become_prototypes(own_library):
+    assert [rock.family for rock in own_library.prototypes] == ["block", "hook", "mine"]
+    for rock in own_library.prototypes[1:]:
+        assert np.ptp(rock.meshes[0].vertices, axis=0).mean() == pytest.approx(1.0)
+        np.testing.assert_allclose(mass_properties(rock.meshes[0]).centre, 0, atol=1e-9)
+        assert rock.hull_excess <= 0.25
+        assert rock.hull_distance <= 0.15
+        for mesh in rock.meshes:
+            body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+            assert body.is_watertight
+            assert body.volume > 0
+            assert not cuts_itself(mesh)
+            assert len(mesh.vertices) <= 962
+
+
+def test_a_hook_keeps_its_gap(own_library):
+    """It lies on its side, its three extents as they were, and its parts leave the gap open."""
+    rock = own_library.prototypes[1]
+    assert len(rock.hulls) > 1
+    extents = np.sort(np.ptp(rock.meshes[0].vertices, axis=0))
+    assert extents[0] / extents[2] < 0.4
+    assert np.ptp(rock.meshes[0].vertices[:, 2]) == pytest.approx(extents[0], abs=1e-3)
+    assert rock.volume / extents[0] ** 3 == pytest.approx(9 - 1.7 * 1.7, rel=0.01)
+
+
+def test_a_shape_that_keeps_up_is_only_scaled_and_moved(own_library):
+    body = rough_ball(4)
+    rock = own_library.prototypes[2]
+    np.testing.assert_allclose(
+        np.ptp(rock.meshes[0].vertices, axis=0), body.extents / body.extents.mean(), atol=0.01
+    )
+
+
+def test_cache_gives_the_same_bytes_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "kept"))
+    spec = LibrarySpec(shapes=2, seed=5)
+    made = find_library(spec)
+    (file,) = (tmp_path / "kept").iterdir()
+    with monkeypatch.context() as patched:
+        patched.setattr("terrain_forge.rocks.cache.make_library", None)  # must not be called
+        assert find_library(spec) == made
+    assert make_library(spec).content_hash == made.content_hash
+    file.write_bytes(file.read_bytes()[:-400])
+    assert find_library(spec) == made
+    file.write_bytes(b"nonsense")
+    assert find_library(spec) == made
+    assert [entry.name for entry in file.parent.iterdir()] == [file.name]
+
+
+def test_cache_can_be_off_or_out_of_reach(tmp_path, monkeypatch):
+    spec = LibrarySpec(shapes=1, seed=5)
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", "off")
+    assert cache_folder() is None
+    made = find_library(spec)
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(blocked))
+    assert find_library(spec) == made
+
+
+def test_cache_key_follows_wishes_and_meshes():
+    one, other = brought(rough_ball(2), "a.ply"), brought(rough_ball(1), "a.ply")
+    keys = {
+        library_key(LibrarySpec(), ()),
+        library_key(LibrarySpec(seed=1), ()),
+        library_key(LibrarySpec(), (one,)),
+        library_key(LibrarySpec(), (other,)),
+    }
+    assert len(keys) == 4
+    assert library_key(LibrarySpec(), (one,)) in keys

@@ -1,0 +1,249 @@
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mesh import Mesh
+from terrain_forge.recipe import recipe_from_json
+from terrain_forge.registry import exporter
+from terrain_forge.rocks import settle as settling
+from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.library import LibrarySpec, make_library
+from terrain_forge.rocks.outline import convex_hull, footprint, mean_width
+from terrain_forge.rocks.rest import rest
+from terrain_forge.rocks.scatter import Scattered
+from terrain_forge.rocks.settle import settle
+from terrain_forge.rocks.size_classes import LOOSE_ROOM
+from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.validation.loose import MOST_SHIFT, loose_checks, watch
+from terrain_forge.world import Heightfield, rotations
+from tests import worlds
+
+LIBRARY = make_library(LibrarySpec(shapes=6))
+COUNT = 40
+GRAVITY = 3.71
+
+
+def ground():
+    """The hill with three centimetres of roughness at the size of the rocks."""
+    land = worlds.ground()
+    random = np.random.default_rng(2)
+    rough = random.normal(0.0, 0.01, land.shape)
+    waves = 0.02 * np.sin(9.0 * land.east[None, :]) * np.cos(8.0 * land.north[:, None])
+    return land.replace(elevation=land.elevation + rough + waves)
+
+
+def scattered(loose):
+    """Rocks of 0.1 to 1 m on places of a coarse grid, so that none can meet."""
+    random = np.random.default_rng(7)
+    places = np.stack(np.meshgrid(np.arange(-8.0, 8.1, 2.0), np.arange(-5.0, 5.1, 2.0)), -1)
+    xy = places.reshape(-1, 2)[:COUNT] + random.uniform(-0.3, 0.3, (COUNT, 2))
+    return Scattered(
+        populations=("pebbles", "boulders"),
+        id=np.arange(COUNT),
+        population=np.zeros(COUNT),
+        prototype=random.integers(0, len(LIBRARY.prototypes), COUNT),
+        xy=xy,
+        yaw=random.uniform(0, 2 * np.pi, COUNT),
+        buried=random.uniform(0.05, 0.5, COUNT),
+        diameter=0.1 * 10 ** random.random(COUNT),
+        loose=loose,
+        solid=np.ones(COUNT, np.bool_),
+        unplaced=(0, 0),
+    )
+
+
+def export(world, folder):
+    mjcf = exporter("mjcf")
+    mjcf.export(world, folder, options=mjcf.Options())
+
+
+def laid(land, loose):
+    return rest(scattered=scattered(loose), library=LIBRARY, ground=land, density=(2900.0, 2500.0))
+
+
+@pytest.fixture(scope="module")
+def settled():
+    land = ground()
+    loose = np.arange(COUNT) % 8 > 0
+    return settle(rocks=laid(land, loose), library=LIBRARY, ground=land, gravity=GRAVITY)
+
+
+@pytest.fixture(scope="module")
+def world(settled):
+    return worlds.world().replace(ground=ground(), library=LIBRARY, field=settled)
+
+
+def test_nearly_all_come_to_rest_and_the_others_are_fixed(settled):
+    before = laid(ground(), np.arange(COUNT) % 8 > 0)
+    assert settled.loose[before.loose].mean() >= 0.9
+    assert not settled.loose[~before.loose].any()
+    fixed = ~settled.loose
+    assert settled.select(fixed).replace(loose=before.loose[fixed]) == before.select(fixed)
+
+
+def test_diameters_are_exact(settled):
+    """The mean of length and width of the whole outline in the settled pose, by brute force."""
+    for n in np.flatnonzero(settled.loose):
+        plan = (LIBRARY.prototypes[settled.prototype[n]].meshes[0].vertices
+                @ rotations(settled)[n][:2].T) * settled.scale[n]  # fmt: skip
+        apart = plan[:, None] - plan[None]
+        a, b = np.unravel_index(np.hypot(*np.moveaxis(apart, -1, 0)).argmax(), apart.shape[:2])
+        along = apart[a, b] / np.hypot(*apart[a, b])
+        width = np.ptp(plan @ [-along[1], along[0]])
+        assert 0.5 * (np.hypot(*apart[a, b]) + width) == pytest.approx(settled.diameter[n])
+    wanted = scattered(settled.loose).diameter
+    np.testing.assert_array_equal(settled.diameter, wanted)
+    assert kstest(np.log10(settled.diameter / 0.1), "uniform").pvalue > 0.001
+
+
+def test_masses_are_those_of_the_settled_size(settled):
+    for n in np.flatnonzero(settled.loose):
+        mesh = LIBRARY.prototypes[settled.prototype[n]].meshes[0]
+        solid = mass_properties(Mesh(vertices=mesh.vertices * settled.scale[n], faces=mesh.faces))
+        assert settled.volume[n] == pytest.approx(solid.volume)
+        assert settled.mass[n] == pytest.approx(2900.0 * solid.volume)
+
+
+def test_they_touch_the_ground_and_are_not_in_it(settled):
+    land = ground()
+    for n in np.flatnonzero(settled.loose):
+        mesh = LIBRARY.prototypes[settled.prototype[n]].meshes[0]
+        points = settled.scale[n] * mesh.vertices @ rotations(settled)[n].T + settled.position[n]
+        above = points[:, 2] - land.height_at(points[:, 0], points[:, 1])
+        assert above.min() == pytest.approx(0.0, abs=0.02 * settled.diameter[n])
+        assert settled.height[n] == pytest.approx(above.max(), abs=0.5 * settled.diameter[n])
+    assert not settled.buried_fraction[settled.loose].any()
+
+
+def test_they_stay_within_their_room(settled):
+    places = scattered(settled.loose)
+    for n in np.flatnonzero(settled.loose):
+        prototype = LIBRARY.prototypes[settled.prototype[n]]
+        plan = settled.scale[n] * prototype.meshes[0].vertices @ rotations(settled)[n][:2].T
+        moved = settled.position[n, :2] - places.xy[n]
+        support = footprint(prototype.meshes[0])
+        angle = places.yaw[n] + 2 * np.pi * np.arange(len(support)) / len(support)
+        reached = (plan + moved) @ np.stack([np.cos(angle), np.sin(angle)])
+        assert np.all(reached.max(axis=0) <= LOOSE_ROOM * support * settled.diameter[n])
+        assert np.hypot(*plan.T).max() <= prototype.reach * settled.diameter[n]
+
+
+def test_a_window_has_the_same_bits(settled):
+    """Settled on a cut of the ground, and with other rocks loose."""
+    land = ground()
+    part = land.cut(column=17, row=9, columns=50, rows=40)
+    west, south, east, north = part.bounds
+    whole = laid(land, np.ones(COUNT, np.bool_))
+    x, y = whole.position[:, 0], whole.position[:, 1]
+    inside = (np.abs(x - 0.5 * (west + east)) < 0.5 * (east - west) - 1.8) & (
+        np.abs(y - 0.5 * (south + north)) < 0.5 * (north - south) - 1.8
+    )
+    again = settle(rocks=whole.select(inside), library=LIBRARY, ground=part, gravity=GRAVITY)
+    both = again.loose & settled.loose[inside]
+    assert both.sum() >= 8
+    assert again.select(both) == settled.select(np.flatnonzero(inside)[both])
+
+
+def test_loose_rocks_stay_in_the_exported_world(world, tmp_path):
+    """Reloaded in MuJoCo with the ground and all others: 2 % of the diameter, 3 deg, for 5 s."""
+    (check,) = loose_checks(world, tmp_path)
+    assert check.passed, check
+    assert check.figure >= 0.95
+    assert (tmp_path / "validation" / "mjcf" / "world.xml").is_file()
+
+
+def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
+    """Raised by a fifth of their diameter, they fall."""
+    raised = world.field.position + world.field.diameter[:, None] * (0.0, 0.0, 0.2)
+    thrown = world.replace(field=world.field.replace(position=raised))
+    (tmp_path / "mjcf").mkdir()
+    export(thrown, tmp_path / "mjcf")
+    stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
+    assert not stay.stayed.any()
+    assert stay.shift.min() > 5 * MOST_SHIFT
+    (check,) = loose_checks(thrown, tmp_path)
+    assert not check.passed
+    assert not (tmp_path / "validation").exists()
+
+
+def test_a_world_without_loose_rocks_is_not_checked(tmp_path):
+    assert loose_checks(worlds.world(), tmp_path) == []
+
+
+def test_a_rock_on_too_steep_a_slope_is_fixed():
+    """tan 40 deg is above the sliding friction: all slide out of their room."""
+    land = worlds.ground()
+    steep = land.replace(elevation=np.tile(0.84 * land.east, (land.shape[0], 1)))
+    before = laid(steep, np.ones(COUNT, np.bool_))
+    after = settle(rocks=before, library=LIBRARY, ground=steep, gravity=GRAVITY)
+    assert not after.loose.any()
+    assert after == before.replace(loose=np.zeros(COUNT, np.bool_))
+
+
+def test_physics_is_that_of_the_rock(settled):
+    """MuJoCo's mass and principal moments are those of the true shape, about its centre of mass."""
+    n = int(np.flatnonzero(settled.loose)[0])
+    prototype = LIBRARY.prototypes[settled.prototype[n]]
+    rock = settling._rock(settled, n, prototype, footprint(prototype.meshes[0]), GRAVITY)
+    flat = Heightfield(elevation=np.zeros((5, 5)), spacing=1.0, origin=(-2.0, -2.0))
+    pose = settling._Pose(
+        position=np.array([0, 0, 1.0]), quaternion=settled.quaternion[n], scale=settled.scale[n]
+    )
+    model = settling._model(rock, flat, pose, 0.0)
+    mesh = prototype.meshes[0]
+    solid = mass_properties(Mesh(vertices=mesh.vertices * pose.scale, faces=mesh.faces))
+    assert model.body_mass[1] == pytest.approx(rock.density * solid.volume)
+    moments = np.linalg.eigvalsh(rock.density * solid.inertia)
+    np.testing.assert_allclose(np.sort(model.body_inertia[1]), moments, rtol=1e-9)
+    np.testing.assert_allclose(model.body_ipos[1], 0.0, atol=1e-12)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.xipos[1], pose.position, atol=1e-12)
+    corners = np.concatenate([hull.vertices for hull in prototype.hulls])
+    lowest = pose.scale * (corners @ matrix_from_quaternion(pose.quaternion).T)[:, 2].min()
+    assert mujoco.mj_geomDistance(model, data, 0, 1, 5.0, None) == pytest.approx(
+        1.0 + lowest, abs=1e-5
+    )
+
+
+def test_contact_scales_with_the_rock():
+    small, large = loose_contact(0.2), loose_contact(2.0)
+    assert small.condim == 6
+    assert large.friction == (0.7, pytest.approx(0.1), pytest.approx(0.1))
+    assert small.rolling == pytest.approx(0.1 * large.rolling)
+
+
+def recipe(**population):
+    stones = {
+        "name": "stones",
+        "size_frequency": {"kind": "golombek", "k": 0.05},
+        "diameter_m": [0.1, 3.0],
+    }
+    content = {
+        "name": "loose",
+        "body": "mars",
+        "dtm": {"kind": "flat", "size_m": [50, 50]},
+        "terrain": {"spacing_m": 0.1},
+        "rocks": {"populations": [stones | population]},
+    }
+    return recipe_from_json(json.dumps(content))
+
+
+def test_loose_rocks_that_cannot_be_settled_are_refused():
+    settling.require_loose(recipe(loose_m=[0.2, 0.8]))
+    with pytest.raises(RecipeError, match=r"up to 1 m, at most 8 .* 0.8 m") as caught:
+        settling.require_loose(recipe(loose_m=[0.2, 1.0]))
+    assert caught.value.key == ("rocks", "populations", 0, "loose_m")
+    with pytest.raises(RecipeError, match="at most 5000"):
+        settling.require_loose(recipe(diameter_m=[0.03, 3.0], loose_m=[0.03, 0.8]))
+
+
+def test_outline_of_a_settled_rock_is_convex_hull_invariant():
+    """The diameter of all vertices is that of their hull."""
+    plan = LIBRARY.prototypes[0].meshes[0].vertices[:, :2].copy()
+    assert mean_width(plan) == pytest.approx(mean_width(convex_hull(plan)), rel=1e-12)
