@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from terrain_forge import __version__
 from terrain_forge.motion import Trajectory
+from terrain_forge.report_rocks import rocks_section
 from terrain_forge.report_style import (
     Cell,
     Html,
@@ -25,14 +26,13 @@ from terrain_forge.report_style import (
     picture,
     section,
     table,
+    thousands,
 )
 from terrain_forge.report_usage import usage
 from terrain_forge.terrain.statistics import slope_statistics
 from terrain_forge.world import World
 
 _MAP_PIXELS = 560
-_LIMIT_Z = 3.29
-_LIMIT_P = 0.001
 
 
 def write_report_page(world: World, directory: Path) -> Path:
@@ -49,7 +49,7 @@ def write_report_page(world: World, directory: Path) -> Path:
             _preview(directory / "preview.png"),
             section("What was built", _built(world)),
             section("The ground", _ground(world)),
-            section("The rocks", *_rocks(world, proof, directory / "truth")),
+            section("The rocks", *rocks_section(world, proof, directory / "truth")),
             section("Paths", _paths(world)),
             section("Checks", *_checks(validation, directory / "validation")),
             *usage(world, directory),
@@ -82,7 +82,7 @@ def _header(world: World, validation: dict[str, Any]) -> Html:
     east, north = _extent(world)
     lead = (
         f"{site.body.name.capitalize()} · {east:g} × {north:g} m at {site.spacing:g} m · "
-        f"{_count(len(world.field))} rocks · seed {site.seed}"
+        f"{thousands(len(world.field))} rocks · seed {site.seed}"
     )
     return Html(
         f"<header><h1>{html(site.name)}</h1>{paragraph(lead, 'lead').text}"
@@ -134,13 +134,13 @@ def _built(world: World) -> Html:
         ("Place", _place(world)),
         ("Terrain model", str(dtm.get("source") or dtm.get("kind", "made by hand"))),
         ("Posting of the model", f"{site.dtm.posting:.4g} m" if site.dtm else "none"),
-        ("Samples filled in", _count(site.dtm.filled) if site.dtm else "none"),
+        ("Samples filled in", thousands(site.dtm.filled) if site.dtm else "none"),
         ("Height of z = 0", f"{site.datum_height:.3f} m above datum"),
         ("Level plane", _plane(site.slope)),
         ("Area", f"{east:g} × {north:g} m"),
         ("Ground", f"{columns} × {rows} nodes, {site.spacing:g} m apart"),
         ("Roughness", f"H {site.roughness.hurst:.2f}, {site.roughness.deviation:.3g} m at 1 m"),
-        ("Rocks", f"{_count(len(world.field))} ({names})"),
+        ("Rocks", f"{thousands(len(world.field))} ({names})"),
         ("Rock shapes", f"{len(world.library.prototypes)}, seed {world.library.seed}"),
         ("Rover", world.rover.name),
         ("Sun", _sun(world)),
@@ -203,72 +203,6 @@ def _ground(world: World) -> Html:
     return Html(f'<div class="pair"><div>{overhead.text}</div><div>{histogram.text}</div></div>')
 
 
-def _rocks(world: World, proof: dict[str, Any], truth: Path) -> list[Html]:
-    if not len(world.field):
-        return [paragraph("This world has no rocks.")]
-    parts = []
-    if (truth / "size_frequency.png").is_file():
-        parts.append(
-            picture(
-                (truth / "size_frequency.png").read_bytes(),
-                media_type="image/png",
-                description="Cumulative number and cover of rocks over diameter",
-            )
-        )
-    if proof.get("together"):
-        parts += [_proof_table(proof), paragraph(_proof_note(proof), "note")]
-    return parts
-
-
-def _proof_table(proof: dict[str, Any]) -> Html:
-    populations = proof["populations"]
-    if len(populations) > 1:
-        populations = [*populations, {"name": "together", "law": {}, **proof["together"]}]
-    headings = ("Population", "Law", "D [m]", "Wanted", "Found", "z", "Cover wanted", "Found",
-                "z", "K–S", "p", "Unplaced", "")  # fmt: skip
-    return table(headings, [_proof_row(part) for part in populations], figures="llrrrrrrrrrrl")
-
-
-def _proof_row(part: dict[str, Any]) -> list[Cell]:
-    count, cover, ks = part["count"], part["cover"], part["kolmogorov_smirnov"]
-    law = " ".join(
-        value if name == "kind" else f"{name} {value:g}"
-        for name, value in part["law"].items()
-        if value is not None
-    )
-    smallest, largest = part["diameter_m"]
-    deviations = [count["z"] or 0.0, cover["z"] or 0.0]
-    agrees = max(map(abs, deviations)) <= _LIMIT_Z and (ks is None or ks["p_value"] >= _LIMIT_P)
-    return [
-        part["name"],
-        law,
-        f"{smallest:.3g}–{largest:.3g}",
-        _count(round(count["wanted"])),
-        _count(count["realised"]),
-        _signed(count["z"]),
-        f"{100 * cover['wanted']:.3f} %",
-        f"{100 * cover['realised']:.3f} %",
-        _signed(cover["z"]),
-        f"{ks['distance']:.4f}" if ks else "–",
-        f"{ks['p_value']:.3f}" if ks else "–",
-        str(part["unplaced"]),
-        chip("agrees", "good") if agrees else chip("differs", "bad"),
-    ]
-
-
-def _proof_note(proof: dict[str, Any]) -> str:
-    note = (
-        "z: deviation in standard deviations of a right sampler. K–S: Kolmogorov–Smirnov distance "
-        f"of the diameters from the law, and its p. Agrees: |z| ≤ {_LIMIT_Z} and p ≥ {_LIMIT_P}."
-    )
-    if proof["corridor_area_m2"] > 0:
-        note += (
-            f" Over {_count(round(proof['area_m2']))} m²: the paths' corridors "
-            f"({_count(round(proof['corridor_area_m2']))} m²) are left out."
-        )
-    return note
-
-
 def _paths(world: World) -> Html:
     if not world.trajectories:
         return paragraph("This world has no paths.")
@@ -322,7 +256,7 @@ def _measured(value: Any, unit: str) -> str:
         return "yes" if value else "no"
     if isinstance(value, str):
         return value
-    text = _count(value) if isinstance(value, int) else f"{value:.4g}"
+    text = thousands(value) if isinstance(value, int) else f"{value:.4g}"
     return f"{text} {unit}".strip()
 
 
@@ -334,12 +268,3 @@ def _footer() -> Html:
 def _extent(world: World) -> tuple[float, float]:
     west, south, east, north = world.ground.bounds
     return east - west, north - south
-
-
-def _count(number: int) -> str:
-    """A whole number with narrow spaces between thousands."""
-    return f"{number:,}".replace(",", "\u202f")
-
-
-def _signed(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.2f}".replace("-", "\u2212")

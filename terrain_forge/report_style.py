@@ -69,6 +69,16 @@ def picture(image: bytes, *, media_type: str, description: str, caption: Cell = 
     return Html(f'<figure><img src="{source}" alt="{escape(description)}">{below}</figure>')
 
 
+def thousands(number: int) -> str:
+    """A whole number with narrow spaces between thousands."""
+    return f"{number:,}".replace(",", "\u202f")
+
+
+def signed(value: float | None) -> str:
+    """A deviation with its sign, or a dash."""
+    return "–" if value is None else f"{value:+.2f}".replace("-", "\u2212")
+
+
 def command(lines: str) -> Html:
     """Lines to type into a shell."""
     return Html(f"<pre><code>{escape(lines)}</code></pre>")

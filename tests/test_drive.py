@@ -8,12 +8,12 @@ from terrain_forge.exporters import mjcf
 from terrain_forge.frames import quaternion_from_rpy
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
+from terrain_forge.rocks.overlap import overlapping_pairs
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.agreement import ground_agreement, random_points
 from terrain_forge.validation.checks import drive_checks, validate
 from terrain_forge.validation.controller import SKID_GAIN, PlanarPath, wheel_rates, wrap
 from terrain_forge.validation.drive import drive, load_scene
-from terrain_forge.validation.rocks import overlapping_pairs
 from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
 from terrain_forge.validation.vehicle import Vehicle
@@ -76,12 +76,14 @@ def boulder_at(position):
 
 
 def apart(world):
-    """The hand-made world with only those of its rocks that lie apart and off the path."""
+    """The hand-made world with only those of its rocks that lie apart and off the path, sunk in."""
     route = world.trajectories[0].position[:, None, :2]
     near = np.linalg.norm(route - world.field.position[:, :2], axis=-1).min(axis=0)
     clear = world.field.select(near > 0.8 + world.field.diameter)
     second = [b for _, b in overlapping_pairs(clear, world.library)]
-    return world.replace(field=clear.select(~np.isin(clear.id, second)))
+    kept = clear.select(~np.isin(clear.id, second))
+    sunk = kept.position - np.outer(0.1 * kept.diameter, (0.0, 0.0, 1.0))
+    return world.replace(field=kept.replace(position=sunk))
 
 
 @pytest.fixture(scope="module")

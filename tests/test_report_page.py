@@ -12,7 +12,7 @@ from terrain_forge.terrain.statistics import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.writers.image import write_png
 from tests import worlds
-from tests.test_truth import population
+from tests.test_proof import population, rocks
 
 HOSTILE = "<script>alert('&\"x\"')</script>"
 CHECKS = [
@@ -71,7 +71,7 @@ def build(folder, *, name="Gale & co", validated=True, fill=True):
         (folder / "truth").mkdir(parents=True)
         specs = (population("pebbles", diameter=(0.2, 0.7)),
                  population("boulders", diameter=(0.7, 1.2)))  # fmt: skip
-        write_size_frequency(world, folder / "truth", populations=specs)
+        write_size_frequency(world, folder / "truth", rocks=rocks(*specs))
         write_png(folder / "preview.png", np.full((72, 128, 3), 90, np.uint8))
         for path in ("sdf/scene.sdf", "old gazebo/scene.sdf", "mjcf/scene.xml", "usd/scene.usdc"):
             (folder / path).parent.mkdir()
@@ -92,7 +92,7 @@ def report(tmp_path_factory):
 def test_the_page_needs_nothing_but_itself(report):
     page = Page(report)
     assert page.open == []
-    assert len(page.sources) == 4
+    assert len(page.sources) == 5
     assert all(re.match(r"data:image/(png|jpeg);base64,[A-Za-z0-9+/=]+$", s) for s in page.sources)
     assert not {"script", "link", "iframe", "object", "base", "a"} & set(page.tags)
     assert "url(" not in page.style
@@ -119,7 +119,7 @@ def test_every_check_stands_there_with_figure_limit_and_verdict(report):
 
 def test_the_proof_of_the_sizes_stands_there(report):
     text = Page(report).text
-    for words in ("pebbles golombek k 0.07 0.2–0.7", "boulders", "together", "differs"):
+    for words in ("pebbles golombek, k 0.07, q 3.96 0.2–0.7", "boulders", "together", "differs"):
         assert words in text
 
 

@@ -1,30 +1,29 @@
-"""The truth bundle: rasters against brute force, tables read back, the size-frequency proof."""
+"""The truth bundle: rasters against brute force and rays, tables read back."""
 
 import csv
-import json
 from types import SimpleNamespace
 
 import numba
 import numpy as np
 import pytest
 import rasterio
+import trimesh
 from PIL import Image
 from rasterio.crs import CRS
-from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.mesh import Mesh
 from terrain_forge.paths.files import write_trajectory
-from terrain_forge.paths.route import Route
-from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.truth.bundle import write_truth
 from terrain_forge.truth.rasters import rock_rasters
-from terrain_forge.truth.size_frequency import clark_evans, size_frequency, write_size_frequency
+from terrain_forge.truth.size_frequency import size_frequency
 from terrain_forge.truth.tables import geographic, write_rocks
+from terrain_forge.validation.resting import foot_and_top, resting_checks
+from terrain_forge.validation.top_surface import top_surface_checks
 from terrain_forge.world import merge
 from tests import worlds
+from tests.test_proof import population, rocks
 
 ALPHA = 0.001
 
@@ -73,8 +72,6 @@ def test_rasters_equal_brute_force_rays():
 
 def with_boxes(positions):
     """A flat world of 1 m spacing with cubes of 2 m whose corners lie on nodes."""
-    import trimesh
-
     box = trimesh.creation.box(extents=(2.0, 2.0, 2.0))
     world = worlds.world(rocks=len(positions))
     shape = Mesh(vertices=box.vertices, faces=box.faces)
@@ -148,6 +145,7 @@ COLUMNS = (
     "id,population,prototype,x_m,y_m,z_m,qw,qx,qy,qz,"
     "diameter_m,height_m,buried_fraction,volume_m3,mass_kg"
 )
+MORE_COLUMNS = ",a_m,b_m,c_m,collision_parts,loose,solid"
 
 
 def read(path):
@@ -160,23 +158,45 @@ def test_rocks_are_read_back_as_they_are(tmp_path):
     names = ("pebbles", 'boulders, "large"')
     world = world.replace(field=world.field.replace(populations=names))
     write_rocks(world, tmp_path / "rocks.csv")
-    assert (tmp_path / "rocks.csv").read_bytes().split(b"\n", 1)[0] == COLUMNS.encode()
-    rows, rocks = read(tmp_path / "rocks.csv"), world.field
-    assert [row["population"] for row in rows] == [names[n] for n in rocks.population]
+    header = (tmp_path / "rocks.csv").read_bytes().split(b"\n", 1)[0]
+    assert header == (COLUMNS + MORE_COLUMNS).encode()
+    rows, field = read(tmp_path / "rocks.csv"), world.field
+    assert [row["population"] for row in rows] == [names[n] for n in field.population]
     table = {
         name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name[:3] != "pop"
     }
-    np.testing.assert_array_equal(table["id"], rocks.id)
-    np.testing.assert_array_equal(table["prototype"], rocks.prototype)
+    np.testing.assert_array_equal(table["id"], field.id)
+    np.testing.assert_array_equal(table["prototype"], field.prototype)
     position = np.stack([table["x_m"], table["y_m"], table["z_m"]], -1)
-    np.testing.assert_allclose(position, rocks.position, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(position, field.position, rtol=0, atol=1e-7)
     quaternion = np.stack([table[name] for name in ("qw", "qx", "qy", "qz")], -1)
-    np.testing.assert_allclose(quaternion, rocks.quaternion, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(quaternion, field.quaternion, rtol=0, atol=1e-9)
     for name, column in (("diameter_m", "diameter"), ("height_m", "height"),
                          ("buried_fraction", "buried_fraction")):  # fmt: skip
-        np.testing.assert_allclose(table[name], getattr(rocks, column), rtol=0, atol=1e-7)
-    np.testing.assert_allclose(table["volume_m3"], rocks.volume, rtol=1e-8)
-    np.testing.assert_allclose(table["mass_kg"], rocks.mass, rtol=1e-8)
+        np.testing.assert_allclose(table[name], getattr(field, column), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(table["volume_m3"], field.volume, rtol=1e-8)
+    np.testing.assert_allclose(table["mass_kg"], field.mass, rtol=1e-8)
+
+
+def test_the_later_columns_are_axes_parts_and_what_the_rocks_are_for(tmp_path):
+    world = worlds.world(rocks=30)
+    shapes = world.library.prototypes
+    split = shapes[0].replace(hulls=shapes[0].hulls * 3)
+    loose, solid = np.arange(30) % 7 == 0, np.arange(30) % 5 > 0
+    world = world.replace(
+        library=world.library.replace(prototypes=(split, *shapes[1:])),
+        field=world.field.replace(loose=loose, solid=solid),
+    )
+    write_rocks(world, tmp_path / "rocks.csv")
+    rows = read(tmp_path / "rocks.csv")
+    for n, row in enumerate(rows):
+        shape, scale = shapes[int(row["prototype"])], world.field.scale[n]
+        axes = [float(row[name]) for name in ("a_m", "b_m", "c_m")]
+        extents = np.ptp(scale * shape.meshes[0].vertices, axis=0)
+        np.testing.assert_allclose(axes, extents, rtol=0, atol=1e-7)
+        assert (row["loose"], row["solid"]) == (str(int(loose[n])), str(int(solid[n])))
+        parts = 3 if row["prototype"] == "0" else 1
+        assert int(row["collision_parts"]) == (parts if solid[n] else 0)
 
 
 def test_longitudes_and_latitudes_are_those_of_the_spherical_mercator_turned_round(tmp_path):
@@ -195,7 +215,7 @@ def test_longitudes_and_latitudes_are_those_of_the_spherical_mercator_turned_rou
     world = worlds.world().replace(site=site)
     write_rocks(world, tmp_path / "rocks.csv")
     rows = read(tmp_path / "rocks.csv")
-    assert ",".join(rows[0]) == COLUMNS + ",lon_deg,lat_deg"
+    assert ",".join(rows[0]) == COLUMNS + ",lon_deg,lat_deg" + MORE_COLUMNS
     lon, lat = geographic(site, *world.field.position[:, :2].T)
     np.testing.assert_allclose([float(r["lon_deg"]) for r in rows], lon, rtol=0, atol=1e-9)
     np.testing.assert_allclose([float(r["lat_deg"]) for r in rows], lat, rtol=0, atol=1e-9)
@@ -223,179 +243,60 @@ def test_trajectories_are_read_back_by_table_and_by_tum(tmp_path, small_world):
         assert (expected * turn.inv()).magnitude().max() < 1e-8
 
 
-# Sizes
+# Checks of the built world
 
 
-def population(name="rocks", *, k=0.07, diameter=(0.1, 1.5)):
-    return PopulationSpec(name=name, size_frequency=Golombek(k=k), diameter_m=diameter)
+def test_the_true_outline_is_the_ground_that_is_seen_to_be_rock():
+    """Cubes of 2 m on a grid of 1 m: nine nodes each, of which four cells are the rock."""
+    boxes = with_boxes([(3.3, -2.2, 0.0), (-6.7, 2.4, 0.0)])
+    boxes = boxes.replace(field=boxes.field.replace(population=np.array([0, 1])))
+    spec = population("pebbles", diameter=(0.2, 1.5))
+    cover = size_frequency(boxes, rocks=rocks(spec))["populations"][0]["cover"]
+    assert cover["outline"] == pytest.approx(4.0 / (24 * 16))
+    assert cover["outline_error"] == pytest.approx(2.0 / (24 * 16))
 
 
-def draw(random, spec, area):
-    """Diameters by numerical inversion of the truncated law; Poisson number."""
-    a, b = spec.diameter_m
-    at = np.geomspace(a, b, 20001)
-    above = spec.size_frequency.cumulative_number(at)
-    count = random.poisson((above[0] - above[-1]) * area)
-    u = random.uniform(above[-1], above[0], count)
-    return np.interp(u, above[::-1], at[::-1])
-
-
-def scattered(diameters, *, side=100.0, seed=11):
-    """A flat square world with rocks of these diameters at random places."""
-    count = sum(map(len, diameters))
-    xy = np.random.default_rng(seed).uniform(-side / 2, side / 2, (count, 2))
-    world = worlds.world(rocks=count)
-    site = world.site.replace(size=(side, side), spacing=1.0)
-    nodes = round(side) + 1
-    return world.replace(
-        site=site,
-        window=site.window,
-        ground=world.ground.replace(
-            elevation=np.zeros((nodes, nodes)), spacing=1.0, origin=(-side / 2, -side / 2)
-        ),
-        field=world.field.replace(
-            populations=tuple(f"p{n}" for n in range(len(diameters))),
-            population=np.repeat(np.arange(len(diameters)), list(map(len, diameters))),
-            position=np.column_stack([xy, np.zeros(count)]),
-            diameter=np.concatenate(diameters),
-        ),
-        unplaced=tuple(range(len(diameters))),
+def test_top_surface_and_ids_are_checked_by_rays(tmp_path):
+    world = worlds.world(rocks=60)
+    world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks())
+    write_truth(world, tmp_path)
+    height, ids = top_surface_checks(world, tmp_path / "truth", points=2000)
+    assert height.passed
+    assert ids.passed
+    assert height.figure < 1e-5
+    moved = world.field.position + np.array([0.0, 0.0, 0.01])
+    height, ids = top_surface_checks(
+        world.replace(field=world.field.replace(position=moved)), tmp_path / "truth", points=2000
     )
+    assert not height.passed
+    assert height.figure == pytest.approx(0.01, abs=1e-4)
+    gone = world.replace(field=world.field.select(world.field.id % 5 > 0))
+    assert not top_surface_checks(gone, tmp_path / "truth", points=2000)[1].passed
+    assert top_surface_checks(world, tmp_path, points=10) == []
 
 
-def test_the_wanted_figures_are_the_golden_ones():
-    spec = population("p0")
-    found = size_frequency(scattered([np.array([0.2])]), populations=[spec])["populations"][0]
-    assert found["count"]["wanted"] == pytest.approx(13842.68, abs=0.01)
-    assert found["cover"]["wanted"] == pytest.approx(0.0469199, abs=1e-7)
-    assert found["cover"]["standard_deviation"] == pytest.approx(0.00080622, abs=1e-8)
-
-
-def test_right_samples_agree_and_kolmogorov_smirnov_is_scipys():
-    random = np.random.default_rng(8)
-    spec = population("p0", diameter=(0.2, 1.5))
-    law = spec.size_frequency
-    diameters = draw(random, spec, 1e4)
-    found = size_frequency(scattered([diameters]), populations=[spec])["populations"][0]
-    ends = law.cumulative_number(np.array(spec.diameter_m))
-
-    def distribution(d):
-        return (ends[0] - law.cumulative_number(d)) / (ends[0] - ends[1])
-
-    exact = stats.kstest(diameters, distribution, method="exact")
-    test = found["kolmogorov_smirnov"]
-    assert test["distance"] == pytest.approx(exact.statistic, rel=1e-12)
-    assert test["p_value"] == pytest.approx(exact.pvalue, abs=1e-3)
-    assert test["critical_distance"] == pytest.approx(
-        stats.kstwo.isf(0.05, len(diameters)), rel=1e-3
+def test_daylight_and_drowned_rocks_are_found():
+    """Balls of radius ½ m: one in the ground, one over it, one under it."""
+    world = worlds.world(rocks=1)
+    flat = world.ground.replace(elevation=np.zeros(world.ground.shape))
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.5)
+    shape = Mesh(vertices=ball.vertices, faces=ball.faces)
+    prototype = world.library.prototypes[0].replace(
+        meshes=(shape,), hulls=(shape,), uvs=(np.zeros((len(shape.faces), 3, 2)),)
     )
-    assert test["p_value"] > ALPHA
-    cover = np.pi / 4 * np.sum(diameters**2) / 1e4
-    assert found["cover"]["realised"] == pytest.approx(cover, rel=1e-12)
-    for name in ("count", "cover"):
-        assert abs(found[name]["z"]) < stats.norm.isf(ALPHA / 2)
-
-
-@pytest.mark.parametrize("count", [5, 12, 60])
-def test_kolmogorov_smirnov_holds_for_few_rocks(count):
-    spec = population("p0", diameter=(0.2, 1.5))
-    diameters = np.linspace(0.21, 0.55, count)
-    found = size_frequency(scattered([diameters]), populations=[spec])["populations"][0]
-    test = found["kolmogorov_smirnov"]
-    assert test["p_value"] == pytest.approx(stats.kstwo.sf(test["distance"], count), abs=0.01)
-
-
-def test_a_wrong_law_is_found_out():
-    random = np.random.default_rng(9)
-    diameters = draw(random, population(k=0.1, diameter=(0.2, 1.5)), 1e4)
-    spec = population("p0", k=0.07, diameter=(0.2, 1.5))
-    found = size_frequency(scattered([diameters]), populations=[spec])["populations"][0]
-    assert found["kolmogorov_smirnov"]["p_value"] < ALPHA
-    assert found["count"]["z"] > 10
-    assert found["cover"]["z"] > 10
-
-
-def test_populations_add_up_and_strangers_stay_out():
-    random = np.random.default_rng(10)
-    specs = [population("p0", diameter=(0.2, 0.5)), population("p1", diameter=(0.5, 1.5))]
-    world = scattered([*(draw(random, spec, 1e4) for spec in specs), np.full(100, 5.0)])
-    proof = size_frequency(world, populations=specs)
-    one, two, both = *proof["populations"], proof["together"]
-    for name in ("wanted", "realised"):
-        assert both["count"][name] == pytest.approx(one["count"][name] + two["count"][name])
-        assert both["cover"][name] == pytest.approx(one["cover"][name] + two["cover"][name])
-    assert both["diameter_m"] == [0.2, 1.5]
-    assert both["kolmogorov_smirnov"]["p_value"] > ALPHA
-    assert (one["unplaced"], two["unplaced"]) == (0, 1)
-
-
-def test_the_band_is_the_poisson_one_and_the_curve_counts():
-    spec = population("p0")
-    diameters = draw(np.random.default_rng(12), spec, 1e4)
-    curve = size_frequency(scattered([diameters]), populations=[spec])["populations"][0]["curve"]
-    wanted = np.array(curve["number_wanted"]) * 1e4
-    for name, tail in (("number_low", 0.025), ("number_high", 0.975)):
-        np.testing.assert_allclose(np.array(curve[name]) * 1e4, stats.poisson.ppf(tail, wanted))
-    n = 20
-    larger = diameters[diameters >= curve["diameter_m"][n]]
-    assert curve["number_realised"][n] == pytest.approx(len(larger) / 1e4)
-    assert curve["cover_realised"][n] == pytest.approx(np.pi / 4 * np.sum(larger**2) / 1e4)
-
-
-def test_rocks_and_area_of_corridors_stay_out():
-    random = np.random.default_rng(13)
-    spec = population("p0", diameter=(0.2, 1.5))
-    x = np.arange(-40, 40.05, 0.1)
-    route = Route(
-        name="straight",
-        position=np.column_stack([x, np.full(len(x), 3.0)]),
-        heading=np.zeros(len(x)),
-        distance=x - x[0],
-        closed=False,
-        speed=0.3,
-        corridor_width=8.0,
-        corridor_clearance=0.15,
-    )
-    world = scattered([draw(random, spec, 1e4)])
-    world = world.replace(site=world.site.replace(routes=(route,)))
-    swept = np.hypot(np.maximum(np.abs(world.field.position[:, 0]) - 40, 0),
-                     world.field.position[:, 1] - 3.0) < 4.0  # fmt: skip
-    proof = size_frequency(world.replace(field=world.field.select(~swept)), populations=[spec])
-    assert proof["corridor_area_m2"] == pytest.approx(80 * 8 + np.pi * 16, rel=2e-3)
-    assert proof["together"]["count"]["realised"] == np.sum(~swept)
-    assert abs(proof["together"]["count"]["z"]) < stats.norm.isf(ALPHA / 2)
-    assert size_frequency(world, populations=[spec])["together"] == proof["together"]
-
-
-def test_clark_evans_tells_random_from_even_and_clustered():
-    random = np.random.default_rng(14)
-    points = random.uniform(0, 100, (2000, 2))
-    assert abs(clark_evans(points, 1e4, 400.0)["z"]) < stats.norm.isf(ALPHA / 2)
-    lattice = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0)), -1).reshape(-1, 2)
-    even = clark_evans(lattice, 900.0, 120.0)
-    # 2 without edges; Donnelly's expectation is 1 + 2 (0.0514 + 0.041/30) 4·30/900 times larger.
-    assert even["ratio"] == pytest.approx(2.0 / (1 + 2 * (0.0514 + 0.041 / 30) * 120 / 900))
-    assert clark_evans(points * 0.5, 1e4, 400.0)["z"] < -10
-    assert clark_evans(points[:1], 1e4, 400.0) is None
-
-
-def test_populations_without_any_rock_are_said_to_have_none(tmp_path):
-    world = scattered([np.zeros(0)])
-    write_size_frequency(world, tmp_path, populations=[population("p0")])
-    found = json.loads((tmp_path / "size_frequency.json").read_text())["populations"][0]
-    assert found["count"]["realised"] == 0
-    assert found["kolmogorov_smirnov"] is None
-    assert found["clark_evans"] is None
-    write_size_frequency(world, tmp_path, populations=[])
-    assert json.loads((tmp_path / "size_frequency.json").read_text())["together"] is None
-
-
-def test_any_name_can_be_drawn(tmp_path):
-    spec = population("_a$ {b_$", diameter=(0.2, 1.5))
-    world = scattered([draw(np.random.default_rng(16), spec, 1e4)])
-    world = world.replace(field=world.field.replace(populations=(spec.name,)))
-    write_size_frequency(world, tmp_path, populations=[spec])
-    assert (tmp_path / "size_frequency.png").stat().st_size > 10_000
+    library = world.library.replace(prototypes=(prototype,))
+    at = [(0.0, 0.0, 0.3), (0.0, 0.0, 0.52), (0.0, 0.0, -0.6)]
+    field = world.field.select(np.zeros(3, np.intp)).replace(
+        id=np.arange(3), prototype=np.zeros(3), position=np.array(at),
+        quaternion=np.tile([1.0, 0, 0, 0], (3, 1)), scale=np.ones(3), diameter=np.ones(3),
+    )  # fmt: skip
+    foot, top = foot_and_top(field, prototype, flat)
+    # The foot is at a twentieth of the ball's extent.
+    np.testing.assert_allclose(foot, [-0.15, 0.07, -1.05], atol=1e-6)
+    np.testing.assert_allclose(top, [0.8, 1.02, -0.1], atol=1e-6)
+    daylight, drowned = resting_checks(world.replace(ground=flat, library=library, field=field))
+    assert (daylight.figure, drowned.figure) == (1.0, 1.0)
+    assert not drowned.passed
 
 
 # The bundle
@@ -407,7 +308,7 @@ def test_the_bundle_is_whole_and_repeats(tmp_path):
         population("boulders", diameter=(0.7, 2.0)),
     )
     world = worlds.world()
-    world.site.__dict__["recipe"] = SimpleNamespace(rocks=SimpleNamespace(populations=specs))
+    world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks(*specs))
     files = write_truth(world, tmp_path / "one")
     again = write_truth(world, tmp_path / "two")
     names = ["surface.tif", "surface_with_rocks.tif", "rock_id.tif", "rocks.csv",
@@ -416,9 +317,9 @@ def test_the_bundle_is_whole_and_repeats(tmp_path):
     assert sorted(f.name for f in (tmp_path / "one" / "truth").iterdir()) == sorted(names)
     assert [f.read_bytes() for f in files] == [f.read_bytes() for f in again]
     top, rock_id = rock_rasters(world)
-    for file, expected in zip(files, (world.ground.elevation, top, rock_id), strict=False):
+    for file, values in zip(files, (world.ground.elevation, top, rock_id), strict=False):
         with rasterio.open(file) as raster:
-            np.testing.assert_array_equal(raster.read(1)[::-1], expected)
+            np.testing.assert_array_equal(raster.read(1)[::-1], values)
     with rasterio.open(files[2]) as raster:
         assert raster.nodata == -1
     with Image.open(files[5]) as image:

@@ -12,7 +12,7 @@ from terrain_forge.writers.geotiff import write_geotiff
 
 
 def write_truth(world: World, directory: Path) -> list[Path]:
-    """Write the ground, its rocks and the proof of their sizes into `directory`/truth.
+    """Write the ground, its rocks and the proof of them into `directory`/truth.
 
     Returns:
         The files.
@@ -37,4 +37,5 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     )  # fmt: skip
     rocks = truth / "rocks.csv"
     write_rocks(world, rocks)
-    return [surface, surface_with_rocks, ids, rocks, *write_size_frequency(world, truth)]
+    proof = write_size_frequency(world, truth, rock_id=rock_id)
+    return [surface, surface_with_rocks, ids, rocks, *proof]

@@ -11,7 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-_COLOURS = ("#b4552d", "#2f6f8f", "#5f8a3a", "#7a4f9a", "#b58a1e")
+_COLOURS = (
+    *("#b4552d", "#2f6f8f", "#5f8a3a", "#7a4f9a", "#b58a1e"),
+    *("#a03a6a", "#2f8f7f", "#8a6a4a", "#4a5aa0", "#7a7a7a"),
+)
+_NAMED = 10
 _TOGETHER = "#d9cfc3"
 _INK = "#4a433d"
 _TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
@@ -23,36 +27,57 @@ def write_figure(proof: dict[str, Any], path: Path) -> None:
     FigureCanvasAgg(figure)
     number, cover = figure.subplots(1, 2)
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.13, top=0.89, wspace=0.2)
-    parts = [
-        (part, _COLOURS[n % len(_COLOURS)], 1.8) for n, part in enumerate(proof["populations"])
-    ]
-    if len(parts) > 1:
-        parts.insert(0, ({"name": "together", **proof["together"]}, _TOGETHER, 4.5))
+    parts = _parts(proof)
     for part, colour, width in parts:
         _draw(number, part, "number", colour, width)
         _draw(cover, part, "cover", colour, width)
     _finish(number, "Cumulative number", "Rocks larger than D per m²")
     _finish(cover, "Cumulative cover, Σ πD²/4", "Area covered by rocks larger than D")
-    if parts:
+    if proof["populations"]:
         everything = parts[0][0]
         _limit(number, everything, "number", proof["area_m2"])
         _limit(cover, everything, "cover", proof["area_m2"])
-        number.legend(loc="lower left", frameon=False, fontsize=9, labelcolor=_INK)
+    if parts:
+        handles, _ = number.get_legend_handles_labels()
+        more = len(handles) - _NAMED
+        number.legend(
+            handles=handles[:_NAMED],
+            loc="lower left",
+            frameon=False,
+            fontsize=9,
+            labelcolor=_INK,
+            title=f"and {more} more" if more > 0 else None,
+        )
         _explain(cover, proof["confidence"])
     figure.savefig(path, metadata={"Software": None})
+
+
+def _parts(proof: dict[str, Any]) -> list[tuple[dict[str, Any], str, float]]:
+    """What is drawn, in which colour and how wide: the sum of all first, then each of them."""
+    curves = [*proof["populations"], *proof["lists"]]
+    parts = [(part, _COLOURS[n % len(_COLOURS)], 1.8) for n, part in enumerate(curves)]
+    if len(proof["populations"]) > 1:
+        parts.insert(0, ({"name": "together", **proof["together"]}, _TOGETHER, 4.5))
+    return parts
 
 
 def _draw(axes: Axes, part: dict[str, Any], quantity: str, colour: str, width: float) -> None:
     curve = part["curve"]
     diameter = curve["diameter_m"]
-    low, high = curve[f"{quantity}_low"], curve[f"{quantity}_high"]
-    axes.fill_between(diameter, low, high, color=colour, alpha=0.16, linewidth=0)
-    number = f"{part['count']['realised']:,}".replace(",", " ")
-    # Matplotlib takes a pair of dollars for a formula and hides labels that begin with "_".
-    label = f"{number} {part['name']}".replace("$", r"\$")
     realised = [value if value > 0 else float("nan") for value in curve[f"{quantity}_realised"]]
-    axes.plot(diameter, realised, color=colour, linewidth=width, label=label)
-    axes.plot(diameter, curve[f"{quantity}_wanted"], color=_INK, linewidth=1, linestyle="--")
+    axes.plot(diameter, realised, color=colour, linewidth=width, label=_label(part))
+    if f"{quantity}_wanted" in curve:
+        low, high = curve[f"{quantity}_low"], curve[f"{quantity}_high"]
+        axes.fill_between(diameter, low, high, color=colour, alpha=0.16, linewidth=0)
+        axes.plot(diameter, curve[f"{quantity}_wanted"], color=_INK, linewidth=1, linestyle="--")
+
+
+def _label(part: dict[str, Any]) -> str:
+    number = f"{part['count']['realised']:,}".replace(",", " ")
+    how = {"clustered": ", clustered", "craters": ", around craters"}
+    kind = how.get(part.get("arrangement", ""), ", listed" if "file" in part else "")
+    # Matplotlib takes a pair of dollars for a formula and hides labels that begin with "_".
+    return f"{number} {part['name']}{kind}".replace("$", r"\$")
 
 
 def _finish(axes: Axes, title: str, label: str) -> None:

@@ -22,9 +22,11 @@ def write_rocks(world: World, path: Path) -> None:
     into the world's; diameter_m is the exposed plan diameter (mean of the largest width of the plan
     outline and the width across it); height_m is the top above the ground's tangent plane.
     Longitude (east, -180 to 180) and latitude follow where the site is georeferenced; latitude is
-    that of the body's ellipsoid.
+    that of the body's ellipsoid. Then, always: a_m, b_m, c_m, the rock's extents along its
+    prototype's x, y and z axes; collision_parts, how many convex parts stand in for it (0 where it
+    is there for the eye alone); loose and solid, 1 where it can be pushed or touched.
     """
-    rocks = world.field
+    rocks, shapes = world.field, world.library.prototypes
     names = np.array([quoted(name) for name in rocks.populations], dtype=object)
     columns = [
         Column(name="id", values=rocks.id, form="%d"),
@@ -41,6 +43,15 @@ def write_rocks(world: World, path: Path) -> None:
     if world.site.georeferenced:
         lonlat = geographic(world.site, rocks.position[:, 0], rocks.position[:, 1])
         columns += _columns(("lon_deg", "lat_deg"), lonlat, "%.10f")
+    extents = np.array([np.ptp(shape.meshes[0].vertices, axis=0) for shape in shapes])
+    axes = extents.reshape(-1, 3)[rocks.prototype] * rocks.scale[:, None]
+    parts = np.array([len(shape.hulls) for shape in shapes], np.int64)[rocks.prototype]
+    columns += [
+        *_columns(("a_m", "b_m", "c_m"), axes.T, "%.7f"),
+        Column(name="collision_parts", values=parts * rocks.solid, form="%d"),
+        Column(name="loose", values=rocks.loose, form="%d"),
+        Column(name="solid", values=rocks.solid, form="%d"),
+    ]
     write_table(path, columns)
 
 

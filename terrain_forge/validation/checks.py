@@ -17,16 +17,12 @@ from terrain_forge.errors import SimulationError
 from terrain_forge.records import Record
 from terrain_forge.registry import exporter
 from terrain_forge.validation.agreement import ground_agreement
-from terrain_forge.validation.check import Check, at_least, at_most, failed
+from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.drive import ARRIVAL, DriveResult, drive, load_scene
-from terrain_forge.validation.rocks import overlapping_pairs
+from terrain_forge.validation.loose import loose_checks
+from terrain_forge.validation.rocks import rock_checks
 from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.world import World
-
-SIGNIFICANCE = 0.001
-"""A right sampler's rocks fall below this p-value once in a thousand worlds."""
-UNPLACED_LIMIT = 0.001
-"""Part of the rocks that may find no free place."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +55,7 @@ def validate(
     """Check the world and what was exported of it; write the report into `directory`/validation.
 
     A check that fails is a result, not an error. The MJCF is exported into the validation folder
-    where a drive is asked for and the recipe has none.
+    where a drive is asked for, or rocks are loose, and the recipe has none.
 
     Args:
         world: The world.
@@ -70,13 +66,14 @@ def validate(
     """
     folder = directory / "validation"
     _clear(folder)
-    checks = [*rock_checks(world, directory)]
+    checks = rock_checks(world, directory, points=spec.points)
     result: DriveResult | None = None
     timings: tuple[tuple[str, float], ...] = ()
     if spec.drive_spec:
         scene = _scene(world, directory)
         driven, result, timings = _drive(world, scene, spec.drive_spec, progress)
         checks += driven
+    checks += loose_checks(world, directory)
     agreed = ground_agreement(world, directory, points=spec.points)
     shown = ", ".join(altered[:3])
     whole = at_most("files: missing or altered", float(len(altered)), 0.0, note=shown)
@@ -103,38 +100,6 @@ def _scene(world: World, directory: Path) -> Path:
     mjcf = exporter("mjcf")
     mjcf.export(world, folder, options=mjcf.Options())
     return folder / "scene.xml"
-
-
-def rock_checks(world: World, directory: Path) -> list[Check]:
-    """Rocks apart from each other, all placed, and of the sizes that were asked for."""
-    count, unplaced = len(world.field), sum(world.unplaced)
-    pairs = overlapping_pairs(world.field, world.library)
-    note = f"pairs of {count} rocks, seen from above"
-    if pairs:
-        note += "; first: " + ", ".join(map(str, pairs[0]))
-    limit = float(max(math.ceil(UNPLACED_LIMIT * (count + unplaced)), 1))
-    return [
-        at_most("rocks: overlaps", float(len(pairs)), 0.0, note=note),
-        at_most("rocks: without a free place", float(unplaced), limit, note=f"besides {count}"),
-        *_size_checks(directory / "truth" / "size_frequency.json"),
-    ]
-
-
-def _size_checks(proof: Path) -> list[Check]:
-    """Kolmogorov–Smirnov p-values of the populations, as the truth bundle has them."""
-    if not proof.is_file():
-        return []
-    populations = json.loads(proof.read_text(encoding="utf-8"))["populations"]
-    return [
-        at_least(
-            f"rocks: sizes of {population['name']}",
-            population["kolmogorov_smirnov"]["p_value"],
-            SIGNIFICANCE,
-            note=f"p-value of the size law, {population['count']['realised']} rocks",
-        )
-        for population in populations
-        if population["kolmogorov_smirnov"]
-    ]
 
 
 def _drive(

@@ -1,77 +1,94 @@
-"""Whether rocks lie apart from each other."""
+"""Whether a built world's rocks lie apart, are whole, and have the sizes that were asked for."""
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
+import json
+import math
+from pathlib import Path
+from typing import Any
 
-from terrain_forge.world import RockField, RockLibrary, rotations
+from terrain_forge.rocks.overlap import find_overlaps
+from terrain_forge.truth.shapes import shape_figures
+from terrain_forge.validation.check import Check, at_least, at_most
+from terrain_forge.validation.resting import resting_checks
+from terrain_forge.validation.top_surface import top_surface_checks
+from terrain_forge.world import World
 
-Array = NDArray[np.float64]
+SIGNIFICANCE = 0.001
+"""A right sampler's rocks fall below this p-value once in a thousand worlds."""
+UNPLACED_LIMIT = 0.001
+"""Part of the rocks that may find no free place."""
 
 
-def overlapping_pairs(field: RockField, library: RockLibrary) -> list[tuple[int, int]]:
-    """Ids of rocks whose outlines overlap, seen from above; what is buried counts too.
+def rock_checks(world: World, directory: Path, *, points: int) -> list[Check]:
+    """Rocks apart from each other, all placed, at rest, whole, and of the sizes asked for.
 
-    Circles around the centres of mass settle nearly all pairs; the convex outlines the rest.
+    Args:
+        world: The world.
+        directory: Its built folder.
+        points: Nodes at which the truth's top surface is compared with rays.
     """
-    radius = _plan_radius(field, library)
-    order = np.argsort(field.position[:, 0] - radius, kind="stable")
-    near = _touching_circles(field.position[order, :2], radius[order])
-    pairs = [tuple(sorted((int(order[i]), int(order[j])))) for i, j in near]
+    proof = _read(directory / "truth" / "size_frequency.json")
     return [
-        (int(field.id[i]), int(field.id[j]))
-        for i, j in sorted(pairs)
-        if _outlines_overlap(_plan(field, library, i), _plan(field, library, j))
+        *_place_checks(world, [part["name"] for part in proof.get("lists", ())]),
+        *(resting_checks(world) if len(world.field) else ()),
+        *_size_checks(proof),
+        *_shape_checks(world, proof.get("shapes", {})),
+        *top_surface_checks(world, directory / "truth", points=points),
     ]
 
 
-def _points(library: RockLibrary, prototype: int) -> Array:
-    return np.vstack([hull.vertices for hull in library.prototypes[prototype].hulls])
+def _read(proof: Path) -> dict[str, Any]:
+    """The truth bundle's proof, empty where there is none."""
+    if not proof.is_file():
+        return {}
+    content: dict[str, Any] = json.loads(proof.read_text(encoding="utf-8"))
+    return content
 
 
-def _plan_radius(field: RockField, library: RockLibrary) -> Array:
-    """Largest horizontal distance of each rock's hulls from its centre of mass [m]."""
-    radius = np.zeros(len(field))
-    matrices = rotations(field)[:, :2] * field.scale[:, None, None]
-    for prototype in range(len(library.prototypes)):
-        rows = np.flatnonzero(field.prototype == prototype)
-        plan = matrices[rows] @ _points(library, prototype).T
-        radius[rows] = np.sqrt((plan**2).sum(axis=1).max(axis=1)) if len(rows) else 0.0
-    return radius
+def _place_checks(world: World, lists: list[str]) -> list[Check]:
+    """No two rocks overlap but listed ones, and all have found a place."""
+    count, unplaced = len(world.field), sum(world.unplaced)
+    overlaps = find_overlaps(world, lists=lists)
+    note = f"pairs of {count} rocks, seen from above"
+    if overlaps.scattered:
+        note += f"; first: {overlaps.scattered[0][0]}, {overlaps.scattered[0][1]}"
+    if overlaps.listed:
+        note += f"; besides {len(overlaps.listed)} of listed rocks"
+    limit = float(max(math.ceil(UNPLACED_LIMIT * (count + unplaced)), 1))
+    return [
+        at_most("rocks: overlaps", float(len(overlaps.scattered)), 0.0, note=note),
+        at_most("rocks: without a free place", float(unplaced), limit, note=f"besides {count}"),
+    ]
 
 
-@njit(cache=True)
-def _touching_circles(centres, radius):  # type: ignore[no-untyped-def]
-    """Pairs of circles that overlap; circles ascend by their western edge."""
-    pairs = [(np.int64(0), np.int64(0)) for _ in range(0)]
-    for i in range(len(radius)):
-        j = i + 1
-        while j < len(radius) and centres[j, 0] - radius[j] < centres[i, 0] + radius[i]:
-            apart = np.hypot(centres[j, 0] - centres[i, 0], centres[j, 1] - centres[i, 1])
-            if apart < radius[i] + radius[j]:
-                pairs.append((np.int64(i), np.int64(j)))
-            j += 1
-    return pairs
+def _size_checks(proof: dict[str, Any]) -> list[Check]:
+    """Kolmogorov–Smirnov p-values of the populations, as the truth bundle has them."""
+    return [
+        at_least(
+            f"rocks: sizes of {population['name']}",
+            population["kolmogorov_smirnov"]["p_value"],
+            SIGNIFICANCE,
+            note=f"p-value of the size law, {population['count']['realised']} rocks",
+        )
+        for population in proof.get("populations", ())
+        if population["kolmogorov_smirnov"]
+    ]
 
 
-def _plan(field: RockField, library: RockLibrary, row: int) -> Array:
-    """Corners of a rock's convex outline from above, counter-clockwise, shape [corners, 2] [m]."""
-    from scipy.spatial import ConvexHull
-
-    matrix = rotations(field.select(np.array([row])))[0, :2] * field.scale[row]
-    plan = _points(library, int(field.prototype[row])) @ matrix.T + field.position[row, :2]
-    return np.asarray(plan[ConvexHull(plan).vertices])
-
-
-def _outlines_overlap(one: Array, other: Array) -> bool:
-    """Separating axis theorem: convex outlines are apart if an edge of one parts them."""
-    for outline in (one, other):
-        edges = np.roll(outline, -1, axis=0) - outline
-        normals = np.column_stack([edges[:, 1], -edges[:, 0]])
-        gap = (normals @ other.T).min(axis=1) - (normals @ one.T).max(axis=1)
-        back = (normals @ one.T).min(axis=1) - (normals @ other.T).max(axis=1)
-        if max(gap.max(), back.max()) > 0:
-            return False
-    return True
+def _shape_checks(world: World, wanted: dict[str, Any]) -> list[Check]:
+    """The library's meshes are closed, and its collision parts as near as the recipe asks."""
+    if not len(world.field):
+        return []
+    found = shape_figures(world.library)
+    return [
+        at_most("shapes: open meshes", float(found["count"] - found["watertight"]), 0.0,
+                note=f"of {found['count']} shapes, all levels of detail and collision parts"),
+        at_most("shapes: collision volume in excess", found["largest_hull_excess"],
+                wanted.get("hull_excess_limit"), note="largest, as a part of the shape's volume"),
+        at_most("shapes: collision surface off", found["largest_hull_distance"],
+                wanted.get("hull_distance_limit"),
+                note="largest distance, as a part of the shape's mean axis"),
+        at_most("shapes: outlines of coarse levels off", found["largest_outline_error"], None,
+                note="largest distance, as a part of the shape's mean axis"),
+    ]  # fmt: skip

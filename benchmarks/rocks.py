@@ -1,0 +1,186 @@
+"""Measures the stages that make rocks: `python benchmarks/rocks.py [-n RUNS] [PATTERN …]`.
+
+Prints, for each job whose name holds one of the patterns (all by default), the median and range of
+the wall time of warm runs (the first run compiles numba's kernels and is not counted) and the peak
+memory of the process that ran it, after a line that describes the machine. Each job runs in a
+process of its own. Nothing is asserted: read the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from run import model, spread
+
+from terrain_forge.dtm.spec import FlatDtm
+from terrain_forge.pipeline import plan
+from terrain_forge.recipe import Recipe, RocksSpec, TerrainSpec
+from terrain_forge.rocks.arrangement import Clustered
+from terrain_forge.rocks.library import LibrarySpec, make_library
+from terrain_forge.rocks.overlap import overlapping_pairs
+from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.rocks.rest import rest
+from terrain_forge.rocks.scatter import Scattered, margin, scatter
+from terrain_forge.rocks.settle import settle
+from terrain_forge.rocks.size_frequency import Golombek
+from terrain_forge.site import Site
+from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.terrain.layers.fractal import Fractal
+from terrain_forge.world import Heightfield, RockField, RockLibrary
+
+
+class Place:
+    """A square site with one population, and what its rocks are made of."""
+
+    def __init__(self, side: float, population: PopulationSpec, spacing: float = 0.5) -> None:
+        self.population = population
+        recipe = Recipe(
+            name="bench",
+            seed=1,
+            body="mars",
+            dtm=FlatDtm(size_m=(side, side)),
+            terrain=TerrainSpec(spacing_m=spacing, layers=(Fractal(),)),
+            rocks=RocksSpec(populations=(population,)),
+        )
+        self.site: Site = plan(recipe)
+        self.library: RockLibrary = make_library(LibrarySpec())
+
+    def scatter(self) -> Scattered:
+        """The rocks in plan."""
+        return scatter(
+            site=self.site,
+            populations=(self.population,),
+            library=self.library,
+            window=self.site.window,
+        )
+
+    @cache  # noqa: B019
+    def ground(self) -> Heightfield:
+        """Fractal ground under all of them."""
+        around = margin(site=self.site, populations=(self.population,), library=self.library)
+        window = self.site.padded(self.site.window, around)
+        return shape_ground(site=self.site, window=window, layers=(Fractal(),))
+
+    def rest(self, scattered: Scattered) -> RockField:
+        """The rocks on the ground."""
+        return rest(
+            scattered=scattered, library=self.library, ground=self.ground(), density=[2900.0]
+        )
+
+    def settle(self, field: RockField) -> RockField:
+        """The loose rocks settled by physics."""
+        return settle(rocks=field, library=self.library, ground=self.ground(), gravity=3.711)
+
+
+def rocks(k: float, smallest: float, **others: Any) -> PopulationSpec:
+    """A Golombek population from a smallest diameter [m] on."""
+    law = Golombek(k=k)
+    return PopulationSpec(name="rocks", size_frequency=law, diameter_m=(smallest, None), **others)
+
+
+def placing(place: Place) -> tuple[Callable[[], object], str]:
+    """Scattering alone."""
+    return place.scatter, f"{len(place.scatter()):,} rocks"
+
+
+def resting(place: Place) -> tuple[Callable[[], object], str]:
+    """Resting alone."""
+    scattered = place.scatter()
+    place.ground()
+    return lambda: place.rest(scattered), f"{len(scattered):,} rocks"
+
+
+def overlapping(place: Place) -> tuple[Callable[[], object], str]:
+    """The test of all plan outlines."""
+    field = place.rest(place.scatter())
+    found = overlapping_pairs(field, place.library)
+    return lambda: overlapping_pairs(field, place.library), f"{len(found)} of {len(field):,} rocks"
+
+
+def settling(place: Place, count: int = 100) -> tuple[Callable[[], object], str]:
+    """Settling of some loose rocks."""
+    field = place.rest(place.scatter())
+    chosen = np.flatnonzero(field.loose)[:count]
+    loose = field.replace(loose=np.isin(np.arange(len(field)), chosen))
+    stayed = int(np.count_nonzero(place.settle(loose).loose))
+    return lambda: place.settle(loose), f"{stayed} of {len(chosen)} stay"
+
+
+def making(spec: LibrarySpec) -> tuple[Callable[[], object], str]:
+    """A library of shapes."""
+    library = make_library(spec)
+    parts = sum(len(prototype.hulls) for prototype in library.prototypes)
+    return lambda: make_library(spec), f"{len(library.prototypes)} shapes, {parts} parts"
+
+
+CLUSTERS = Clustered(clusters_per_m2=0.002, radius_m=6.0)
+JOBS: dict[str, Callable[[], tuple[Callable[[], object], str]]] = {
+    "scatter 240k on 1 km², k 0.05": lambda: placing(Place(1000.0, rocks(0.05, 0.2))),
+    "scatter 1M on 1 km², k 0.05": lambda: placing(Place(1000.0, rocks(0.05, 0.1005))),
+    "scatter 420k on 300 m, k 0.3": lambda: placing(Place(300.0, rocks(0.3, 0.1))),
+    "scatter 240k on 1 km² in clusters": lambda: placing(
+        Place(1000.0, rocks(0.05, 0.2, arrangement=CLUSTERS))
+    ),
+    "rest 240k": lambda: resting(Place(1000.0, rocks(0.05, 0.2))),
+    "rest 1M": lambda: resting(Place(1000.0, rocks(0.05, 0.1005))),
+    "overlap test 240k": lambda: overlapping(Place(1000.0, rocks(0.05, 0.2))),
+    "overlap test 420k, k 0.3": lambda: overlapping(Place(300.0, rocks(0.3, 0.1))),
+    "settle 100 loose rocks": lambda: settling(
+        Place(100.0, rocks(0.05, 0.2, loose_m=(0.2, 0.4)), spacing=0.1)
+    ),
+    "library of 24 mild shapes": lambda: making(LibrarySpec()),
+    "library of 24, another seed": lambda: making(replace(LibrarySpec(), seed=5)),
+}
+
+
+def main() -> None:
+    """Run the jobs and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-n", "--runs", type=int, default=5, help="counted runs of each job")
+    parser.add_argument("--job", help=argparse.SUPPRESS)
+    parser.add_argument("patterns", nargs="*", help="parts of the names of the jobs to run")
+    arguments = parser.parse_args()
+    if arguments.job:
+        print(json.dumps(measure(arguments.job, arguments.runs)))
+        return
+    print(f"{platform.processor() or platform.machine()}, {model()}, {os.cpu_count()} processors,")
+    print(
+        f"{platform.system()}, Python {platform.python_version()}, "
+        f"median (min to max) of {arguments.runs}"
+    )
+    print(f"\n{'job':<36}{'what':>24}{'wall s':>24}{'peak MB':>10}")
+    for name in JOBS:
+        if arguments.patterns and not any(part in name for part in arguments.patterns):
+            continue
+        command = [sys.executable, __file__, "--job", name, "-n", str(arguments.runs)]
+        found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
+        times = spread(tuple(found["wall"]), 3)
+        print(f"{name:<36}{found['what']:>24}{times:>24}{found['peak']:>10.0f}")
+
+
+def measure(name: str, runs: int) -> dict[str, Any]:
+    """Wall times [s] of a job's runs and the peak memory [MB] of this process."""
+    task, what = JOBS[name]()
+    wall = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        task()
+        wall.append(time.perf_counter() - start)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {"what": what, "wall": wall, "peak": peak}
+
+
+if __name__ == "__main__":
+    main()

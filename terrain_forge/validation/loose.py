@@ -1,0 +1,121 @@
+"""Whether loose rocks stay where they lie when a simulator loads the exported world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import SimulationError
+from terrain_forge.records import Record
+from terrain_forge.registry import exporter
+from terrain_forge.validation.check import Check, at_least, failed
+from terrain_forge.validation.drive import load_scene
+from terrain_forge.world import World
+
+Array = NDArray[np.float64]
+
+TIME = 5.0
+"""How long loose rocks are watched [s]."""
+MOST_SHIFT = 0.02
+"""Part of its diameter by which a rock that stays may move."""
+MOST_TURN = np.radians(3.0)
+"""Angle by which a rock that stays may turn [rad]."""
+STAYING = 0.95
+"""Part of the loose rocks that must stay."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stay(Record):
+    """How far loose rocks moved under gravity alone."""
+
+    id: NDArray[np.int32]
+    """Ids of the loose rocks, shape [rocks]."""
+    shift: Array
+    """How far the centre of mass moved, over the diameter, shape [rocks]."""
+    turn: Array
+    """How far the rock turned [rad], shape [rocks]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("id", np.int32, ("rocks",))
+        self.freeze("shift", np.float64, ("rocks",))
+        self.freeze("turn", np.float64, ("rocks",))
+
+    @property
+    def stayed(self) -> NDArray[np.bool_]:
+        """Which rocks stayed, shape [rocks]."""
+        return np.asarray((self.shift <= MOST_SHIFT) & (self.turn <= MOST_TURN))
+
+
+def loose_checks(world: World, directory: Path) -> list[Check]:
+    """Loose rocks of the exported MJCF, or of one made for this, after 5 s under gravity.
+
+    None where the world has no loose rocks.
+    """
+    if not world.field.loose.any():
+        return []
+    title = f"rocks: loose ones that stay for {TIME:g} s"
+    try:
+        stay = watch(world, _world_xml(world, directory))
+    except SimulationError as error:
+        return [failed(title, str(error))]
+    count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
+    worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
+    note = (
+        f"part of {count} within {MOST_SHIFT:.0%} of the diameter and "
+        f"{np.degrees(MOST_TURN):g} deg; {gone} do not stay; rock {stay.id[worst]} moves most, "
+        f"{stay.shift[worst]:.2%} and {np.degrees(stay.turn[worst]):.2g} deg"
+    )
+    return [at_least(title, 1.0 - gone / count, STAYING, note=note)]
+
+
+def watch(world: World, scene: Path) -> Stay:
+    """Load an exported world.xml and let its loose rocks be for 5 s.
+
+    Args:
+        world: The world that was exported.
+        scene: Its `world.xml`.
+
+    Raises:
+        SimulationError: if MuJoCo cannot load it, a loose rock is missing in it, or the simulation
+            diverges.
+    """
+    import mujoco
+
+    model = load_scene(scene)
+    data = mujoco.MjData(model)
+    rocks = world.field.select(world.field.loose)
+    bodies = np.array([_body(model, f"rock_{rock}") for rock in rocks.id.tolist()])
+    mujoco.mj_forward(model, data)
+    position, quaternion = data.xpos[bodies].copy(), data.xquat[bodies].copy()
+    mujoco.mj_step(model, data, nstep=round(TIME / model.opt.timestep))
+    if data.warning.number.any():
+        raise SimulationError(f"{scene}: MuJoCo warns while the loose rocks rest")
+    cosine = np.abs((data.xquat[bodies] * quaternion).sum(axis=1))
+    return Stay(
+        id=rocks.id,
+        shift=np.linalg.norm(data.xpos[bodies] - position, axis=1) / rocks.diameter,
+        turn=2.0 * np.arccos(np.minimum(cosine, 1.0)),
+    )
+
+
+def _body(model: Any, name: str) -> int:
+    try:
+        return int(model.body(name).id)
+    except KeyError:
+        raise SimulationError(f"the exported world has no body {name}") from None
+
+
+def _world_xml(world: World, directory: Path) -> Path:
+    """The exported world.xml; exported for the validation alone where there is none."""
+    own = directory / "validation" / "mjcf"
+    for scene in (*sorted(directory.glob("*/scene.xml")), own / "scene.xml"):
+        if scene.is_file():
+            return scene.parent / "world.xml"
+    own.mkdir(parents=True)
+    mjcf = exporter("mjcf")
+    mjcf.export(world, own, options=mjcf.Options())
+    return own / "world.xml"
