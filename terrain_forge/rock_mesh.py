@@ -37,9 +37,19 @@ def largest_outline_error(coarse: Sequence[Mesh], shapes: Sequence[RockPrototype
 def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
     """What an export loses by colliding rocks as their convex parts, as a sentence."""
     excess = max((shape.hull_excess for shape in shapes), default=0.0)
-    if excess <= 0.0:
+    distance = max((shape.hull_distance for shape in shapes), default=0.0)
+    if max(excess, distance) <= 0.0:
         return ()
-    return (f"Rocks collide as convex parts, up to {100 * excess:.1f} % larger than the rock.",)
+    return (
+        f"Rocks collide as convex parts, up to {100 * max(excess, 0.0):.1f} % larger than the rock "
+        f"and off its surface by up to {100 * distance:.1f} % of its size.",
+    )
+
+
+def fixed_losses(field: RockField) -> tuple[str, ...]:
+    """What an export loses by fixing rocks to the ground, as a sentence."""
+    fixed = len(field) - int(field.loose.sum())
+    return (f"{fixed} rocks are fixed: they have no mass.",) if fixed else ()
 
 
 def coarse_shape(prototype: RockPrototype, tolerance: float) -> Mesh:

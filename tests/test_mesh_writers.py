@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from terrain_forge.colour import linear_from_srgb, srgb_from_linear
 from terrain_forge.frames import image_rows
 from terrain_forge.ground_mesh import (
     grid_faces,
@@ -16,8 +17,15 @@ from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import coarse_shape, merge_rocks, outline_error
 from terrain_forge.world import Heightfield
 from terrain_forge.writers.image import encode_png, write_png
-from terrain_forge.writers.mesh import vertex_normals, write_obj, write_obj_rows, write_stl
+from terrain_forge.writers.mesh import (
+    index_corners,
+    vertex_normals,
+    write_obj,
+    write_obj_rows,
+    write_stl,
+)
 from terrain_forge.writers.naming import file_name, identifier
+from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 from tests.surfaces import random_points, top_under
 
 
@@ -65,6 +73,58 @@ def test_obj_reads_back(tmp_path, small_world):
     assert np.abs(values["vt"] - uv).max() <= 0.51e-6
     for index in range(3):  # position, texture coordinate, normal
         assert np.array_equal(corners[..., index].astype(int) - 1, shape.faces)
+
+
+def test_obj_holds_texture_coordinates_of_corners(tmp_path, small_world):
+    shape = small_world.library.prototypes[0].meshes[0]
+    uvs = np.random.default_rng(3).integers(0, 9, (len(shape.faces), 3, 2)) / 4 - 1
+    coordinates, index = index_corners(uvs)
+    assert len(coordinates) <= 81
+    path = tmp_path / "rock.obj"
+    write_obj(
+        path,
+        vertices=shape.vertices,
+        faces=shape.faces,
+        normals=vertex_normals(shape.vertices, shape.faces),
+        texture_coordinates=coordinates,
+        texture_faces=index,
+    )
+    values, corners = read_obj(path)
+    assert np.array_equal(values["vt"][corners[..., 1].astype(int) - 1], uvs)
+    for kind in (0, 2):
+        assert np.array_equal(corners[..., kind].astype(int) - 1, shape.faces)
+
+
+def test_obj_texture_indices_may_be_longer_than_the_vertices(tmp_path):
+    coordinates = np.random.default_rng(4).uniform(size=(12345, 2))
+    path = tmp_path / "triangle.obj"
+    write_obj(
+        path,
+        vertices=np.eye(3),
+        faces=np.int32([[0, 1, 2]]),
+        normals=np.eye(3),
+        texture_coordinates=coordinates,
+        texture_faces=np.int32([[12344, 0, 9999]]),
+    )
+    assert path.read_text().splitlines()[-1] == "f 1/12345/1 2/1/2 3/10000/3"
+
+
+def test_a_rocks_texture_is_its_colour_in_linear_light(small_world):
+    library = small_world.library.replace(texture=np.array([[0, 255], [64, 128]]))
+    world = small_world.replace(library=library)
+    image = rock_texture(world, 1)
+    assert image.shape == (2, 2, 3)
+    colour = linear_from_srgb(small_world.appearance.rock_rgb[1] / 255)
+    for brightness, pixel in ((0, image[1, 0]), (255, image[1, 1]), (64, image[0, 0])):
+        shown = linear_from_srgb(pixel / 255.0)
+        assert np.allclose(shown, brightness / 255 * colour, atol=0.002)
+    assert np.allclose(mean_rock_colour(world, 1), 447 / 4 / 255 * colour)
+
+
+def test_colours_go_to_linear_light_and_back():
+    srgb = np.linspace(0, 1, 1001)
+    assert np.allclose(srgb_from_linear(linear_from_srgb(srgb)), srgb, atol=1e-9)
+    assert linear_from_srgb(0.5) == pytest.approx(0.21404, abs=1e-5)  # IEC 61966-2-1
 
 
 def test_obj_without_texture_has_normals(tmp_path):

@@ -89,7 +89,7 @@ def test_options_and_losses(installed, tmp_path):
 WRONG = {
     "{xyz: {every: 0}}": ["option 'every' of xyz", "greater than or equal to 1"],
     "{xyz: {evry: 2}}": ["no option 'evry'", "every, separator"],
-    "[xzy]": ["unknown exporter 'xzy'", "installed: broken, empty, mjcf, sdf, usd, xyz"],
+    "[xzy]": ["unknown exporter 'xzy'", "installed: broken, drake, empty, geotiff"],
     "[broken]": ["exporter 'broken' is installed but broken"],
     "[empty]": ["exporter 'empty' is installed but broken"],
 }

@@ -16,57 +16,74 @@ from terrain_forge.world import Heightfield
 
 def write_geotiff(
     path: Path,
-    grid: NDArray[np.float32] | NDArray[np.int32],
+    grid: NDArray[np.float32] | NDArray[np.int32] | NDArray[np.uint8],
     *,
     world_ground: Heightfield,
     site: Site,
     units: str = "m",
     nodata: float | None = None,
     description: str = "",
+    cloud_optimized: bool = False,
 ) -> None:
-    """Write one value per node of the ground as a GeoTIFF in the site's local CRS.
+    """Write a value or a colour per node of the ground as a GeoTIFF in the site's local CRS.
 
     The image reaches half a cell beyond the outermost nodes, so that pixel centres are the nodes.
     Its tags say how world heights become heights above the body's datum.
 
     Args:
         path: The file.
-        grid: Values, float32 or int32, shape [rows, columns] of the ground; rows run north.
+        grid: Values, float32, int32 or uint8, shape [rows, columns] of the ground; rows run north.
+            Red, green and blue have a third axis, shape [rows, columns, 3].
         world_ground: The lattice that the values belong to.
         site: Gives the CRS, the datum height and the levelling plane.
         units: Unit of the values; empty for none.
         nodata: The value that means "nothing here".
         description: What the band holds, in a few words.
+        cloud_optimized: Write blocks and overviews, of which each holds nodes of the full grid, in
+            the order that readers over the network want (COG).
 
     Raises:
         ValueError: if the grid has another shape than the ground.
     """
     import rasterio
+    from rasterio.enums import ColorInterp
     from rasterio.errors import NotGeoreferencedWarning
 
-    if grid.shape != world_ground.shape:
+    if grid.shape[:2] != world_ground.shape:
         raise ValueError(f"{path.name}: grid {grid.shape}, ground {world_ground.shape}")
+    bands = np.atleast_3d(image_rows(grid))
     profile: dict[str, Any] = {
-        "driver": "GTiff",
         "width": grid.shape[1],
         "height": grid.shape[0],
-        "count": 1,
+        "count": bands.shape[2],
         "dtype": grid.dtype,
         "crs": site.crs or None,
         "transform": _pixel_to_world(world_ground),
         "nodata": nodata,
         "compress": "deflate",
-        "zlevel": 1,
-        "predictor": 3 if grid.dtype.kind == "f" else 1,
+        **_layout(grid, cloud_optimized=cloud_optimized),
     }
     with warnings.catch_warnings():
         # A window whose corner is the origin, at 1 m, looks like "no transform" to rasterio.
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with rasterio.open(path, "w", **profile) as file:
-            file.write(np.ascontiguousarray(image_rows(grid)), 1)
-            file.set_band_description(1, description)
-            file.set_band_unit(1, units)
+            for band in range(bands.shape[2]):
+                file.write(np.ascontiguousarray(bands[..., band]), band + 1)
+                file.set_band_description(band + 1, description)
+                file.set_band_unit(band + 1, units)
+            if bands.shape[2] == 3:
+                file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
             file.update_tags(AREA_OR_POINT="Area", **_height_tags(site))
+
+
+def _layout(grid: NDArray[Any], *, cloud_optimized: bool) -> dict[str, Any]:
+    """How the file is laid out, as options of GDAL's driver."""
+    if cloud_optimized:
+        # Averages of ids are no ids, and averages of heights are not on the ground.
+        return {"driver": "COG", "level": 1, "predictor": "YES", "overview_resampling": "nearest"}
+    colours = {"photometric": "rgb", "interleave": "pixel"} if grid.ndim == 3 else {}
+    predictor = {"f": 3}.get(grid.dtype.kind, 2 if grid.ndim == 3 else 1)
+    return {"driver": "GTiff", "zlevel": 1, "predictor": predictor, **colours}
 
 
 def _pixel_to_world(ground: Heightfield) -> Any:

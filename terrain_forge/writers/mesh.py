@@ -33,8 +33,10 @@ def write_obj(
     faces: Indices,
     normals: Floats,
     texture_coordinates: Floats | None = None,
+    texture_faces: Indices | None = None,
+    material: tuple[str, str] | None = None,
 ) -> None:
-    """Write a mesh with one normal (and texture coordinate) per vertex as OBJ.
+    """Write a mesh with one normal per vertex as OBJ.
 
     Gazebo's physics drops the collision of an OBJ without normals, so there is none without.
 
@@ -43,14 +45,21 @@ def write_obj(
         vertices: Positions [m], shape [vertices, 3]; written to a micrometre.
         faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
         normals: Unit normals, shape [vertices, 3].
-        texture_coordinates: u to the right, v upwards, 0 to 1, shape [vertices, 2].
+        texture_coordinates: u to the right, v upwards, an image being 1 wide and high, shape
+            [coordinates, 2].
+        texture_faces: Indices of the faces' corners into them, shape [faces, 3]; by default they
+            are the vertices' own.
+        material: Material file beside this one, and the name of the mesh's material in it.
     """
     with Path(path).open("wb") as file:
+        if material:
+            file.write("mtllib {}\nusemtl {}\n".format(*material).encode())
         write_obj_rows(file, b"v", vertices)
         write_obj_rows(file, b"vn", normals)
         if texture_coordinates is not None:
             write_obj_rows(file, b"vt", texture_coordinates)
-        write_obj_faces(file, faces, textured=texture_coordinates is not None)
+            texture_faces = faces if texture_faces is None else texture_faces
+        write_obj_faces(file, faces, texture_faces=texture_faces)
 
 
 def write_obj_rows(file: BinaryIO, tag: bytes, values: Floats) -> None:
@@ -70,14 +79,27 @@ def write_obj_rows(file: BinaryIO, tag: bytes, values: Floats) -> None:
         file.write(text[:used].data)
 
 
-def write_obj_faces(file: BinaryIO, faces: Indices, *, textured: bool) -> None:
-    """Write OBJ lines `f a/a/a …` whose corners have one index for position, texture and normal."""
-    digits = len(str(int(faces.max(initial=0)) + 1))
+def write_obj_faces(file: BinaryIO, faces: Indices, *, texture_faces: Indices | None) -> None:
+    """Write OBJ lines `f a/t/a …`: position and normal share an index, the texture has its own."""
+    textures = faces[:0] if texture_faces is None else texture_faces
+    digits = len(str(max(int(faces.max(initial=0)), int(textures.max(initial=0))) + 1))
     text = np.empty(_CHUNK * (3 + 3 * (3 * digits + 3)), dtype=np.uint8)
     for start in range(0, len(faces), _CHUNK):
-        some = np.array(faces[start : start + _CHUNK], np.int32, order="C")
-        used = _put_faces(text, some, textured)
+        part = slice(start, start + _CHUNK)
+        some = np.array(faces[part], np.int32, order="C")
+        texture = np.array(textures[part], np.int32, order="C")
+        used = _put_faces(text, some, texture)
         file.write(text[:used].data)
+
+
+def index_corners(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], Indices]:
+    """Values of face corners, shape [faces, 3, n], as distinct rows and indices into them.
+
+    Returns:
+        Rows, shape [rows, n], and indices, shape [faces, 3].
+    """
+    rows, index = np.unique(values.reshape(-1, values.shape[2]), axis=0, return_inverse=True)
+    return rows, index.reshape(-1, 3).astype(np.int32)
 
 
 def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
@@ -88,16 +110,26 @@ def write_stl(path: Path, *, vertices: Floats, faces: Indices) -> None:
         vertices: Positions [m], shape [vertices, 3]; stored as float32.
         faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
     """
+    with Path(path).open("wb") as file:
+        write_stl_header(file, len(faces))
+        write_stl_faces(file, vertices, faces)
+
+
+def write_stl_header(file: BinaryIO, count: int) -> None:
+    """Write the first 84 bytes of a binary STL of so many faces."""
+    file.write(_STL_HEADER.ljust(80))
+    file.write(count.to_bytes(4, "little"))
+
+
+def write_stl_faces(file: BinaryIO, vertices: Floats, faces: Indices) -> None:
+    """Write faces of a binary STL; see `write_stl`."""
     # A record is 12 float32 and one uint16: as rows of 25 uint16 it needs no unaligned access.
     records = np.empty((_CHUNK, 25), dtype="<u2")
     points = np.array(vertices, np.float64, order="C")
-    with Path(path).open("wb") as file:
-        file.write(_STL_HEADER.ljust(80))
-        file.write(len(faces).to_bytes(4, "little"))
-        for start in range(0, len(faces), _CHUNK):
-            some = np.array(faces[start : start + _CHUNK], np.int32, order="C")
-            _fill_stl(records, points, some)
-            file.write(records[: len(some)].data)
+    for start in range(0, len(faces), _CHUNK):
+        some = np.array(faces[start : start + _CHUNK], np.int32, order="C")
+        _fill_stl(records, points, some)
+        file.write(records[: len(some)].data)
 
 
 def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
@@ -176,7 +208,8 @@ def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
+def _put_faces(text, faces, texture_faces):  # type: ignore[no-untyped-def]
+    textured = len(texture_faces) > 0
     at = 0
     for face in range(faces.shape[0]):
         text[at] = 102
@@ -190,7 +223,7 @@ def _put_faces(text, faces, textured):  # type: ignore[no-untyped-def]
             text[at] = 47
             at += 1
             if textured:
-                at = _repeat(text, at, start, width)
+                at = _put_integer(text, at, np.int64(texture_faces[face, corner]) + 1)
             text[at] = 47
             at = _repeat(text, at + 1, start, width)
         text[at] = 10

@@ -1,5 +1,6 @@
 // Lets Gazebo Fortress' physics (ign-physics5 with DART) run a world, as gz-sim would, without a display.
-// Usage: gazebo_rest PLUGIN WORLD MODELS MODEL SECONDS. Prints where MODEL's first link then is: x y z.
+// Usage: gazebo_rest PLUGIN WORLD MODELS SECONDS. Prints the first link of each model that is not
+// static, where it then is: name x y z qw qx qy qz.
 #include <chrono>
 #include <iostream>
 #include <string>
@@ -51,8 +52,8 @@ bool AttachMeshes(const WorldPtr &world, const sdf::World &description, const st
 }
 
 int main(int argc, char **argv) {
-  if (argc != 6) {
-    std::cerr << "usage: gazebo_rest PLUGIN WORLD MODELS MODEL SECONDS\n";
+  if (argc != 5) {
+    std::cerr << "usage: gazebo_rest PLUGIN WORLD MODELS SECONDS\n";
     return 2;
   }
   ignition::plugin::Loader loader;
@@ -78,10 +79,16 @@ int main(int argc, char **argv) {
     physics::ForwardStep::State state;
     const std::chrono::milliseconds step(2);
     input.Get<std::chrono::steady_clock::duration>() = step;
-    for (int n = 0; n < std::stod(argv[5]) * 500; ++n) world->Step(output, state, input);
-    const auto pose = world->GetModel(argv[4])->GetLink(0)->FrameDataRelativeToWorld().pose;
+    for (int n = 0; n < std::stod(argv[4]) * 500; ++n) world->Step(output, state, input);
     std::cout.precision(9);
-    std::cout << pose.translation().transpose() << "\n";
+    for (uint64_t m = 0; m < description->ModelCount(); ++m) {
+      const auto *model = description->ModelByIndex(m);
+      if (model->Static()) continue;
+      const auto pose = world->GetModel(model->Name())->GetLink(0)->FrameDataRelativeToWorld().pose;
+      const Eigen::Quaterniond turn(pose.linear());
+      std::cout << model->Name() << " " << pose.translation().transpose() << " " << turn.w() << " "
+                << turn.vec().transpose() << "\n";
+    }
     return 0;
   }
   return 1;

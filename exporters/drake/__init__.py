@@ -1,0 +1,6 @@
+"""Drake: an SDF that Drake's parser loads whole, whose ground collides as it is."""
+
+from .export import export
+from .options import Options
+
+__all__ = ["Options", "export"]

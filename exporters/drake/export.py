@@ -1,0 +1,96 @@
+"""The Drake export from first to last."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terrain_forge.mesh import Mesh
+from terrain_forge.registry import ExportReport
+from terrain_forge.rock_mesh import largest_outline_error
+from terrain_forge.rock_surface import level_of_detail
+from terrain_forge.world import World
+from terrain_forge.writers.mtl import MattMaterial, write_mtl
+from terrain_forge.writers.naming import file_name
+
+from ..sdf.markup import Lines, element, write_document
+from .geometry import MATERIALS
+from .ground import ground_link
+from .options import Options
+from .rocks import fixed_rocks, is_single, loose_rocks
+from .shapes import write_looks, write_shapes
+
+_SDF_VERSION = "1.9"
+_NAMESPACE = {"xmlns:drake": "http://drake.mit.edu"}
+_PACKAGE = """<?xml version="1.0" encoding="UTF-8"?>
+<package format="2">
+  <name>{name}</name>
+  <version>0.0.0</version>
+  <description>A world of terrain-forge</description>
+</package>
+"""
+
+
+def export(world: World, directory: Path, *, options: Options) -> ExportReport:
+    """Write world.sdf, its meshes and textures, and a package.xml for package:// URIs."""
+    folder = directory / "assets"
+    folder.mkdir()
+    shapes = world.library.prototypes
+    coarse = [p.meshes[level_of_detail(p, options.outline_error)] for p in shapes]
+    models, looks = _static_models(world, folder, coarse, options)
+    models += loose_rocks(world, folder, options)
+    single = world.field.select(is_single(world.field, options))
+    write_shapes(world, single, folder)
+    write_mtl(folder / MATERIALS, [*looks, *write_looks(world, single, folder)])
+    name = file_name(world.site.name)
+    body = element("world", *models, name=name, **_NAMESPACE)
+    write_document(directory / "world.sdf", _SDF_VERSION, body)
+    package = _PACKAGE.format(name=name)
+    (directory / "package.xml").write_text(package, encoding="utf-8", newline="\n")
+    files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    return ExportReport(files=tuple(files), losses=_losses(world, coarse, options))
+
+
+def _static_models(
+    world: World, folder: Path, coarse: list[Mesh], options: Options
+) -> tuple[list[Lines], list[MattMaterial]]:
+    """Write the tiles' files.
+
+    Returns:
+        The ground, a link per tile, and after it a model per tile of the rocks that are fixed; and
+        the materials of the ground.
+    """
+    links: list[Lines] = []
+    rocks: list[Lines] = []
+    looks: list[MattMaterial] = []
+    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
+        name = f"ground_{number:03}"
+        links.append(ground_link(tile, world, folder, name=name, friction=options.friction))
+        looks.append(MattMaterial(name=name, texture=f"{name}.png"))
+        rocks += fixed_rocks(tile, world, folder, number=number, coarse=coarse, options=options)
+    return [element("model", element("static", "true"), *links, name="ground"), *rocks], looks
+
+
+def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
+    """What Drake's SDF, or this export of it, does not say."""
+    losses = [
+        "Drake's parser takes no gravity, light or sky: set gravity with "
+        "plant.mutable_gravity_field().set_gravity_vector"
+        f"([0, 0, {-world.site.body.gravity:g}]).",
+        "The ground collides as it is with bodies of hydroelastic contact alone: in point contact "
+        "Drake takes a mesh for its convex hull.",
+    ]
+    if world.trajectories:
+        losses.append("Drake has no actors: the paths are left out.")
+    if world.site.georeferenced:
+        losses.append("Longitude, latitude and the datum's height are left out.")
+    fixed = world.field.select(~world.field.loose)
+    if len(fixed):
+        losses.append(f"{len(fixed)} rocks are fixed: they have no mass.")
+    small = int((~is_single(fixed, options)).sum())
+    if small:
+        error = largest_outline_error(coarse, world.library.prototypes)
+        losses.append(
+            f"{small} rocks below {options.individual_min_m:g} m are merged per tile and show no "
+            f"texture, their outline off by up to {100 * error:.1f} % of their size."
+        )
+    return tuple(losses)

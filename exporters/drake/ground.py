@@ -1,0 +1,36 @@
+"""The ground as a static model: one mesh and one texture per tile."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terrain_forge.frames import image_rows
+from terrain_forge.ground_mesh import (
+    grid_faces,
+    grid_normals,
+    grid_texture_coordinates,
+    grid_vertices,
+)
+from terrain_forge.world import World
+from terrain_forge.writers.image import write_png
+from terrain_forge.writers.mesh import write_obj
+
+from ..sdf.markup import Lines, element
+from .geometry import MATERIALS, rigid, visual
+
+
+def ground_link(tile: World, whole: World, folder: Path, *, name: str, friction: float) -> Lines:
+    """Write a tile's mesh and texture; returns its link."""
+    write_obj(
+        folder / f"{name}.obj",
+        vertices=grid_vertices(tile.ground),
+        faces=grid_faces(*tile.ground.shape),
+        normals=grid_normals(tile.ground, whole.ground),
+        texture_coordinates=grid_texture_coordinates(*tile.ground.shape),
+        material=(MATERIALS, name),
+    )
+    write_png(folder / f"{name}.png", image_rows(tile.appearance.ground_rgb))
+    uri = f"{folder.name}/{name}.obj"
+    return element(
+        "link", visual(f"{name}_visual", uri), rigid(f"{name}_collision", uri, friction), name=name
+    )

@@ -1,0 +1,31 @@
+"""What can be chosen for a Drake export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Interval
+
+from terrain_forge.specs import NotNegative, Positive, Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the Drake export."""
+
+    kind: Literal["drake"] = "drake"
+    """The exporter, where the export's folder has another name."""
+    individual_min_m: NotNegative = 0.5
+    """Rocks of at least this exposed diameter are geometries of their own; smaller fixed ones are
+    merged into one mesh per tile and population, since Drake's parser takes a time that grows with
+    the square of their number."""
+    outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
+    """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
+    tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
+    """Cells of the ground's grid per mesh, each way."""
+    friction: NotNegative = 0.7
+    """Coulomb friction of ground and rocks."""
+    loose_modulus_pa: Positive = 1.0e8
+    """Hydroelastic modulus of loose rocks [Pa]: how hard they are. The ground and the fixed rocks
+    are rigid."""

@@ -1,0 +1,124 @@
+"""The rocks: fixed ones in a static model per tile, loose ones as bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import rpy_from_quaternion
+from terrain_forge.mesh import Mesh
+from terrain_forge.rock_bodies import inertias
+from terrain_forge.rock_mesh import merge_rocks
+from terrain_forge.world import RockField, World
+from terrain_forge.writers.mesh import vertex_normals, write_obj
+
+from ..sdf.markup import Lines, element, numbers
+from .geometry import MATERIALS, compliant, rigid, visual
+from .options import Options
+from .shapes import hull_file, plain_material, shape_file
+
+
+def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
+    """Which rocks are geometries of their own: the large and the loose ones."""
+    large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
+    return large | field.loose
+
+
+def fixed_rocks(
+    tile: World, whole: World, folder: Path, *, number: int, coarse: list[Mesh], options: Options
+) -> list[Lines]:
+    """Write the merged meshes of one tile; returns a static model of its fixed rocks, if any.
+
+    Args:
+        tile: The tile.
+        whole: The world that it is part of.
+        folder: Where the meshes go.
+        number: The tile's number.
+        coarse: The mesh that stands for each prototype among the merged rocks.
+        options: The export's options.
+    """
+    fixed = tile.field.select(~tile.field.loose)
+    single = is_single(fixed, options)
+    parts = [*_single_rocks(fixed.select(single), folder, options)]
+    small = fixed.select(~single)
+    groups = np.unique(np.stack([small.population, small.solid], axis=-1), axis=0)
+    for population, solid in groups.tolist():
+        rocks = small.select((small.population == population) & (small.solid == solid))
+        path = folder / f"rocks_{number:03}_{population}{'' if solid else '_seen'}.obj"
+        parts += _merged_rocks(rocks, coarse, whole, path, options)
+    if not parts:
+        return []
+    link = element("link", *parts, name="rocks")
+    return [element("model", element("static", "true"), link, name=f"rocks_{number:03}")]
+
+
+def loose_rocks(world: World, folder: Path, options: Options) -> Iterator[Lines]:
+    """A free model `rock_<id>` for each loose rock, whose link's origin is its centre of mass."""
+    field = world.field.select(world.field.loose)
+    poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
+    for row, tensor in enumerate(inertias(field, world.library)):
+        link = element(
+            "link",
+            _inertial(float(field.mass[row]), tensor),
+            visual("visual", _shape_uri(field, row, folder), scale=float(field.scale[row])),
+            *(_hulls(world, field, row, folder, options) if field.solid[row] else ()),
+            name="rock",
+        )
+        pose = element("pose", numbers(poses[row]))
+        yield element("model", pose, link, name=f"rock_{field.id[row]}")
+
+
+def _hulls(
+    world: World, field: RockField, row: int, folder: Path, options: Options
+) -> Iterator[Lines]:
+    prototype = int(field.prototype[row])
+    for part in range(len(world.library.prototypes[prototype].hulls)):
+        yield compliant(
+            f"collision_{part}",
+            f"{folder.name}/{hull_file(prototype, part)}",
+            options.friction,
+            scale=float(field.scale[row]),
+            modulus=options.loose_modulus_pa,
+        )
+
+
+def _single_rocks(rocks: RockField, folder: Path, options: Options) -> Iterator[Lines]:
+    """A visual, and for what can be touched a collision, of each rock's finest mesh."""
+    poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)])
+    for row, identity in enumerate(rocks.id.tolist()):
+        uri, scale = _shape_uri(rocks, row, folder), float(rocks.scale[row])
+        pose = element("pose", numbers(poses[row]))
+        yield visual(f"rock_{identity}_visual", uri, pose=pose, scale=scale)
+        if rocks.solid[row]:
+            name = f"rock_{identity}_collision"
+            yield rigid(name, uri, options.friction, pose=pose, scale=scale)
+
+
+def _merged_rocks(
+    rocks: RockField, coarse: list[Mesh], whole: World, path: Path, options: Options
+) -> Iterator[Lines]:
+    """Write rocks of one population, all to be touched or none; yields what shows and stops."""
+    vertices, faces = merge_rocks(rocks, coarse, whole.ground)
+    if not len(faces):
+        return
+    normals = vertex_normals(vertices, faces)
+    material = MATERIALS, plain_material(int(rocks.population[0]))
+    write_obj(path, vertices=vertices, faces=faces, normals=normals, material=material)
+    uri = f"{path.parent.name}/{path.name}"
+    yield visual(f"{path.stem}_visual", uri)
+    if rocks.solid[0]:
+        yield rigid(f"{path.stem}_collision", uri, options.friction)
+
+
+def _shape_uri(field: RockField, row: int, folder: Path) -> str:
+    return f"{folder.name}/{shape_file(int(field.prototype[row]), int(field.population[row]))}"
+
+
+def _inertial(mass: float, tensor: NDArray[np.float64]) -> Lines:
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = tensor[np.triu_indices(3)].tolist()
+    moments = [element(name, numbers([value])) for name, value in zip(names, values, strict=True)]
+    return element("inertial", element("mass", numbers([mass])), element("inertia", *moments))

@@ -1,0 +1,6 @@
+"""GLB: the world as one glTF 2.0 file for viewers, game engines and Blender."""
+
+from .export import export
+from .options import Options
+
+__all__ = ["Options", "export"]

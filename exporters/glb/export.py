@@ -1,0 +1,125 @@
+"""The GLB export from first to last."""
+
+from __future__ import annotations
+
+import json
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import ExportError
+from terrain_forge.registry import ExportReport
+from terrain_forge.rock_surface import level_of_detail
+from terrain_forge.world import World
+from terrain_forge.writers.glb import LARGEST_FILE, Gltf
+
+from .ground import TileShapes, ground_tile
+from .options import Options
+from .paths import animate, path_node
+from .rocks import merged_materials, merged_rocks, rock_meshes, rock_nodes
+from .sun import LIGHTS, sun_light, sun_node
+
+_BYTES_PER_NODE = 24
+"""Of a node of the ground: its position and its normal."""
+_HALF = 0.5**0.5
+_Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
+"""Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
+
+
+def export(world: World, directory: Path, *, options: Options) -> ExportReport:
+    """Write world.glb: ground, rocks, Sun, and a moving node for each path.
+
+    Raises:
+        ExportError: if the world does not fit into the 4 GiB of a GLB.
+    """
+    _require_room(world)
+    shapes = world.library.prototypes
+    coarse = np.array([level_of_detail(shape, options.outline_error) for shape in shapes])
+    with TemporaryFile(dir=directory) as binary:
+        gltf = Gltf(binary)
+        paths = [path_node(trajectory) for trajectory in world.trajectories]
+        for number, trajectory in enumerate(world.trajectories):
+            animate(trajectory, gltf, node=1 + number)
+        tiles = _tiles(world, gltf, coarse, options)
+        single = world.field.select(world.field.diameter >= options.instances_min_m)
+        fine = single.diameter >= options.finest_min_m
+        levels = np.where(fine, 0, coarse[single.prototype])
+        rocks = rock_nodes(single, rock_meshes(world, single, gltf, levels))
+        fixed = [*paths, sun_node(world.lighting), *tiles]
+        root = {
+            "name": world.site.name,
+            "rotation": _Z_UP_TO_Y_UP,
+            "children": list(range(1, 1 + len(fixed) + len(single))),
+        }
+        light = sun_light(world.lighting, options)
+        gltf.write(
+            directory / "world.glb",
+            nodes=chain(map(json.dumps, [root, *fixed]), rocks),
+            asset={"version": "2.0", "generator": "terrain-forge"},
+            extensionsUsed=[LIGHTS],
+            extensions={LIGHTS: {"lights": [light]}},
+            scene=0,
+            scenes=[{"name": world.site.name, "nodes": [0]}],
+        )
+    return ExportReport(files=(Path("world.glb"),), losses=_losses(world, coarse, options))
+
+
+def _tiles(
+    world: World, gltf: Gltf, coarse: NDArray[np.int64], options: Options
+) -> list[dict[str, Any]]:
+    """Add the ground and the merged rocks, tile by tile; returns their nodes."""
+    tile_shapes = TileShapes(gltf)
+    shapes = [p.meshes[level] for p, level in zip(world.library.prototypes, coarse, strict=True)]
+    nodes = []
+    small = world.field.diameter < options.instances_min_m
+    merged = world.replace(field=world.field.select(small))
+    materials = merged_materials(world, gltf) if small.any() else []
+    for number, tile in enumerate(merged.tiles(cells=options.tile_cells)):
+        nodes.append(ground_tile(tile, world, gltf, name=f"ground_{number:03}", shapes=tile_shapes))
+        name = f"rocks_{number:03}"
+        nodes += merged_rocks(tile, world, gltf, name=name, shapes=shapes, materials=materials)
+    return nodes
+
+
+def _require_room(world: World) -> None:
+    """Refuse a ground that cannot fit, before anything is written."""
+    rows, columns = world.ground.shape
+    if rows * columns * _BYTES_PER_NODE > LARGEST_FILE:
+        raise ExportError(
+            f"the ground's {columns} × {rows} nodes do not fit into the 4 GiB of a GLB: choose a "
+            "smaller area, a coarser spacing_m, or the format usd"
+        )
+
+
+def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[str, ...]:
+    """What a GLB, or this export of one, does not say."""
+    losses = [
+        "glTF knows no physics: gravity, masses, friction and collision shapes are not in the "
+        "file, and no rock moves.",
+        "The Sun's angular size and the colour of the sky are lost.",
+    ]
+    unfelt = len(world.field) - int(world.field.solid.sum())
+    if unfelt:
+        losses.append(f"{unfelt} rocks that are there for the eye alone look like the others.")
+    if world.site.georeferenced:
+        losses.append("Longitude, latitude and the datum's height are left out.")
+    if world.trajectories:
+        losses.append("Paths move an empty node: the rover's looks are not in the file.")
+    small = int((world.field.diameter < options.instances_min_m).sum())
+    if small:
+        losses.append(
+            f"{small} rocks below {options.instances_min_m:g} m are merged per tile, without names "
+            "and textures."
+        )
+    if np.any(world.field.diameter < max(options.instances_min_m, options.finest_min_m)):
+        shapes = zip(world.library.prototypes, coarse, strict=True)
+        error = max(shape.outline_errors[level] for shape, level in shapes)
+        losses.append(
+            f"The outlines of rocks below {max(options.instances_min_m, options.finest_min_m):g} m "
+            f"are off by up to {100 * error:.1f} % of their size."
+        )
+    return tuple(losses)

@@ -1,0 +1,32 @@
+"""What can be chosen for a GLB export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Interval
+
+from terrain_forge.specs import NotNegative, Positive, Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the GLB export."""
+
+    kind: Literal["glb"] = "glb"
+    """The exporter, where the export's folder has another name."""
+    instances_min_m: NotNegative = 0.1
+    """Rocks of at least this exposed diameter are nodes of their own, which share their shapes'
+    meshes; smaller ones are merged into one mesh per tile and population, since viewers slow down
+    with the number of nodes."""
+    finest_min_m: NotNegative = 0.25
+    """Rocks of at least this exposed diameter have their shapes' finest meshes."""
+    outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
+    """Largest error of a smaller rock's outline, as a fraction of its size: how coarse it may
+    be."""
+    tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 512
+    """Cells of the ground's grid per mesh, and pixels per texture, each way."""
+    sun_lux: Positive | None = None
+    """Illuminance of the Sun [lx]; by default its irradiance times 98 lm/W, as in nature. A viewer
+    that cannot adapt its exposure shows such a world white and wants about 3."""

@@ -1,0 +1,130 @@
+"""The rocks: large ones as nodes that share meshes, small ones merged per tile and population."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import xyzw
+from terrain_forge.mesh import Mesh
+from terrain_forge.rock_mesh import merge_rocks
+from terrain_forge.rock_surface import surface
+from terrain_forge.world import RockField, World
+from terrain_forge.writers.glb import Gltf
+from terrain_forge.writers.image import encode_png
+from terrain_forge.writers.mesh import vertex_normals
+from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+
+from .ground import tile_corner
+from .material import matt
+
+_NODE = (
+    '{"name":"rock_%d","mesh":%d,"translation":[%.9g,%.9g,%.9g],'
+    '"rotation":[%.9g,%.9g,%.9g,%.9g],"scale":[%.9g,%.9g,%.9g]}'
+)
+_BLOCK = 4096
+
+
+def rock_meshes(
+    world: World, rocks: RockField, gltf: Gltf, levels: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Add the meshes that the rocks share; returns the index of each rock's, shape [rocks].
+
+    A mesh is a level of detail of a shape in the look of a population; those of one shape share
+    their arrays.
+
+    Args:
+        world: The world.
+        rocks: Rocks of it.
+        gltf: The asset.
+        levels: Level of detail of each rock, shape [rocks].
+    """
+    shape = cache(lambda prototype, level: _add_surface(world, prototype, level, gltf))
+    look = cache(lambda population: _add_textured(world, population, gltf))
+    kinds = np.stack([rocks.prototype, levels, rocks.population], axis=-1)
+    distinct, kind_of_rock = np.unique(kinds, axis=0, return_inverse=True)
+    meshes = []
+    for prototype, level, population in distinct.tolist():
+        primitive = {**shape(prototype, level), "material": look(population)}
+        name = f"rock_shape_{prototype:03}_{level}_{world.field.populations[population]}"
+        meshes.append(gltf.add("meshes", {"name": name, "primitives": [primitive]}))
+    return np.array(meshes, np.int64)[kind_of_rock.reshape(-1)]
+
+
+def rock_nodes(rocks: RockField, meshes: NDArray[np.int64]) -> Iterator[str]:
+    """The rocks' nodes as JSON, many to a text."""
+    size = np.repeat(rocks.scale[:, None], 3, axis=1)
+    places = np.hstack([rocks.position, xyzw(rocks.quaternion), size])
+    for first in range(0, len(rocks), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        # Python's own numbers format faster than NumPy's.
+        table = zip(
+            rocks.id[part].tolist(), meshes[part].tolist(), places[part].tolist(), strict=True
+        )
+        values = [(identity, mesh, *place) for identity, mesh, place in table]
+        yield ",".join([_NODE] * len(values)) % tuple(chain.from_iterable(values))
+
+
+def merged_rocks(
+    tile: World, whole: World, gltf: Gltf, *, name: str, shapes: list[Mesh], materials: list[int]
+) -> list[dict[str, Any]]:
+    """Add the meshes of one tile's rocks, one per population; returns their nodes.
+
+    Args:
+        tile: The tile, whose field holds the rocks to be merged alone.
+        whole: The world that it is part of.
+        gltf: The asset.
+        name: What the nodes' names begin with.
+        shapes: The mesh that stands for each prototype.
+        materials: Material of each population's merged rocks.
+    """
+    corner = tile_corner(tile)
+    nodes = []
+    for population in np.unique(tile.field.population).tolist():
+        rocks = tile.field.select(tile.field.population == population)
+        vertices, faces = merge_rocks(rocks, shapes, whole.ground)
+        if not len(faces):
+            continue
+        attributes = {
+            "POSITION": gltf.add_vertices((vertices - corner).astype(np.float32), bounded=True),
+            "NORMAL": gltf.add_vertices(vertex_normals(vertices, faces).astype(np.float32)),
+        }
+        primitive = {
+            "attributes": attributes,
+            "indices": gltf.add_indices(faces),
+            "material": materials[population],
+        }
+        full = f"{name}_{rocks.populations[population]}"
+        mesh = gltf.add("meshes", {"name": full, "primitives": [primitive]})
+        nodes.append({"name": full, "mesh": mesh, "translation": corner.tolist()})
+    return nodes
+
+
+def merged_materials(world: World, gltf: Gltf) -> list[int]:
+    """Add a material per population in the mean of its colours; returns their indices."""
+    return [
+        gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, number).tolist()))
+        for number, name in enumerate(world.field.populations)
+    ]
+
+
+def _add_surface(world: World, prototype: int, level: int, gltf: Gltf) -> dict[str, Any]:
+    """Add a prototype's level of detail; returns what is the same in all primitives of it."""
+    shape = surface(world.library.prototypes[prototype], level)
+    coordinates = shape.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
+    attributes = {
+        "POSITION": gltf.add_vertices(shape.vertices.astype(np.float32), bounded=True),
+        "NORMAL": gltf.add_vertices(shape.normals.astype(np.float32)),
+        "TEXCOORD_0": gltf.add_vertices(coordinates.astype(np.float32)),
+    }
+    return {"attributes": attributes, "indices": gltf.add_indices(shape.faces)}
+
+
+def _add_textured(world: World, population: int, gltf: Gltf) -> int:
+    texture = gltf.add_texture(encode_png(rock_texture(world, population)), tiles=True)
+    return gltf.add("materials", matt(world.field.populations[population], texture=texture))

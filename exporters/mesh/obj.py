@@ -1,0 +1,157 @@
+"""OBJ: named objects with normals, the ground with its texture; materials beside it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from terrain_forge.colour import srgb_from_linear
+from terrain_forge.frames import image_rows
+from terrain_forge.ground_mesh import (
+    grid_normals,
+    grid_texture_coordinates,
+    grid_vertices,
+)
+from terrain_forge.world import World, rotations
+from terrain_forge.writers.image import write_png
+from terrain_forge.writers.mesh import (
+    Floats,
+    Indices,
+    index_corners,
+    vertex_normals,
+    write_obj_faces,
+    write_obj_rows,
+)
+from terrain_forge.writers.mtl import MattMaterial, write_mtl
+from terrain_forge.writers.obj_grid import write_obj_grid_faces
+from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+
+from .part import Part, node_bands
+
+MATERIALS = "world.mtl"
+
+
+def write_obj_part(part: Part, directory: Path, *, single: bool, rocks: bool) -> MattMaterial:
+    """Write a part as OBJ, with the ground's texture.
+
+    Args:
+        part: What to write.
+        directory: The folder.
+        single: Whether each rock is an object of its own.
+        rocks: Whether there are rocks at all.
+
+    Returns:
+        The material of the part's ground, for `write_materials`.
+    """
+    ground = f"ground{part.name.removeprefix('world').removeprefix('tile')}"
+    pixels = image_rows(part.world.appearance.ground_rgb)
+    write_png(directory / f"{ground}.png", pixels)
+    with (directory / f"{part.name}.obj").open("wb") as file:
+        file.write(f"# terrain-forge: metres, z up\nmtllib {MATERIALS}\n".encode())
+        body = _Body(file)
+        _write_ground(body, part, ground)
+        if rocks and single:
+            _write_single_rocks(body, part.world)
+        elif rocks:
+            _write_merged_rocks(body, part)
+    return MattMaterial(name=ground, texture=f"{ground}.png")
+
+
+def write_materials(
+    world: World, directory: Path, *, grounds: list[MattMaterial], textured: bool
+) -> None:
+    """Write world.mtl: the grounds' materials, and those of the rocks with their textures."""
+    materials = list(grounds)
+    for number in range(len(world.field.populations)):
+        if textured:
+            image = f"rock_{number}.png"
+            write_png(directory / image, rock_texture(world, number))
+            materials.append(MattMaterial(name=f"rock_{number}", texture=image))
+        else:
+            rgb = srgb_from_linear(mean_rock_colour(world, number))
+            materials.append(MattMaterial(name=f"rock_{number}", rgb=rgb.tolist()))
+    write_mtl(directory / MATERIALS, materials)
+
+
+class _Body:
+    """The lines of an OBJ and how many vertices and texture coordinates stand there already."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._vertices = 0
+        self._coordinates = 0
+
+    def begin(self, name: str) -> None:
+        """Begin an object."""
+        self._file.write(f"o {name}\n".encode())
+
+    def use(self, material: str) -> None:
+        """Give the faces that follow a material."""
+        self._file.write(f"usemtl {material}\n".encode())
+
+    def add(self, tag: bytes, rows: Floats) -> None:
+        """Add lines of numbers."""
+        write_obj_rows(self._file, tag, rows)
+
+    def add_faces(self, faces: Indices, texture_faces: Indices | None = None) -> None:
+        """Add faces, whose indices count from the last `end`."""
+        textures = None if texture_faces is None else texture_faces + np.int32(self._coordinates)
+        write_obj_faces(self._file, faces + np.int32(self._vertices), texture_faces=textures)
+
+    def add_grid_faces(self, rows: int, columns: int) -> None:
+        """Add the faces of the ground, which is the first object of the file."""
+        write_obj_grid_faces(self._file, rows, columns)
+
+    def end(self, vertices: int, coordinates: int = 0) -> None:
+        """From here on indices count beyond so many vertices and texture coordinates more."""
+        self._vertices += vertices
+        self._coordinates += coordinates
+
+
+def _write_ground(body: _Body, part: Part, name: str) -> None:
+    ground, (rows, columns) = part.ground, part.ground.shape
+    body.begin(name)
+    for _, band in node_bands(ground):
+        body.add(b"v", grid_vertices(band))
+    for _, band in node_bands(ground):
+        body.add(b"vn", grid_normals(band, part.whole.ground))
+    for span, band in node_bands(ground):
+        coordinates = grid_texture_coordinates(*band.shape)
+        coordinates[:, 1] = (span.start + coordinates[:, 1] * band.shape[0]) / rows
+        body.add(b"vt", coordinates)
+    body.use(name)
+    body.add_grid_faces(rows, columns)
+    body.end(rows * columns, rows * columns)
+
+
+def _write_merged_rocks(body: _Body, part: Part) -> None:
+    if len(part.world.field):
+        body.begin("rocks")
+    for population, vertices, faces in part.merged_rocks():
+        body.add(b"v", vertices)
+        body.add(b"vn", vertex_normals(vertices, faces))
+        body.use(f"rock_{population}")
+        body.add_faces(faces)
+        body.end(len(vertices))
+
+
+def _write_single_rocks(body: _Body, world: World) -> None:
+    """Each rock as an object; rocks of a shape share its texture coordinates."""
+    field, shapes = world.field, world.library.prototypes
+    meshes = [shape.meshes[0] for shape in shapes]
+    normals = cache(lambda shape: vertex_normals(meshes[shape].vertices, meshes[shape].faces))
+    coordinates = cache(lambda shape: index_corners(shapes[shape].uvs[0]))
+    turns = rotations(field)
+    for row, prototype in enumerate(field.prototype.tolist()):
+        mesh = meshes[prototype]
+        rows, corners = coordinates(prototype)
+        body.begin(f"rock_{field.id[row]}")
+        body.add(b"v", field.scale[row] * mesh.vertices @ turns[row].T + field.position[row])
+        body.add(b"vn", normals(prototype) @ turns[row].T)
+        body.add(b"vt", rows)
+        body.use(f"rock_{field.population[row]}")
+        body.add_faces(mesh.faces, corners)
+        body.end(len(mesh.vertices), len(rows))

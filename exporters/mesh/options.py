@@ -1,0 +1,34 @@
+"""What can be chosen for a mesh export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Interval
+
+from terrain_forge.specs import NotNegative, Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the mesh export."""
+
+    kind: Literal["mesh"] = "mesh"
+    """The exporter, where the export's folder has another name."""
+    format: Literal["obj", "stl", "ply"] = "obj"
+    """`obj` has textures, normals and names; `stl` is triangles alone, in binary; `ply`, in binary
+    too, has a colour per vertex."""
+    tiles: Literal["merged", "tiled"] = "merged"
+    """`merged` writes one file, as ray casters want it; `tiled` one per tile."""
+    tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 256
+    """Cells of the ground's grid per tile, each way."""
+    rocks: Literal["merged", "objects", "none"] = "merged"
+    """`merged` joins a tile's rocks, without their faces that lie wholly under the ground;
+    `objects` keeps each whole rock as an object of its own, `rock_ID`, with its texture (`obj`
+    alone); `none` leaves the bare ground."""
+    finest_min_m: NotNegative = 0.25
+    """Rocks of at least this exposed diameter are their shapes' finest meshes."""
+    outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
+    """Largest error of a smaller merged rock's outline, as a fraction of its size: how coarse it
+    may be; with 0 each is the finest mesh of its shape."""

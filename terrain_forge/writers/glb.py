@@ -1,0 +1,151 @@
+"""glTF 2.0 as one binary file (GLB), streamed: neither arrays nor nodes are gathered in memory.
+
+Khronos Group, glTF 2.0 Specification (ISO/IEC 12113:2022). Its header holds all lengths in 32 bits,
+so no GLB is larger than 4 GiB.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import ExportError
+
+LARGEST_FILE = 2**32 - 1
+"""Bytes that a GLB can hold."""
+
+_VERTICES, _INDICES = 34962, 34963
+_COMPONENT = {"float32": 5126, "uint32": 5125}
+_SHAPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_CHUNK_HEADER = 8
+_FILE_HEADER = 12
+
+
+class Gltf:
+    """A glTF asset while it grows: its description in memory, its binary part in a file.
+
+    Args:
+        binary: Where the arrays and images go, an empty file open for reading and writing.
+    """
+
+    def __init__(self, binary: BinaryIO) -> None:
+        self._binary = binary
+        self._length = 0
+        self._parts: dict[str, list[dict[str, Any]]] = {}
+
+    def add(self, kind: str, part: dict[str, Any]) -> int:
+        """Add to the list `kind` (meshes, materials, …) of the asset; returns the part's index."""
+        parts = self._parts.setdefault(kind, [])
+        parts.append(part)
+        return len(parts) - 1
+
+    def add_vertices(self, values: NDArray[np.float32], *, bounded: bool = False) -> int:
+        """Add an accessor of vertex attributes, shape [vertices, n]; positions are `bounded`."""
+        return self._add_array(values, {"target": _VERTICES}, bounded=bounded)
+
+    def add_indices(self, faces: NDArray[np.integer[Any]]) -> int:
+        """Add an accessor of corner indices, shape [faces, 3]."""
+        flat = faces.astype(np.uint32).reshape(-1, 1)
+        return self._add_array(flat, {"target": _INDICES}, bounded=False)
+
+    def add_samples(self, values: NDArray[np.float32], *, bounded: bool = False) -> int:
+        """Add an accessor of an animation's times (`bounded`) or values, shape [samples, n]."""
+        return self._add_array(values, {}, bounded=bounded)
+
+    def add_texture(self, png: bytes, *, tiles: bool) -> int:
+        """Add a PNG image as a texture that repeats itself or ends at its edges."""
+        view = self._add_view(png, {})
+        image = self.add("images", {"bufferView": view, "mimeType": "image/png"})
+        wrap = 10497 if tiles else 33071
+        linear, trilinear = 9729, 9987
+        filters = {"magFilter": linear, "minFilter": trilinear, "wrapS": wrap, "wrapT": wrap}
+        return self.add("textures", {"source": image, "sampler": self._once("samplers", filters)})
+
+    def write(self, path: Path, *, nodes: Iterable[str], **entries: Any) -> None:
+        """Write the file.
+
+        Args:
+            path: The file.
+            nodes: The nodes as JSON objects in their order; a text may hold several with commas
+                between them.
+            entries: What else the asset says, as JSON values.
+
+        Raises:
+            ExportError: if the file would be larger than 4 GiB.
+        """
+        buffers = [{"byteLength": self._length}] if self._length else []
+        lists = {"buffers": buffers, **self._parts}
+        described = {**entries, **{kind: parts for kind, parts in lists.items() if parts}}
+        head = json.dumps(described, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        with path.open("wb") as file:
+            file.write(bytes(_FILE_HEADER + _CHUNK_HEADER))
+            file.write(f'{head[:-1]},"nodes":['.encode())
+            _write_joined(file, nodes)
+            file.write(b"]}")
+            file.write(b" " * (-file.tell() % 4))
+            text_end = file.tell()
+            _require_room(text_end + _CHUNK_HEADER + self._length)
+            file.write(_chunk_header(self._length, b"BIN\0"))
+            self._binary.seek(0)
+            shutil.copyfileobj(self._binary, file, 1 << 20)
+            total = file.tell()
+            file.seek(0)
+            file.write(b"glTF" + _integer(2) + _integer(total))
+            file.write(_chunk_header(text_end - _FILE_HEADER - _CHUNK_HEADER, b"JSON"))
+
+    def _add_array(self, values: NDArray[Any], view: dict[str, int], *, bounded: bool) -> int:
+        values = np.ascontiguousarray(values)
+        accessor: dict[str, Any] = {
+            "bufferView": self._add_view(values.data, view),
+            "componentType": _COMPONENT[values.dtype.name],
+            "count": len(values),
+            "type": _SHAPE[values.shape[1]],
+        }
+        if bounded:
+            # Column by column: NumPy is slow along the long axis of a narrow array.
+            accessor["min"] = [float(column.min()) for column in values.T]
+            accessor["max"] = [float(column.max()) for column in values.T]
+        return self.add("accessors", accessor)
+
+    def _add_view(self, content: bytes | memoryview, view: dict[str, int]) -> int:
+        length = memoryview(content).nbytes
+        _require_room(self._length + length)
+        place = {"buffer": 0, "byteOffset": self._length, "byteLength": length}
+        self._binary.write(content)
+        self._binary.write(bytes(-length % 4))
+        self._length += length + -length % 4
+        return self.add("bufferViews", {**place, **view})
+
+    def _once(self, kind: str, part: dict[str, Any]) -> int:
+        """The index of such a part, which is added where there is none."""
+        parts = self._parts.get(kind, [])
+        return parts.index(part) if part in parts else self.add(kind, part)
+
+
+def _write_joined(file: BinaryIO, texts: Iterable[str]) -> None:
+    separator = b""
+    for text in texts:
+        file.write(separator + text.encode())
+        separator = b","
+
+
+def _require_room(length: int) -> None:
+    if length > LARGEST_FILE:
+        raise ExportError(
+            f"a GLB holds 4 GiB at most, this world has more than {length / 2**30:.1f} GiB: choose "
+            "a smaller area, a coarser spacing_m, or the format usd"
+        )
+
+
+def _chunk_header(length: int, kind: bytes) -> bytes:
+    return _integer(length) + kind
+
+
+def _integer(value: int) -> bytes:
+    return value.to_bytes(4, "little")

@@ -1,0 +1,94 @@
+"""Drake as a consumer: load a world strictly, ask it for geometry, drop balls on it.
+
+Reads JSON from standard input: world [path], gravity [m/s²], balls [[x, y, z], …] of radius 0.2 m
+on vertical sliders, seconds, points [[x, y, z], …]. Writes JSON: heights where the balls end, the
+free bodies' masses, inertias and poses at the start, and the points' signed distances to each
+geometry.
+"""
+
+import json
+import logging
+import sys
+
+import numpy as np
+from pydrake.geometry import DefaultProximityProperties, SceneGraphConfig
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+BALL = """<sdf version="1.9"><model name="ball_{n}"><pose>{x} {y} {z} 0 0 0</pose><link name="ball">
+<inertial><mass>1</mass><inertia><ixx>.016</ixx><iyy>.016</iyy><izz>.016</izz></inertia></inertial>
+<collision name="ball"><geometry><sphere><radius>0.2</radius></sphere></geometry></collision></link>
+<joint name="slider" type="prismatic"><parent>world</parent><child>ball</child>
+<axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
+
+
+class Complaints(logging.Handler):
+    """What Drake logs."""
+
+    def __init__(self):
+        super().__init__(logging.WARNING)
+        self.texts = []
+
+    def emit(self, record):
+        self.texts.append(record.getMessage())
+
+
+order = json.load(sys.stdin)
+complaints = Complaints()
+logging.getLogger("drake").addHandler(complaints)
+builder = DiagramBuilder()
+plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.002)
+# A body that says nothing of its contact is as hard as rubber, and fine enough for a ball.
+soft = DefaultProximityProperties(
+    compliance_type="compliant", hydroelastic_modulus=1e8, resolution_hint=0.02
+)
+scene_graph.set_config(SceneGraphConfig(default_proximity_properties=soft))
+parser = Parser(plant)
+parser.SetStrictParsing()
+models = parser.AddModels(order["world"])
+for n, (x, y, z) in enumerate(order.get("balls", ())):
+    parser.AddModelsFromString(BALL.format(n=n, x=x, y=y, z=z), "sdf")
+plant.mutable_gravity_field().set_gravity_vector([0, 0, -order["gravity"]])
+plant.Finalize()
+diagram = builder.Build()
+simulator = Simulator(diagram)
+context = simulator.get_mutable_context()
+own = plant.GetMyContextFromRoot(context)
+
+free = {}
+for index in plant.GetFloatingBaseBodies():
+    body = plant.get_body(index)
+    pose = plant.EvalBodyPoseInWorld(own, body)
+    spatial = body.default_spatial_inertia()
+    free[plant.GetModelInstanceName(body.model_instance())] = {
+        "mass": spatial.get_mass(),
+        "centre": spatial.get_com().tolist(),
+        "inertia": spatial.CalcRotationalInertia().CopyToFullMatrix3().tolist(),
+        "position": pose.translation().tolist(),
+        "rotation": pose.rotation().matrix().tolist(),
+    }
+
+query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
+inspector = scene_graph.model_inspector()
+distances = [
+    {
+        inspector.GetName(found.id_G): found.distance
+        for found in query.ComputeSignedDistanceToPoint(np.array(point, float))
+    }
+    for point in order.get("points", ())
+]
+simulator.AdvanceTo(order.get("seconds", 0.0))
+ends = [
+    plant.EvalBodyPoseInWorld(own, plant.GetBodyByName("ball", plant.GetModelInstanceByName(name)))
+    for name in (f"ball_{n}" for n in range(len(order.get("balls", ()))))
+]
+answer = {
+    "models": [plant.GetModelInstanceName(model) for model in models],
+    "complaints": complaints.texts,
+    "balls": [pose.translation()[2] for pose in ends],
+    "free": free,
+    "distances": distances,
+}
+sys.stdout.write(json.dumps(answer))
