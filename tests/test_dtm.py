@@ -92,7 +92,7 @@ def test_ground_lies_where_the_raster_does(tmp_path, transform_):
     middle = at(transform_, 200.0, 150.0)
     truth = surface(x - middle[0], y - middle[1]) - site.datum_height
     assert np.abs(ground.elevation - truth).max() < 2e-3
-    assert abs(float(ground.height_at(0.0, 0.0))) < 1e-6
+    assert abs(float(ground.height_at(0.0, 0.0))) < 1e-4  # a node is the mean of its cell
 
 
 def test_site_metres_are_true(tmp_path):

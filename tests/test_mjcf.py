@@ -4,14 +4,20 @@ import sys
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from terrain_forge.exporters import mjcf
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.mesh import Mesh
+from terrain_forge.rocks.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.validation.agreement import ground_agreement
+from terrain_forge.validation.controller import wheel_rates
+from terrain_forge.validation.mujoco_agreement import rover_mass_check
 from terrain_forge.validation.surface_mesh import heights_on
+from terrain_forge.validation.vehicle import Vehicle
 from terrain_forge.world import Heightfield
 from tests import worlds
 
@@ -43,6 +49,8 @@ def load(folder, name="world.xml"):
 def ray_down(model, data, x, y, group):
     geom = np.zeros(1, np.int32)
     groups = (np.arange(6) == group).astype(np.uint8)
+    if group == 1:
+        groups[3] = 1  # hulls of rocks that are drawn by their shapes
     distance = mujoco.mj_ray(model, data, (x, y, SKY), (0, 0, -1), groups, 1, -1, geom)
     assert distance >= 0
     return SKY - distance, model.geom(int(geom[0])).name
@@ -73,7 +81,9 @@ def test_a_ground_of_several_fields_is_one_ground(world, tmp_path, monkeypatch):
     folder = export(world, tmp_path)
     model, _ = load(folder)
     assert model.nhfield == 6
-    assert sum(model.geom(n).name.startswith("rock_") for n in range(model.ngeom)) == 40
+    touched = (model.geom_contype | model.geom_conaffinity) > 0
+    names = [model.geom(n).name for n in np.flatnonzero(touched)]
+    assert sum(name.startswith("rock_") for name in names) == 40
     assert largest_ground_error(world, folder) < 1e-5
 
 
@@ -122,11 +132,168 @@ def test_shared_sizes_are_few_and_near():
     np.testing.assert_array_equal(shared_scale(shared), shared)
 
 
+@pytest.fixture(scope="module")
+def loosened(world):
+    """The world with every third rock loose, and every fifth of the others for the eye alone."""
+    row = np.arange(len(world.field))
+    loose = row % 3 == 0
+    return world.replace(field=world.field.replace(loose=loose, solid=loose | (row % 5 > 0)))
+
+
+def test_loose_rocks_are_bodies_with_their_own_mass_and_size(loosened, tmp_path):
+    model, data = load(export(loosened, tmp_path), "scene.xml")
+    field, library = loosened.field, loosened.library
+    assert model.nbody == 2 + len(loosened.rover.links) + field.loose.sum()
+    for row in np.flatnonzero(field.loose):
+        rock = f"rock_{field.id[row]}"
+        body, placed = model.body(rock), data.body(rock)
+        assert body.dofnum == 6
+        np.testing.assert_allclose(placed.xpos, field.position[row], atol=1e-7)
+        np.testing.assert_allclose(placed.xquat, field.quaternion[row], atol=1e-7)
+        assert body.mass[0] == pytest.approx(field.mass[row])
+        turn = matrix_from_quaternion(body.iquat)
+        shape = library.prototypes[field.prototype[row]]
+        vertices = shape.meshes[0].vertices * field.scale[row]
+        solid = trimesh.Trimesh(vertices, shape.meshes[0].faces)
+        solid.density = field.mass[row] / field.volume[row]
+        found = turn @ np.diag(body.inertia) @ turn.T
+        np.testing.assert_allclose(found, solid.moment_inertia, atol=1e-6 * body.inertia.max())
+        hull, seen = model.geom(rock), model.geom(f"{rock}_shape")
+        contact = loose_contact(field.diameter[row])
+        assert hull.condim[0] == contact.condim
+        np.testing.assert_allclose(hull.friction, contact.friction)
+        np.testing.assert_allclose(hull.solref, contact.solref)
+        assert seen.contype[0] == seen.conaffinity[0] == 0
+        mesh = model.mesh(hull.dataid[0])
+        first = mesh.vertadr[0]
+        exact = np.ptp(shape.hulls[0].vertices, axis=0) * field.scale[row]
+        turn = matrix_from_quaternion(model.mesh_quat[hull.dataid[0]])
+        points = model.mesh_vert[first : first + mesh.vertnum[0]] @ turn.T
+        np.testing.assert_allclose(np.ptp(points, axis=0), exact, atol=1e-5)
+
+
+def test_what_meets_what(loosened, tmp_path):
+    """Loose rocks meet all that is solid, the rover too; the ground and fixed rocks only those."""
+    model, _ = load(export(loosened, tmp_path), "scene.xml")
+    field = loosened.field
+    fixed, unsolid = field.id[field.solid & ~field.loose][0], field.id[~field.solid][0]
+    one, other = (f"rock_{n}" for n in field.id[field.loose][:2])
+    wheel = next(n for n in range(model.ngeom) if model.geom_priority[n] == 1)
+
+    def meet(a, b):
+        a, b = model.geom(a), model.geom(b)
+        return bool((a.contype & b.conaffinity) | (b.contype & a.conaffinity))
+
+    for partner in ("ground", f"rock_{fixed}", other, wheel):
+        assert meet(one, partner)
+    assert not meet("ground", f"rock_{fixed}")
+    names = {model.geom(n).name for n in range(model.ngeom)}
+    for name in (f"rock_{unsolid}", f"rock_{unsolid}_shape"):
+        if name in names:
+            assert not meet(one, name)
+            assert not meet(wheel, name)
+
+
+def test_every_convex_part_is_a_geom(loosened, tmp_path):
+    shapes = [p.replace(hulls=(*p.hulls, *p.hulls)) for p in loosened.library.prototypes]
+    world = loosened.replace(library=loosened.library.replace(prototypes=tuple(shapes)))
+    model, _ = load(export(world, tmp_path))
+    names = {model.geom(n).name for n in range(model.ngeom)}
+    for rock in world.field.id[world.field.solid]:
+        assert {f"rock_{rock}", f"rock_{rock}_1"} <= names
+    bodies = model.geom_bodyid[[model.geom(f"rock_0{part}").id for part in ("", "_1", "_shape")]]
+    assert (bodies == model.body("rock_0").id).all()
+
+
+def with_slabs(world, *places):
+    """A flat ground with loose slabs of 0.36 × 0.36 × 0.18 m on it."""
+    box = trimesh.creation.box((1.2, 1.2, 0.6))
+    mesh = Mesh(vertices=box.vertices, faces=box.faces)
+    slab = world.library.prototypes[0].replace(
+        meshes=(mesh,),
+        hulls=(mesh,),
+        uvs=(np.zeros((12, 3, 2)),),
+        volume=box.volume,
+        inertia=box.moment_inertia,
+    )
+    count, scale = len(places), 0.3
+    volume = np.full(count, box.volume * scale**3)
+    field = world.field.select(np.arange(count)).replace(
+        loose=np.ones(count),
+        prototype=np.zeros(count),
+        scale=np.full(count, scale),
+        diameter=np.full(count, 1.2 * scale),
+        position=[(x, y, 0.3 * scale) for x, y in places],
+        quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        volume=volume,
+        mass=500 * volume,
+    )
+    library = world.library.replace(prototypes=(slab,))
+    return flat(world, 0.0).replace(field=field, library=library)
+
+
+def test_a_slab_that_lies_flat_stays_and_can_be_pushed(world, tmp_path):
+    level = with_slabs(world, (0.0, 0.0))
+    model, data = load(export(level, tmp_path))
+    mujoco.mj_step(model, data, 2500)
+    np.testing.assert_allclose(data.qpos[:3], (0, 0, 0.09), atol=1e-3)
+    data.xfrc_applied[1, 0] = 1.3 * 0.7 * level.field.mass[0] * world.site.body.gravity
+    mujoco.mj_step(model, data, 500)
+    assert data.qpos[0] > 0.1
+
+
+def test_the_rover_stands_among_loose_rocks_and_pushes_what_is_in_its_way(world, tmp_path):
+    front = max((wheel.centre for wheel in world.rover.wheels), key=lambda centre: centre[0])
+    level = with_slabs(world, (0.0, 4.0), (front[0] + 0.5, front[1]))
+    model, _ = load(export(level, tmp_path), "scene.xml")
+    assert rover_mass_check(level, model, "mjcf").passed
+    vehicle = Vehicle(model, level.rover)
+    vehicle.set_down(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    assert vehicle.rock_forces() == {}  # the slabs touch the ground, not the rover
+    touched = {}
+    for _ in range(100):
+        vehicle.step(wheel_rates(level.rover, 0.2, 0.0), 25)
+        touched |= vehicle.rock_forces()
+        assert not vehicle.fault()
+    assert list(touched) == ["rock_1"]
+    moved = vehicle.data.body("rock_1").xpos - level.field.position[1]
+    assert np.linalg.norm(moved) > 0.02
+    np.testing.assert_allclose(vehicle.data.body("rock_0").xpos, level.field.position[0], atol=1e-3)
+
+
+def test_large_rocks_show_their_texture(world, tmp_path):
+    model, _ = load(export(world, tmp_path, visual_min_m=0.6))
+    field, library = world.field, world.library
+    for row in np.flatnonzero(field.diameter >= 0.6):
+        seen = model.geom(f"rock_{field.id[row]}_shape")
+        material = model.material(seen.matid[0])
+        texture = model.texture(material.texid[mujoco.mjtTextureRole.mjTEXROLE_RGB])
+        assert (texture.height[0], texture.width[0]) == library.texture.shape
+        assert model.mesh_texcoordnum[seen.dataid[0]] > 0
+        assert model.geom(f"rock_{field.id[row]}").group[0] == 3
+    names = [model.geom(n).name for n in range(model.ngeom)]
+    assert sum(name.endswith("_shape") for name in names) == (field.diameter >= 0.6).sum()
+
+
+def test_agreement_holds_with_loose_rocks_and_sees_a_wrong_mass(loosened, tmp_path):
+    folder = tmp_path / "mjcf"
+    folder.mkdir()
+    export(loosened, folder)
+    checks = {check.name: check for check in ground_agreement(loosened, tmp_path)}
+    assert all(check.passed for check in checks.values())
+    heavier = loosened.replace(field=loosened.field.replace(mass=loosened.field.mass * 1.001))
+    checks = {check.name: check for check in ground_agreement(heavier, tmp_path)}
+    assert not checks["mjcf: loose rocks"].passed
+
+
 def test_losses_name_what_is_rounded(world, tmp_path):
     rounded = mjcf.export(world, tmp_path, options=mjcf.Options()).losses
     exact = mjcf.export(world, tmp_path, options=mjcf.Options(exact_scale=True)).losses
     assert set(rounded) - set(exact) == {rounded[0]}
     assert "1%" in rounded[0]
+    by_shape = mjcf.export(world, tmp_path, options=mjcf.Options(visual_min_m=0)).losses
+    assert any("drawn by their convex" in loss for loss in rounded)
+    assert not any("drawn by their convex" in loss for loss in by_shape)
 
 
 def test_every_file_is_reported_and_the_same_each_time(world, exported, tmp_path):

@@ -11,7 +11,9 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.sdf import Options, export
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
+from terrain_forge.rocks.contact import loose_contact
 from terrain_forge.world import rotations
 from tests.surfaces import random_points, top_under
 
@@ -80,7 +82,13 @@ def test_every_reference_leads_to_a_file(small_world, tmp_path, flavour):
             names = [part.get("name") for part in link]
             assert len(set(names)) == len(names)
     scripts = list(directory.glob("models/*/materials/scripts/*.material"))
-    assert len(scripts) == (flavour == "classic")
+    assert len(scripts) == (2 if flavour == "classic" else 0)
+    for script in scripts:
+        texts = script.read_text().split()
+        images = [text for text in texts if text.endswith(".png")]
+        assert images
+        assert all((script.parents[1] / "textures" / image).is_file() for image in images)
+        assert ("wrap" in texts) == script.stem.endswith("_rocks")
 
 
 def test_gravity_and_sun(small_world, sdf):
@@ -90,7 +98,7 @@ def test_gravity_and_sun(small_world, sdf):
     assert light.get("type") == "directional"
     direction = numbers(light.find("direction"))
     assert np.allclose(direction, -small_world.lighting.towards_sun, atol=1e-8)
-    assert world.findtext("physics/dart/collision_detector") == "bullet"
+    assert world.findtext("physics/dart/collision_detector") == "ode"
     assert world.find("actor") is None
 
 
@@ -231,11 +239,107 @@ def test_the_bytes_repeat(small_world, sdf, tmp_path):
         assert path.read_bytes() == (again / path.relative_to(sdf)).read_bytes(), path
 
 
+def test_single_rocks_show_their_populations_texture(small_world, sdf):
+    """Through the OBJ's own texture coordinates, each corner's."""
+    rocks = models(sdf)["by-hand_rocks"]
+    texture = small_world.library.texture
+    for visual in rocks.iter("visual"):
+        if visual.get("name").startswith("rock_"):
+            row = int(visual.get("name").split("_")[1])
+            population = small_world.field.population[row]
+            image = file_of(sdf, visual.findtext("material/pbr/metal/albedo_map"))
+            assert image.name == f"rock_{population}.png"
+    with Image.open(image) as picture:
+        pixels = np.asarray(picture)[::-1].astype(int)
+    assert pixels.shape == (*texture.shape, 3)
+    brightest = np.unravel_index(texture.argmax(), texture.shape)
+    full = texture.max() / 255 > 0.97
+    assert full
+    assert np.abs(pixels[brightest] - small_world.appearance.rock_rgb[population]).max() <= 2
+    assert pixels[texture == 0].max() == 0
+    shape = small_world.library.prototypes[0]
+    lines = (sdf / "models/by-hand_rocks/meshes/shape_000.obj").read_text().splitlines()
+    vt = np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)
+    faces = [line.split()[1:] for line in lines if line.startswith("f ")]
+    index = np.array([[corner.split("/")[1] for corner in face] for face in faces], int)
+    assert np.abs(vt[index - 1] - shape.uvs[0]).max() < 1e-6
+
+
+def loosened(world):
+    """The world with every third rock loose, and every fifth of the others for the eye alone."""
+    row = np.arange(len(world.field))
+    loose = row % 3 == 0
+    return world.replace(field=world.field.replace(loose=loose, solid=loose | (row % 5 > 0)))
+
+
+@pytest.mark.parametrize("flavour", ["gz", "classic"])
+def test_loose_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, flavour):
+    world = loosened(small_world)
+    directory = exported(world, tmp_path / "sdf", flavour=flavour)
+    field, turns = world.field, rotations(world.field)
+    for file in ("world.sdf", "scene.sdf"):
+        bodies = ET.parse(directory / file).getroot().findall("world/model")
+        assert [b.get("name") for b in bodies] == [f"rock_{i}" for i in field.id[field.loose]]
+    for body, row in zip(bodies, np.flatnonzero(field.loose), strict=True):
+        assert body.find("static") is None
+        pose = numbers(body.find("pose"))
+        assert np.allclose(pose[:3], field.position[row], atol=1e-7)
+        turn = Rotation.from_euler("xyz", pose[3:]).as_matrix()
+        assert np.allclose(turn, turns[row], atol=1e-8)
+        inertial = body.find("link/inertial")
+        assert float(inertial.findtext("mass")) == pytest.approx(field.mass[row])
+        hull = world.library.prototypes[field.prototype[row]].meshes[0]
+        solid = trimesh.Trimesh(hull.vertices * field.scale[row], hull.faces)
+        solid.density = field.mass[row] / field.volume[row]
+        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "ixy": (0, 1), "iyz": (1, 2)}.items():
+            wanted = solid.moment_inertia[i, j]
+            found = float(inertial.findtext(f"inertia/{name}"))
+            assert found == pytest.approx(wanted, abs=1e-6 * solid.moment_inertia[0, 0])
+        for kind in ("visual", "collision"):
+            ((_, vertices, _),) = meshes(directory, body, kind)
+            assert np.allclose(np.ptp(vertices, axis=0), np.ptp(solid.vertices, axis=0), atol=2e-6)
+        friction = body.find("link/collision/surface/friction")
+        patch = float(friction.findtext("torsional/patch_radius"))
+        torsional = 3 * np.pi / 16 * patch * float(friction.findtext("torsional/coefficient"))
+        assert torsional == pytest.approx(loose_contact(field.diameter[row]).torsional)
+
+
+def test_every_convex_part_is_a_collision(small_world, tmp_path):
+    world = loosened(small_world)
+    shapes = [p.replace(hulls=(*p.hulls, *p.hulls)) for p in world.library.prototypes]
+    world = world.replace(library=world.library.replace(prototypes=tuple(shapes)))
+    directory = exported(world, tmp_path / "sdf", individual_min_m=0)
+    model = models(directory)["by-hand_rocks"]
+    field = world.field
+    fixed = field.solid & ~field.loose
+    assert len(list(model.iter("collision"))) == 2 * fixed.sum()
+    for body in ET.parse(directory / "world.sdf").getroot().findall("world/model"):
+        names = [part.get("name") for part in body.iter("collision")]
+        assert names == ["collision_0", "collision_1"]
+
+
+def test_rocks_for_the_eye_alone_have_no_collision(small_world, tmp_path):
+    world = loosened(small_world)
+    model = models(exported(world, tmp_path / "sdf", individual_min_m=0.8))["by-hand_rocks"]
+    field = world.field
+    large, fixed = field.diameter >= 0.8, ~field.loose
+    for kind, wanted in (("visual", fixed & large), ("collision", fixed & large & field.solid)):
+        names = [part.get("name") for part in model.iter(kind)]
+        single = [int(name.split("_")[1]) for name in names if name.startswith("rock_")]
+        assert single == field.id[wanted].tolist()
+    merged = {
+        kind: sum(len(m[2]) for m in meshes(tmp_path / "sdf", model, kind) if "rock_" not in m[0])
+        for kind in ("visual", "collision")
+    }
+    assert (fixed & ~large & ~field.solid).any()
+    assert 0 < merged["collision"] < merged["visual"]
+
+
 def test_losses_are_named(small_world, tmp_path):
     world = small_world.replace(site=small_world.site.replace(crs="LOCAL_CS[]", lonlat=(0.1, 0.2)))
     (tmp_path / "sdf").mkdir()
     losses = " ".join(export(world, tmp_path / "sdf", options=Options()).losses)
-    for word in ("static", "merged", "W/m²", "longitude", "no sensors"):
+    for word in ("fixed", "merged", "W/m²", "longitude", "no sensors"):
         assert word in losses
 
 
@@ -269,14 +373,14 @@ def build(tmp_path_factory):
 @pytest.mark.parametrize("name", ["by-hand", 'Gale <"Höhe"> & 7'])
 def test_libsdformat_has_no_finding(small_world, tmp_path, build, flavour, name):
     program = build("sdf_check", "sdformat12")
-    world = small_world.replace(site=small_world.site.replace(name=name))
+    world = loosened(small_world).replace(site=small_world.site.replace(name=name))
     directory = exported(world, tmp_path / "sdf", flavour=flavour, tile_cells=48)
     for file in ("world.sdf", "scene.sdf"):
         run = subprocess.run(
             [program, directory / file, directory / "models"], capture_output=True, text=True
         )
         assert run.returncode == 0, run.stdout + run.stderr
-        assert "models 2" in run.stdout
+        assert "models 16" in run.stdout
         assert ("actor arc waypoints 240" in run.stdout) == (file == "scene.sdf")
         assert "Error" not in run.stderr
 
@@ -318,6 +422,14 @@ def resting_height(ground, x, y, radius):
 
 def rest(build, directory, x, y, height):
     """Where a ball ends in Gazebo's physics that is let go at a height."""
+    text = (directory / "world.sdf").read_text()
+    test = directory / "ball.sdf"
+    test.write_text(text.replace("</world>", BALL.format(x, y, height, 0.2)))
+    return float(rested(build, directory, test, 4)["ball"][2])
+
+
+def rested(build, directory, world, seconds):
+    """Place and quaternion (w, x, y, z) of each model after some time in Gazebo's physics."""
     if not PLUGIN.exists():
         pytest.skip("the DART plugin of ign-physics5 is not installed")
     program = build(
@@ -326,13 +438,11 @@ def rest(build, directory, x, y, height):
         *("ignition-common4-graphics", "ignition-plugin1-loader", "eigen3"),
         "ignition-math6-eigen3",
     )
-    text = (directory / "world.sdf").read_text()
-    test = directory / "ball.sdf"
-    test.write_text(text.replace("</world>", BALL.format(x, y, height, 0.2)))
-    command = [program, PLUGIN, test, directory / "models", "ball", "4"]
+    command = [program, PLUGIN, world, directory / "models", str(seconds)]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
-    return float(run.stdout.split()[2])
+    lines = [line.split() for line in run.stdout.splitlines()]
+    return {name: np.array(values, float) for name, *values in lines}
 
 
 @pytest.mark.consumer
@@ -358,6 +468,47 @@ def test_a_ball_rests_on_a_rock_in_gazebos_physics(small_world, tmp_path, build,
     near = offset < 0.2**2
     wanted = float((dense.vertices[near, 2] + np.sqrt(0.2**2 - offset[near])).max())
     assert rest(build, directory, x, y, wanted + 0.3) == pytest.approx(wanted, abs=0.002)
+
+
+@pytest.mark.consumer
+def test_loose_rocks_stay_on_the_ground_in_gazebos_physics(small_world, tmp_path, build):
+    """Slabs that lie flat on the tilted ground: they neither fall through it nor slide."""
+    ground, field = small_world.ground, small_world.field.select(np.arange(6))
+    xy = np.array([(-9, -5), (-9, 0), (-9, 5), (0, -5), (0, 1), (0, 6)], float)
+    slab = trimesh.creation.box((1.2, 1.2, 0.6))
+    mesh = Mesh(vertices=slab.vertices, faces=slab.faces)
+    shape = small_world.library.prototypes[0].replace(
+        meshes=(mesh,),
+        hulls=(mesh,),
+        uvs=(np.zeros((len(mesh.faces), 3, 2)),),
+        volume=slab.volume,
+        inertia=slab.moment_inertia,
+    )
+    plane = ground.replace(elevation=0.1 * ground.east + 0.05 * ground.north[:, None])
+    normal = np.array([-0.1, -0.05, 1.0]) / np.linalg.norm([-0.1, -0.05, 1.0])
+    turn, _ = Rotation.align_vectors([normal], [[0, 0, 1]])
+    scale = np.geomspace(0.1, 1.0, 6)
+    foot = np.column_stack([xy, plane.height_at(xy[:, 0], xy[:, 1])])
+    field = field.replace(
+        loose=np.ones(6, bool),
+        prototype=np.zeros(6),
+        scale=scale,
+        diameter=1.2 * scale,
+        volume=slab.volume * scale**3,
+        mass=2900 * slab.volume * scale**3,
+        position=foot + 0.3 * scale[:, None] * normal,
+        quaternion=np.tile(np.roll(turn.as_quat(), 1), (6, 1)),
+    )
+    library = small_world.library.replace(prototypes=(shape,))
+    world = small_world.replace(ground=plane, field=field, library=library)
+    directory = exported(world, tmp_path / "sdf")
+    found = rested(build, directory, directory / "world.sdf", 3)
+    for row, rock in enumerate(field.id):
+        pose = found[f"rock_{rock}"]
+        moved = np.linalg.norm(pose[:3] - field.position[row])
+        assert moved < 0.02 * field.diameter[row]
+        cosine = min(1.0, abs(pose[3:] @ field.quaternion[row]))
+        assert 2 * np.arccos(cosine) < np.radians(3)
 
 
 @pytest.mark.consumer

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.motion import Trajectory
 from terrain_forge.registry import ExportReport
+from terrain_forge.rock_mesh import collision_losses, fixed_losses
 from terrain_forge.world import World
-from terrain_forge.writers.mesh import write_stl
 
 from .ground import GroundPart, ground_part
+from .looks import rock_classes, rock_looks, texture_files
+from .loose import loose_rocks
+from .meshes import drawn_level, write_hulls, write_shapes
 from .options import Options
-from .rocks import SCALE_ERROR, mesh_assets, mesh_files, rock_classes, rock_geoms, rock_materials
+from .rocks import SCALE_ERROR, fixed_rocks, has_own_shape, mesh_assets
 from .rover import rover_actuators, rover_body, rover_classes, rover_sensors
 from .xml import element
 
@@ -24,6 +27,9 @@ _LARGEST_FIELD = 4096
 """Cells of a height field each way; larger grounds become several."""
 _SCENE_EXTENT = 8.0
 """What the viewer of `scene.xml` opens with, around the rover [m]."""
+_MEMORY, _MEMORY_PER_ROCK = 64 * 2**20, 64 * 2**10
+"""MuJoCo's memory for contacts where rocks are loose [bytes]: five times what 2000 of them used.
+Its own guess grows with their number squared."""
 _PATH_SITES = 400
 _PATH_RGBA = (1.0, 0.85, 0.1, 0.6)
 
@@ -32,27 +38,49 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write `world.xml`, `scene.xml` and `assets/` into `directory`."""
     tiles = list(world.tiles(cells=_LARGEST_FIELD))
     grounds = [ground_part(tile, f"ground_{n}" if n else "ground") for n, tile in enumerate(tiles)]
+    shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
     files = {
         "world.xml": _world_xml(world, tiles, grounds, options).encode(),
         "scene.xml": _scene_xml(world, options).encode(),
     }
     for part in grounds:
         files |= part.files
+    if shapes:
+        files |= texture_files(world)
     (directory / "assets").mkdir(exist_ok=True)
     for name, content in files.items():
         (directory / name).write_bytes(content)
-    hulls = mesh_files(world.library)
-    for name, hull in hulls.items():
-        write_stl(directory / name, vertices=hull.vertices, faces=hull.faces)
-    return ExportReport(files=tuple(map(Path, (*files, *hulls))), losses=_losses(options))
+    meshes = [
+        *write_hulls(world.library, directory),
+        *write_shapes(world.library, shapes, directory),
+    ]
+    return ExportReport(files=tuple(map(Path, (*files, *meshes))), losses=_losses(world, options))
 
 
-def _losses(options: Options) -> tuple[str, ...]:
-    shared = f"A rock's size is rounded by at most {SCALE_ERROR:.0%}; `exact_scale: true` keeps it."
+def _losses(world: World, options: Options) -> tuple[str, ...]:
+    """What MJCF, or this export of it, does not say."""
+    field = world.field
+    rounded = int((~field.loose).sum()) if not options.exact_scale else 0
+    shapes = world.library.prototypes
+    by_hull = int((~has_own_shape(field, options)).sum())
+    losses = []
+    if rounded:
+        losses.append(
+            f"The sizes of {rounded} fixed rocks are rounded by at most {SCALE_ERROR:.0%}; "
+            "`exact_scale: true` keeps them."
+        )
+    if by_hull:
+        losses.append(f"{by_hull} rocks are drawn by their convex collision hulls, in one colour.")
+    if by_hull < len(field):
+        error = max(shape.outline_errors[drawn_level(shape)] for shape in shapes)
+        losses.append(
+            f"{len(field) - by_hull} rocks are drawn by a coarser mesh, its outline off by up to "
+            f"{100 * error:.1f} % of their size."
+        )
     return (
-        *(() if options.exact_scale else (shared,)),
-        "Rocks are drawn by their convex collision hulls.",
-        "Rocks are static: their masses are not part of the model.",
+        *losses,
+        *fixed_losses(field),
+        *collision_losses(shapes),
         "The Sun is a light without size or irradiance in physical units.",
         "A lidar is a bare site; its figures are not part of the model.",
     )
@@ -62,23 +90,31 @@ def _world_xml(
     world: World, tiles: list[World], grounds: list[GroundPart], options: Options
 ) -> str:
     fields = [tile.field for tile in tiles]
-    exact = options.exact_scale
+    textured = bool(has_own_shape(world.field, options).any())
     assets = [asset for part in grounds for asset in part.assets]
-    assets += [_sky(world), *rock_materials(world)]
-    assets += mesh_assets(world.library, fields, exact_scale=exact)
+    assets += [_sky(world), *rock_looks(world, textured=textured)]
+    assets += mesh_assets(world.library, fields, options)
     bodies = [_sun(world), *(part.geom for part in grounds)]
     for field in fields:
-        bodies += rock_geoms(world.library, field, exact_scale=exact)
+        bodies += fixed_rocks(world.library, field, options)
+        bodies += loose_rocks(world.library, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
+    static = [*_static(options), *rock_classes(world, textured=textured)]
     parts = [
         *_settings(world, options, shown=_extent(world)),
+        *_memory(world),
         element("statistic", center=centre, extent=_extent(world)),
-        element("default", [element("default", _static(options, world), class_="static")]),
+        element("default", [element("default", static, class_="static")]),
         element("asset", assets),
         element("worldbody", bodies),
     ]
     return element("mujoco", parts, model=world.site.name) + "\n"
+
+
+def _memory(world: World) -> list[str]:
+    loose = int(world.field.loose.sum())
+    return [element("size", memory=str(_MEMORY + loose * _MEMORY_PER_ROCK))] if loose else []
 
 
 def _settings(world: World, options: Options, *, shown: float) -> list[str]:
@@ -108,7 +144,7 @@ def _settings(world: World, options: Options, *, shown: float) -> list[str]:
     return [compiler, option, element("visual", visual)]
 
 
-def _static(options: Options, world: World) -> list[str]:
+def _static(options: Options) -> list[str]:
     """Defaults of ground and rocks: they meet what moves, never each other."""
     contact = element(
         "geom",
@@ -118,10 +154,7 @@ def _static(options: Options, world: World) -> list[str]:
         friction=(options.friction, 0.005, 0.0001),
         solref=(0.02, 1.0),
     )
-    ground = element("default", [element("geom", type="hfield", group=0)], class_="ground")
-    rock = element("geom", type="mesh", group=1)
-    rocks = element("default", [rock, *rock_classes(world)], class_="rock")
-    return [contact, ground, rocks]
+    return [contact, element("default", [element("geom", type="hfield", group=0)], class_="ground")]
 
 
 def _sun(world: World) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from terrain_forge.specs import Positive, Spec
+from terrain_forge.specs import NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +21,9 @@ class Options(Spec):
     exact_scale: bool = False
     """Whether each rock gets its exact size. MuJoCo stores a mesh per size, so by default sizes are
     rounded to steps that change no rock by more than 1 %, which loads many times faster."""
+    visual_min_m: NotNegative = 0.5
+    """Rocks of at least this exposed diameter are drawn by their textured shapes, as all loose ones
+    are; smaller ones by their collision hulls, since each geom more slows every step."""
     sleep: bool = False
     """Whether to set MuJoCo's `sleep` flag, which makes worlds of many rocks step up to three times
     faster; only versions of MuJoCo that know it can load the files then."""

@@ -1,17 +1,20 @@
-"""Rocks as static mesh geoms right in the world body, where MuJoCo steps them fastest."""
+"""Fixed rocks as geoms right in the world body, where MuJoCo steps them fastest, and their meshes.
+
+A rock that is large enough to look at, or loose, is drawn by its textured shape, and its convex
+hulls are hidden; others are drawn by their hulls.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.world import RockField, RockLibrary, World
+from terrain_forge.world import RockField, RockLibrary
 
-from .xml import element
+from .options import Options
 
 SCALE_ERROR = 0.01
 """Largest relative change of a rock's size by sharing meshes."""
@@ -23,84 +26,105 @@ def shared_scale(scale: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.exp(np.round(np.log(scale) / _STEP) * _STEP))
 
 
-def rock_materials(world: World) -> list[str]:
-    """A material and a default class per population."""
-    colours = world.appearance.rock_rgb / 255.0
-    return [
-        element("material", name=f"rock_{n}", rgba=(*rgb, 1.0), specular=0.0, shininess=0.0)
-        for n, rgb in enumerate(colours)
-    ]
+def shape_sizes(field: RockField, options: Options) -> list[str]:
+    """Sizes of the meshes that rocks are drawn by."""
+    return _texts(field.scale if options.exact_scale else shared_scale(field.scale))
 
 
-def rock_classes(world: World) -> list[str]:
-    """A default class per population, so that a rock's line holds only what is its own."""
-    return [
-        element("default", [element("geom", material=f"rock_{n}")], class_=f"rock_{n}")
-        for n in range(len(world.field.populations))
-    ]
+def hull_sizes(field: RockField, options: Options) -> list[str]:
+    """Sizes of the rocks' hulls; loose rocks keep theirs, with which they were settled."""
+    exact = field.loose | options.exact_scale
+    return _texts(np.where(exact, field.scale, shared_scale(field.scale)))
 
 
-def mesh_files(library: RockLibrary) -> dict[str, Mesh]:
-    """The collision hulls of all prototypes, by the names of their STL files."""
-    return {
-        _file(p, h): hull
-        for p, prototype in enumerate(library.prototypes)
-        for h, hull in enumerate(prototype.hulls)
-    }
+def _texts(scale: NDArray[np.float64]) -> list[str]:
+    return [f"{s:.9g}" for s in scale.tolist()]
 
 
-def mesh_assets(
-    library: RockLibrary, fields: Iterable[RockField], *, exact_scale: bool
-) -> list[str]:
-    """A mesh asset for each prototype's hull in each size that occurs."""
-    sizes = {
-        size
-        for field in fields
-        for size in zip(*_sizes(field, exact_scale=exact_scale), strict=True)
-    }
-    return [
-        f'<mesh name="{_mesh(p, h, s)}" file="{_file(p, h)}" scale="{s} {s} {s}"/>'
-        for p, s in sorted(sizes, key=lambda size: (size[0], float(size[1])))
+def has_own_shape(field: RockField, options: Options) -> NDArray[np.bool_]:
+    """Which rocks are drawn by their shapes rather than by their hulls."""
+    large: NDArray[np.bool_] = field.diameter >= options.visual_min_m
+    return large | field.loose
+
+
+def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Options) -> list[str]:
+    """A mesh asset for each shape and hull in each size that occurs."""
+    hulls, shapes = set[tuple[int, str]](), set[tuple[int, str]]()
+    for field in fields:
+        own_shape = has_own_shape(field, options)
+        touched = field.select(field.solid | ~own_shape)
+        drawn = field.select(own_shape)
+        hulls.update(zip(touched.prototype.tolist(), hull_sizes(touched, options), strict=True))
+        shapes.update(zip(drawn.prototype.tolist(), shape_sizes(drawn, options), strict=True))
+    parts = [
+        f'<mesh name="{hull_mesh(p, h, s)}" file="{hull_file(p, h)}" scale="{s} {s} {s}"/>'
+        for p, s in _in_order(hulls)
         for h in range(len(library.prototypes[p].hulls))
     ]
+    return parts + [
+        f'<mesh name="{shape_mesh(p, s)}" file="{shape_file(p)}" scale="{s} {s} {s}"/>'
+        for p, s in _in_order(shapes)
+    ]
 
 
-def rock_geoms(library: RockLibrary, field: RockField, *, exact_scale: bool) -> list[str]:
-    """A geom for each hull of each rock: `rock_<id>`, further hulls `rock_<id>_<part>`."""
+def fixed_rocks(library: RockLibrary, field: RockField, options: Options) -> Iterator[str]:
+    """The geoms of the rocks that are not loose, named as `docs/exporters/mjcf.md` says."""
     parts = [len(prototype.hulls) for prototype in library.prototypes]
-    prototypes, scales = _sizes(field, exact_scale=exact_scale)
+    field = field.select(~field.loose)
     rows = zip(
         field.id.tolist(),
         field.population.tolist(),
-        prototypes,
-        scales,
+        field.prototype.tolist(),
+        hull_sizes(field, options),
+        has_own_shape(field, options).tolist(),
+        field.solid.tolist(),
         np.hstack([field.position, field.quaternion]).tolist(),
         strict=True,
     )
-    return [
-        _GEOM % (_name(rock, h), population, _mesh(prototype, h, scale), *pose)
-        for rock, population, prototype, scale, pose in rows
-        for h in range(parts[prototype])
-    ]
+    for rock, population, prototype, size, own_shape, solid, pose in rows:
+        place = _PLACE % tuple(pose)
+        if own_shape:
+            yield geom(
+                f"rock_{rock}_shape", f"shape_{population}", shape_mesh(prototype, size), place
+            )
+        if solid or not own_shape:
+            kind = "hull" if own_shape else f"rock_{population}" if solid else f"seen_{population}"
+            for h in range(parts[prototype]):
+                yield geom(hull_name(rock, h), kind, hull_mesh(prototype, h, size), place)
 
 
-_GEOM = (
-    '<geom name="%s" class="rock_%d" mesh="%s" pos="%.9g %.9g %.9g" quat="%.9g %.9g %.9g %.9g"/>'
-)
+def geom(name: str, kind: str, mesh: str, more: str = "") -> str:
+    """A mesh geom of a default class."""
+    return f'<geom name="{name}" class="{kind}" mesh="{mesh}"{more}/>'
 
 
-def _sizes(field: RockField, *, exact_scale: bool) -> tuple[list[int], list[str]]:
-    scale = field.scale if exact_scale else shared_scale(field.scale)
-    return field.prototype.tolist(), [f"{s:.9g}" for s in scale.tolist()]
+_PLACE = ' pos="%.9g %.9g %.9g" quat="%.9g %.9g %.9g %.9g"'
 
 
-def _name(rock: int, part: int) -> str:
+def hull_name(rock: int, part: int) -> str:
+    """Name of the geom of a rock's convex part."""
     return f"rock_{rock}_{part}" if part else f"rock_{rock}"
 
 
-def _mesh(prototype: int, part: int, scale: str) -> str:
-    return f"shape_{prototype}_{part}_{scale}"
+def hull_mesh(prototype: int, part: int, size: str) -> str:
+    """Name of the mesh asset of a prototype's convex part in a size."""
+    return f"hull_{prototype}_{part}_{size}"
 
 
-def _file(prototype: int, part: int) -> str:
-    return f"assets/shape_{prototype}_{part}.stl"
+def shape_mesh(prototype: int, size: str) -> str:
+    """Name of the mesh asset of a prototype's shape in a size."""
+    return f"shape_{prototype}_{size}"
+
+
+def hull_file(prototype: int, part: int) -> str:
+    """File of a prototype's convex part."""
+    return f"assets/hull_{prototype}_{part}.stl"
+
+
+def shape_file(prototype: int) -> str:
+    """File of a prototype's textured shape."""
+    return f"assets/shape_{prototype}.obj"
+
+
+def _in_order(pairs: Iterable[tuple[int, str]]) -> list[tuple[int, str]]:
+    return sorted(pairs, key=lambda pair: (pair[0], float(pair[1])))

@@ -7,12 +7,18 @@ from pathlib import Path
 
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import coarse_shape, collision_losses, largest_outline_error
+from terrain_forge.rock_mesh import (
+    coarse_shape,
+    collision_losses,
+    fixed_losses,
+    largest_outline_error,
+)
 from terrain_forge.world import World
 from terrain_forge.writers.naming import file_name
 
 from . import ground, rocks
 from .actor import replay_actor
+from .loose import loose_rocks
 from .markup import Lines
 from .model import Model
 from .options import Options
@@ -35,8 +41,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         replay_actor(trajectory, world.rover, name=file_name(trajectory.name))
         for trajectory in world.trajectories
     ]
-    write_world(directory / "world.sdf", world, name=name, models=models, actors=[])
-    write_world(directory / "scene.sdf", world, name=name, models=models, actors=actors)
+    loose = loose_rocks(world, models[1])
+    for file, movers in (("world.sdf", loose), ("scene.sdf", loose + actors)):
+        write_world(directory / file, world, name=name, models=models, movers=movers)
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
     return ExportReport(files=tuple(files), losses=_losses(world, coarse, options))
 
@@ -69,23 +76,26 @@ def _write_models(
 
 def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
     """What SDF, or this export of it, does not say."""
+    field, shapes = world.field, world.library.prototypes
     losses = [
-        "Rocks are static: their masses and inertias are not in the models.",
+        *fixed_losses(field),
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
         "Actors replay the path without colliding and carry no sensors.",
     ]
+    if field.loose.any():
+        losses.append("Loose rocks have no rolling friction, which SDF does not know.")
     if world.site.georeferenced:
         version = "1.9" if options.flavour == "gz" else "1.6"
         losses.append(
             f"SDF {version} knows no surface but the Earth's: longitude and latitude are left out."
         )
-    shapes = world.library.prototypes
-    small = int((world.field.diameter < options.individual_min_m).sum())
+    small = int((~rocks.is_single(field, options)).sum())
     if small:
         error = largest_outline_error(coarse, shapes)
         losses.append(
             f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
-            f"separate, their outline off by up to {100 * error:.1f} % of their size."
+            f"separate, without texture, their outline off by up to {100 * error:.1f} % of their "
+            "size."
         )
     return (*losses, *collision_losses(shapes))

@@ -56,14 +56,15 @@ def shape_block(rows: int, columns: int) -> bytes:
     """
     block = BytesIO()
     write_obj_rows(block, b"vt", grid_texture_coordinates(rows, columns))
-    write_obj_faces(block, grid_faces(rows, columns), textured=True)
+    faces = grid_faces(rows, columns)
+    write_obj_faces(block, faces, texture_faces=faces)
     return block.getvalue()
 
 
 def write_model(model: Model, *, title: str, tiles: list[str], parts: list[Lines]) -> None:
     """Write the model of the named tiles' collisions and visuals: one link of them all."""
     if model.flavour == "classic":
-        material.write_scripts(model, [f"{name}.png" for name in tiles])
+        material.write_scripts(model, [f"{name}.png" for name in tiles], address="clamp")
     model.write(title=title, links=[element("link", *parts, name="ground")])
 
 

@@ -19,7 +19,7 @@ _SCRIPT = """material {name}
       texture_unit
       {{
         texture {image}
-        tex_address_mode clamp
+        tex_address_mode {address}
         filtering anisotropic
         max_anisotropy 8
       }}
@@ -69,9 +69,18 @@ def textured(model: Model, image: str) -> Lines:
     )
 
 
-def write_scripts(model: Model, images: list[str]) -> None:
-    """Write the OGRE script that Gazebo Classic needs for the model's textured materials."""
+def write_scripts(model: Model, images: list[str], *, address: str) -> None:
+    """Write the OGRE script that Gazebo Classic needs for the model's textured materials.
+
+    Args:
+        model: The model.
+        images: Files of its textures.
+        address: What lies beyond an image's edge: `wrap` for the image again, `clamp` for its rim.
+    """
     names = [f"{model.name}/{image.removesuffix('.png')}" for image in images]
-    scripts = [_SCRIPT.format(name=n, image=i) for n, i in zip(names, images, strict=True)]
+    scripts = [
+        _SCRIPT.format(name=name, image=image, address=address)
+        for name, image in zip(names, images, strict=True)
+    ]
     path = model.path(f"materials/scripts/{model.name}.material")
     path.write_text("".join(scripts), encoding="utf-8", newline="\n")

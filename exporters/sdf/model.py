@@ -53,10 +53,16 @@ def mesh(uri: str) -> Lines:
     return element("geometry", element("mesh", element("uri", uri)))
 
 
-def surface(friction: float) -> Lines:
-    """What a collision feels like; gz-sim reads ODE's names too."""
+def surface(friction: float, *, patch_radius: float | None = None) -> Lines:
+    """What a collision feels like; gz-sim reads ODE's names too.
+
+    Args:
+        friction: Coulomb friction.
+        patch_radius: Radius of a contact [m], which then resists turning on the spot.
+    """
     mu = numbers([friction])
-    return element(
-        "surface",
-        element("friction", element("ode", element("mu", mu), element("mu2", mu))),
-    )
+    kinds = [element("ode", element("mu", mu), element("mu2", mu))]
+    if patch_radius is not None:
+        radius = element("patch_radius", numbers([patch_radius]))
+        kinds.append(element("torsional", element("coefficient", mu), radius))
+    return element("surface", element("friction", *kinds))

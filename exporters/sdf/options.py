@@ -21,7 +21,7 @@ class Options(Spec):
     individual_min_m: NotNegative = 0.5
     """Rocks of at least this exposed diameter are visuals and collisions of their own, which share
     their shapes' meshes; smaller ones are merged into one mesh per tile and population, since each
-    collision more slows every step of the physics."""
+    collision more slows every step of the physics. Loose rocks are never merged."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.02
     """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256

@@ -1,14 +1,18 @@
-"""The rocks as a static model: large ones one by one, small ones merged per tile and population."""
+"""The fixed rocks as a static model: large ones one by one, small ones merged per tile."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from terrain_forge.colour import srgb_from_linear
 from terrain_forge.frames import rpy_from_quaternion
 from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import merge_rocks
 from terrain_forge.world import RockField, World
-from terrain_forge.writers.mesh import vertex_normals, write_obj, write_stl
+from terrain_forge.writers.image import write_png
+from terrain_forge.writers.mesh import index_corners, vertex_normals, write_obj, write_stl
+from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 
 from . import material
 from .markup import Lines, element, numbers
@@ -25,7 +29,7 @@ def write_tile(
     coarse: list[Mesh],
     options: Options,
 ) -> Lines:
-    """Write the merged meshes of one tile's small rocks; returns the link of all its rocks.
+    """Write the merged meshes of one tile's small rocks; returns the link of all its fixed rocks.
 
     Args:
         tile: The tile.
@@ -35,21 +39,37 @@ def write_tile(
         coarse: The mesh that stands for each prototype among the merged rocks.
         options: The export's options.
     """
-    large = tile.field.diameter >= options.individual_min_m
-    small = tile.field.select(~large)
-    parts: list[Lines] = [_single_rocks(whole, tile.field.select(large), model, options)]
-    for population in np.unique(small.population).tolist():
-        name = f"small_{number:03}_{population}"
-        rocks = small.select(small.population == population)
+    single = is_single(tile.field, options)
+    parts: list[Lines] = [
+        _single_rocks(whole, tile.field.select(single & ~tile.field.loose), model, options)
+    ]
+    small = tile.field.select(~single)
+    groups = np.unique(np.stack([small.population, ~small.solid], axis=-1), axis=0)
+    for population, unseen in groups.tolist():
+        name = f"{'seen' if unseen else 'small'}_{number:03}_{population}"
+        rocks = small.select((small.population == population) & (small.solid == (not unseen)))
         _write_merged(rocks, coarse, whole, model, f"meshes/{name}.stl")
-        parts += _merged_rocks(model, name, _colour(whole, population), options.friction)
+        look = _plain(whole, population)
+        parts += _merged_rocks(model, name, look, None if unseen else options.friction)
     return element("link", *parts, name=f"rocks_{number:03}")
 
 
+def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
+    """Which rocks are elements of their own: the large and the loose ones."""
+    large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
+    return large | field.loose
+
+
 def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
-    """Write the model of the tiles' links, and the meshes of the shapes that single rocks share."""
-    single = world.field.prototype[world.field.diameter >= options.individual_min_m]
-    _write_shapes(world, model, np.unique(single).tolist())
+    """Write the model of the tiles' links, and the meshes and textures that single rocks share."""
+    single = world.field.select(is_single(world.field, options))
+    _write_shapes(world, model, np.unique(single.prototype).tolist())
+    populations = np.unique(single.population).tolist()
+    for population in populations:
+        image = rock_texture(world, population)
+        write_png(model.path(f"materials/textures/{texture_file(population)}"), image)
+    if model.flavour == "classic" and populations:
+        material.write_scripts(model, list(map(texture_file, populations)), address="wrap")
     model.write(title=f"{world.site.name}: rocks", links=links)
 
 
@@ -66,11 +86,17 @@ def _write_shapes(world: World, model: Model, prototypes: list[int]) -> None:
     for number in prototypes:
         shape = world.library.prototypes[number]
         finest = shape.meshes[0]
-        normals = vertex_normals(finest.vertices, finest.faces)
-        path = model.path(_shape_file(number))
-        write_obj(path, vertices=finest.vertices, faces=finest.faces, normals=normals)
+        coordinates, texture_faces = index_corners(shape.uvs[0])
+        write_obj(
+            model.path(shape_file(number)),
+            vertices=finest.vertices,
+            faces=finest.faces,
+            normals=vertex_normals(finest.vertices, finest.faces),
+            texture_coordinates=coordinates,
+            texture_faces=texture_faces,
+        )
         for part, hull in enumerate(shape.hulls):
-            path = model.path(_hull_file(number, part))
+            path = model.path(hull_file(number, part))
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
 
 
@@ -79,44 +105,54 @@ def _single_rocks(world: World, rocks: RockField, model: Model, options: Options
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)]).tolist()
     touch = "".join(surface(options.friction))
     populations = range(len(rocks.populations))
-    looks = ["".join(material.plain(_colour(world, number))) for number in populations]
-    parts = [len(shape.hulls) for shape in world.library.prototypes]
-    columns = (rocks.id, rocks.prototype, rocks.population, rocks.scale)
+    looks = ["".join(material.textured(model, texture_file(number))) for number in populations]
+    hulls = [len(shape.hulls) for shape in world.library.prototypes]
+    columns = (rocks.id, rocks.prototype, rocks.population, rocks.scale, rocks.solid)
     table = zip(poses, *(column.tolist() for column in columns), strict=True)
     lines: Lines = []
-    for pose, identity, prototype, population, scale in table:
+    for pose, identity, prototype, population, scale, solid in table:
         place = f"<pose>{numbers(pose)}</pose>"
-        look = f"{place}{_geometry(model.uri(_shape_file(prototype)), scale)}{looks[population]}"
+        look = f"{place}{scaled_mesh(model.uri(shape_file(prototype)), scale)}{looks[population]}"
         lines.append(f'<visual name="rock_{identity}_visual">{look}</visual>')
-        for part in range(parts[prototype]):
-            solid = f"{place}{_geometry(model.uri(_hull_file(prototype, part)), scale)}{touch}"
+        for part in range(hulls[prototype] if solid else 0):
+            body = f"{place}{scaled_mesh(model.uri(hull_file(prototype, part)), scale)}{touch}"
             name = f"rock_{identity}_collision_{part}"
-            lines.append(f'<collision name="{name}">{solid}</collision>')
+            lines.append(f'<collision name="{name}">{body}</collision>')
     return lines
 
 
-def _geometry(uri: str, scale: float) -> str:
+def scaled_mesh(uri: str, scale: float) -> str:
+    """The geometry of a mesh file in a size, as text."""
     size = f"{scale:.9g}"
     scaled = f"<uri>{uri}</uri><scale>{size} {size} {size}</scale>"
     return f"<geometry><mesh>{scaled}</mesh></geometry>"
 
 
-def _merged_rocks(model: Model, name: str, rgb: material.Colour, friction: float) -> list[Lines]:
+def _merged_rocks(model: Model, name: str, look: Lines, friction: float | None) -> list[Lines]:
+    """The visual of a merged mesh, and its collision if it has friction."""
     geometry = mesh(model.uri(f"meshes/{name}.stl"))
-    return [
-        element("collision", geometry, surface(friction), name=f"{name}_collision"),
-        element("visual", geometry, material.plain(rgb), name=f"{name}_visual"),
-    ]
+    visual = element("visual", geometry, look, name=f"{name}_visual")
+    if friction is None:
+        return [visual]
+    touch = surface(friction)
+    return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
 
 
-def _colour(world: World, population: int) -> material.Colour:
-    red, green, blue = (world.appearance.rock_rgb[population] / 255).tolist()
-    return red, green, blue
+def _plain(world: World, population: int) -> Lines:
+    red, green, blue = srgb_from_linear(mean_rock_colour(world, population)).tolist()
+    return material.plain((red, green, blue))
 
 
-def _shape_file(prototype: int) -> str:
+def shape_file(prototype: int) -> str:
+    """File of a prototype's textured shape."""
     return f"meshes/shape_{prototype:03}.obj"
 
 
-def _hull_file(prototype: int, part: int) -> str:
+def hull_file(prototype: int, part: int) -> str:
+    """File of a prototype's convex part."""
     return f"meshes/shape_{prototype:03}_hull_{part}.stl"
+
+
+def texture_file(population: int) -> str:
+    """File of a population's texture, in its folder."""
+    return f"rock_{population}.png"

@@ -14,9 +14,9 @@ _STEP = 0.002
 
 
 def write_world(
-    path: Path, world: World, *, name: str, models: list[Model], actors: list[Lines]
+    path: Path, world: World, *, name: str, models: list[Model], movers: list[Lines]
 ) -> None:
-    """Write a world file that includes the models and holds the actors."""
+    """Write a world file that includes the models and holds what moves: loose rocks, actors."""
     flavour = models[0].flavour
     body = element(
         "world",
@@ -26,7 +26,7 @@ def write_world(
         _scene(world.lighting),
         _sun(world.lighting),
         *(element("include", element("uri", f"model://{model.name}")) for model in models),
-        *actors,
+        *movers,
         name=name,
     )
     write_document(path, SPEC_VERSION[flavour], body)
@@ -40,11 +40,11 @@ def _physics(flavour: str) -> Lines:
     ]
     if flavour == "classic":
         return element("physics", *timing, name="default_physics", default="true", type="ode")
-    # DART's own choice, ODE, leaks objects through meshes and heightmaps.
+    # With DART's bullet detector no mesh meets another one: loose rocks would fall into the ground.
     dart = element(
         "dart",
         element("solver", element("solver_type", "dantzig")),
-        element("collision_detector", "bullet"),
+        element("collision_detector", "ode"),
     )
     return element("physics", *timing, dart, name="default_physics", default="true", type="dart")
 

@@ -6,14 +6,19 @@ from pathlib import Path
 
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import coarse_shape, collision_losses, largest_outline_error
+from terrain_forge.rock_mesh import (
+    coarse_shape,
+    collision_losses,
+    fixed_losses,
+    largest_outline_error,
+)
 from terrain_forge.world import World
 
 from .ground import write_ground
 from .library import write_library
 from .options import Options
 from .replay import write_scene
-from .rocks import write_rocks
+from .rocks import write_rocks, write_textures
 from .scenery import write_world
 
 
@@ -22,6 +27,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets = directory / "assets"
     assets.mkdir()
     write_library(world.library, assets)
+    write_textures(world, assets)
     coarse = [coarse_shape(p, options.outline_error) for p in world.library.prototypes]
     tiles = []
     for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
@@ -38,14 +44,16 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
     """What USD, or this export of it, does not say."""
     losses = [
-        "Rocks are static: their masses and inertias are not in the stage.",
-        "Rocks in pictures are turned by half-precision quaternions (errors below 0.001 rad).",
+        *fixed_losses(world.field),
+        "Fixed rocks in pictures are turned by half-precision quaternions, off by below 0.001 rad.",
         "USD lights have no physical unit: intensities are W/m² and want an exposure.",
     ]
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
-    shapes = world.library.prototypes
-    small = int((world.field.diameter < options.collider_min_m).sum())
+    shapes, field = world.library.prototypes, world.field
+    if field.loose.any():
+        losses.append("Loose rocks have no torsional and no rolling friction: USD knows neither.")
+    small = int((field.solid & ~field.loose & (field.diameter < options.collider_min_m)).sum())
     if small:
         error = largest_outline_error(coarse, shapes)
         losses.append(

@@ -34,7 +34,8 @@ def write_ground(tile: World, whole: World, assets: Path, *, name: str, friction
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
     write_png(assets / f"{name}.png", image_rows(tile.appearance.ground_rgb))
-    look = define_textured(stage, f"/{name}/Looks/regolith", f"./{name}.png", friction)
+    path = f"/{name}/Looks/regolith"
+    look = define_textured(stage, path, f"./{name}.png", friction, wrap="clamp")
     bind(mesh.GetPrim(), look)
     save(stage)
 

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike
-from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
-
-from terrain_forge.frames import Array
+from pxr import Sdf, Usd, UsdPhysics, UsdShade
 
 
-def linear_from_srgb(colour: ArrayLike) -> Array:
-    """Linear colour of an sRGB one, 0 to 1 (IEC 61966-2-1): USD's plain colours are linear."""
-    values = np.asarray(colour, dtype=np.float64)
-    result: Array = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    return result
+def define_textured(
+    stage: Usd.Stage, path: str, image: str, friction: float, *, wrap: str
+) -> UsdShade.Material:
+    """A matt material that shows an sRGB image through the texture coordinates `st`.
 
-
-def define_plain(stage: Usd.Stage, path: str, rgb: Array, friction: float) -> UsdShade.Material:
-    """A matt material of one linear colour."""
-    material, shader = _define_matt(stage, path, friction)
-    colour = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-    colour.Set(Gf.Vec3f(*(float(channel) for channel in rgb)))
-    return material
-
-
-def define_textured(stage: Usd.Stage, path: str, image: str, friction: float) -> UsdShade.Material:
-    """A matt material that shows an sRGB image through the texture coordinates `st`."""
+    Args:
+        stage: Where to.
+        path: Path of the material.
+        image: The image's path, relative to the layer.
+        friction: Coulomb friction.
+        wrap: What lies beyond the image's edge: `repeat` for the image again, `clamp` for its rim.
+    """
     material, shader = _define_matt(stage, path, friction)
     reader = UsdShade.Shader.Define(stage, f"{path}/st")
     reader.CreateIdAttr("UsdPrimvarReader_float2")
@@ -34,13 +25,26 @@ def define_textured(stage: Usd.Stage, path: str, image: str, friction: float) ->
     texture.CreateIdAttr("UsdUVTexture")
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
     texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-    for wrap in ("wrapS", "wrapT"):
-        texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("clamp")
+    for side in ("wrapS", "wrapT"):
+        texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set(wrap)
     coordinates = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(coordinates)
     colour = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(colour)
     return material
+
+
+def define_friction(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:
+    """A material that is nothing but friction."""
+    material = UsdShade.Material.Define(stage, path)
+    _make_physical(material, friction)
+    return material
+
+
+def bind_friction(prim: Usd.Prim, material: UsdShade.Material) -> None:
+    """Give a prim and all below it the friction of a material, whatever they look like."""
+    binding = UsdShade.MaterialBindingAPI.Apply(prim)
+    binding.Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
 
 
 def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
@@ -52,10 +56,7 @@ def _define_matt(
     stage: Usd.Stage, path: str, friction: float
 ) -> tuple[UsdShade.Material, UsdShade.Shader]:
     material = UsdShade.Material.Define(stage, path)
-    physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
-    physics.CreateStaticFrictionAttr(friction)
-    physics.CreateDynamicFrictionAttr(friction)
-    physics.CreateRestitutionAttr(0.0)
+    _make_physical(material, friction)
     shader = UsdShade.Shader.Define(stage, f"{path}/surface")
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
@@ -63,3 +64,10 @@ def _define_matt(
     output = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
     return material, shader
+
+
+def _make_physical(material: UsdShade.Material, friction: float) -> None:
+    physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    physics.CreateStaticFrictionAttr(friction)
+    physics.CreateDynamicFrictionAttr(friction)
+    physics.CreateRestitutionAttr(0.0)

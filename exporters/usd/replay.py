@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom
 
+from terrain_forge.colour import linear_from_srgb
 from terrain_forge.frames import Array, quaternion_from_rpy
 from terrain_forge.motion import Trajectory
 from terrain_forge.rovers.description import Link, Rover, Sensor, Shape
@@ -14,7 +15,6 @@ from terrain_forge.world import World
 from terrain_forge.writers.naming import identifier
 
 from .layer import gf_quaternion, new_layer, save, set_conventions
-from .material import linear_from_srgb
 from .scenery import ROOT
 
 # A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)

@@ -1,6 +1,6 @@
-"""The rocks of a tile: instanced for pictures, and colliders apart from them.
+"""The rocks of a tile: fixed ones instanced for pictures, their colliders apart; loose bodies.
 
-Importers of physics ignore what a PointInstancer holds, so the large rocks are instanceable
+Importers of physics ignore what a PointInstancer holds, so the large fixed rocks are instanceable
 references to their hulls, and the small ones one static mesh; neither is seen in pictures.
 """
 
@@ -9,19 +9,22 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.frames import xyzw
 from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import merge_rocks
 from terrain_forge.world import RockField, World
+from terrain_forge.writers.image import write_png
+from terrain_forge.writers.rock_texture import rock_texture
 
 from . import library
-from .layer import add_reference, define_mesh, gf_quaternion, label, make_collider, new_stage
-from .material import bind, define_plain, linear_from_srgb
+from .layer import define_mesh, label, make_collider, new_stage
+from .library import specify_instance
+from .loose import define_loose_groups, specify_loose
+from .material import bind, define_textured
 from .options import Options
-
-_LIBRARY = f"./{library.FILE}"
+from .specs import specify_place
 
 
 def write_rocks(
@@ -38,26 +41,66 @@ def write_rocks(
         options: The export's options.
     """
     stage = new_stage(assets / f"{name}.usdc", name, kind=Kind.Tokens.component)
-    field = tile.field
-    large = field.diameter >= options.collider_min_m
-    for population in np.unique(field.population).tolist():
-        rocks = field.population == population
-        # The finest level of detail where the camera may come close enough to tell.
-        detail = np.where(large[rocks], 0, 1)
-        path = f"/{name}/visual_{population}"
-        _define_instancer(stage, path, field.select(rocks), whole, detail)
-        rgb = linear_from_srgb(whole.appearance.rock_rgb[population] / 255)
-        look = define_plain(stage, f"/{name}/Looks/rock_{population}", rgb, options.friction)
-        bind(stage.GetPrimAtPath(path), look)
+    looks = _define_looks(stage, name, tile.field, options)
+    fixed, loose = (tile.field.select(tile.field.loose == is_loose) for is_loose in (False, True))
+    _define_visuals(stage, name, fixed, whole, looks, options)
     colliders = UsdGeom.Xform.Define(stage, f"/{name}/colliders")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
-    if len(field):
-        bind(colliders.GetPrim(), look)
-    _define_merged(stage, f"/{name}/colliders/small", field.select(~large), whole, coarse)
+    if looks:
+        bind(colliders.GetPrim(), next(iter(looks.values())))  # all have the same friction
+    solid = fixed.select(fixed.solid)
+    large = solid.diameter >= options.collider_min_m
+    _define_merged(stage, f"/{name}/colliders/small", solid.select(~large), whole, coarse)
+    define_loose_groups(stage, f"/{name}", loose, looks)
     layer = stage.GetRootLayer()
     del stage
-    _specify_hulls(layer, f"/{name}/colliders", field.select(large))
+    # Composing each rock while it is written would take ten times as long.
+    _specify_hulls(layer, f"/{name}/colliders", solid.select(large))
+    specify_loose(layer, f"/{name}", loose, whole.library)
     layer.Save()
+
+
+def write_textures(world: World, assets: Path) -> None:
+    """Write the textures of all populations into `assets`."""
+    for population in np.unique(world.field.population).tolist():
+        write_png(assets / _texture_file(population), rock_texture(world, population))
+
+
+def _texture_file(population: int) -> str:
+    return f"rock_{population}.png"
+
+
+def _define_looks(
+    stage: Usd.Stage, name: str, field: RockField, options: Options
+) -> dict[int, UsdShade.Material]:
+    """The material of each population that occurs."""
+    return {
+        n: define_textured(
+            stage,
+            f"/{name}/Looks/rock_{n}",
+            f"./{_texture_file(n)}",
+            options.friction,
+            wrap="repeat",
+        )
+        for n in np.unique(field.population).tolist()
+    }
+
+
+def _define_visuals(
+    stage: Usd.Stage,
+    name: str,
+    fixed: RockField,
+    whole: World,
+    looks: dict[int, UsdShade.Material],
+    options: Options,
+) -> None:
+    for population in np.unique(fixed.population).tolist():
+        rocks = fixed.select(fixed.population == population)
+        # The finest level of detail where the camera may come close enough to tell.
+        detail = np.where(rocks.diameter >= options.collider_min_m, 0, 1)
+        path = f"/{name}/visual_{population}"
+        _define_instancer(stage, path, rocks, whole, detail)
+        bind(stage.GetPrimAtPath(path), looks[population])
 
 
 def _define_instancer(
@@ -90,7 +133,7 @@ def _define_prototypes(stage: Usd.Stage, path: str, pairs: np.ndarray) -> list[S
     for prototype, level in pairs.tolist():
         source = library.visual_path(prototype, level)
         prim = stage.DefinePrim(f"{path}/Prototypes/{source.rsplit('/', 1)[1]}", "Xform")
-        prim.GetReferences().AddReference(_LIBRARY, source)
+        prim.GetReferences().AddReference(library.LAYER, source)
         targets.append(prim.GetPath())
     return targets
 
@@ -106,26 +149,10 @@ def _define_merged(
 
 
 def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField) -> None:
-    """An instanceable reference per rock, as specs of a layer that no stage is open on.
-
-    Composing each of them while it is written would take ten times as long.
-    """
+    """An instanceable reference to the hulls of each rock."""
     parent = layer.GetPrimAtPath(path)
-    order = Vt.TokenArray(["xformOp:translate", "xformOp:orient", "xformOp:scale"])
     columns = (rocks.id, rocks.prototype, rocks.position, rocks.quaternion, rocks.scale)
     with Sdf.ChangeBlock():
         for identity, prototype, position, quaternion, scale in zip(*columns, strict=True):
-            rock = Sdf.PrimSpec(parent, f"rock_{identity}", Sdf.SpecifierDef, "Xform")
-            rock.instanceable = True
-            add_reference(rock, _LIBRARY, library.hull_path(prototype))
-            values = (
-                ("translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*position.tolist())),
-                ("orient", Sdf.ValueTypeNames.Quatf, gf_quaternion(quaternion)),
-                ("scale", Sdf.ValueTypeNames.Float3, Gf.Vec3f(float(scale))),
-            )
-            for operation, kind, value in values:
-                Sdf.AttributeSpec(rock, f"xformOp:{operation}", kind).default = value
-            ops = Sdf.AttributeSpec(
-                rock, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform
-            )
-            ops.default = order
+            rock = specify_instance(parent, f"rock_{identity}", library.hull_path(prototype))
+            specify_place(rock, position=position, quaternion=quaternion, scale=float(scale))

@@ -112,15 +112,21 @@ def _compare(world: World, name: str, at: Array, meshes: Iterator[Mesh]) -> Chec
 
 
 def _sdf_meshes(folder: Path) -> Iterator[Mesh]:
-    """The collision meshes of the ground, found as Gazebo finds them: world, model, file."""
-    for include in ElementTree.parse(folder / "world.sdf").iter("include"):
+    """The collision meshes of the ground: in the world's file itself (Drake), in its models."""
+    world = ElementTree.parse(folder / "world.sdf").getroot()
+    yield from (read_mesh(folder / uri) for uri in _ground_uris(world))
+    for include in world.iter("include"):
         model = _model_path(folder, include.findtext("uri", ""))
-        if not (model / "model.sdf").is_file():
-            continue
-        for collision in ElementTree.parse(model / "model.sdf").iter("collision"):
-            uri = collision.findtext("geometry/mesh/uri", "")
-            if collision.get("name", "").startswith("ground") and uri:
+        if (model / "model.sdf").is_file():
+            for uri in _ground_uris(ElementTree.parse(model / "model.sdf").getroot()):
                 yield read_mesh(_model_path(folder, uri))
+
+
+def _ground_uris(root: ElementTree.Element) -> Iterator[str]:
+    for collision in root.iter("collision"):
+        uri = collision.findtext("geometry/mesh/uri", "")
+        if collision.get("name", "").startswith("ground") and uri:
+            yield uri
 
 
 def _model_path(folder: Path, uri: str) -> Path:

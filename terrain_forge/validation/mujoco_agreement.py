@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from terrain_forge.errors import SimulationError
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.mesh import Mesh
+from terrain_forge.rock_bodies import inertias
 from terrain_forge.validation.agreement import ground_check
 from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.surface_mesh import heights_on
@@ -24,7 +25,10 @@ ROCKS = 200
 """How many rocks are looked at."""
 ROCK_LIMIT = 0.01
 """A rock's top may be off by this part of its diameter."""
-_GROUND_GROUP, _ROCK_GROUP = 0, 1
+MASS_LIMIT = 1e-6
+"""A loose rock's mass and moments of inertia may be off by this part of them."""
+_GROUND_GROUPS, _ROCK_GROUPS = (0,), (1, 3)
+"""Groups of the geoms that are touched: of the ground, of rocks seen and hidden."""
 
 
 def mujoco_agreement(world: World, model: Any, name: str, at: Array) -> list[Check]:
@@ -39,18 +43,20 @@ def mujoco_agreement(world: World, model: Any, name: str, at: Array) -> list[Che
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     sky = float(world.ground.elevation.max()) + 1.0
-    heights = np.array([_ray(model, data, (*p, sky), _GROUND_GROUP)[0] for p in at])
+    heights = np.array([_ray(model, data, (*p, sky), _GROUND_GROUPS)[0] for p in at])
     gravity = abs(float(model.opt.gravity[2]) + world.site.body.gravity)
     return [
         ground_check(world, name, at, heights),
         *_rock_checks(world, model, data, name),
+        *_mass_checks(world, model, name),
         at_most(f"{name}: gravity", gravity, 1e-6, unit="m/s²", note="difference to the body's"),
     ]
 
 
 def rover_mass_check(world: World, model: Any, name: str) -> Check:
     """The difference of the masses in a scene [kg] to the rover's."""
-    off = abs(float(model.body_mass.sum()) - world.rover.mass)
+    root = model.body(world.rover.links[0].name).id
+    off = abs(float(model.body_subtreemass[root]) - world.rover.mass)
     return at_most(f"{name}: rover's mass", off, 1e-6, unit="kg", note="difference to the rover's")
 
 
@@ -67,8 +73,8 @@ def sample_model(world: World, folder: Path) -> Any:
     if body is None or asset is None:
         raise SimulationError(f"{folder / 'world.xml'} has no ground")
     wanted = {f"rock_{world.field.id[row]}" for row in _sampled_rows(world)}
-    body[:] = [e for e in body if not e.get("mesh") or _rock_of(e.get("name", "")) in wanted]
-    used = {element.get("mesh") for element in body}
+    body[:] = [e for e in body if _rock_of(e.get("name", "")) in {"", *wanted}]
+    used = {geom.get("mesh") for geom in body.iter("geom")}
     asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
     names = {str(item.get("file")) for item in asset if item.get("file")}
     files = {name: (folder / name).read_bytes() for name in sorted(names)}
@@ -80,16 +86,22 @@ def sample_model(world: World, folder: Path) -> Any:
 
 
 def _rock_of(geom: str) -> str:
-    """The rock `rock_<id>` that a geom `rock_<id>` or `rock_<id>_<part>` belongs to."""
-    return "_".join(geom.split("_")[:2])
+    """The rock `rock_<id>` that a geom or body `rock_<id>…` belongs to; empty for what is none."""
+    return "_".join(geom.split("_")[:2]) if geom.startswith("rock_") else ""
 
 
 def _sampled_rows(world: World) -> NDArray[np.int64]:
-    """Rows of the rocks that are looked at: evenly over all of them, and the largest."""
-    count = len(world.field)
-    rows = np.linspace(0, count - 1, min(ROCKS, count)).round().astype(np.int64)
-    largest = np.argsort(world.field.diameter, kind="stable")[-1:]
-    return np.union1d(rows, largest) if count else rows
+    """Rows of the solid rocks that are looked at: evenly over all, loose ones, and the largest."""
+    solid = np.flatnonzero(world.field.solid)
+    largest = solid[np.argsort(world.field.diameter[solid], kind="stable")[-1:]]
+    loose = np.flatnonzero(world.field.solid & world.field.loose)
+    return np.unique(np.concatenate([_spread(solid), _spread(loose), largest]))
+
+
+def _spread(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Some of the rows, evenly over them."""
+    places = np.linspace(0, len(rows) - 1, min(ROCKS, len(rows))).round().astype(np.int64)
+    return rows[places]
 
 
 def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
@@ -101,7 +113,7 @@ def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
     for row in rows:
         x, y = world.field.position[row, :2]
         top = _top(world, int(row))
-        height, geom = _ray(model, data, (x, y, top + 1.0), _ROCK_GROUP)
+        height, geom = _ray(model, data, (x, y, top + 1.0), _ROCK_GROUPS)
         rock = f"rock_{world.field.id[row]}"
         own = geom >= 0 and _rock_of(model.geom(geom).name) == rock
         if not own and height > top:
@@ -111,6 +123,21 @@ def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
         worst = max(worst, abs(height - top) / float(world.field.diameter[row]))
     note = f"largest difference of tops in diameters, {len(rows)} rocks"
     return [at_most(f"{name}: rocks", worst, ROCK_LIMIT, note=note)]
+
+
+def _mass_checks(world: World, model: Any, name: str) -> list[Check]:
+    """Masses and moments of inertia of the loose rocks among the sampled ones."""
+    rows = [row for row in _sampled_rows(world) if world.field.loose[row]]
+    if not rows:
+        return []
+    field = world.field.select(np.array(rows))
+    bodies = [model.body(f"rock_{rock}") for rock in field.id]
+    moments = np.linalg.eigvalsh(inertias(field, world.library))
+    found = np.sort([body.inertia for body in bodies], axis=1)
+    off_mass = np.abs([body.mass[0] for body in bodies] / field.mass - 1.0).max()
+    off = max(float(off_mass), float(np.abs(found / moments - 1.0).max()))
+    note = f"largest relative difference of mass and moments of inertia, {len(rows)} rocks"
+    return [at_most(f"{name}: loose rocks", off, MASS_LIMIT, note=note)]
 
 
 def _top(world: World, row: int) -> float:
@@ -126,10 +153,12 @@ def _top(world: World, row: int) -> float:
     return float(np.nanmax([heights_on(hull, centre)[0] for hull in placed]))
 
 
-def _ray(model: Any, data: Any, start: tuple[float, ...], group: int) -> tuple[float, int]:
+def _ray(
+    model: Any, data: Any, start: tuple[float, ...], shown: tuple[int, ...]
+) -> tuple[float, int]:
     """Height [m] and geom that a ray straight down meets first; NaN and -1 if none."""
     geom = np.full(1, -1, dtype=np.int32)
-    groups = (np.arange(6) == group).astype(np.uint8)
+    groups = np.isin(np.arange(6), shown).astype(np.uint8)
     down = np.array([0.0, 0.0, -1.0])
     distance = mujoco.mj_ray(model, data, np.array(start), down, groups, 1, -1, geom)
     return (start[2] - distance, int(geom[0])) if distance >= 0 else (float("nan"), -1)

@@ -36,8 +36,9 @@ class Vehicle:
             self._find(mujoco.mjtObj.mjOBJ_ACTUATOR, wheel.link) for wheel in rover.wheels
         ]
         self._rocks = _rock_names(model)
-        self._has_rock = np.array([bool(name) for name in self._rocks])
-        # Stepping only what is awake changes no result, and static rocks then cost next to nothing.
+        self._is_rock = np.array([bool(name) for name in self._rocks])
+        self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
+        # Stepping only what is awake: rocks then cost next to nothing.
         if hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"):
             model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
@@ -57,7 +58,7 @@ class Vehicle:
         mujoco.mj_resetData(self.model, data)
         data.qpos[self._qpos : self._qpos + 7] = (*position, *quaternion)
         mujoco.mj_forward(self.model, data)
-        while data.ncon and data.contact.dist.min() < 0.0:
+        while self._is_in_something():
             data.qpos[self._qpos + 2] += _LIFT_STEP
             if data.qpos[self._qpos + 2] > position[2] + _HIGHEST_LIFT:
                 raise SimulationError(f"the rover's start at {_place(position)} is not free")
@@ -67,6 +68,11 @@ class Vehicle:
         if not np.linalg.norm(self.position - position) < _FARTHEST_SETTLING:
             raise SimulationError(f"the rover does not stand at its start, {_place(position)}")
         data.time = 0.0
+
+    def _is_in_something(self) -> bool:
+        """Whether a part of the rover reaches into the ground or a rock."""
+        own = self._is_rover[self.data.contact.geom].any(axis=1)
+        return bool((self.data.contact.dist[own] < 0.0).any())
 
     def step(self, wheel_rates: Array, count: int) -> None:
         """Command the wheels [rad/s] and take so many time steps."""
@@ -89,11 +95,12 @@ class Vehicle:
         return np.array(self.data.xmat[self._body]).reshape(3, 3)
 
     def rock_forces(self) -> dict[str, float]:
-        """Rocks that are touched now, with the largest normal force at each [N]."""
+        """Rocks that the rover touches now, with the largest normal force at each [N]."""
         data, forces = self.data, dict[str, float]()
-        touched = self._has_rock[data.contact.geom].any(axis=1).nonzero()[0] if data.ncon else ()
+        pairs = data.contact.geom
+        touched = self._is_rover[pairs].any(axis=1) & self._is_rock[pairs].any(axis=1)
         wrench = np.zeros(6)
-        for contact in touched:
+        for contact in touched.nonzero()[0]:
             one, other = data.contact.geom[contact]
             name = self._rocks[one] or self._rocks[other]
             mujoco.mj_contactForce(self.model, data, int(contact), wrench)
@@ -112,8 +119,9 @@ class Vehicle:
         if not np.isfinite(data.qpos).all():
             return "the simulation became unstable"
         if data.ncon >= _PAIR_LIMIT:
-            _, counts = np.unique(data.contact.geom, axis=0, return_counts=True)
-            if counts.max() >= _PAIR_LIMIT:
+            own = data.contact.geom[self._is_rover[data.contact.geom].any(axis=1)]
+            _, counts = np.unique(own, axis=0, return_counts=True)
+            if counts.max(initial=0) >= _PAIR_LIMIT:
                 return f"contacts were dropped (a pair of geoms has {_PAIR_LIMIT})"
         return ""
 

@@ -1,0 +1,76 @@
+"""What rocks look like and how they touch: textures, materials, default classes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from terrain_forge.colour import srgb_from_linear
+from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.world import World
+from terrain_forge.writers.image import encode_png
+from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+
+from .xml import element
+
+_MATT = {"specular": 0.0, "shininess": 0.0}
+_UNTOUCHABLE = {"contype": 0, "conaffinity": 0}
+_ROCK_GROUP, _PICTURE_GROUP, _HIDDEN_GROUP = 1, 2, 3
+"""Groups of geoms: seen and touched, seen alone, touched alone (viewers hide groups above 2)."""
+
+
+def rock_looks(world: World, *, textured: bool) -> list[str]:
+    """A material per population in the mean of its colours, and one that shows its texture."""
+    looks = []
+    for n in range(len(world.field.populations)):
+        rgb = srgb_from_linear(mean_rock_colour(world, n))
+        looks.append(element("material", [], name=f"rock_{n}", rgba=(*rgb, 1.0), **_MATT))
+        if textured:
+            image = {"type": "2d", "file": texture_file(n)}
+            looks.append(element("texture", name=f"shape_{n}", **image))
+            looks.append(element("material", [], name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
+    return looks
+
+
+def texture_files(world: World) -> dict[str, bytes]:
+    """The populations' textures by the names of their files."""
+    populations = range(len(world.field.populations))
+    return {texture_file(n): encode_png(rock_texture(world, n)) for n in populations}
+
+
+def texture_file(population: int) -> str:
+    """File of a population's texture."""
+    return f"assets/rock_{population}.png"
+
+
+def rock_classes(world: World, *, textured: bool) -> list[str]:
+    """Default classes, so that a rock's line holds only what is its own.
+
+    Per population `rock_<n>` is seen and touched, `seen_<n>` seen alone, `shape_<n>` too, with its
+    texture; `hull` is touched alone, and so is `loose`, which also meets what is fixed.
+    """
+    classes = [_class("hull", group=_HIDDEN_GROUP), _loose_class()]
+    for n in range(len(world.field.populations)):
+        picture = {"group": _PICTURE_GROUP, **_UNTOUCHABLE}
+        classes.append(_class(f"rock_{n}", material=f"rock_{n}"))
+        classes.append(_class(f"seen_{n}", material=f"rock_{n}", **picture))
+        if textured:
+            classes.append(_class(f"shape_{n}", material=f"shape_{n}", **picture))
+    rock = element("geom", type="mesh", group=_ROCK_GROUP)
+    return [element("default", [rock, *classes], class_="rock")]
+
+
+def _loose_class() -> str:
+    # Torsional and rolling friction grow with the rock and stand with each.
+    contact = loose_contact(1.0)
+    return _class(
+        "loose",
+        group=_HIDDEN_GROUP,
+        contype=1,
+        conaffinity=1,
+        condim=contact.condim,
+        solref=np.array(contact.solref),
+    )
+
+
+def _class(name: str, **attributes: str | float | np.ndarray) -> str:
+    return element("default", [element("geom", [], **attributes)], class_=name)

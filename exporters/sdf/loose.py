@@ -1,0 +1,63 @@
+"""Loose rocks: a model each, which gravity holds and a rover can push."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from terrain_forge.frames import Array, rpy_from_quaternion
+from terrain_forge.rock_bodies import inertias
+from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.world import World
+
+from . import material
+from .markup import Lines, element, numbers
+from .model import Model, surface
+from .rocks import hull_file, scaled_mesh, shape_file, texture_file
+
+
+def loose_rocks(world: World, model: Model) -> list[Lines]:
+    """A model `rock_<id>` for each loose rock, sharing meshes and textures with the fixed ones.
+
+    Args:
+        world: The world.
+        model: The model of the fixed rocks.
+    """
+    field = world.field.select(world.field.loose)
+    poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
+    looks = [
+        "".join(material.textured(model, texture_file(n))) for n in range(len(field.populations))
+    ]
+    tensors = inertias(field, world.library)
+    models = []
+    for row, rock in enumerate(field.id.tolist()):
+        prototype, scale = int(field.prototype[row]), float(field.scale[row])
+        shape = scaled_mesh(model.uri(shape_file(prototype)), scale)
+        touch = "".join(_contact(float(field.diameter[row])))
+        parts = [f'<visual name="visual">{shape}{looks[field.population[row]]}</visual>']
+        for part in range(len(world.library.prototypes[prototype].hulls)):
+            body = f"{scaled_mesh(model.uri(hull_file(prototype, part)), scale)}{touch}"
+            parts.append(f'<collision name="collision_{part}">{body}</collision>')
+        inertial = "".join(_inertial(float(field.mass[row]), tensors[row]))
+        link = element("link", [inertial], parts, name="rock")
+        pose = element("pose", numbers(poses[row]))
+        models.append(element("model", pose, link, name=f"rock_{rock}"))
+    return models
+
+
+def _inertial(mass: float, tensor: Array) -> Lines:
+    entries = [("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2)]
+    entries += [("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2)]
+    moments = [element(name, numbers([tensor[i, j]])) for name, i, j in entries]
+    return element("inertial", element("mass", numbers([mass])), element("inertia", *moments))
+
+
+def _contact(diameter: float) -> Lines:
+    """Friction of a loose rock, as it was settled.
+
+    SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
+    """
+    contact = loose_contact(diameter)
+    radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
+    return surface(contact.sliding, patch_radius=radius)
