@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 
 from terrain_forge.errors import SimulationError
@@ -26,6 +29,8 @@ MOST_TURN = np.radians(3.0)
 """Angle by which a rock that stays may turn [rad]."""
 STAYING = 0.95
 """Part of the loose rocks that must stay."""
+MOST_WATCHED = 200
+"""Loose rocks that are watched; of more, so many are taken evenly from all."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,9 +68,10 @@ def loose_checks(world: World, directory: Path) -> list[Check]:
     except SimulationError as error:
         return [failed(title, str(error))]
     count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
+    every = int(np.count_nonzero(world.field.loose))
     worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
     note = (
-        f"part of {count} within {MOST_SHIFT:.0%} of the diameter and "
+        f"part of {count} of {every} within {MOST_SHIFT:.0%} of the diameter and "
         f"{np.degrees(MOST_TURN):g} deg; {gone} do not stay; rock {stay.id[worst]} moves most, "
         f"{stay.shift[worst]:.2%} and {np.degrees(stay.turn[worst]):.2g} deg"
     )
@@ -73,7 +79,7 @@ def loose_checks(world: World, directory: Path) -> list[Check]:
 
 
 def watch(world: World, scene: Path) -> Stay:
-    """Load an exported world.xml and let its loose rocks be for 5 s.
+    """Load an exported world.xml and let at most `MOST_WATCHED` of its loose rocks be for 5 s.
 
     Args:
         world: The world that was exported.
@@ -83,23 +89,35 @@ def watch(world: World, scene: Path) -> Stay:
         SimulationError: if MuJoCo cannot load it, a loose rock is missing in it, or the simulation
             diverges.
     """
-    import mujoco
-
     model = load_scene(scene)
-    data = mujoco.MjData(model)
     rocks = world.field.select(world.field.loose)
     bodies = np.array([_body(model, f"rock_{rock}") for rock in rocks.id.tolist()])
+    watched = np.unique(np.linspace(0, len(rocks) - 1, MOST_WATCHED).round().astype(np.intp))
+    parts = np.array_split(watched, min(get_num_threads(), len(watched)))
+    with ThreadPoolExecutor(len(parts)) as pool:
+        moved = list(pool.map(lambda part: _let_be(model, bodies, part, scene), parts))
+    shift, turn = np.concatenate(moved, axis=1)
+    return Stay(id=rocks.id[watched], shift=shift / rocks.diameter[watched], turn=turn)
+
+
+def _let_be(
+    whole: Any, bodies: NDArray[np.intp], watched: NDArray[np.intp], scene: Path
+) -> tuple[Array, Array]:
+    """How far some of the loose rocks move [m] and turn [rad] where the others are not."""
+    import mujoco
+
+    model = copy(whole)
+    absent = np.isin(model.geom_bodyid, np.delete(bodies, watched))
+    model.geom_contype[absent] = model.geom_conaffinity[absent] = 0
+    data, bodies = mujoco.MjData(model), bodies[watched]
     mujoco.mj_forward(model, data)
     position, quaternion = data.xpos[bodies].copy(), data.xquat[bodies].copy()
     mujoco.mj_step(model, data, nstep=round(TIME / model.opt.timestep))
     if data.warning.number.any():
         raise SimulationError(f"{scene}: MuJoCo warns while the loose rocks rest")
     cosine = np.abs((data.xquat[bodies] * quaternion).sum(axis=1))
-    return Stay(
-        id=rocks.id,
-        shift=np.linalg.norm(data.xpos[bodies] - position, axis=1) / rocks.diameter,
-        turn=2.0 * np.arccos(np.minimum(cosine, 1.0)),
-    )
+    shift = np.linalg.norm(data.xpos[bodies] - position, axis=1)
+    return shift, 2.0 * np.arccos(np.minimum(cosine, 1.0))
 
 
 def _body(model: Any, name: str) -> int:
