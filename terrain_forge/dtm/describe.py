@@ -7,9 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.projection import geographic_crs, local_crs, transform
+from terrain_forge.dtm.projection import geographic_crs, local_crs, scale_error, transform
+from terrain_forge.dtm.quality import assess
 from terrain_forge.dtm.raster import Raster
 from terrain_forge.dtm.roughness import COARSE_POSTING
+from terrain_forge.errors import DataError
+from terrain_forge.site import Site
+
+_MOST_SAMPLES = 2**24
+_PIECE, _PIECES = 256, 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +32,8 @@ def describe(raster: Raster) -> Description:
     """Say what an open raster is, where it lies, what its numbers mean, what is wrong with it."""
     dataset, band = raster.dataset, raster.band
     rows, columns = raster.shape
-    posting = ground_posting(raster)
+    steps = ground_steps(raster)
+    posting = max(steps) if steps else None
     values = _Values.read(raster)
     form = f"{dataset.driver}, {columns} × {rows} samples, {dataset.dtypes[band - 1]}"
     if dataset.count > 1:
@@ -34,57 +41,127 @@ def describe(raster: Raster) -> Description:
     facts = [
         ("format", form),
         ("place", _place(raster)),
-        ("posting", f"{_metres(posting)}" if posting else "unknown"),
+        ("posting", _posting_text(raster)),
         ("values", _meaning(raster)),
         ("heights", values.range_text(raster)),
-        ("nodata", f"{100 * values.missing:.1f} % of the samples"),
+        ("nodata", f"{100 * values.missing:.1f} % of the samples{values.looked_at}"),
     ]
+    if raster.quantum is None and values.heights.size:
+        facts.append(("planar fill", f"{100 * values.planar:.1f} % of the samples lie in planes"))
     return Description(facts=tuple(facts), warnings=tuple(_warnings(raster, posting, values)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Values:
-    """A look at all samples (thinned out where there are very many)."""
+    """A look at the samples: all of a small raster, pieces all over a large one."""
 
     heights: NDArray[np.float64]
     missing: float
+    whole: bool
+    planar: float
+    seams: tuple[str, ...]
+    suspects: tuple[str, ...]
 
     @classmethod
     def read(cls, raster: Raster) -> _Values:
-        rows, columns = raster.shape
-        step = max(int(np.ceil(max(rows, columns) / 2048)), 1)
-        shape = (max(rows // step, 1), max(columns // step, 1))
-        raw = raster.dataset.read(raster.band, out_shape=shape).astype(np.float64)
-        valid = raster.dataset.read_masks(raster.band, out_shape=shape) > 0
-        valid &= np.isfinite(raw) & (np.abs(raw) < 1e30)
-        if raster.nodata is not None:
-            valid &= raw != raster.nodata
-        heights = raw[valid] * raster.scale + raster.offset - raster.reference_radius
-        return cls(heights=heights, missing=float(1.0 - valid.mean()))
+        whole = raster.shape[0] * raster.shape[1] <= _MOST_SAMPLES
+        found, missing, planar = [], [], []
+        seams: list[str] = []
+        suspects: list[str] = []
+        for rows, columns in _pieces(raster.shape, whole):
+            try:
+                heights, valid = raster.read(rows, columns)
+            except DataError as error:
+                suspects.append(str(error))
+                heights, valid = raster.read(rows, columns, strict=False)
+            found.append(heights[valid])
+            missing.append(1.0 - valid.mean())
+            if min(valid.shape) >= 8 and valid.any():
+                quality = assess(heights, valid, quantum=raster.quantum)
+                planar.append(quality.planar_fraction)
+                start = {"row": rows.start, "column": columns.start}
+                seams += [f"{line} {n + start[line]}" for line, n, _ in quality.seams]
+        return cls(
+            heights=np.concatenate(found),
+            missing=float(np.mean(missing)),
+            whole=whole,
+            planar=float(np.mean(planar)) if planar else 0.0,
+            seams=tuple(dict.fromkeys(seams)),
+            suspects=tuple(suspects[:1]),
+        )
 
     def range_text(self, raster: Raster) -> str:
         if not self.heights.size:
             return "no valid sample"
         low, high = self.heights.min(), self.heights.max()
-        unit = "m" if raster.vertical_known else "(no vertical scale: raw numbers)"
-        return f"{low:.8g} to {high:.8g} {unit}"
+        unit = "m" if raster.vertical.known else "(no vertical scale: raw numbers)"
+        return f"{low:.8g} to {high:.8g} {unit}{self.looked_at}"
+
+    @property
+    def looked_at(self) -> str:
+        return "" if self.whole else " in the pieces looked at"
 
 
-def ground_posting(raster: Raster) -> float | None:
-    """Distance of samples on the ground at the raster's middle [m], the coarser direction."""
+def site_facts(site: Site) -> list[str]:
+    """Lines that say what became of the DTM of a site that is planned."""
+    facts = []
+    if site.crs:
+        error = 1e6 * scale_error(site.crs, site.size)
+        facts.append(f"lengths      true in the middle, {error:.2g} in a million off at the edge")
+    if site.dtm is not None:
+        rows, columns = site.dtm.heights.shape
+        facts.append(f"context      {columns} × {rows} samples of {_metres(site.dtm.posting)}")
+        facts += [f"repair       {repair}" for repair in site.dtm.repairs]
+        if site.dtm.planar_fraction > 0.001:
+            share = 100 * site.dtm.planar_fraction
+            facts.append(f"planar fill  {share:.1f} % of the samples around lie in exact planes")
+    return facts
+
+
+def _pieces(shape: tuple[int, int], whole: bool) -> list[tuple[slice, slice]]:
+    """The raster as one piece, or a few of it on a grid."""
+    rows, columns = shape
+    if whole:
+        return [(slice(0, rows), slice(0, columns))]
+    size = (min(_PIECE, rows), min(_PIECE, columns))
+    starts = [
+        np.linspace(0, n - piece, _PIECES).astype(int).tolist()
+        for n, piece in zip(shape, size, strict=True)
+    ]
+    return [
+        (slice(row, row + size[0]), slice(column, column + size[1]))
+        for row in dict.fromkeys(starts[0])
+        for column in dict.fromkeys(starts[1])
+    ]
+
+
+def ground_steps(raster: Raster) -> tuple[float, float] | None:
+    """Distance of samples along columns and rows on the ground at the raster's middle [m]."""
     if not raster.to_pixel:
         return None
     a, b, _, d, e, _ = raster.to_pixel
     inverse = np.linalg.inv([[a, b], [d, e]])
     if not raster.crs:
-        return float(np.linalg.norm(inverse, axis=0).max())
+        across, down = np.linalg.norm(inverse, axis=0)
+        return float(across), float(down)
     x, y = raster.middle
     steps = np.array([x, y]) + np.stack([np.zeros(2), inverse[:, 0], inverse[:, 1]])
     geographic = geographic_crs(raster.crs)
     lon, lat = transform(raster.crs, geographic, steps[:, 0], steps[:, 1])
     local = local_crs(raster.crs, float(lon[0]), float(lat[0]))
     east, north = transform(geographic, local, lon, lat)
-    return float(np.hypot(east[1:] - east[0], north[1:] - north[0]).max())
+    across, down = np.hypot(east[1:] - east[0], north[1:] - north[0])
+    return float(across), float(down)
+
+
+def _posting_text(raster: Raster) -> str:
+    steps = ground_steps(raster)
+    if steps is None:
+        return "unknown"
+    across, down = steps
+    if abs(across / down - 1.0) < 2e-3:
+        return _metres(max(steps))
+    return f"{_metres(across)} along rows, {_metres(down)} along columns, in true metres"
 
 
 def _place(raster: Raster) -> str:
@@ -103,19 +180,18 @@ def _place(raster: Raster) -> str:
 
 
 def _meaning(raster: Raster) -> str:
-    dtype = raster.dataset.dtypes[raster.band - 1]
-    if raster.reference_radius:
+    dtype, v = raster.dataset.dtypes[raster.band - 1], raster.vertical
+    if v.reference_radius:
         return (
-            f"radius: value × {raster.scale:g} + {raster.offset:.10g} m from the body's centre; "
-            f"heights are taken above {raster.reference_radius:.10g} m"
+            f"radius: value × {v.scale:g} + {v.offset:.10g} m from the body's centre; "
+            f"heights are taken above {v.reference_radius:.10g} m"
         )
-    if not raster.vertical_known:
+    if not v.known:
         return f"unknown: {dtype} without a vertical scale, an image or a stretched height map"
-    unit = raster.dataset.units[raster.band - 1]
-    stated = f", the file says {unit!r}" if unit else ""
-    if (raster.scale, raster.offset) == (1.0, 0.0):
+    stated = f", the file says {v.unit!r}" if v.unit else ""
+    if (v.scale, v.offset) == (1.0, 0.0):
         return f"height above the datum in metres{stated}"
-    return f"height: value × {raster.scale:.6g} + {raster.offset:g} m{stated}"
+    return f"height: value × {v.scale:.6g} + {v.offset:g} m{stated}"
 
 
 def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[str]:
@@ -124,7 +200,7 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
         found.append("no valid sample: nothing can be built from it")
     if not raster.to_pixel:
         found.append("without georeference: give its size on the ground as dtm.extent_m")
-    if not raster.vertical_known:
+    if not raster.vertical.known:
         found.append("without vertical scale: give dtm.height_range_m or dtm.height_scale")
     coarse = posting is not None and posting > COARSE_POSTING
     if posting and coarse:
@@ -135,11 +211,22 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     quantum = raster.quantum
     dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
     stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= 0.02)
-    if quantum and stairs and raster.vertical_known and not coarse:
+    if quantum and stairs and raster.vertical.known and not coarse:
         found.append(
             f"{8 * dtype.itemsize} bits: heights come in stairs of {_metres(quantum)}, "
-            "which a wheel feels"
+            "which a wheel feels; dtm.destair smooths them"
         )
+    found += values.suspects
+    if raster.vertical.odd_unit:
+        found.append(f"unit {raster.vertical.unit!r} is no length: taken as metres")
+    if values.planar > 0.01:
+        found.append(
+            f"{100 * values.planar:.1f} % lie in exact planes: gaps between matched points that "
+            "were filled by triangles"
+        )
+    if values.seams:
+        shown = ", ".join(values.seams[:4]) + (", …" if len(values.seams) > 4 else "")
+        found.append(f"the ground steps along {shown}: seams of images or strips")
     if raster.dataset.count > 1:
         found.append(f"{raster.dataset.count} bands: dtm.band chooses the one with the heights")
     return found

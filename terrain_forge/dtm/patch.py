@@ -26,7 +26,12 @@ class DtmPatch(Record):
     posting: float
     """Distance of the samples on the ground [m], the coarser of the two directions."""
     filled: int
-    """Samples within the patch that were holes."""
+    """Samples within the site that were holes."""
+    repairs: tuple[str, ...] = ()
+    """What was repaired and how, for the report."""
+    planar_fraction: float = 0.0
+    """Part of the samples in and around the site that lie in exact planes, as triangles that fill
+    gaps of stereo images do, 0 to 1."""
 
     def __post_init__(self) -> None:
         self.freeze("heights", np.float64, ("rows", "columns"))

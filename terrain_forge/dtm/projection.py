@@ -35,6 +35,22 @@ def ellipsoid(crs: str) -> tuple[float, float]:
     return major, major * (1.0 - 1.0 / inverse_flattening) if inverse_flattening else major
 
 
+def datum_radius(crs: str, lat_deg: float = 0.0) -> float:
+    """Distance of the CRS's ellipsoid from its centre at a (geodetic) latitude [m]."""
+    major, minor = ellipsoid(crs)
+    cos, sin = np.cos(np.radians(lat_deg)), np.sin(np.radians(lat_deg))
+    above = (major**2 * cos) ** 2 + (minor**2 * sin) ** 2
+    return float(np.sqrt(above / ((major * cos) ** 2 + (minor * sin) ** 2)))
+
+
+def scale_error(crs: str, size: tuple[float, float]) -> float:
+    """How far off a length of 1 m is at the edge of a site in its local CRS, as a fraction.
+
+    The scale of a transverse Mercator grows by half the square of east over the radius.
+    """
+    return 0.5 * (0.5 * size[0] / ellipsoid(crs)[0]) ** 2
+
+
 def meridian_period(crs: str) -> float:
     """How far apart, in x, a CRS repeats a meridian; 0 where x does not repeat."""
     from rasterio.crs import CRS

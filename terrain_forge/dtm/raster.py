@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.bodies import Body
-from terrain_forge.dtm.projection import ellipsoid
+from terrain_forge.dtm.projection import datum_radius, ellipsoid, geographic_crs, transform
 from terrain_forge.dtm.spec import RasterDtm
+from terrain_forge.dtm.vertical import Vertical, read_vertical, require_no_sentinel
 from terrain_forge.errors import DataError
 
 Array = NDArray[np.float64]
@@ -30,15 +31,8 @@ class Raster:
     """The file."""
     band: int
     """Band that holds the heights, from 1."""
-    scale: float
-    """Metres per unit."""
-    offset: float
-    """Height of the value 0 above the datum, or the distance from the centre of a radius product
-    [m]."""
-    reference_radius: float
-    """What is taken off a radius product to make heights of it [m]; 0 for heights."""
-    vertical_known: bool
-    """Whether the file or the recipe says how its numbers become metres."""
+    vertical: Vertical
+    """How its numbers become heights."""
     crs: str
     """WKT; empty if the raster is not georeferenced."""
     to_pixel: tuple[float, ...]
@@ -46,11 +40,19 @@ class Raster:
     empty where neither the file nor the recipe tells."""
     nodata: float | None
     """The recipe's own nodata value."""
+    nodata_range: tuple[float, float] | None
+    """The recipe's own range of nodata values."""
 
     @property
     def quantum(self) -> float | None:
         """Height step of one unit of an integer raster [m]."""
-        return self.scale if np.dtype(self.dataset.dtypes[self.band - 1]).kind in "iu" else None
+        scale = abs(self.vertical.scale)
+        return scale if np.dtype(self.dataset.dtypes[self.band - 1]).kind in "iu" else None
+
+    @property
+    def source(self) -> str:
+        """The file's name."""
+        return self.path.name
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -65,35 +67,54 @@ class Raster:
         x, y = np.linalg.solve([[a, b], [d, e]], [(columns - 1) / 2 - c, (rows - 1) / 2 - f])
         return float(x), float(y)
 
-    def read(self, rows: slice, columns: slice) -> tuple[Array, NDArray[np.bool_]]:
-        """Heights above the datum [m] of a piece, and which of them are valid."""
+    def read(
+        self, rows: slice, columns: slice, *, strict: bool = True
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Heights above the datum [m] of a piece, and which of them are valid.
+
+        Raises:
+            DataError: if strict, for values that look like an undeclared mark of no data.
+        """
         from rasterio.windows import Window as RasterWindow
 
         window = RasterWindow.from_slices(rows, columns)
-        raw = self.dataset.read(self.band, window=window)
-        valid = self.dataset.read_masks(self.band, window=window) > 0
-        values = raw.astype(np.float64)
-        valid &= np.isfinite(values) & (np.abs(values) < _ISIS_SPECIAL)
-        if self.nodata is not None:
-            valid &= values != self.nodata
-        heights = values * self.scale + self.offset - self.reference_radius
+        values = self.dataset.read(self.band, window=window).astype(np.float64)
+        valid = self.valid(values, self.dataset.read_masks(self.band, window=window))
+        if strict:
+            require_no_sentinel(values[valid], self.source)
+        heights = self.heights(values)
         return np.where(valid, heights, 0.0), valid
+
+    def valid(self, values: Array, mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Which values are data, by the file's mask, the recipe, and being finite."""
+        valid = (mask > 0) & np.isfinite(values) & (np.abs(values) < _ISIS_SPECIAL)
+        if self.nodata is not None:
+            # A float32 file holds the nearest float32 to what the recipe writes.
+            valid &= (values != self.nodata) & (values != float(np.float32(self.nodata)))
+        if self.nodata_range is not None:
+            low, high = self.nodata_range
+            valid &= (values < low) | (values > high)
+        return valid
+
+    def heights(self, values: Array) -> Array:
+        """Heights above the datum [m] of values of the file."""
+        v = self.vertical
+        return values * v.scale + (v.offset - v.reference_radius)
 
 
 def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     """Open the recipe's DTM.
 
     Raises:
-        DataError: if the file is missing or no raster, or has no such band, or if the recipe must
-        say
-            where it lies or how high it is.
+        DataError: if the file is missing or no raster, has no such band, lies on another body, or
+            if the recipe says what cannot be of it.
     """
     import rasterio
 
     path = folder / spec.source
     require_file(path, spec.source, ("dtm", "source"))
     try:
-        dataset = _open(path)
+        dataset = open_dataset(path)
     except rasterio.errors.RasterioError:
         hint = _label_hint(path)
         raise DataError(
@@ -103,21 +124,30 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
         raise DataError(
             f"band {spec.band} of {dataset.count} in {spec.source}", key=("dtm", "band")
         )
+    if spec.nodata_range is not None and spec.nodata_range[0] > spec.nodata_range[1]:
+        low, high = spec.nodata_range
+        raise DataError(f"{low:g} to {high:g}: the lower value first", key=("dtm", "nodata_range"))
     crs, to_pixel = _georeference(dataset, spec)
     _require_body(crs, body, spec)
-    scale, offset, known = _vertical(dataset, spec)
     return Raster(
         dataset=dataset,
         path=path,
         band=spec.band,
-        scale=scale,
-        offset=offset,
-        reference_radius=_reference_radius(offset, crs, body),
-        vertical_known=known,
+        vertical=read_vertical(dataset, spec, _datum(dataset, crs, body), body),
         crs=crs,
         to_pixel=to_pixel,
         nodata=spec.nodata,
+        nodata_range=spec.nodata_range,
     )
+
+
+def _datum(dataset: Any, crs: str, body: Body) -> float:
+    """Radius of the datum at the raster's middle [m]."""
+    if not crs:
+        return body.mean_radius
+    x, y = dataset.transform @ (0.5 * dataset.width, 0.5 * dataset.height)
+    _, lat = transform(crs, geographic_crs(crs), np.array([x]), np.array([y]))
+    return datum_radius(crs, float(lat[0]))
 
 
 def _require_body(crs: str, body: Body, spec: RasterDtm) -> None:
@@ -130,7 +160,7 @@ def _require_body(crs: str, body: Body, spec: RasterDtm) -> None:
         )
 
 
-def _open(path: Path) -> Any:
+def open_dataset(path: Path) -> Any:
     """The rasterio dataset; a missing georeference is no cause for a warning here."""
     import rasterio
 
@@ -162,33 +192,6 @@ def _georeference(dataset: Any, spec: RasterDtm) -> tuple[str, tuple[float, ...]
     return "", (across / width, 0.0, middle_column, 0.0, -down / height, middle_row)
 
 
-def _vertical(dataset: Any, spec: RasterDtm) -> tuple[float, float, bool]:
-    """Metres per unit, height of the value 0, and whether anybody says so."""
-    dtype = np.dtype(dataset.dtypes[spec.band - 1])
-    scale = dataset.scales[spec.band - 1] if spec.height_scale is None else spec.height_scale
-    offset = (
-        dataset.offsets[spec.band - 1] if spec.height_offset_m is None else spec.height_offset_m
-    )
-    if spec.height_range_m is not None:
-        if dtype.kind not in "iu":
-            raise DataError(
-                f"the heights of {spec.source} are {dtype}; a height range is for integers, "
-                "use height_scale and height_offset_m",
-                key=("dtm", "height_range_m"),
-            )
-        low, high = spec.height_range_m
-        return (high - low) / float(np.iinfo(dtype).max), low, True
-    declared = (scale, offset) != (1.0, 0.0) or spec.height_scale is not None
-    return scale, offset, declared or dtype.kind != "u" or bool(dataset.units[spec.band - 1])
-
-
-def _reference_radius(offset: float, crs: str, body: Body) -> float:
-    """The datum's radius if the offset makes the values distances from the body's centre."""
-    if abs(offset / body.mean_radius - 1.0) > 0.05:
-        return 0.0
-    return ellipsoid(crs)[0] if crs else body.mean_radius
-
-
 def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
     """Refuse a path that leads to no file.
 
@@ -202,7 +205,7 @@ def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
 
 def files_of_raster(path: Path) -> list[Path]:
     """Files that belong to a raster besides the one that is opened, such as a label's image."""
-    with _open(path) as dataset:
+    with open_dataset(path) as dataset:
         return sorted(Path(name) for name in dataset.files if Path(name) != path)
 
 
@@ -218,7 +221,7 @@ def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
 
     require_file(folder / path, path, key)
     try:
-        with _open(folder / path) as dataset:
+        with open_dataset(folder / path) as dataset:
             values = dataset.read(1)
     except rasterio.errors.RasterioError:
         raise DataError(f"not an image: {path}", key=key) from None

@@ -42,6 +42,14 @@ class RasterDtm(Spec):
     """Which band of the raster holds the heights."""
     nodata: float | None = None
     """A value that means "no data", besides those that the file declares."""
+    nodata_range: Pair | None = None
+    """Values of the file from the first to the second mean "no data" too, such as [-1e9, -1e4]."""
+    fill_holes_m: Annotated[float, Ge(0)] | None = None
+    """Width of the widest hole within the site that is filled in [m]; without it 8 samples. Wider
+    ones are an error."""
+    destair: bool = False
+    """Smooth the stairs of an 8-bit or otherwise coarsely stepped DTM; each height stays within
+    half a step of its sample."""
     extent_m: PositivePair | None = None
     """For a raster without georeference: its size on the ground, east and north [m]."""
     pixel_is: Literal["area", "point"] = "area"

@@ -9,17 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.bodies import Body
-from terrain_forge.dtm.gridify import patch_pixels
 from terrain_forge.dtm.kernel import cubic
+from terrain_forge.dtm.lattice import patch_pixels
 from terrain_forge.dtm.patch import DtmPatch
 from terrain_forge.dtm.projection import (
     body_crs,
     geographic_crs,
     local_crs,
-    meridian_period,
     transform,
 )
+from terrain_forge.dtm.quality import planar_posts
 from terrain_forge.dtm.raster import Raster, open_raster
+from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, RasterDtm
 from terrain_forge.errors import DataError, RecipeError
@@ -27,8 +28,7 @@ from terrain_forge.site import Roughness
 
 Array = NDArray[np.float64]
 
-CONTEXT_POSTS = 256
-"""Posts a side that the roughness fit gets, where the DTM has them."""
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +63,9 @@ def survey(
         )
     if isinstance(spec, ArrayDtm):
         crs, lonlat = _place(spec.lonlat_deg, body)
-        patch = _array_patch(spec, heights)
+        patch, measured = _array_patch(spec, heights)
     else:
-        crs, lonlat, patch = _raster_patch(spec, body, folder)
+        crs, lonlat, patch, measured = _raster_patch(spec, body, folder)
     datum_height, slope = _datum(patch, crs, spec.size_m, level=spec.level == "plane")
     return Survey(
         crs=crs,
@@ -73,7 +73,7 @@ def survey(
         datum_height=datum_height,
         slope=slope,
         dtm=patch,
-        roughness=fit_roughness(patch.heights, patch.posting, body),
+        roughness=fit_roughness(patch.heights, patch.posting, body, measured),
     )
 
 
@@ -86,7 +86,7 @@ def _place(
     return local_crs(body_crs(body.mean_radius), *lonlat_deg), (float(lon), float(lat))
 
 
-def _array_patch(spec: ArrayDtm, heights: Array | None) -> DtmPatch:
+def _array_patch(spec: ArrayDtm, heights: Array | None) -> tuple[DtmPatch, Mask]:
     if heights is None:
         raise RecipeError(
             "`kind: array` takes its heights from plan(recipe, heights=…)", key=("dtm",)
@@ -102,14 +102,22 @@ def _array_patch(spec: ArrayDtm, heights: Array | None) -> DtmPatch:
     rows, columns = values.shape
     step = 1.0 / spec.posting_m
     to_pixel = (step, 0.0, (columns - 1) / 2, 0.0, step, (rows - 1) / 2)
-    return DtmPatch(
-        heights=values, to_pixel=to_pixel, crs="", wrap=(0.0, 0.0), posting=spec.posting_m, filled=0
+    planar = planar_posts(values)
+    patch = DtmPatch(
+        heights=values,
+        to_pixel=to_pixel,
+        crs="",
+        wrap=(0.0, 0.0),
+        posting=spec.posting_m,
+        filled=0,
+        planar_fraction=float(planar.mean()),
     )
+    return patch, ~planar
 
 
 def _raster_patch(
     spec: RasterDtm, body: Body, folder: Path
-) -> tuple[str, tuple[float, float] | None, DtmPatch]:
+) -> tuple[str, tuple[float, float] | None, DtmPatch, Mask]:
     raster = open_raster(spec, body=body, folder=folder)
     with raster.dataset:
         _require_meaning(raster, spec)
@@ -117,7 +125,7 @@ def _raster_patch(
             lon, lat = _centre_lonlat(raster, spec)
             crs = local_crs(raster.crs, lon, lat)
             lonlat = (float(np.radians(lon)), float(np.radians(lat)))
-            return crs, lonlat, _read_patch(raster, spec, crs, raster.to_pixel)
+            return crs, lonlat, *read_patch(raster, spec, crs, raster.to_pixel)
         if spec.centre.offset_m is None:
             raise DataError(
                 f"{spec.source} is not georeferenced: give the centre as offset_m",
@@ -126,7 +134,7 @@ def _raster_patch(
         a, _, c, _, e, f = raster.to_pixel
         east, north = spec.centre.offset_m
         shifted = (a, 0.0, c + a * east, 0.0, e, f + e * north)
-        return "", None, _read_patch(raster, spec, "", shifted)
+        return "", None, *read_patch(raster, spec, "", shifted)
 
 
 def _require_meaning(raster: Raster, spec: RasterDtm) -> None:
@@ -135,7 +143,7 @@ def _require_meaning(raster: Raster, spec: RasterDtm) -> None:
             f"{spec.source} has no georeference: give its size on the ground as dtm.extent_m",
             key=("dtm", "source"),
         )
-    if not raster.vertical_known:
+    if not raster.vertical.known:
         dtype = raster.dataset.dtypes[raster.band - 1]
         raise DataError(
             f"the vertical scale of {spec.source} ({dtype}) is unknown: give dtm.height_range_m or "
@@ -158,91 +166,6 @@ def _centre_lonlat(raster: Raster, spec: RasterDtm) -> tuple[float, float]:
 def _transform_point(source: str, target: str, point: tuple[float, float]) -> tuple[float, float]:
     x, y = transform(source, target, np.array([point[0]]), np.array([point[1]]))
     return float(x[0]), float(y[0])
-
-
-def _read_patch(raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float, ...]) -> DtmPatch:
-    """The samples under the site with context around them, holes filled."""
-    wrap = (meridian_period(raster.crs), raster.middle[0]) if raster.crs else (0.0, 0.0)
-    whole = DtmPatch(
-        heights=np.zeros((1, 1)),
-        to_pixel=to_pixel,
-        crs=raster.crs,
-        wrap=wrap,
-        posting=1.0,
-        filled=0,
-    )
-    column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
-    _require_inside(raster, spec, column, row)
-    columns = _span(column, raster.shape[1])
-    rows = _span(row, raster.shape[0])
-    heights, valid = raster.read(rows, columns)
-    if not valid.any():
-        raise DataError(
-            f"{spec.source} has no valid height here, only nodata", key=("dtm", "source")
-        )
-    inside = np.ix_(_within(row, rows), _within(column, columns))
-    if not valid[inside].any():
-        raise DataError(f"{spec.source} has only nodata within the site", key=("dtm", "centre"))
-    a, b, c, d, e, f = to_pixel
-    return DtmPatch(
-        heights=_fill(heights, valid),
-        to_pixel=(a, b, c - columns.start, d, e, f - rows.start),
-        crs=raster.crs,
-        wrap=wrap,
-        posting=_posting(column, row, spec.size_m),
-        filled=int((~valid[inside]).sum()),
-    )
-
-
-def _outline(size: tuple[float, float]) -> tuple[Array, Array]:
-    """East and north of a 9 × 9 grid over the site [m]; its outer points trace the edge."""
-    steps = np.linspace(-0.5, 0.5, 9)
-    east, north = np.meshgrid(steps * size[0], steps * size[1])
-    return east, north
-
-
-def _require_inside(raster: Raster, spec: RasterDtm, column: Array, row: Array) -> None:
-    rows, columns = raster.shape
-    slack = 0.5 + 1e-6
-    low = min(column.min(), row.min())
-    if low < -slack or column.max() > columns - 1 + slack or row.max() > rows - 1 + slack:
-        raise DataError(
-            f"the site needs columns {column.min():.1f} to {column.max():.1f} and rows "
-            f"{row.min():.1f} to {row.max():.1f} of {spec.source}, which has {columns} × {rows}",
-            key=("dtm", "centre"),
-        )
-
-
-def _span(index: Array, length: int) -> slice:
-    """Samples to read along one axis: under the site, the kernel's stencil, and context."""
-    low, high = int(np.floor(index.min())) - 2, int(np.ceil(index.max())) + 3
-    context = max(CONTEXT_POSTS - (high - low), 0) // 2
-    return slice(max(low - context, 0), min(high + context, length))
-
-
-def _within(index: Array, span: slice) -> NDArray[np.intp]:
-    low = max(int(np.floor(index.min())), span.start)
-    high = min(int(np.ceil(index.max())), span.stop - 1)
-    return np.arange(low - span.start, high - span.start + 1)
-
-
-def _posting(column: Array, row: Array, size: tuple[float, float]) -> float:
-    """Metres on the ground between samples, the coarser of the two directions."""
-    across = np.hypot(column[4, -1] - column[4, 0], row[4, -1] - row[4, 0])
-    along = np.hypot(column[-1, 4] - column[0, 4], row[-1, 4] - row[0, 4])
-    return float(max(size[0] / across, size[1] / along))
-
-
-def _fill(heights: Array, valid: NDArray[np.bool_]) -> Array:
-    """Holes filled by inverse-distance interpolation from their rims (GDAL's FillNodata)."""
-    if valid.all():
-        return heights
-    from rasterio.fill import fillnodata
-
-    middle = np.median(heights[valid])  # keeps float32 precise inside GDAL
-    relative = np.where(valid, heights - middle, 0.0).astype(np.float32)
-    filled = fillnodata(relative, mask=valid, max_search_distance=float(max(heights.shape)))
-    return np.where(valid, heights, filled + middle)
 
 
 def _datum(

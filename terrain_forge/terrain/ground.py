@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,21 +12,41 @@ from terrain_forge.site import Site, Window
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.world import Heightfield
 
+_STRIP = 1024
+"""Most rows that are worked on at once in double precision."""
+
 
 def shape_ground(*, site: Site, window: Window, layers: tuple[Layer, ...]) -> Heightfield:
     """The bare ground at the window's nodes."""
     east, north = site.axes(window)
-    elevation = dtm_heights(site=site, window=window)
-    for layer in layers:
-        elevation = elevation + layer.relief(site=site, window=window, elevation=elevation)
+    elevation = np.empty((north.size, east.size), np.float32)
+    strips = -(-north.size // _STRIP)
+    for first, last in pairwise(north.size * n // strips for n in range(strips + 1)):
+        strip = _strip(window, first, last - first)
+        elevation[first:last] = _shape(site, strip, layers)[: last - first]
     return Heightfield(
-        elevation=_checked(elevation),
-        spacing=site.spacing,
-        origin=(float(east[0]), float(north[0])),
+        elevation=elevation, spacing=site.spacing, origin=(float(east[0]), float(north[0]))
     )
 
 
-def _checked(elevation: NDArray[np.float64]) -> NDArray[np.float32]:
+def _strip(window: Window, first: int, rows: int) -> Window:
+    """Some rows of nodes of a window; one row gets another that nobody asked for."""
+    return Window(
+        column=window.column,
+        row=window.row + first,
+        columns=window.columns,
+        rows=max(rows - 1, 1),
+    )
+
+
+def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.float64]:
+    """Heights of a strip's nodes, made with the ground around it that its layers look at."""
+    margin = sum(layer.margin(site) for layer in layers)
+    around = site.padded(window, margin) if margin > 0.0 else window
+    elevation = dtm_heights(site=site, window=around)
+    for layer in layers:
+        elevation += layer.masked_relief(site=site, window=around, elevation=elevation)
     if not np.isfinite(elevation).all():
         raise ValueError("the ground holds values that are not finite")
-    return elevation.astype(np.float32)
+    south, west = window.row - around.row, window.column - around.column
+    return elevation[south : south + window.rows + 1, west : west + window.columns + 1]

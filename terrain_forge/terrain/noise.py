@@ -21,23 +21,37 @@ _GRADIENTS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
 
 
 @inner
-def _corner(key, i, j, dx, dy):  # type: ignore[no-untyped-def]
+def _gradient(key, i, j):  # type: ignore[no-untyped-def]
     index = mix(mix(key, zigzag(i)), zigzag(j)) >> np.uint64(56)
-    return _GRADIENTS[index, 0] * dx + _GRADIENTS[index, 1] * dy
+    return _GRADIENTS[index, 0], _GRADIENTS[index, 1]
+
+
+@inner
+def _gradients(key, i, j):  # type: ignore[no-untyped-def]
+    """Gradients at the corners of a cell: south-west, south-east, north-west, north-east."""
+    sw, se = _gradient(key, i, j), _gradient(key, i + 1, j)
+    nw, ne = _gradient(key, i, j + 1), _gradient(key, i + 1, j + 1)
+    return sw, se, nw, ne
+
+
+@inner
+def _blend(gradients, u, v):  # type: ignore[no-untyped-def]
+    """Noise at (u, v) of a cell, 0 to 1."""
+    sw, se, nw, ne = gradients
+    fade_u = u * u * u * (u * (u * 6.0 - 15.0) + 10.0)
+    fade_v = v * v * v * (v * (v * 6.0 - 15.0) + 10.0)
+    south = sw[0] * u + sw[1] * v
+    south += fade_u * (se[0] * (u - 1.0) + se[1] * v - south)
+    north = nw[0] * u + nw[1] * (v - 1.0)
+    north += fade_u * (ne[0] * (u - 1.0) + ne[1] * (v - 1.0) - north)
+    return south + fade_v * (north - south)
 
 
 @kernel
 def gradient_noise(key, x, y):  # type: ignore[no-untyped-def]
     """Gradient noise of a unit lattice at (x, y), about -0.7 to 0.7, zero at the lattice points."""
     i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
-    u, v = x - i, y - j
-    fade_u = u * u * u * (u * (u * 6.0 - 15.0) + 10.0)
-    fade_v = v * v * v * (v * (v * 6.0 - 15.0) + 10.0)
-    south = _corner(key, i, j, u, v)
-    south += fade_u * (_corner(key, i + 1, j, u - 1.0, v) - south)
-    north = _corner(key, i, j + 1, u, v - 1.0)
-    north += fade_u * (_corner(key, i + 1, j + 1, u - 1.0, v - 1.0) - north)
-    return south + fade_v * (north - south)
+    return _blend(_gradients(key, i, j), x - i, y - j)
 
 
 @kernel
@@ -52,10 +66,16 @@ def _sum_octaves(  # type: ignore[no-untyped-def]
             cos = np.cos(octave * _TURN) / wavelengths[octave]
             sin = np.sin(octave * _TURN) / wavelengths[octave]
             amplitude = amplitudes[octave]
+            cell_x, cell_y = np.int64(0), np.int64(0)
+            gradients = _gradients(octave_key, cell_x, cell_y)
             for column in range(east.size):
                 x = cos * east[column] - sin * north[row] + shift_x
                 y = sin * east[column] + cos * north[row] + shift_y
-                total[row, column] += amplitude * gradient_noise(octave_key, x, y)
+                i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
+                if i != cell_x or j != cell_y:  # long octaves hardly ever change their cell
+                    cell_x, cell_y = i, j
+                    gradients = _gradients(octave_key, i, j)
+                total[row, column] += amplitude * _blend(gradients, x - i, y - j)
 
 
 def octaves(

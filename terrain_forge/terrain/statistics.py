@@ -1,15 +1,21 @@
-"""Figures that describe a ground: the slopes of its surface."""
+"""Figures that describe a ground: its slopes, its spectrum beside that of its DTM."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.dtm.lattice import Nodes, PixelFrame
+from terrain_forge.dtm.pixels import Pixels
+from terrain_forge.site import Site
+from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
 from terrain_forge.world import Heightfield
 
 _PER_DEGREE = 100
+_MOST = 2048
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,3 +54,173 @@ def slope_statistics(ground: Heightfield) -> SlopeStatistics:
         rms_deg=float(np.degrees(np.arctan(np.sqrt(mean_square)))),
         shares=shares.reshape(90, _PER_DEGREE).sum(axis=1),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curves:
+    """How rough heights are at each scale."""
+
+    spacing: float
+    """Distance of the samples [m]."""
+    wave_number: NDArray[np.float64]
+    """Wave numbers [1/m]."""
+    density: NDArray[np.float64]
+    """Power spectral density in two dimensions [m⁴]."""
+    baseline: NDArray[np.float64]
+    """Baselines [m]."""
+    deviation: NDArray[np.float64]
+    """RMS height difference over each baseline [m]."""
+    slope_shares: NDArray[np.float64]
+    """Part of the ground in each degree of slope between neighbouring samples, shape [90]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TerrainStatistics:
+    """The ground beside the DTM that it continues."""
+
+    ground: Curves
+    """The ground as built."""
+    dtm: Curves | None
+    """The DTM's samples over the site and its context; None for a flat site."""
+    hurst: float
+    """Exponent of the detail."""
+    deviation: float
+    """RMS deviation of the detail at 1 m [m]."""
+    source: str
+    """Where exponent and deviation come from."""
+    fitted: tuple[float, float] | None
+    """Exponent as fitted to the DTM's increments at the joint, and its standard error."""
+    spectral: tuple[float, float] | None
+    """Exponent of the DTM's spectrum over 1/32 to 1/5 of a cycle per posting, and its standard
+    error; None without a DTM or with too few samples."""
+    worst_mean: float | None
+    """Largest difference of the ground's mean over a pixel from the DTM's post [m]; None where no
+    pixel lies wholly in the ground, or the lattice is no finer than half the posting."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values for a report."""
+        return {
+            "hurst": self.hurst,
+            "deviation_1m_m": self.deviation,
+            "source": self.source,
+            "exponent_at_the_joint": _with_error(self.fitted),
+            "exponent_of_the_spectrum": _with_error(self.spectral),
+            "worst_pixel_mean_m": self.worst_mean,
+            "ground": _curves_json(self.ground),
+            "dtm": _curves_json(self.dtm) if self.dtm else None,
+        }
+
+
+def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
+    """Spectrum, structure function and slopes of a ground and of the DTM below it.
+
+    Args:
+        site: the place.
+        ground: the whole of it or a window.
+    """
+    found = site.roughness
+    dtm, spectral = None, None
+    if site.dtm is not None:
+        posting = site.dtm.posting
+        dtm = _curves(site.dtm.heights, posting)
+        band = (1.0 / (32.0 * posting), 1.0 / (5.0 * posting))
+        exponent = spectral_exponent(dtm.wave_number, dtm.density, band)
+        spectral = exponent if np.isfinite(exponent[0]) else None
+    return TerrainStatistics(
+        ground=_curves(_centre(ground.elevation), ground.spacing),
+        dtm=dtm,
+        hurst=found.hurst,
+        deviation=found.deviation,
+        source=found.source,
+        fitted=found.exponent,
+        spectral=spectral,
+        worst_mean=worst_mean(site, ground),
+    )
+
+
+def worst_mean(site: Site, ground: Heightfield) -> float | None:
+    """Largest difference of the ground's mean over a pixel from the DTM's post [m]."""
+    if site.dtm is None or 2.0 * site.spacing > site.dtm.posting:
+        return None
+    first = (
+        round((ground.origin[0] - site.west) / site.spacing),
+        round((ground.origin[1] - site.south) / site.spacing),
+    )
+    rows, columns = ground.shape
+    nodes = Nodes(column=first[0], row=first[1], columns=columns, rows=rows)
+    pixels = Pixels.under(site, nodes, 0)
+    east, north = pixels.centres(site)
+    wide, high = (0.5 * (n - 1) * ground.spacing for n in (columns, rows))
+    reach = 0.75 * site.dtm.posting  # more than half a pixel's diagonal
+    inside = np.abs(east - ground.origin[0] - wide) < wide - reach
+    inside &= np.abs(north - ground.origin[1] - high) < high - reach
+    if not inside.any():
+        return None
+    row, column = np.nonzero(inside)
+    means = pixels.means(site, nodes, ground.elevation.astype(np.float64))[inside]
+    means += site.datum_height + site.slope[0] * east[inside] + site.slope[1] * north[inside]
+    tilt = _tilt(site, pixels, nodes)[inside]
+    posts = site.dtm.heights[row + pixels.row, column + pixels.column]
+    return float(np.abs(means - tilt - posts).max())
+
+
+def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
+    """What the ground's slope adds to a mean over cells that a pixel's edge cuts unevenly [m]."""
+    assert site.dtm is not None
+    per_row, per_column = (np.asarray(g) for g in np.gradient(site.dtm.heights))
+    rows, columns = (
+        np.clip(first + np.arange(count), 0, length - 1)
+        for first, count, length in zip(
+            (pixels.row, pixels.column),
+            (pixels.rows, pixels.columns),
+            site.dtm.heights.shape,
+            strict=True,
+        )
+    )
+    across, down = per_column[np.ix_(rows, columns)], per_row[np.ix_(rows, columns)]
+    frame = np.array(PixelFrame.of(site).per_metre)
+    total = np.zeros((pixels.rows, pixels.columns))
+    grids = np.meshgrid(*nodes.axes(site))
+    for axis, (grid, centre) in enumerate(zip(grids, pixels.centres(site), strict=True)):
+        slope = across * frame[0, axis] + down * frame[1, axis] - site.slope[axis]
+        total += slope * (pixels.means(site, nodes, grid) - centre)
+    return total
+
+
+def _centre(elevation: NDArray[np.float32]) -> NDArray[np.float64]:
+    """At most 2048 × 2048 nodes from the middle, so that a large site costs no more."""
+    rows, columns = (slice(max(n - _MOST, 0) // 2, (n + _MOST) // 2) for n in elevation.shape)
+    return elevation[rows, columns].astype(np.float64)
+
+
+def _curves(heights: NDArray[np.float64], spacing: float) -> Curves:
+    number, density = radial_spectrum(heights, spacing)
+    baseline, deviation = structure_function(heights, spacing)
+    east, north = (
+        np.diff(heights, axis=1)[:-1] / spacing,
+        np.diff(heights, axis=0)[:, :-1] / spacing,
+    )
+    slopes = np.degrees(np.arctan(np.hypot(east, north)))
+    return Curves(
+        spacing=spacing,
+        wave_number=number,
+        density=density,
+        baseline=baseline,
+        deviation=deviation,
+        slope_shares=np.histogram(slopes, np.arange(91.0))[0] / slopes.size,
+    )
+
+
+def _curves_json(curves: Curves) -> dict[str, Any]:
+    return {
+        "spacing_m": curves.spacing,
+        "wave_number_per_m": curves.wave_number.tolist(),
+        "density_m4": curves.density.tolist(),
+        "baseline_m": curves.baseline.tolist(),
+        "deviation_m": curves.deviation.tolist(),
+        "slope_shares_per_degree": curves.slope_shares.tolist(),
+    }
+
+
+def _with_error(value: tuple[float, float] | None) -> dict[str, float] | None:
+    return {"value": value[0], "standard_error": value[1]} if value else None

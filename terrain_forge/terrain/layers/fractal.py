@@ -9,10 +9,12 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
+from terrain_forge.dtm.lattice import Nodes
 from terrain_forge.seeds import stage_key
 from terrain_forge.site import Site, Window
+from terrain_forge.specs import Spec
+from terrain_forge.terrain.continuation import Octaves, continue_dtm, noise_at
 from terrain_forge.terrain.layer import Layer
-from terrain_forge.terrain.noise import octaves
 
 Array = NDArray[np.float64]
 
@@ -25,36 +27,117 @@ _STRUCTURE = np.array(
 )
 
 
+_SHORTEST = 1.5  # lattice distance of the last octave, in spacings: its waves are somewhat longer
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Preset:
+    """Roughness that was measured at a site: ν(L) = deviation · (L / 1 m)^hurst."""
+
+    hurst: float
+    deviation: float
+
+
+# Landing sites: exponents, the middle of their ranges, and RMS deviations at 1 m of Shepard,
+# Seelos, Arvidson & Haldemann, "The Roughness of the Martian Surface"; no deviation is known of
+# Viking 2. Moon: exponents and median slopes at 17 m, 2.0° and 7.5°, of Rosenburg et al. 2011
+# (doi:10.1029/2010JE003716); a median slope is 0.674 of the RMS slope.
+PRESETS = {
+    "pathfinder": _Preset(hurst=0.57, deviation=0.0959),
+    "viking_1": _Preset(hurst=0.65, deviation=0.0865),
+    "lunar_mare": _Preset(hurst=0.76, deviation=0.102),
+    "lunar_highlands": _Preset(hurst=0.95, deviation=0.226),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RmsSlope(Spec):
+    """A roughness as the RMS slope over a baseline."""
+
+    slope_deg: Annotated[float, Interval(ge=0, le=60)]
+    """Angle whose tangent is the RMS height difference over the baseline [degrees]."""
+    baseline_m: Annotated[float, Interval(gt=0, le=1e4)] = 1.0
+    """Distance of the points that are compared [m]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fractal(Layer):
-    """Self-affine relief of the RMS deviation ν(L) = ν(1 m)·L^H.
+    """Self-affine relief of the RMS deviation ν(L) = ν(1 m)·L^H below the DTM's posting.
 
     Shepard et al. 2001, doi:10.1029/2000JE001429. Without figures of its own it takes those that
-    were fitted to the DTM.
+    were fitted to the DTM, and is higher where the DTM around is rougher. The mean of the ground
+    over each of the DTM's pixels stays as the DTM has it.
     """
 
     kind: Literal["fractal"] = "fractal"
     hurst: Annotated[float, Interval(ge=0.05, le=0.98)] | None = None
-    """Hurst exponent H; without it the one fitted to the DTM."""
+    """Hurst exponent H; without it the preset's or the one fitted to the DTM."""
     deviation_1m_m: Annotated[float, Interval(ge=0, le=10)] | None = None
     """RMS height difference of points 1 m apart [m]; without it the one fitted to the DTM."""
+    rms_slope: RmsSlope | None = None
+    """The same as an RMS slope: `{slope_deg: 5, baseline_m: 1}`."""
+    preset: Literal["pathfinder", "viking_1", "lunar_mare", "lunar_highlands"] | None = None
+    """Roughness of a site that was measured, instead of the DTM's."""
+    amplitude: Literal["local", "uniform"] | None = None
+    """`local`: higher where the DTM around is rougher; `uniform`: the same everywhere. Without it,
+    local where the amplitude is fitted to the DTM, and uniform where it is given."""
+    keep_means: bool = True
+    """Whether the means over the DTM's pixels stay as they are. If not, wavelengths that the DTM
+    itself tells are added too."""
     longest_wavelength_m: Annotated[float, Interval(gt=0, le=1e6)] | None = None
     """Longest wavelength [m]; without it twice the DTM's posting, or 32 m on a flat site."""
     gain: Annotated[float, Interval(ge=0, le=100)] = 1.0
     """Factor on the heights."""
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
-        """Noise octaves from the longest wavelength down to twice the spacing."""
-        hurst = site.roughness.hurst if self.hurst is None else self.hurst
-        deviation = site.roughness.deviation if self.deviation_1m_m is None else self.deviation_1m_m
+        """Noise octaves from the longest wavelength down to what the spacing can hold."""
         posting = 16.0 if site.dtm is None else site.dtm.posting
         longest = self.longest_wavelength_m or 2.0 * posting
-        count = max(int(np.floor(np.log2(longest / (2.0 * site.spacing)) + 1e-9)) + 1, 0)
+        count = max(int(np.floor(np.log2(longest / (_SHORTEST * site.spacing)) + 1e-9)) + 1, 0)
         wavelengths = longest * 0.5 ** np.arange(count, dtype=np.float64)
-        amplitudes = self.gain * octave_amplitudes(hurst, deviation, wavelengths)
-        east, north = site.axes(window)
-        key = stage_key(site.seed, "terrain/fractal")
-        return octaves(key, east=east, north=north, wavelengths=wavelengths, amplitudes=amplitudes)
+        noise = Octaves(
+            key=stage_key(site.seed, "terrain/fractal"),
+            wavelengths=wavelengths,
+            factors=self.gain * octave_amplitudes(*self.figures(site), wavelengths),
+            variation=self.variation(site),
+        )
+        if site.dtm is None or not self.keep_means:
+            return noise_at(site, Nodes.of(window), noise)
+        return continue_dtm(site=site, window=window, noise=noise)
+
+    def __post_init__(self) -> None:
+        given = [
+            n for n in ("deviation_1m_m", "rms_slope", "preset") if getattr(self, n) is not None
+        ]
+        if len(given) > 1:
+            raise ValueError(f"one of {' and '.join(given)}, not both")
+
+    def figures(self, site: Site) -> tuple[float, float]:
+        """Hurst exponent and RMS deviation at 1 m [m]."""
+        found = site.roughness
+        if self.preset is not None:
+            preset = PRESETS[self.preset]
+            return self.hurst or preset.hurst, preset.deviation
+        hurst = self.hurst or found.hurst
+        if self.rms_slope is not None:
+            rise = np.tan(np.radians(self.rms_slope.slope_deg))
+            return hurst, float(rise * self.rms_slope.baseline_m ** (1.0 - hurst))
+        if self.deviation_1m_m is not None:
+            return hurst, self.deviation_1m_m
+        if site.dtm is None or found.local is None:
+            return hurst, found.deviation
+        # Another exponent turns the line about the shortest baseline that the DTM tells.
+        joint = found.resolved * site.dtm.posting
+        return hurst, found.deviation * joint ** (found.hurst - hurst)
+
+    def variation(self, site: Site) -> NDArray[np.float64] | None:
+        """RMS deviation around each of the DTM's posts, as a factor on that of all; or None."""
+        found = site.roughness
+        given = self.preset or self.rms_slope or self.deviation_1m_m is not None
+        follow = self.amplitude == "local" or (self.amplitude is None and not given)
+        if not follow or found.local is None:
+            return None
+        return np.asarray(found.local / found.deviation, np.float64)
 
 
 def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Array:

@@ -1,0 +1,223 @@
+"""Interpolation that keeps means: a post is the mean of its pixel, a node the mean of its cell.
+
+The ground is the cubic spline whose means over the pixels are the posts, an area-matching spline:
+a sum of cubic B-splines with coefficients c, where a post is
+(c[-2] + 76 c[-1] + 230 c[0] + 76 c[1] + c[2]) / 384 (Unser 1999, doi:10.1109/79.799930). The
+inverse of that filter falls off by 0.36 each pixel; it is cut off, so that the ground of a window
+depends on pixels near it only. Slopes and curvatures are continuous: no pixel shows. A node's
+height is the mean over the node's own cell, so that averaging nodes over pixels returns the posts,
+and a DTM that is finer than the lattice is averaged.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.dtm.lattice import Places
+from terrain_forge.kernels import inlined, inner, kernel, over_chunks
+
+Array = NDArray[np.float64]
+
+FAR = 16
+"""Reach of the inverse filter [pixels] for the DTM: means are kept to a ten-millionth of bends."""
+NEAR = 8
+"""The same for detail, whose means are small: they are kept to a thousandth of themselves."""
+STENCIL = 2
+"""Pixels beyond its own whose coefficients a node no larger than a pixel depends on."""
+
+_BEYOND = 3
+
+
+@inner
+def _integral(t):  # type: ignore[no-untyped-def]
+    """Integrals of the four B-splines around a knot interval from its begin to the fraction t."""
+    s = 1.0 - t
+    t2 = t * t
+    t4 = t2 * t2
+    return (
+        (1.0 - s * s * s * s) / 24.0,
+        (0.75 * t4 - 2.0 * t2 * t + 4.0 * t) / 6.0,
+        (t + 1.5 * t2 + t2 * t - 0.75 * t4) / 6.0,
+        t4 / 24.0,
+    )
+
+
+@inner
+def _mean_weights(centre, length, weights):  # type: ignore[no-untyped-def]
+    """Weights of the coefficients in the mean over [centre ± length/2].
+
+    Returns the first coefficient and how many there are; whole numbers are the pixels' centres.
+    """
+    low, high = centre - 0.5 * length, centre + 0.5 * length
+    first, last = np.int64(np.floor(low)), np.int64(np.floor(high))
+    span = last - first
+    for n in range(span + 4):
+        weights[n] = 0.0
+    for n in range(span):
+        weights[n] += 1.0 / 24.0
+        weights[n + 1] += 11.0 / 24.0
+        weights[n + 2] += 11.0 / 24.0
+        weights[n + 3] += 1.0 / 24.0
+    begin, end = _integral(low - first), _integral(high - last)
+    weights[0] -= begin[0]
+    weights[1] -= begin[1]
+    weights[2] -= begin[2]
+    weights[3] -= begin[3]
+    weights[span] += end[0]
+    weights[span + 1] += end[1]
+    weights[span + 2] += end[2]
+    weights[span + 3] += end[3]
+    for n in range(span + 4):
+        weights[n] /= length
+    return first - 1, span + 4
+
+
+@inner
+def _four_weights(t, bend):  # type: ignore[no-untyped-def]
+    """The same where no knot lies in the cell; t is its centre, `bend` a 24th of its length².
+
+    The mean of a cubic over a cell of the length h is q + h²/24 q″ at the cell's centre.
+    """
+    s = 1.0 - t
+    return (
+        s * (s * s / 6.0 + bend),
+        2.0 / 3.0 - t * t * (1.0 - 0.5 * t) + bend * (3.0 * t - 2.0),
+        2.0 / 3.0 - s * s * (1.0 - 0.5 * s) + bend * (3.0 * s - 2.0),
+        t * (t * t / 6.0 + bend),
+    )
+
+
+@inlined
+def _limited(n, length):  # type: ignore[no-untyped-def]
+    return min(max(n, 0), length - 1)
+
+
+@inner
+def _sum(grid, left, width, across, top, height, down):  # type: ignore[no-untyped-def]
+    """Weighted sum of a part of a grid; beyond its edge the edge goes on."""
+    rows, columns = grid.shape
+    value = 0.0
+    for n in range(height):
+        line = 0.0
+        row = _limited(top + n, rows)
+        for m in range(width):
+            line += across[m] * grid[row, _limited(left + m, columns)]
+        value += down[n] * line
+    return value
+
+
+@inner
+def _sum_of_16(grid, left, top, across, down):  # type: ignore[no-untyped-def]
+    """The same of 4 × 4."""
+    rows, columns = grid.shape
+    c0, c1 = _limited(left, columns), _limited(left + 1, columns)
+    c2, c3 = _limited(left + 2, columns), _limited(left + 3, columns)
+    value = 0.0
+    for n in range(4):
+        r = _limited(top + n, rows)
+        line = across[0] * grid[r, c0] + across[1] * grid[r, c1]
+        line += across[2] * grid[r, c2] + across[3] * grid[r, c3]
+        value += down[n] * line
+    return value
+
+
+@kernel
+def _add(  # type: ignore[no-untyped-def]
+    first, last, grid, origin, places, column_index, column_part, row_index, row_part, cell,
+    factor, total,
+):  # fmt: skip
+    across, down = np.empty(np.int64(cell[0]) + 6), np.empty(np.int64(cell[1]) + 6)
+    half_column, half_row = 0.5 * cell[0], 0.5 * cell[1]
+    bend_column, bend_row = cell[0] * cell[0] / 24.0, cell[1] * cell[1] / 24.0
+    for j in range(first, last):
+        r, v = row_index[j], row_part[j]
+        for i in range(total.shape[1]):
+            c, u = column_index[i], column_part[i]
+            w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
+            column = w00 * places[0, r, c] + w01 * places[0, r, c + 1]
+            column += w10 * places[0, r + 1, c] + w11 * places[0, r + 1, c + 1] - origin[0]
+            row = w00 * places[1, r, c] + w01 * places[1, r, c + 1]
+            row += w10 * places[1, r + 1, c] + w11 * places[1, r + 1, c + 1] - origin[1]
+            left, top = np.int64(np.floor(column)), np.int64(np.floor(row))
+            x, y = column - left, row - top
+            smooth = half_column <= x <= 1.0 - half_column and half_row <= y <= 1.0 - half_row
+            if smooth:
+                a, d = _four_weights(x, bend_column), _four_weights(y, bend_row)
+                value = _sum_of_16(grid, left - 1, top - 1, a, d)
+            else:
+                left, width = _mean_weights(column, cell[0], across)
+                top, height = _mean_weights(row, cell[1], down)
+                value = _sum(grid, left, width, across, top, height, down)
+            total[j, i] += factor * value
+
+
+@cache
+def _inverse(reach: int) -> Array:
+    """The filter that turns means into coefficients, cut off and scaled to keep constants."""
+    angle = 2.0 * np.pi * np.arange(64) / 64.0
+    response = 384.0 / (230.0 + 152.0 * np.cos(angle) + 2.0 * np.cos(2.0 * angle))
+    taps = np.fft.ifft(response).real
+    taps = np.concatenate([taps[-reach:], taps[: reach + 1]])
+    return np.asarray(taps / taps.sum())
+
+
+def _coefficients(means: Array, reach: int) -> Array:
+    """Coefficients of the pixels and of a few beyond the edge, which goes on."""
+    from scipy.ndimage import correlate1d
+
+    wide = np.pad(means, _BEYOND, mode="edge")
+    along = correlate1d(wide, _inverse(reach), axis=1, mode="nearest")
+    return np.asarray(correlate1d(along, _inverse(reach), axis=0, mode="nearest"))
+
+
+def _needed(places: Places, cell: tuple[float, float], axis: int, length: int, reach: int) -> slice:
+    """The pixels along an axis that the coefficients under some nodes depend on."""
+    margin = reach + STENCIL + 1 + int(cell[axis])
+    low = int(np.floor(places.anchors[axis].min())) - margin
+    high = int(np.ceil(places.anchors[axis].max())) + margin + 1
+    return slice(min(max(low, 0), length - 1), max(min(high, length), 1))
+
+
+def add_cell_means(
+    total: Array,
+    means: Array,
+    *,
+    places: Places,
+    cell: tuple[float, float],
+    reach: int,
+    origin: tuple[int, int] = (0, 0),
+    factor: float = 1.0,
+) -> None:
+    """Add to each node the mean over its cell of the ground that has the given pixel means.
+
+    Args:
+        total: what is added to, shape [rows, columns] of nodes.
+        means: the pixels' means; beyond their edge the edge goes on.
+        places: where the nodes lie among the pixels.
+        cell: extent of a node's cell along the pixels' columns and rows [pixels].
+        reach: pixels around that a coefficient depends on, such as `FAR`.
+        origin: column and row of the first of `means`.
+        factor: of what is added.
+    """
+    columns = rows = slice(None)
+    if origin == (0, 0):
+        columns = _needed(places, cell, 0, means.shape[1], reach)
+        rows = _needed(places, cell, 1, means.shape[0], reach)
+        origin = (columns.start, rows.start)
+    over_chunks(
+        _add,
+        len(total),
+        _coefficients(means[rows, columns], reach),
+        np.array(origin, np.float64) - _BEYOND,
+        places.anchors,
+        places.column_index,
+        places.column_part,
+        places.row_index,
+        places.row_part,
+        np.array(cell, np.float64),
+        factor,
+        total,
+    )

@@ -1,0 +1,85 @@
+"""Second increments: how rough a DTM is at each baseline, whatever its slope.
+
+The second increment of the heights over a lag L, z(x + L) − 2 z(x) + z(x − L), does not see planes.
+For self-affine ground of the RMS deviation ν(L) = ν₁·L^H its mean square is ν₁²·(4 − 2^2H)·L^2H; it
+looks at wavelengths around 2 L. An exponent estimated from it (Istas & Lang 1997,
+doi:10.1016/S0246-0203(97)80099-4) scatters far less than one from the spectrum of a small DTM, into
+which large walls leak. Posts that are means of their pixels have smaller increments, which is
+allowed for.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Mask = NDArray[np.bool_]
+
+_QUADRATURE = 24
+_PRIOR = 0.02  # weight of the overall mean, beside up to two increments at each post
+
+
+def mean_square_increment(heights: Array, lag: int, trusted: Mask) -> float:
+    """Mean square of the second increments over a lag [posts], both directions.
+
+    NaN where no three trusted posts lie in a row.
+    """
+    total, count = _sums(heights, lag, trusted)
+    return float(total.sum() / count.sum()) if count.any() else float("nan")
+
+
+@cache
+def expected_increment(hurst: float, lag: int) -> float:
+    """Mean square of second increments of pixel means, of ground with ν = 1 at one posting."""
+    return (
+        8.0 * _variogram_of_means(hurst, lag)
+        - 2.0 * _variogram_of_means(hurst, 2 * lag)
+        - 6.0 * _variogram_of_means(hurst, 0)
+    )
+
+
+def local_square_increments(heights: Array, lag: int, trusted: Mask, width: float) -> Array:
+    """Mean squares of second increments around each post, shape as the heights.
+
+    Far from trusted posts they tend to the mean of all.
+
+    Args:
+        heights: the DTM [m].
+        lag: posts.
+        trusted: posts that are measured, not filled in.
+        width: standard deviation of the Gaussian window [posts].
+    """
+    from scipy.ndimage import gaussian_filter
+
+    total, count = _sums(heights, lag, trusted)
+    overall = total.sum() / max(count.sum(), 1.0)
+    near, weight = (
+        gaussian_filter(a, width, mode="constant", truncate=3.0) for a in (total, count)
+    )
+    return np.asarray((near + _PRIOR * overall) / (weight + _PRIOR))
+
+
+def _sums(heights: Array, lag: int, trusted: Mask) -> tuple[Array, Array]:
+    """Squared increments around each post summed over both directions, and how many there are."""
+    total, count = np.zeros(heights.shape), np.zeros(heights.shape)
+    for z, known, squares, numbers in (
+        (heights, trusted, total, count),
+        (heights.T, trusted.T, total.T, count.T),
+    ):
+        known = known[:, 2 * lag :] & known[:, lag:-lag] & known[:, : -2 * lag]
+        increment = z[:, 2 * lag :] - 2.0 * z[:, lag:-lag] + z[:, : -2 * lag]
+        squares[:, lag:-lag] += np.where(known, increment**2, 0.0)
+        numbers[:, lag:-lag] += known
+    return total, count
+
+
+def _variogram_of_means(hurst: float, lag: int) -> float:
+    """Mean of ½·r^2H over all pairs of points of two unit pixels, `lag` apart along one axis."""
+    steps = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE * 2.0 - 1.0
+    weights = (1.0 - np.abs(steps)) * 2.0 / _QUADRATURE
+    distance = np.hypot(lag + steps[None, :], steps[:, None])
+    return float(0.5 * weights @ distance ** (2.0 * hurst) @ weights)

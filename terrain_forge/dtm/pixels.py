@@ -1,0 +1,133 @@
+"""Rectangles of the DTM's pixels under a site: where they lie, and means over them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.dtm.lattice import Nodes, PixelFrame, node_places, patch_points
+from terrain_forge.kernels import kernel, over_chunks
+from terrain_forge.site import Site
+
+Array = NDArray[np.float64]
+
+_ANCHOR_PIXELS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pixels:
+    """A rectangle of the DTM's pixels, which may reach beyond the patch."""
+
+    column: int
+    """First column, counted as in the patch."""
+    row: int
+    """First row, counted as in the patch."""
+    columns: int
+    """Columns of pixels."""
+    rows: int
+    """Rows of pixels."""
+
+    @classmethod
+    def under(cls, site: Site, nodes: Nodes, margin: int) -> Pixels:
+        """All pixels that hold nodes, and some around them."""
+        anchors = node_places(site, nodes).anchors
+        low = np.floor(anchors.min(axis=(1, 2))).astype(int) - margin
+        high = np.ceil(anchors.max(axis=(1, 2))).astype(int) + margin
+        return cls(
+            column=int(low[0]),
+            row=int(low[1]),
+            columns=int(high[0] - low[0]) + 1,
+            rows=int(high[1] - low[1]) + 1,
+        )
+
+    def centres(self, site: Site) -> Array:
+        """East and north of the pixels' centres [m], shape [2, rows, columns].
+
+        Exact at every eighth pixel, linear between.
+        """
+        assert site.dtm is not None
+        columns, across = _spread(self.column, self.columns)
+        rows, down = _spread(self.row, self.rows)
+        exact = patch_points(site.dtm, site.crs, *np.meshgrid(columns, rows))
+        return np.stack([_between(values, across, down) for values in exact])
+
+    def nodes(self, site: Site, stride: int) -> Nodes:
+        """The nodes over all these pixels."""
+        assert site.dtm is not None
+        east, north = self.centres(site)
+        reach = site.dtm.posting + stride * site.spacing
+        step = stride * site.spacing
+        column = int(np.floor((east.min() - reach - site.west) / step))
+        row = int(np.floor((north.min() - reach - site.south) / step))
+        columns = int(np.ceil((east.max() + reach - site.west) / step)) - column + 1
+        rows = int(np.ceil((north.max() + reach - site.south) / step)) - row + 1
+        return Nodes(column=column, row=row, columns=columns, rows=rows, stride=stride)
+
+    def means(self, site: Site, nodes: Nodes, samples: Array) -> Array:
+        """Mean of the samples over each pixel, by the parts of their cells that lie in it.
+
+        NaN where there are none.
+        """
+        frame, step = PixelFrame.of(site), nodes.stride * site.spacing
+        centres = self.centres(site)
+        lattice = np.stack(
+            [
+                (centres[0] - site.west) / step - nodes.column,
+                (centres[1] - site.south) / step - nodes.row,
+            ]
+        )
+        means = np.empty((self.rows, self.columns))
+        per_step = np.array(frame.per_metre) * step
+        over_chunks(
+            _average, len(means), samples, lattice, per_step, np.linalg.inv(per_step),
+            np.array(frame.extent(step)), means,
+        )  # fmt: skip
+        return means
+
+
+def _spread(first: int, count: int) -> tuple[Array, tuple[NDArray[np.int64], Array]]:
+    """Every eighth pixel around some pixels of an axis, and how those lie between them."""
+    pixels = first + np.arange(count, dtype=np.int64)
+    start = first // _ANCHOR_PIXELS
+    stop = (first + count - 1) // _ANCHOR_PIXELS + 2
+    part = (pixels % _ANCHOR_PIXELS) / _ANCHOR_PIXELS
+    anchors = np.arange(start, stop, dtype=np.float64) * _ANCHOR_PIXELS
+    return anchors, (pixels // _ANCHOR_PIXELS - start, part)
+
+
+def _between(
+    values: Array,
+    across: tuple[NDArray[np.int64], Array],
+    down: tuple[NDArray[np.int64], Array],
+) -> Array:
+    (c, u), (r, v) = across, down
+    line = values[:, c] * (1.0 - u) + values[:, c + 1] * u
+    result: Array = line[r] * (1.0 - v)[:, None] + line[r + 1] * v[:, None]
+    return result
+
+
+@kernel
+def _average(first, last, samples, lattice, per_step, inverse, cell, means):  # type: ignore[no-untyped-def]
+    """Means over pixels; a node counts by the part of its cell within the pixel."""
+    rows, columns = samples.shape
+    reach_column = 0.5 * (1.0 + cell[0])
+    reach_row = 0.5 * (1.0 + cell[1])
+    wide = abs(inverse[0, 0]) * reach_column + abs(inverse[0, 1]) * reach_row
+    high = abs(inverse[1, 0]) * reach_column + abs(inverse[1, 1]) * reach_row
+    for j in range(first, last):
+        for i in range(means.shape[1]):
+            x, y = lattice[0, j, i], lattice[1, j, i]
+            total, weight = 0.0, 0.0
+            west, south = np.int64(np.ceil(x - wide)), np.int64(np.ceil(y - high))
+            east, north = np.int64(np.floor(x + wide)), np.int64(np.floor(y + high))
+            for n in range(max(south, 0), min(north + 1, rows)):  # type: ignore[call-overload]
+                for m in range(max(west, 0), min(east + 1, columns)):  # type: ignore[call-overload]
+                    column = abs(per_step[0, 0] * (m - x) + per_step[0, 1] * (n - y))
+                    row = abs(per_step[1, 0] * (m - x) + per_step[1, 1] * (n - y))
+                    part = min(1.0, max(0.0, (reach_column - column) / cell[0]))
+                    part *= min(1.0, max(0.0, (reach_row - row) / cell[1]))
+                    total += part * samples[n, m]
+                    weight += part
+            means[j, i] = total / weight

@@ -1,0 +1,69 @@
+"""What is wrong with a DTM: facets that were filled in, seams, stairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SEAM_CONTRAST = 8.0  # times the usual mean step
+_SEAM_COHERENCE = 0.75  # of the steps along a seam go the same way
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """Defects of a piece of a DTM."""
+
+    planar_fraction: float
+    """Part of the posts that lie in exact planes, as triangles that fill gaps do, 0 to 1."""
+    seams: tuple[tuple[str, int, float], ...]
+    """Lines across which the ground breaks: row or column, its number, the mean step [m]."""
+
+
+def assess(heights: Array, valid: Mask, *, quantum: float | None) -> Quality:
+    """Look for planar fill and for seams.
+
+    Args:
+        heights: a piece of a DTM [m], at least 8 × 8 posts.
+        valid: its samples that are no holes.
+        quantum: height step of an integer DTM [m]; its stairs are no facets.
+    """
+    planar = np.zeros(heights.shape, bool) if quantum else planar_posts(heights) & valid
+    seams = (*_seams(heights, valid, "column"), *_seams(heights.T, valid.T, "row"))
+    return Quality(planar_fraction=float(planar.sum() / max(valid.sum(), 1)), seams=seams)
+
+
+def planar_posts(heights: Array) -> Mask:
+    """Posts in the middle of 5 × 5 posts that lie in one plane, as exactly as float32 can tell."""
+    from scipy.ndimage import binary_erosion
+
+    tolerance = 4.0 * float(np.spacing(np.float32(np.abs(heights).max())))
+    flat = np.zeros(heights.shape, bool)
+    if min(heights.shape) < 3:
+        return flat
+    z = heights
+    east = np.abs(z[1:-1, 2:] - 2 * z[1:-1, 1:-1] + z[1:-1, :-2])
+    north = np.abs(z[2:, 1:-1] - 2 * z[1:-1, 1:-1] + z[:-2, 1:-1])
+    twist = np.abs(z[2:, 2:] - z[2:, :-2] - z[:-2, 2:] + z[:-2, :-2])
+    flat[1:-1, 1:-1] = np.maximum(np.maximum(east, north), twist) <= tolerance
+    return np.asarray(binary_erosion(flat, np.ones((3, 3), bool)))
+
+
+def _seams(heights: Array, valid: Mask, name: str) -> list[tuple[str, int, float]]:
+    """Columns before which the heights step, on the whole, far more than before others."""
+    step = heights[:, 1:] - heights[:, :-1]
+    # What the slopes on either side do not explain, its sign kept: rough ground averages out.
+    excess = step[:, 1:-1] - 0.5 * (step[:, :-2] + step[:, 2:])
+    known = valid[:, 3:] & valid[:, 2:-1] & valid[:, 1:-2] & valid[:, :-3]
+    count = np.maximum(known.sum(axis=0), 1)
+    mean = np.where(known, excess, 0.0).sum(axis=0) / count
+    spread = np.where(known, np.abs(excess), 0.0).sum(axis=0) / count
+    usual = float(np.median(np.abs(mean)) / 0.6745)
+    enough = (known.sum(axis=0) > 0.5 * len(heights)) & (np.abs(mean) > _SEAM_COHERENCE * spread)
+    peak = np.abs(mean) >= np.maximum(np.abs(np.roll(mean, 1)), np.abs(np.roll(mean, -1)))
+    found = np.flatnonzero(enough & peak & (np.abs(mean) > _SEAM_CONTRAST * usual) & (usual > 0))
+    return [(name, int(n) + 2, float(mean[n])) for n in found]

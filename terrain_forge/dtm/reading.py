@@ -1,0 +1,154 @@
+"""The piece of a raster that a site needs: read with its context, checked, repaired."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.dtm.conservative import FAR, STENCIL
+from terrain_forge.dtm.lattice import patch_pixels, patch_points
+from terrain_forge.dtm.patch import DtmPatch
+from terrain_forge.dtm.projection import meridian_period
+from terrain_forge.dtm.quality import planar_posts
+from terrain_forge.dtm.raster import Raster
+from terrain_forge.dtm.repair import FILL_METHOD, destair, farthest_filled, fill_holes
+from terrain_forge.dtm.spec import RasterDtm
+from terrain_forge.errors import DataError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CONTEXT_POSTS = 256
+"""Posts a side that the roughness fit gets, where the DTM has them."""
+FILL_POSTS = 8
+"""Width of the widest hole that is filled unless the recipe says otherwise [samples]."""
+
+_MARGIN = FAR + STENCIL + 1  # samples that the ground at the site's edge depends on
+
+
+def read_patch(
+    raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float, ...]
+) -> tuple[DtmPatch, Mask]:
+    """The samples under the site with context around them, and which of them are measured.
+
+    Raises:
+        DataError: if the site reaches beyond the raster, or over holes that are too wide to fill.
+    """
+    whole = _whole(raster, to_pixel)
+    column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
+    _require_inside(raster, spec, column, row)
+    columns, rows = _span(column, raster.shape[1]), _span(row, raster.shape[0])
+    heights, valid = raster.read(rows, columns)
+    a, b, c, d, e, f = to_pixel
+    patch = whole.replace(
+        heights=heights,
+        to_pixel=(a, b, c - columns.start, d, e, f - rows.start),
+        posting=_posting(column, row, spec.size_m),
+    )
+    inside = np.ix_(_within(row, rows), _within(column, columns))
+    notes = _require_filled(patch, valid, inside, spec, crs)
+    planar = np.zeros(valid.shape, bool) if raster.quantum else planar_posts(heights) & valid
+    heights = fill_holes(heights, valid)
+    if spec.destair:
+        heights = _destaired(raster, spec, heights)
+        notes += (f"stairs of {raster.quantum:.3g} m smoothed within half a step of each sample",)
+    return patch.replace(
+        heights=heights,
+        filled=int((~valid[inside]).sum()),
+        repairs=notes,
+        planar_fraction=float(planar.sum() / valid.sum()),
+    ), valid & ~planar
+
+
+def _whole(raster: Raster, to_pixel: tuple[float, ...]) -> DtmPatch:
+    wrap = (meridian_period(raster.crs), raster.middle[0]) if raster.crs else (0.0, 0.0)
+    return DtmPatch(
+        heights=np.zeros((1, 1)),
+        to_pixel=to_pixel,
+        crs=raster.crs,
+        wrap=wrap,
+        posting=1.0,
+        filled=0,
+    )
+
+
+def _outline(size: tuple[float, float]) -> tuple[Array, Array]:
+    """East and north of a 9 × 9 grid over the site [m]; its outer points trace the edge."""
+    steps = np.linspace(-0.5, 0.5, 9)
+    east, north = np.meshgrid(steps * size[0], steps * size[1])
+    return east, north
+
+
+def _require_inside(raster: Raster, spec: RasterDtm, column: Array, row: Array) -> None:
+    rows, columns = raster.shape
+    slack = 0.5 + 1e-6
+    low = min(column.min(), row.min())
+    if low < -slack or column.max() > columns - 1 + slack or row.max() > rows - 1 + slack:
+        raise DataError(
+            f"the site needs columns {column.min():.1f} to {column.max():.1f} and rows "
+            f"{row.min():.1f} to {row.max():.1f} of {spec.source}, which has {columns} × {rows}",
+            key=("dtm", "centre"),
+        )
+
+
+def _span(index: Array, length: int) -> slice:
+    """Samples to read along one axis: under the site, the kernel's stencil, and context."""
+    low = int(np.floor(index.min())) - _MARGIN
+    high = int(np.ceil(index.max())) + _MARGIN + 1
+    wanted = max(CONTEXT_POSTS, high - low)
+    start = max(min(low - (wanted - (high - low)) // 2, length - wanted), 0)
+    return slice(start, min(start + wanted, length))
+
+
+def _within(index: Array, span: slice) -> NDArray[np.intp]:
+    low = max(int(np.floor(index.min())), span.start)
+    high = min(int(np.ceil(index.max())), span.stop - 1)
+    return np.arange(low - span.start, high - span.start + 1)
+
+
+def _posting(column: Array, row: Array, size: tuple[float, float]) -> float:
+    """Metres on the ground between samples, the coarser of the two directions."""
+    across = np.hypot(column[4, -1] - column[4, 0], row[4, -1] - row[4, 0])
+    along = np.hypot(column[-1, 4] - column[0, 4], row[-1, 4] - row[0, 4])
+    return float(max(size[0] / across, size[1] / along))
+
+
+def _require_filled(
+    patch: DtmPatch,
+    valid: Mask,
+    inside: tuple[NDArray[np.intp], ...],
+    spec: RasterDtm,
+    crs: str,
+) -> tuple[str, ...]:
+    """What is filled within the site, in words; holes that are too wide are refused."""
+    if not valid.any():
+        raise DataError(
+            f"{spec.source} has no valid height here, only nodata", key=("dtm", "source")
+        )
+    if not valid[inside].any():
+        raise DataError(f"{spec.source} has only nodata within the site", key=("dtm", "centre"))
+    if valid[inside].all():
+        return ()
+    samples, row, column = farthest_filled(valid, inside)
+    width = samples * patch.posting
+    allowed = FILL_POSTS * patch.posting if spec.fill_holes_m is None else spec.fill_holes_m
+    if width > allowed:
+        east, north = patch_points(patch, crs, np.array([float(column)]), np.array([float(row)]))
+        raise DataError(
+            f"{spec.source} has a hole about {width:.3g} m ({samples} samples) wide around "
+            f"{east[0]:.0f} m east, {north[0]:.0f} m north of the site's centre; holes of up to "
+            f"{allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
+            key=("dtm", "fill_holes_m"),
+        )
+    filled = int((~valid[inside]).sum())
+    return (f"{filled} samples in holes up to {width:.3g} m wide filled by {FILL_METHOD}",)
+
+
+def _destaired(raster: Raster, spec: RasterDtm, heights: Array) -> Array:
+    if raster.quantum is None:
+        dtype = raster.dataset.dtypes[raster.band - 1]
+        raise DataError(
+            f"the heights of {spec.source} are {dtype}, only integers have stairs",
+            key=("dtm", "destair"),
+        )
+    return destair(heights, raster.quantum)

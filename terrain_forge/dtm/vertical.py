@@ -1,0 +1,158 @@
+"""How a raster's numbers become heights above the body's datum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.bodies import Body
+from terrain_forge.dtm.spec import RasterDtm
+from terrain_forge.errors import DataError
+
+_METRES = {
+    **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("km", "kilometre", "kilometres", "kilometer", "kilometers"), 1000.0),
+    **dict.fromkeys(("dm", "decimetre", "decimeter"), 0.1),
+    **dict.fromkeys(("cm", "centimetre", "centimetres", "centimeter", "centimeters"), 0.01),
+    **dict.fromkeys(("mm", "millimetre", "millimetres", "millimeter", "millimeters"), 0.001),
+    **dict.fromkeys(("ft", "foot", "feet", "international foot"), 0.3048),
+    **dict.fromkeys(("us survey foot", "us survey feet", "ftus"), 1200.0 / 3937.0),
+}
+_SENTINELS = (-9999.0, -99999.0, -32768.0, -32767.0, 32767.0, 65535.0, 9999.0, 99999.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vertical:
+    """Height above the datum [m] = value × scale + offset − reference_radius."""
+
+    scale: float
+    """Metres per unit."""
+    offset: float
+    """Height of the value 0 above the datum, or the distance from the centre of a radius product
+    [m]."""
+    reference_radius: float
+    """What is taken off a radius product to make heights of it [m]; 0 for heights."""
+    known: bool
+    """Whether the file or the recipe says how its numbers become metres."""
+    unit: str
+    """The unit that the file declares; empty if none."""
+
+    @property
+    def odd_unit(self) -> bool:
+        """Whether the file declares a unit that is no length that we know."""
+        return bool(self.unit) and metres_of(self.unit) is None
+
+
+def metres_of(unit: str) -> float | None:
+    """Metres of a unit of length by its name, None if it is none."""
+    return _METRES.get(unit.strip(" <>").lower())
+
+
+def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Vertical:
+    """Scale, offset and unit of a raster's band, of the file or, where it tells, of the recipe.
+
+    Numbers around the body's radius are distances from its centre, whether the file says so in its
+    offset or its values say so themselves.
+
+    Args:
+        dataset: the open rasterio dataset.
+        spec: the recipe's wishes.
+        datum: radius of the datum at the raster's middle [m].
+        body: whose radius the numbers may lie around.
+
+    Raises:
+        DataError: for a height range of a raster that does not hold integers.
+    """
+    band = spec.band - 1
+    dtype = np.dtype(dataset.dtypes[band])
+    unit = dataset.units[band] or ""
+    if spec.height_range_m is not None:
+        low, high = _range(spec, dtype)
+        scale, offset, known = (high - low) / float(np.iinfo(dtype).max), low, True
+    else:
+        metres = metres_of(unit) or _kilometres(dataset, spec, body)
+        scale, offset = dataset.scales[band] * metres, dataset.offsets[band] * metres
+        declared = (scale, offset) != (1.0, 0.0) or spec.height_scale is not None
+        known = declared or dtype.kind != "u" or metres_of(unit) is not None
+        scale = scale if spec.height_scale is None else spec.height_scale
+        offset = offset if spec.height_offset_m is None else spec.height_offset_m
+    is_radius = _around(offset, body) or _around(_typical(dataset, spec) * scale + offset, body)
+    return Vertical(
+        scale=scale,
+        offset=offset,
+        reference_radius=datum if is_radius else 0.0,
+        known=known,
+        unit=unit,
+    )
+
+
+def require_no_sentinel(values: NDArray[np.float64], source: str) -> None:
+    """Refuse numbers that stand for no data though nobody says so.
+
+    Such are -9999, -32768 and their like, farther from all other values than these are apart.
+
+    Raises:
+        DataError: naming the value.
+    """
+    for sentinel in _SENTINELS:
+        found = values == sentinel
+        if not found.any() or found.all():
+            continue
+        others = values[~found]
+        gap = np.abs(others - sentinel).min()
+        if gap > max(others.max() - others.min(), 1.0):
+            raise DataError(
+                f"{source} holds {found.sum()} samples of the value {sentinel:g} beside values of "
+                f"{others.min():g} to {others.max():g}: if it means no data, give dtm.nodata: "
+                f"{sentinel:g}; if not, what else it is",
+                key=("dtm", "nodata"),
+            )
+
+
+def _range(spec: RasterDtm, dtype: np.dtype[Any]) -> tuple[float, float]:
+    assert spec.height_range_m is not None
+    if dtype.kind not in "iu":
+        raise DataError(
+            f"the heights of {spec.source} are {dtype}; a height range is for integers, "
+            "use height_scale and height_offset_m",
+            key=("dtm", "height_range_m"),
+        )
+    return spec.height_range_m
+
+
+def _around(value: float, body: Body) -> bool:
+    return abs(value / body.mean_radius - 1.0) <= 0.05
+
+
+def _kilometres(dataset: Any, spec: RasterDtm, body: Body) -> float:
+    """1000 if the numbers, of no unit, lie around the body's radius in kilometres; else 1."""
+    band = spec.band - 1
+    value = _typical(dataset, spec) * dataset.scales[band] + dataset.offsets[band]
+    known = any((spec.height_scale, spec.height_offset_m, dataset.units[band]))
+    return 1000.0 if not known and _around(1000.0 * value, body) else 1.0
+
+
+def _typical(dataset: Any, spec: RasterDtm) -> float:
+    """Median of a few small pieces of the raster; 0 where they hold no data."""
+    from rasterio.windows import Window
+
+    size = 8
+    values = []
+    for across in (0.1, 0.3, 0.5, 0.7, 0.9):
+        for down in (0.1, 0.5, 0.9):
+            window = Window(
+                int(across * max(dataset.width - size, 0)),
+                int(down * max(dataset.height - size, 0)),
+                min(size, dataset.width),
+                min(size, dataset.height),
+            )
+            piece = dataset.read(spec.band, window=window).astype(np.float64)
+            mask = dataset.read_masks(spec.band, window=window) > 0
+            values.append(piece[mask & np.isfinite(piece) & (np.abs(piece) < 1e30)])
+    found = np.concatenate(values)
+    if spec.nodata is not None:
+        found = found[found != spec.nodata]
+    return float(np.median(found)) if found.size else 0.0

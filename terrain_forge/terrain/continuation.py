@@ -1,0 +1,113 @@
+"""Detail that continues a DTM below its posting and leaves the mean of every pixel as it is.
+
+The noise n follows the spectrum that continues the DTM's own. Its means over the DTM's pixels, B n,
+are taken away through the interpolation I that the DTM itself goes through: n − I B n. So what the
+DTM tells is told by the DTM alone, the images that its interpolation leaves above half a cycle per
+posting are complemented rather than added to, and averages over pixels return the DTM.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.dtm.conservative import NEAR, STENCIL, add_cell_means
+from terrain_forge.dtm.lattice import Nodes, PixelFrame, node_places
+from terrain_forge.dtm.pixels import Pixels
+from terrain_forge.kernels import kernel, over_chunks
+from terrain_forge.site import Site, Window
+from terrain_forge.terrain.noise import octaves
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 16  # at least so many nodes across a pixel take part in its mean
+
+
+@dataclass(frozen=True, kw_only=True)
+class Octaves:
+    """Noise that continues the ground: octaves with their factors."""
+
+    key: np.uint64
+    """What the noise is, from `seeds.stage_key`."""
+    wavelengths: Array
+    """Lattice distance of each octave [m], descending."""
+    factors: Array
+    """Height of each octave [m]."""
+    variation: Array | None
+    """Factor on the heights around each post of the DTM, shape [rows, columns] of its patch."""
+
+
+def continue_dtm(*, site: Site, window: Window, noise: Octaves) -> Array:
+    """The noise at the window's nodes without its means over the DTM's pixels [m].
+
+    A node has the same bits in every window.
+    """
+    assert site.dtm is not None
+    wanted = Nodes.of(window)
+    stride = max(int(site.dtm.posting / (_SAMPLES * site.spacing)), 1)
+    pixels = Pixels.under(site, wanted, NEAR + STENCIL)
+    around = pixels.nodes(site, stride)
+    long = noise.wavelengths >= 2.0 * stride * site.spacing * (1.0 - 1e-9)
+    samples = noise_at(site, around, noise, long)
+    means = pixels.means(site, around, samples)
+    if stride == 1:
+        detail = around.cut(samples, wanted)
+    else:
+        detail = noise_at(site, wanted, noise)
+    add_cell_means(
+        detail,
+        means,
+        places=node_places(site, wanted),
+        cell=PixelFrame.of(site).extent(site.spacing),
+        reach=NEAR,
+        origin=(pixels.column, pixels.row),
+        factor=-1.0,
+    )
+    return detail
+
+
+def noise_at(
+    site: Site, nodes: Nodes, noise: Octaves, chosen: NDArray[np.bool_] | slice = slice(None)
+) -> Array:
+    """The chosen octaves at nodes, higher where the ground around is rougher [m]."""
+    east, north = nodes.axes(site)
+    total = octaves(
+        noise.key,
+        east=east,
+        north=north,
+        wavelengths=noise.wavelengths[chosen],
+        amplitudes=noise.factors[chosen],
+    )
+    if noise.variation is not None:
+        places = node_places(site, nodes)
+        over_chunks(
+            _scale, len(total), np.ascontiguousarray(noise.variation, np.float64), places.anchors,
+            places.column_index, places.column_part, places.row_index, places.row_part, total,
+        )  # fmt: skip
+    return total
+
+
+@kernel
+def _scale(  # type: ignore[no-untyped-def]
+    first, last, local, places, column_index, column_part, row_index, row_part, total
+):
+    """Multiply nodes by what the posts around them say, bilinear."""
+    rows, columns = local.shape
+    for j in range(first, last):
+        r, v = row_index[j], row_part[j]
+        for i in range(total.shape[1]):
+            c, u = column_index[i], column_part[i]
+            w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
+            column = w00 * places[0, r, c] + w01 * places[0, r, c + 1]
+            column += w10 * places[0, r + 1, c] + w11 * places[0, r + 1, c + 1]
+            row = w00 * places[1, r, c] + w01 * places[1, r, c + 1]
+            row += w10 * places[1, r + 1, c] + w11 * places[1, r + 1, c + 1]
+            column = min(max(column, 0.0), columns - 1.000001)
+            row = min(max(row, 0.0), rows - 1.000001)
+            m, n = np.int64(column), np.int64(row)
+            x, y = column - m, row - n
+            south = local[n, m] + x * (local[n, m + 1] - local[n, m])
+            north = local[n + 1, m] + x * (local[n + 1, m + 1] - local[n + 1, m])
+            total[j, i] *= south + y * (north - south)
