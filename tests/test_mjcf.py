@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 
 import mujoco
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 import trimesh
 from PIL import Image
 from terrain_forge.exporters import mjcf
+from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
+from terrain_forge.errors import ExportError
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.mesh import Mesh
 from terrain_forge.rocks.contact import loose_contact
@@ -184,9 +187,9 @@ def test_what_meets_what(loosened, tmp_path):
         a, b = model.geom(a), model.geom(b)
         return bool((a.contype & b.conaffinity) | (b.contype & a.conaffinity))
 
-    for partner in ("ground", f"rock_{fixed}", other, wheel):
+    for partner in ("block_0", f"rock_{fixed}", other, wheel):
         assert meet(one, partner)
-    assert not meet("ground", f"rock_{fixed}")
+    assert not meet("block_0", f"rock_{fixed}")
     names = {model.geom(n).name for n in range(model.ngeom)}
     for name in (f"rock_{unsolid}", f"rock_{unsolid}_shape"):
         if name in names:
@@ -205,8 +208,8 @@ def test_every_convex_part_is_a_geom(loosened, tmp_path):
     assert (bodies == model.body("rock_0").id).all()
 
 
-def with_slabs(world, *places):
-    """A flat ground with loose slabs of 0.36 × 0.36 × 0.18 m on it."""
+def with_slabs(world, *places, scale=0.3):
+    """A flat ground with loose slabs on it, of 0.36 × 0.36 × 0.18 m unless scaled otherwise."""
     box = trimesh.creation.box((1.2, 1.2, 0.6))
     mesh = Mesh(vertices=box.vertices, faces=box.faces)
     slab = world.library.prototypes[0].replace(
@@ -216,7 +219,7 @@ def with_slabs(world, *places):
         volume=box.volume,
         inertia=box.moment_inertia,
     )
-    count, scale = len(places), 0.3
+    count = len(places)
     volume = np.full(count, box.volume * scale**3)
     field = world.field.select(np.arange(count)).replace(
         loose=np.ones(count),
@@ -259,6 +262,91 @@ def test_the_rover_stands_among_loose_rocks_and_pushes_what_is_in_its_way(world,
     moved = vehicle.data.body("rock_1").xpos - level.field.position[1]
     assert np.linalg.norm(moved) > 0.02
     np.testing.assert_allclose(vehicle.data.body("rock_0").xpos, level.field.position[0], atol=1e-3)
+
+
+@pytest.mark.parametrize(("split", "stays"), [(True, True), (False, False)])
+def test_a_wide_slab_keeps_its_contacts_only_on_a_split_ground(world, tmp_path, split, stays):
+    """A slab of 4 m on cells of 0.25 m: 16 cells each way."""
+    level = with_slabs(world, (0.3, 0.2), scale=4 / 1.2)
+    model, data = load(export(level, tmp_path, split_ground=split))
+    mujoco.mj_step(model, data, 1500)
+    pairs, counts = np.unique(data.contact.geom, axis=0, return_counts=True)
+    tilt = 2 * np.arccos(min(1.0, abs(data.qpos[3])))
+    moved = np.linalg.norm(data.qpos[:3] - level.field.position[0])
+    assert (moved < 1e-3 and tilt < 1e-3) == stays
+    if split:
+        assert len(pairs) >= 16
+        assert counts.max() <= 32  # two per cell: MuJoCo drops from 50 on
+        assert not data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number
+
+
+def test_blocks_are_the_ground(loosened, tmp_path):
+    """They cover each cell once and have its heights; what is seen is not touched."""
+    wide = wide_rocks(loosened.field, loosened.ground.spacing)
+    assert len(wide) >= 1
+    blocks = split_ground(loosened.ground, wide)
+    cover = np.zeros([nodes - 1 for nodes in loosened.ground.shape], int)
+    for block in blocks:
+        rows = slice(block.row, block.row + block.rows)
+        cover[rows, block.column : block.column + block.columns] += 1
+    assert (cover == 1).all()
+    assert max(max(b.rows, b.columns) for b in blocks) > CELLS
+    for x, y in wide.position[:, :2] - loosened.ground.origin:
+        j, i = int(y / 0.25), int(x / 0.25)
+        under = [b for b in blocks if 0 <= j - b.row < b.rows and 0 <= i - b.column < b.columns]
+        assert max(under[0].rows, under[0].columns) <= CELLS
+    folder = export(loosened, tmp_path)
+    model, data = load(folder)
+    touched = (model.geom_contype | model.geom_conaffinity) > 0
+    fields = model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD
+    assert (touched & fields).sum() == len(blocks)
+    assert not touched[model.geom("ground").id]
+    west, south, east, north = loosened.ground.bounds
+    groups = (np.arange(6) == 4).astype(np.uint8)
+    geom = np.zeros(1, np.int32)
+    for x, y in np.random.default_rng(3).uniform((west, south), (east, north), (300, 2)):
+        distance = mujoco.mj_ray(model, data, (x, y, SKY), (0, 0, -1), groups, 1, -1, geom)
+        wanted = float(loosened.ground.height_at(x, y))
+        assert SKY - distance == pytest.approx(wanted, abs=1e-5)
+
+
+def test_too_many_wide_rocks_or_geoms_are_refused_with_a_way_out(loosened, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules["terrain_forge.exporters.mjcf.blocks"], "MOST", 5)
+    with pytest.raises(ExportError, match=r"height fields, at most 5.*split_ground: false"):
+        export(loosened, tmp_path)
+    export(loosened, tmp_path, split_ground=False)
+    monkeypatch.setattr(sys.modules["terrain_forge.exporters.mjcf.export"], "_MOST_GEOMS", 30)
+    with pytest.raises(ExportError, match=r"40 rocks make \d+ geoms.*at most 30.*diameter_m"):
+        export(loosened, tmp_path)
+
+
+def test_the_track_moves_the_mocap_body_along_the_path(world, exported):
+    """Equal at every sample, as the model itself places it."""
+    trajectory = world.trajectories[0]
+    model, data = load(exported, "scene.xml")
+    track = np.loadtxt(exported / "paths/arc.csv", delimiter=",", skiprows=1)
+    assert len(track) == len(trajectory.time)
+    mocap = model.body("path").mocapid[0]
+    for row, sample in enumerate(track):
+        assert sample[0] == pytest.approx(trajectory.time[row], abs=1e-9)
+        data.mocap_pos[mocap], data.mocap_quat[mocap] = sample[1:4], sample[4:]
+        mujoco.mj_kinematics(model, data)
+        place = data.body("path")
+        np.testing.assert_allclose(place.xpos, trajectory.position[row], atol=1e-8)
+        np.testing.assert_allclose(place.xquat, trajectory.quaternion[row], atol=1e-8)
+
+
+def test_what_other_readers_of_mjcf_need_is_there(loosened, tmp_path):
+    """MuJoCo Warp and Newton: rows and columns of each field, no option that they lack."""
+    folder = export(loosened, tmp_path)
+    root = ET.parse(folder / "world.xml").getroot()
+    fields = list(root.iter("hfield"))
+    assert len(fields) > 1
+    assert all({"nrow", "ncol", "size"} <= set(field.attrib) for field in fields)
+    option = root.find("option")
+    assert option.get("solver") == "Newton"
+    assert option.get("integrator") == "implicitfast"
+    assert option.find("flag") is None
 
 
 def test_large_rocks_show_their_texture(world, tmp_path):

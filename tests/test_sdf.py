@@ -1,4 +1,5 @@
 import os
+import re
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
@@ -8,13 +9,20 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.sdf import Options, export
+from terrain_forge.exporters.sdf.heightmap import cut_error, heightmap_error, make_heightmap
 
+from terrain_forge.dtm.projection import body_crs, local_crs
+from terrain_forge.errors import ExportError
+from terrain_forge.frames import quaternion_from_rpy
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
+from terrain_forge.paths.interpolation import angles_between, spline_places, turns_between
 from terrain_forge.rocks.contact import loose_contact
-from terrain_forge.world import rotations
+from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.world import Heightfield, rotations
 from tests.surfaces import random_points, top_under
 
 CONSUMERS = Path(__file__).parent / "consumers"
@@ -192,9 +200,9 @@ def test_the_actor_is_the_trajectory_at_whole_milliseconds(small_world, sdf):
     assert actor.get("name") == "arc"
     times, poses = waypoints(actor)
     trajectory = small_world.trajectories[0]
-    assert len(times) == len(trajectory.time)
     assert all(len(time.split(".")[1]) == 3 for time in times)
-    assert np.abs(np.array(times, float) - trajectory.time).max() < 0.001
+    away = np.abs(np.array(times, float)[:, None] - trajectory.time).min(axis=0)
+    assert away.max() < 0.001
     wanted = trajectory.at(np.array(times, float))
     assert np.abs(poses[:, :3] - wanted.position).max() < 1e-7
     assert np.abs(poses[:, 3:] - wanted.rpy).max() < 1e-7
@@ -339,8 +347,208 @@ def test_losses_are_named(small_world, tmp_path):
     world = small_world.replace(site=small_world.site.replace(crs="LOCAL_CS[]", lonlat=(0.1, 0.2)))
     (tmp_path / "sdf").mkdir()
     losses = " ".join(export(world, tmp_path / "sdf", options=Options()).losses)
-    for word in ("fixed", "merged", "W/m²", "longitude", "no sensors"):
+    for word in ("fixed", "merged", "W/m²", "longitude", "without colliding"):
         assert word in losses
+
+
+# ---- sensors
+
+
+def actor_sensors(directory):
+    sensors = ET.parse(directory / "scene.sdf").getroot().iter("sensor")
+    return {sensor.get("name"): sensor for sensor in sensors}
+
+
+@pytest.fixture(scope="module")
+def roving(small_world):
+    return small_world.replace(rover=morpheus())
+
+
+def test_the_actor_carries_the_rovers_sensors(roving, tmp_path):
+    found = actor_sensors(exported(roving, tmp_path / "sdf"))
+    kinds = {"camera": "camera", "lidar": "gpu_lidar", "imu": "imu"}
+    assert set(found) == {sensor.name for sensor in roving.rover.sensors}
+    for sensor in roving.rover.sensors:
+        written, figures = found[sensor.name], dict(sensor.properties)
+        assert written.get("type") == kinds[sensor.kind]
+        assert float(written.findtext("update_rate")) == figures["rate"]
+        wanted = np.hstack([sensor.position, sensor.rpy])
+        assert np.allclose(numbers(written.find("pose")), wanted, atol=1e-8)
+    left, right = (numbers(found[f"camera_{side}"].find("pose")) for side in ("left", "right"))
+    assert left[1] - right[1] == pytest.approx(0.12)
+    topics = [sensor.findtext("topic") for sensor in found.values()]
+    # gz-sim puts camera_info beside the image: two images in one place would share it
+    assert len({topic.rsplit("/", 1)[0] for topic in topics[:2]}) == 2
+
+
+def test_noise_is_per_sample_not_a_density(roving, tmp_path):
+    """At 200 Hz an ADIS16448 has 0.00239964 rad/s and 0.0282843 m/s² per sample."""
+    found = actor_sensors(exported(roving, tmp_path / "sdf"))
+    for tag, wanted in (("angular_velocity", 0.00239964), ("linear_acceleration", 0.0282843)):
+        for axis in "xyz":
+            noise = found["imu"].find(f"imu/{tag}/{axis}/noise")
+            assert noise.get("type") == "gaussian"
+            assert float(noise.findtext("stddev")) == pytest.approx(wanted, rel=1e-5)
+            assert float(noise.findtext("dynamic_bias_stddev")) > 0
+    assert float(found["lidar"].findtext("lidar/noise/stddev")) == 0.01
+    assert float(found["camera_left"].findtext("camera/noise/stddev")) == 0.007
+
+
+def test_the_lidar_turns_once_and_looks_up_and_down(roving, tmp_path):
+    scan = actor_sensors(exported(roving, tmp_path / "sdf"))["lidar"].find("lidar/scan")
+    low, high, count = (
+        float(scan.findtext(f"horizontal/{tag}")) for tag in ("min_angle", "max_angle", "samples")
+    )
+    assert (high - low) * count / (count - 1) == pytest.approx(2 * np.pi)
+    low, high = (float(scan.findtext(f"vertical/{tag}")) for tag in ("min_angle", "max_angle"))
+    assert np.degrees([low, high]) == pytest.approx([-15, 15])
+
+
+def test_classic_has_a_multicamera_and_rays(roving, tmp_path):
+    found = actor_sensors(exported(roving, tmp_path / "sdf", flavour="classic"))
+    types = {name: sensor.get("type") for name, sensor in found.items()}
+    assert types == {"cameras": "multicamera", "lidar": "ray", "imu": "imu"}
+    places = [numbers(camera.find("pose")) for camera in found["cameras"].iter("camera")]
+    cameras = [s for s in roving.rover.sensors if s.kind == "camera"]
+    assert np.allclose(places, [np.hstack([c.position, c.rpy]) for c in cameras], atol=1e-8)
+
+
+def test_only_a_scene_with_sensors_names_plugins(roving, tmp_path):
+    with_sensors = exported(roving, tmp_path / "with")
+    without = exported(roving, tmp_path / "without", sensors=False)
+    plugins = [p.get("name") for p in ET.parse(with_sensors / "scene.sdf").getroot().iter("plugin")]
+    assert "gz::sim::systems::Sensors" in plugins
+    assert "gz::sim::systems::Physics" in plugins  # naming any drops gz-sim's own choice
+    for file in (with_sensors / "world.sdf", without / "scene.sdf", without / "world.sdf"):
+        assert ET.parse(file).getroot().find("world/plugin") is None
+    assert not actor_sensors(without)
+
+
+# ---- ground as a heightmap, normal maps, place on the body, ROS package
+
+
+def read_heightmap(directory):
+    """The collision as `height(x, y)`, its samples, and the number of grey levels."""
+    collision = models(directory)["by-hand_ground"].find("link/collision")
+    shape = collision.find("geometry/heightmap")
+    with Image.open(file_of(directory, shape.findtext("uri"))) as image:
+        pixels = np.asarray(image)[::-1].astype(float)
+    return numbers(shape.find("size")), numbers(shape.find("pos")), pixels
+
+
+@pytest.mark.parametrize(("bits", "flavour"), [(8, "gz"), (16, "gz"), (16, "classic")])
+def test_a_heightmap_is_the_ground_up_to_its_steps(small_world, tmp_path, bits, flavour):
+    options = {"ground": "heightmap", "heightmap_bits": bits, "flavour": flavour}
+    directory = exported(small_world, tmp_path / "sdf", **options)
+    size, pos, pixels = read_heightmap(directory)
+    assert pixels.shape == (129, 129)
+    assert (pixels.min(), pixels.max()) == (0, 2**bits - 1)
+    spread = size[:2] * (128 / 129 if flavour == "gz" else 1)
+    assert np.allclose(spread, (24, 16))
+    heights = pos[2] + size[2] * pixels / (2**bits - 1)
+    east = pos[0] + np.linspace(-0.5, 0.5, 129) * spread[0]
+    north = pos[1] + np.linspace(-0.5, 0.5, 129) * spread[1]
+    wanted = small_world.ground.height_at(*np.meshgrid(east, north))
+    assert np.abs(heights - wanted).max() <= 0.5001 * size[2] / (2**bits - 1)
+    model = models(directory)["by-hand_ground"]
+    assert [c.get("name") for c in model.iter("collision")] == ["ground_heightmap"]
+    assert len(list(model.iter("visual"))) == 1
+
+
+def test_a_square_grid_of_the_right_size_is_kept_node_for_node(small_world, tmp_path):
+    square = small_world.ground.cut(column=20, row=0, columns=64, rows=64)
+    heightmap = make_heightmap(square, bits=16)
+    assert not heightmap.resampled
+    assert heightmap_error(heightmap, square) <= 0.5 * heightmap.quantum + 1e-6
+    (tmp_path / "sdf").mkdir()
+    options = Options(ground="heightmap", flavour="classic")
+    losses = " ".join(export(small_world, tmp_path / "sdf", options=options).losses)
+    assert "resampled to 129² samples" in losses
+    found = make_heightmap(small_world.ground, bits=16)
+    assert f"{1000 * heightmap_error(found, small_world.ground):.3g} mm" in losses
+
+
+def test_a_ground_too_large_for_a_heightmap_is_refused(small_world, tmp_path):
+    strip = Heightfield(elevation=np.zeros((2, 4098)), spacing=0.25, origin=(0.0, 0.0))
+    world = small_world.replace(ground=strip)
+    with pytest.raises(ExportError, match=r"4097 × 1 cells.*at most 4096.*ground: mesh"):
+        export(world, tmp_path, options=Options(ground="heightmap"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_normal_maps_tilt_as_the_site_is_rough(small_world, tmp_path):
+    directory = exported(small_world, tmp_path / "sdf", tile_cells=48)
+    tiles = sorted(directory.glob("models/*/materials/textures/*_normals.png"))
+    assert len(tiles) == 4
+    first, second = (np.asarray(Image.open(path)).astype(float) for path in tiles[:2])
+    assert np.array_equal(first[:, -1], second[:, 0])  # a shared border, seamless
+    normals = (first - 127.5) / 127.5
+    assert np.abs(np.linalg.norm(normals, axis=-1) - 1).max() < 0.01
+    slope = -normals[..., :2] / normals[..., 2:]
+    assert np.abs(slope.mean(axis=(0, 1))).max() < 0.03
+    roughness = small_world.site.roughness
+    expected = roughness.deviation * 0.25**roughness.hurst / 0.25
+    assert 0.2 * expected < np.sqrt((slope**2).mean()) < expected
+    classic = exported(small_world, tmp_path / "classic", flavour="classic")
+    plain = exported(small_world, tmp_path / "plain", normal_maps=False)
+    for directory in (classic, plain):
+        assert not list(directory.rglob("*_normals.png"))
+        assert models(directory)["by-hand_ground"].find(".//normal_map") is None
+
+
+def test_the_site_is_placed_where_sdf_knows_its_body(small_world, tmp_path):
+    lonlat = (np.radians(137.4), np.radians(-4.6))
+    crs = local_crs(body_crs(3396190.0), 137.4, -4.6)
+    site = small_world.site.replace(crs=crs, lonlat=lonlat, datum_height=-4500.0)
+    world = small_world.replace(site=site)
+    known = exported(world, tmp_path / "known", release="garden")
+    root = ET.parse(known / "world.sdf").getroot()
+    assert root.get("version") == "1.10"
+    place = root.find("world/spherical_coordinates")
+    figures = {e.tag: e.text for e in place}
+    assert figures["surface_model"] == "CUSTOM_SURFACE"
+    assert float(figures["latitude_deg"]) == pytest.approx(-4.6, abs=1e-8)
+    assert float(figures["longitude_deg"]) == pytest.approx(137.4, abs=1e-8)
+    assert float(figures["surface_axis_equatorial"]) == 3396190
+    assert float(figures["elevation"]) == -4500
+    for options in ({}, {"flavour": "classic", "release": "garden"}):
+        unknown = exported(world, tmp_path / f"{len(options)}", **options)
+        assert ET.parse(unknown / "world.sdf").getroot().find(".//spherical_coordinates") is None
+
+
+@pytest.mark.parametrize("flavour", ["gz", "classic"])
+def test_the_ros_package_installs_what_it_starts(roving, tmp_path, flavour):
+    world = roving.replace(site=roving.site.replace(name="Gale <2> & Söhne"))
+    directory = exported(world, tmp_path / "sdf", flavour=flavour, ros_package=True)
+    manifest = ET.parse(directory / "package.xml").getroot()
+    package = manifest.findtext("name")
+    assert re.fullmatch("[a-z][a-z0-9_]*", package)
+    exports = manifest.find("export/gazebo_ros").get("gazebo_model_path")
+    assert (directory / exports.replace("${prefix}/", "")).is_dir()
+    cmake = (directory / "CMakeLists.txt").read_text()
+    assert f"project({package} NONE)" in cmake
+    for name in re.search(r"DIRECTORY ([\w ]+) DEST", cmake)[1].split():
+        assert (directory / name).is_dir()
+    for name in re.search(r"FILES ([\w. ]+) DEST", cmake)[1].split():
+        assert (directory / name).is_file()
+    launch = (directory / "launch/scene.launch.py").read_text()
+    compile(launch, "scene.launch.py", "exec")
+    assert f'"{package}"' in launch
+    assert "Söhne" in (directory / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_bridge_knows_every_topic_of_the_scene(roving, tmp_path):
+    directory = exported(roving, tmp_path / "sdf", ros_package=True)
+    entries = YAML(typ="safe").load(directory / "config/bridge.yaml")
+    bridged = {entry["gz_topic_name"] for entry in entries}
+    for name, sensor in actor_sensors(directory).items():
+        topic = "/" + sensor.findtext("topic")
+        assert (topic if name != "lidar" else f"{topic}/points") in bridged
+        if sensor.get("type") == "camera":
+            assert f"{topic.rsplit('/', 1)[0]}/camera_info" in bridged
+    assert {entry["direction"] for entry in entries} == {"GZ_TO_ROS"}
+    plain = exported(roving, tmp_path / "plain")
+    assert {path.name for path in plain.iterdir()} == {"world.sdf", "scene.sdf", "models"}
 
 
 # ---- the real consumers
@@ -370,18 +578,22 @@ def build(tmp_path_factory):
 
 @pytest.mark.consumer
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
-@pytest.mark.parametrize("name", ["by-hand", 'Gale <"Höhe"> & 7'])
-def test_libsdformat_has_no_finding(small_world, tmp_path, build, flavour, name):
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("by-hand", {}), ('Gale <"Höhe"> & 7', {"ground": "heightmap", "ros_package": True})],
+)
+def test_libsdformat_has_no_finding(small_world, tmp_path, build, flavour, name, options):
     program = build("sdf_check", "sdformat12")
-    world = loosened(small_world).replace(site=small_world.site.replace(name=name))
-    directory = exported(world, tmp_path / "sdf", flavour=flavour, tile_cells=48)
+    site = small_world.site.replace(name=name)
+    world = loosened(small_world).replace(site=site, rover=morpheus())
+    directory = exported(world, tmp_path / "sdf", flavour=flavour, tile_cells=48, **options)
     for file in ("world.sdf", "scene.sdf"):
         run = subprocess.run(
             [program, directory / file, directory / "models"], capture_output=True, text=True
         )
         assert run.returncode == 0, run.stdout + run.stderr
         assert "models 16" in run.stdout
-        assert ("actor arc waypoints 240" in run.stdout) == (file == "scene.sdf")
+        assert ("actor arc waypoints" in run.stdout) == (file == "scene.sdf")
         assert "Error" not in run.stderr
 
 
@@ -435,13 +647,14 @@ def rested(build, directory, world, seconds):
     program = build(
         "gazebo_rest",
         *("ignition-physics5", "ignition-physics5-sdf", "ignition-physics5-mesh", "sdformat12"),
+        "ignition-physics5-heightmap",
         *("ignition-common4-graphics", "ignition-plugin1-loader", "eigen3"),
         "ignition-math6-eigen3",
     )
     command = [program, PLUGIN, world, directory / "models", str(seconds)]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
-    lines = [line.split() for line in run.stdout.splitlines()]
+    lines = [line.split() for line in run.stdout.splitlines() if "Dbg" not in line]
     return {name: np.array(values, float) for name, *values in lines}
 
 
@@ -452,6 +665,18 @@ def test_a_ball_rests_on_the_ground_in_gazebos_physics(small_world, tmp_path, bu
     directory = exported(small_world.replace(field=nothing), tmp_path / "sdf", tile_cells=48)
     wanted = resting_height(small_world.ground, x, y, 0.2)
     assert rest(build, directory, x, y, wanted + 0.3) == pytest.approx(wanted, abs=0.002)
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize(("x", "y"), [(6.3, -3.4), (-9.13, 5.77), (9.02, 6.01)])
+def test_a_ball_rests_on_a_heightmap_in_gazebos_physics(small_world, tmp_path, build, x, y):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    world = small_world.replace(field=nothing)
+    directory = exported(world, tmp_path / "sdf", ground="heightmap", heightmap_bits=8)
+    wanted = resting_height(world.ground, x, y, 0.2)
+    heightmap = make_heightmap(world.ground, bits=8)
+    limit = heightmap_error(heightmap, world.ground) + cut_error(world.ground) + 0.002
+    assert rest(build, directory, x, y, wanted + 0.3) == pytest.approx(wanted, abs=limit)
 
 
 @pytest.mark.consumer
@@ -527,5 +752,12 @@ def test_gazebos_spline_stays_on_the_path(small_world, tmp_path, build):
     found = np.array([line.split() for line in run.stdout.splitlines()], float)
     wanted = trajectory.at(np.sort(asked))
     assert np.linalg.norm(found[:, :3] - wanted.position, axis=1).max() < 0.005
+    # What validation takes for Gazebo's spline is Gazebo's spline.
+    stops = table[:, 0]
+    ours = spline_places(stops, poses[:, :3], np.sort(asked))
+    assert np.abs(found[:, :3] - ours).max() < 1e-9
+    turned = turns_between(stops, quaternion_from_rpy(poses[:, 3:]), np.sort(asked))
+    # Between near poses it blends quaternions instead of turning them at a constant rate.
+    assert angles_between(found[:, 3:], turned).max() < 1e-5
     cosine = np.abs((found[:, 3:] * wanted.quaternion).sum(1)).clip(max=1)
     assert 2 * np.arccos(cosine).max() < 0.001

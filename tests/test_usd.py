@@ -2,7 +2,18 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdSemantics, UsdShade, UsdValidation
+from pxr import (
+    Gf,
+    Sdf,
+    Usd,
+    UsdGeom,
+    UsdLux,
+    UsdPhysics,
+    UsdRender,
+    UsdSemantics,
+    UsdShade,
+    UsdValidation,
+)
 from terrain_forge.exporters.usd import Options, export
 
 from terrain_forge.errors import ExportError
@@ -366,3 +377,43 @@ def test_losses_are_named(small_world, tmp_path):
     losses = " ".join(export(small_world, tmp_path / "usd", options=Options()).losses)
     for word in ("fixed", "share one collider", "W/m²", "half-precision"):
         assert word in losses
+
+
+def test_a_big_world_opens_without_its_tiles(usd):
+    """Each tile is a payload: what is not asked for is not read."""
+    stage = Usd.Stage.Open(str(usd / "world.usda"), Usd.Stage.LoadNone)
+    layers = {layer.GetDisplayName() for layer in stage.GetUsedLayers()}
+    assert not any(name.startswith(("ground_", "rocks_")) for name in layers)
+    tiles = [p for p in stage.TraverseAll() if p.HasAuthoredPayloads()]
+    assert len(tiles) == 8
+    ground = stage.Load(tiles[0].GetPath())
+    assert len(list(labelled(stage, "ground"))) == 1
+    assert ground.GetName() == "ground_000"
+
+
+def test_the_rig_holds_the_sensors_figures(stage):
+    """Size and pixels of the images, left and right, and what USD has no schema for."""
+    rover = morpheus()
+    for sensor in rover.sensors:
+        frame = stage.GetPrimAtPath(f"/World/Paths/arc/{sensor.name}")
+        assert frame.GetCustomDataByKey("kind") == sensor.kind
+        assert frame.GetCustomDataByKey("figures") == dict(sensor.properties)
+        place = UsdGeom.Xformable(frame).GetLocalTransformation().ExtractTranslation()
+        assert np.allclose(place, sensor.position)
+    for side in ("left", "right"):
+        camera = UsdGeom.Camera(stage.GetPrimAtPath(f"/World/Paths/arc/camera_{side}/camera"))
+        assert camera.GetStereoRoleAttr().Get() == side
+        lens = camera.GetCamera(Usd.TimeCode(0))
+        assert lens.GetFieldOfView(Gf.Camera.FOVHorizontal) == pytest.approx(85, abs=1e-3)
+        wanted = 2 * np.degrees(np.arctan(np.tan(np.radians(42.5)) * 720 / 1280))
+        assert lens.GetFieldOfView(Gf.Camera.FOVVertical) == pytest.approx(wanted, abs=1e-3)
+        product = UsdRender.Product(stage.GetPrimAtPath(f"/Render/arc_camera_{side}"))
+        assert product.GetResolutionAttr().Get() == Gf.Vec2i(1280, 720)
+        assert product.GetCameraRel().GetTargets() == [camera.GetPath()]
+    assert [prim.GetName() for prim in labelled(stage, "rover")] == ["arc"]
+
+
+def test_the_sky_lights_the_world(small_world, stage):
+    sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
+    assert np.allclose(sky.GetColorAttr().Get(), small_world.lighting.sky_rgb)
+    assert 0 < sky.GetIntensityAttr().Get() < small_world.lighting.irradiance

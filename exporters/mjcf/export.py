@@ -7,83 +7,91 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.errors import ExportError
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.motion import Trajectory
 from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import collision_losses, fixed_losses
 from terrain_forge.world import World
+from terrain_forge.writers.naming import file_name
 
-from .ground import GroundPart, ground_part
+from .blocks import split_ground, wide_rocks
+from .ground import GroundPart, ground_block, ground_part
 from .looks import rock_classes, rock_looks, texture_files
 from .loose import loose_rocks
-from .meshes import drawn_level, write_hulls, write_shapes
+from .losses import list_losses
+from .meshes import write_hulls, write_shapes
 from .options import Options
-from .rocks import SCALE_ERROR, fixed_rocks, has_own_shape, mesh_assets
+from .replay import path_sites, path_table, replay_body
+from .rocks import fixed_rocks, has_own_shape, mesh_assets
 from .rover import rover_actuators, rover_body, rover_classes, rover_sensors
 from .xml import element
 
 Array = NDArray[np.float64]
 _LARGEST_FIELD = 4096
 """Cells of a height field each way; larger grounds become several."""
+_MOST_GEOMS = 250_000
+"""Geoms that an export may have: MuJoCo steps 100,000 some 300 times a second."""
 _SCENE_EXTENT = 8.0
 """What the viewer of `scene.xml` opens with, around the rover [m]."""
-_MEMORY, _MEMORY_PER_ROCK = 64 * 2**20, 64 * 2**10
-"""MuJoCo's memory for contacts where rocks are loose [bytes]: five times what 2000 of them used.
-Its own guess grows with their number squared."""
-_PATH_SITES = 400
-_PATH_RGBA = (1.0, 0.85, 0.1, 0.6)
+_MEMORY, _MEMORY_PER_ROCK, _MEMORY_PER_CONTACT = 64 * 2**20, 64 * 2**10, 8 * 2**10
+"""MuJoCo's memory for contacts where rocks are loose [bytes]: five times what 2000 of them used,
+twice what the contacts of slabs that cover many cells did. Its own guess grows with the number of
+rocks squared."""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
-    """Write `world.xml`, `scene.xml` and `assets/` into `directory`."""
+    """Write `world.xml`, `scene.xml`, `assets/` and `paths/` into `directory`.
+
+    Raises:
+        ExportError: if the world has too many rocks, or too many wide loose ones.
+    """
+    _check_size(world, options)
     tiles = list(world.tiles(cells=_LARGEST_FIELD))
-    grounds = [ground_part(tile, f"ground_{n}" if n else "ground") for n, tile in enumerate(tiles)]
+    grounds = _grounds(world, tiles, options)
     shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
     files = {
         "world.xml": _world_xml(world, tiles, grounds, options).encode(),
         "scene.xml": _scene_xml(world, options).encode(),
     }
+    for trajectory in world.trajectories:
+        files[f"paths/{file_name(trajectory.name)}.csv"] = path_table(trajectory)
     for part in grounds:
         files |= part.files
     if shapes:
         files |= texture_files(world)
-    (directory / "assets").mkdir(exist_ok=True)
+    for folder in ("assets", *(["paths"] if world.trajectories else [])):
+        (directory / folder).mkdir(exist_ok=True)
     for name, content in files.items():
         (directory / name).write_bytes(content)
     meshes = [
         *write_hulls(world.library, directory),
         *write_shapes(world.library, shapes, directory),
     ]
-    return ExportReport(files=tuple(map(Path, (*files, *meshes))), losses=_losses(world, options))
+    written = tuple(map(Path, (*files, *meshes)))
+    return ExportReport(files=written, losses=list_losses(world, options))
 
 
-def _losses(world: World, options: Options) -> tuple[str, ...]:
-    """What MJCF, or this export of it, does not say."""
-    field = world.field
-    rounded = int((~field.loose).sum()) if not options.exact_scale else 0
-    shapes = world.library.prototypes
-    by_hull = int((~has_own_shape(field, options)).sum())
-    losses = []
-    if rounded:
-        losses.append(
-            f"The sizes of {rounded} fixed rocks are rounded by at most {SCALE_ERROR:.0%}; "
-            "`exact_scale: true` keeps them."
+def _check_size(world: World, options: Options) -> None:
+    """Refuse more geoms than MuJoCo steps at any useful rate."""
+    parts = np.array([len(shape.hulls) for shape in world.library.prototypes])
+    geoms = int(parts[world.field.prototype].sum() + has_own_shape(world.field, options).sum())
+    if geoms > _MOST_GEOMS:
+        raise ExportError(
+            f"{len(world.field)} rocks make {geoms} geoms, MuJoCo steps at most {_MOST_GEOMS}: "
+            "choose a smaller size_m, a larger smallest diameter_m, or a larger visual_min_m"
         )
-    if by_hull:
-        losses.append(f"{by_hull} rocks are drawn by their convex collision hulls, in one colour.")
-    if by_hull < len(field):
-        error = max(shape.outline_errors[drawn_level(shape)] for shape in shapes)
-        losses.append(
-            f"{len(field) - by_hull} rocks are drawn by a coarser mesh, its outline off by up to "
-            f"{100 * error:.1f} % of their size."
-        )
-    return (
-        *losses,
-        *fixed_losses(field),
-        *collision_losses(shapes),
-        "The Sun is a light without size or irradiance in physical units.",
-        "A lidar is a bare site; its figures are not part of the model.",
-    )
+
+
+def _grounds(world: World, tiles: list[World], options: Options) -> list[GroundPart]:
+    """The ground's tiles, and the blocks that are touched in their place where they must be."""
+    wide = wide_rocks(world.field, world.ground.spacing)
+    split = options.split_ground and len(wide) > 0
+    kind = "ground_seen" if split else "ground"
+    names = [f"ground_{n}" if n else "ground" for n in range(len(tiles))]
+    parts = [ground_part(tile, name, kind=kind) for tile, name in zip(tiles, names, strict=True)]
+    if split:
+        blocks = split_ground(world.ground, wide)
+        parts += [ground_block(world.ground, b, f"block_{n}") for n, b in enumerate(blocks)]
+    return parts
 
 
 def _world_xml(
@@ -113,8 +121,12 @@ def _world_xml(
 
 
 def _memory(world: World) -> list[str]:
-    loose = int(world.field.loose.sum())
-    return [element("size", memory=str(_MEMORY + loose * _MEMORY_PER_ROCK))] if loose else []
+    loose = world.field.select(world.field.loose)
+    if not len(loose):
+        return []
+    contacts = 2.0 * np.ceil(loose.diameter / world.ground.spacing + 1.0) ** 2
+    each = np.maximum(_MEMORY_PER_ROCK, _MEMORY_PER_CONTACT * contacts)
+    return [element("size", memory=str(_MEMORY + int(each.sum())))]
 
 
 def _settings(world: World, options: Options, *, shown: float) -> list[str]:
@@ -154,7 +166,17 @@ def _static(options: Options) -> list[str]:
         friction=(options.friction, 0.005, 0.0001),
         solref=(0.02, 1.0),
     )
-    return [contact, element("default", [element("geom", type="hfield", group=0)], class_="ground")]
+    # Blocks are touched and hidden, the ground above them is seen and not touched.
+    fields = {
+        "ground": {"group": 0},
+        "ground_seen": {"group": 0, "contype": 0, "conaffinity": 0},
+        "ground_block": {"group": 4},
+    }
+    classes = [
+        element("default", [element("geom", type="hfield", **own)], class_=name)
+        for name, own in fields.items()
+    ]
+    return [contact, *classes]
 
 
 def _sun(world: World) -> str:
@@ -187,9 +209,9 @@ def _extent(world: World) -> float:
 def _scene_xml(world: World, options: Options) -> str:
     position, quaternion = start_pose(world)
     parts = [element("include", file="world.xml"), *_settings(world, options, shown=_SCENE_EXTENT)]
-    bodies = [_replay_body(position, quaternion)]
+    bodies = [replay_body(position, quaternion)]
     for trajectory in world.trajectories:
-        bodies += _path_sites(trajectory)
+        bodies += path_sites(trajectory)
     parts.append(element("statistic", center=position, extent=_SCENE_EXTENT))
     if world.rover.links:
         bodies.append(rover_body(world.rover, position, quaternion))
@@ -229,21 +251,3 @@ def _lift(world: World, position: Array, rotation: Array) -> float:
     points = points[world.ground.covers(points[:, 0], points[:, 1])]
     above = world.ground.height_at(points[:, 0], points[:, 1]) - points[:, 2]
     return float(above.max(initial=0.0))
-
-
-def _path_sites(trajectory: Trajectory) -> list[str]:
-    """Beads along a path, `<path>_<n>`, in a group of their own that a viewer can switch off."""
-    count = min(_PATH_SITES, len(trajectory.time))
-    beads = trajectory.position[np.linspace(0, len(trajectory.time) - 1, count).round().astype(int)]
-    return [
-        element(
-            "site", name=f"{trajectory.name}_{n}", pos=bead, size=0.02, group=2, rgba=_PATH_RGBA
-        )
-        for n, bead in enumerate(beads)
-    ]
-
-
-def _replay_body(position: Array, quaternion: Array) -> str:
-    """A mocap body that replays poses of base_link, whatever moves it."""
-    marker = element("site", name="path_frame", type="box", size=(0.1, 0.02, 0.01), rgba=_PATH_RGBA)
-    return element("body", [marker], name="path", mocap="true", pos=position, quat=quaternion)

@@ -24,6 +24,10 @@ class Options(Spec):
     visual_min_m: NotNegative = 0.5
     """Rocks of at least this exposed diameter are drawn by their textured shapes, as all loose ones
     are; smaller ones by their collision hulls, since each geom more slows every step."""
+    split_ground: bool = True
+    """Whether the ground becomes small height fields under loose rocks that are wider than 4 of its
+    cells. MuJoCo keeps 50 contacts with each field and drops the others, and a rock that lies flat
+    on many cells of one field tips over."""
     sleep: bool = False
     """Whether to set MuJoCo's `sleep` flag, which makes worlds of many rocks step up to three times
     faster; only versions of MuJoCo that know it can load the files then."""

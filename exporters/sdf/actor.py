@@ -6,17 +6,24 @@ import numpy as np
 
 from terrain_forge.frames import Array
 from terrain_forge.motion import Trajectory
+from terrain_forge.paths.interpolation import sample_times, spline_places
 from terrain_forge.rovers.description import Rover, Shape
 
 from . import material
 from .markup import Lines, element, numbers
 
 
-def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str) -> Lines:
+def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str, sensors: list[Lines]) -> Lines:
     """An actor that moves `base_link` along the trajectory, looking like the rover at rest.
 
     Angles are continuous: Gazebo interpolates them as plain numbers, and a wrapped yaw would make
     the rover spin. Tension 0 makes its spline smooth; more would brake at each waypoint.
+
+    Args:
+        trajectory: The path.
+        rover: Who drives.
+        name: Name of the actor.
+        sensors: What it carries, in the frame of base_link.
     """
     times, poses = waypoints(trajectory)
     stops = [
@@ -31,19 +38,22 @@ def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str) -> Lines:
         element("auto_start", "true"),
         path,
     )
-    return element("actor", script, element("link", *_visuals(rover), name="base_link"), name=name)
+    link = element("link", *_visuals(rover), *sensors, name="base_link")
+    return element("actor", script, link, name=name)
 
 
 def waypoints(trajectory: Trajectory) -> tuple[Array, Array]:
     """The trajectory at its sample times, moved to whole milliseconds.
 
-    gz-sim cuts times to milliseconds, so the poses are those of the moved times.
+    gz-sim cuts times to milliseconds, so the poses are those of the moved times. Where Gazebo's
+    spline would leave the path there are more of them than samples.
 
     Returns:
         Times [s], shape [n], and x, y, z [m], roll, pitch, yaw [rad, continuous], shape [n, 6].
     """
     last = np.floor(trajectory.time[-1] * 1000 + 1e-6)
-    milliseconds = np.unique(np.minimum(np.rint(trajectory.time * 1000), last))
+    wanted = sample_times(trajectory, spline_places)
+    milliseconds = np.unique(np.minimum(np.rint(wanted * 1000), last))
     times = milliseconds / 1000
     poses = trajectory.at(times)
     return times, np.hstack([poses.position, poses.rpy])

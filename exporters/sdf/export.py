@@ -7,55 +7,94 @@ from pathlib import Path
 
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import (
-    coarse_shape,
-    collision_losses,
-    fixed_losses,
-    largest_outline_error,
-)
+from terrain_forge.rock_mesh import coarse_shape
 from terrain_forge.world import World
 from terrain_forge.writers.naming import file_name
 
 from . import ground, rocks
 from .actor import replay_actor
+from .heightmap import Heightmap, make_heightmap, write_heightmap
 from .loose import loose_rocks
+from .losses import list_losses
 from .markup import Lines
 from .model import Model
 from .options import Options
+from .ros import write_package
 from .scenery import write_world
+from .sensors import rig_sensors
+
+_VERSIONS = {"fortress": "1.9", "garden": "1.10"}
+_CLASSIC_VERSION = "1.6"
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write world.sdf, scene.sdf (with a replay of each trajectory) and their models.
 
     The models' names begin with the world's, so that several worlds can share one resource path.
+
+    Raises:
+        ExportError: if the ground is too large for a heightmap.
     """
+    heightmap = None
+    if options.ground == "heightmap":
+        heightmap = make_heightmap(world.ground, bits=options.heightmap_bits)
     name = file_name(world.site.name)
-    models = [
-        Model(folder=directory / "models" / full, name=full, flavour=options.flavour)
-        for full in (f"{name}_ground", f"{name}_rocks")
-    ]
+    models = [_model(directory, f"{name}_{part}", options) for part in ("ground", "rocks")]
     coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]
-    _write_models(world, *models, coarse=coarse, options=options)
-    actors = [
-        replay_actor(trajectory, world.rover, name=file_name(trajectory.name))
-        for trajectory in world.trajectories
-    ]
+    _write_models(world, *models, coarse=coarse, heightmap=heightmap, options=options)
+    actors = _actors(world, options)
     loose = loose_rocks(world, models[1])
-    for file, movers in (("world.sdf", loose), ("scene.sdf", loose + actors)):
-        write_world(directory / file, world, name=name, models=models, movers=movers)
+    sensing = bool(options.sensors and actors and world.rover.sensors)
+    for file, movers, sees in (("world", loose, False), ("scene", loose + actors, sensing)):
+        path = directory / f"{file}.sdf"
+        write_world(path, world, name=name, models=models, movers=movers, sensing=sees)
+    if options.ros_package:
+        write_package(world, directory, options=options)
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    return ExportReport(files=tuple(files), losses=_losses(world, coarse, options))
+    losses = list_losses(world, coarse=coarse, heightmap=heightmap, version=models[0].version,
+                         options=options)  # fmt: skip
+    return ExportReport(files=tuple(files), losses=losses)
+
+
+def _model(directory: Path, name: str, options: Options) -> Model:
+    return Model(
+        folder=directory / "models" / name,
+        name=name,
+        flavour=options.flavour,
+        version=_VERSIONS[options.release] if options.flavour == "gz" else _CLASSIC_VERSION,
+    )
+
+
+def _actors(world: World, options: Options) -> list[Lines]:
+    """A replay of each trajectory, by the name of its path."""
+    west, south, east, north = world.ground.bounds
+    actors = []
+    for trajectory in world.trajectories:
+        name = file_name(trajectory.name)
+        sensors: list[Lines] = []
+        if options.sensors:
+            reach = max(east - west, north - south)
+            sensors = rig_sensors(world.rover, actor=name, flavour=options.flavour, reach=reach)
+        actors.append(replay_actor(trajectory, world.rover, name=name, sensors=sensors))
+    return actors
 
 
 def _write_models(
-    world: World, ground_model: Model, rock_model: Model, *, coarse: list[Mesh], options: Options
+    world: World,
+    ground_model: Model,
+    rock_model: Model,
+    *,
+    coarse: list[Mesh],
+    heightmap: Heightmap | None,
+    options: Options,
 ) -> None:
-    friction = options.friction
     block_of_shape = cache(ground.shape_block)
     names: list[str] = []
     parts: list[Lines] = []
     links: list[Lines] = []
+    if heightmap:
+        friction = options.friction
+        parts.append(write_heightmap(heightmap, world.ground, ground_model, friction=friction))
     for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
         names.append(f"ground_{number:03}")
         parts += ground.write_tile(
@@ -63,7 +102,7 @@ def _write_models(
             world,
             ground_model,
             name=names[-1],
-            friction=friction,
+            options=options,
             block_of_shape=block_of_shape,
         )
         links.append(
@@ -72,30 +111,3 @@ def _write_models(
     title = f"{world.site.name}: ground"
     ground.write_model(ground_model, title=title, tiles=names, parts=parts)
     rocks.write_model(world, rock_model, links=links, options=options)
-
-
-def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
-    """What SDF, or this export of it, does not say."""
-    field, shapes = world.field, world.library.prototypes
-    losses = [
-        *fixed_losses(field),
-        "SDF lights have no radiometric unit: the Sun shines with 1, its "
-        f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
-        "Actors replay the path without colliding and carry no sensors.",
-    ]
-    if field.loose.any():
-        losses.append("Loose rocks have no rolling friction, which SDF does not know.")
-    if world.site.georeferenced:
-        version = "1.9" if options.flavour == "gz" else "1.6"
-        losses.append(
-            f"SDF {version} knows no surface but the Earth's: longitude and latitude are left out."
-        )
-    small = int((~rocks.is_single(field, options)).sum())
-    if small:
-        error = largest_outline_error(coarse, shapes)
-        losses.append(
-            f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
-            f"separate, without texture, their outline off by up to {100 * error:.1f} % of their "
-            "size."
-        )
-    return (*losses, *collision_losses(shapes))

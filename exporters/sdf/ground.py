@@ -19,6 +19,8 @@ from terrain_forge.writers.mesh import write_obj_faces, write_obj_rows
 from . import material
 from .markup import Lines, element
 from .model import Model, mesh, surface
+from .options import Options
+from .relief import normal_map
 
 
 def write_tile(
@@ -27,17 +29,17 @@ def write_tile(
     model: Model,
     *,
     name: str,
-    friction: float,
+    options: Options,
     block_of_shape: Callable[[int, int], bytes],
 ) -> list[Lines]:
-    """Write one tile's mesh and texture; returns its collision and visual.
+    """Write one tile's mesh and textures; returns its visual and, of a mesh, its collision.
 
     Args:
         tile: The tile.
         whole: The world that it is part of.
         model: The model of the ground.
         name: Name of the tile's files and elements.
-        friction: Coulomb friction.
+        options: The export's options.
         block_of_shape: `shape_block`, which remembers what it made for earlier tiles.
     """
     with model.path(f"meshes/{name}.obj").open("wb") as file:
@@ -46,7 +48,17 @@ def write_tile(
         file.write(block_of_shape(*tile.ground.shape))
     pixels = image_rows(tile.appearance.ground_rgb)
     write_png(model.path(f"materials/textures/{name}.png"), pixels)
-    return _visual_and_collision(model, name, friction)
+    normals = f"{name}_normals.png" if options.normal_maps and model.flavour == "gz" else None
+    if normals:
+        write_png(model.path(f"materials/textures/{normals}"), image_rows(normal_map(tile)))
+    # One OBJ for both: it has the normals that Gazebo's physics asks of a collision mesh.
+    geometry = mesh(model.uri(f"meshes/{name}.obj"))
+    look = material.textured(model, f"{name}.png", normals=normals)
+    visual = element("visual", geometry, look, name=f"{name}_visual")
+    if options.ground == "heightmap":
+        return [visual]
+    touch = surface(options.friction)
+    return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
 
 
 def shape_block(rows: int, columns: int) -> bytes:
@@ -66,13 +78,3 @@ def write_model(model: Model, *, title: str, tiles: list[str], parts: list[Lines
     if model.flavour == "classic":
         material.write_scripts(model, [f"{name}.png" for name in tiles], address="clamp")
     model.write(title=title, links=[element("link", *parts, name="ground")])
-
-
-def _visual_and_collision(model: Model, name: str, friction: float) -> list[Lines]:
-    """Both from one OBJ: it has the normals that Gazebo's physics asks of a collision mesh."""
-    geometry = mesh(model.uri(f"meshes/{name}.obj"))
-    look = material.textured(model, f"{name}.png")
-    return [
-        element("collision", geometry, surface(friction), name=f"{name}_collision"),
-        element("visual", geometry, look, name=f"{name}_visual"),
-    ]

@@ -40,8 +40,14 @@ def plain(rgb: Colour) -> Lines:
     )
 
 
-def textured(model: Model, image: str) -> Lines:
-    """A matt material that shows an image of the model's materials/textures."""
+def textured(model: Model, image: str, *, normals: str | None = None) -> Lines:
+    """A matt material that shows an image of the model's materials/textures.
+
+    Args:
+        model: The model.
+        image: Name of the image.
+        normals: Name of its normal map, which Gazebo Classic does without.
+    """
     if model.flavour == "classic":
         name = f"{model.name}/{image.removesuffix('.png')}"
         return element(
@@ -56,6 +62,7 @@ def textured(model: Model, image: str) -> Lines:
     metal = element(
         "metal",
         element("albedo_map", model.uri(f"materials/textures/{image}")),
+        *([element("normal_map", model.uri(f"materials/textures/{normals}"))] if normals else []),
         element("roughness", "1"),
         element("metalness", "0"),
     )

@@ -7,8 +7,6 @@ from pathlib import Path
 
 from .markup import Lines, element, numbers, write_document
 
-SPEC_VERSION = {"gz": "1.9", "classic": "1.6"}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
@@ -20,6 +18,8 @@ class Model:
     """Name of the model, and of its folder."""
     flavour: str
     """`gz` or `classic`."""
+    version: str
+    """Version of SDF."""
 
     def path(self, name: str) -> Path:
         """The path of one of the model's files; makes its folder."""
@@ -33,14 +33,13 @@ class Model:
 
     def write(self, *, title: str, links: list[Lines]) -> None:
         """Write model.sdf, a static model of the links, and model.config."""
-        version = SPEC_VERSION[self.flavour]
         body = element("model", element("static", "true"), *links, name=self.name)
-        write_document(self.path("model.sdf"), version, body)
+        write_document(self.path("model.sdf"), self.version, body)
         config = element(
             "model",
             element("name", title),
             element("version", "1.0"),
-            element("sdf", "model.sdf", version=version),
+            element("sdf", "model.sdf", version=self.version),
             element("author", element("name", "terrain-forge")),
             element("description", title),
         )

@@ -2,34 +2,100 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
+from terrain_forge.dtm.projection import ellipsoid
+from terrain_forge.site import Site
 from terrain_forge.world import Lighting, World
 
 from .markup import Lines, element, numbers, write_document
-from .model import SPEC_VERSION, Model
+from .model import Model
 
 _STEP = 0.002
 """Time step of the physics [s]."""
+_SYSTEMS = {
+    "physics": "Physics",
+    "user-commands": "UserCommands",
+    "scene-broadcaster": "SceneBroadcaster",
+    "sensors": "Sensors",
+    "imu": "Imu",
+}
+"""The first three are those that gz-sim takes for a world that names none."""
 
 
 def write_world(
-    path: Path, world: World, *, name: str, models: list[Model], movers: list[Lines]
+    path: Path,
+    world: World,
+    *,
+    name: str,
+    models: list[Model],
+    movers: list[Lines],
+    sensing: bool,
 ) -> None:
-    """Write a world file that includes the models and holds what moves: loose rocks, actors."""
-    flavour = models[0].flavour
+    """Write a world file that includes the models and holds what moves: loose rocks, actors.
+
+    Args:
+        path: The file.
+        world: The world.
+        name: Its name in the file.
+        models: The models of ground and rocks.
+        movers: Elements of what moves.
+        sensing: Whether something carries sensors, for which gz-sim wants plugins.
+    """
+    flavour, version = models[0].flavour, models[0].version
+    located = knows_surface(world.site, version)
     body = element(
         "world",
         element("gravity", numbers([0, 0, -world.site.body.gravity])),
         element("magnetic_field", "0 0 0"),
+        *([_spherical_coordinates(world.site)] if located else []),
         _physics(flavour),
+        *(_systems() if sensing and flavour == "gz" else []),
         _scene(world.lighting),
         _sun(world.lighting),
         *(element("include", element("uri", f"model://{model.name}")) for model in models),
         *movers,
         name=name,
     )
-    write_document(path, SPEC_VERSION[flavour], body)
+    write_document(path, version, body)
+
+
+def knows_surface(site: Site, version: str) -> bool:
+    """Whether this version of SDF can say where on its body a site lies."""
+    return version == "1.10" and site.georeferenced
+
+
+def _spherical_coordinates(site: Site) -> Lines:
+    """Where the origin lies, on the ellipsoid of the site's own reference system."""
+    assert site.lonlat is not None
+    longitude, latitude = map(math.degrees, site.lonlat)
+    equatorial, polar = ellipsoid(site.crs)
+    return element(
+        "spherical_coordinates",
+        element("surface_model", "CUSTOM_SURFACE"),
+        element("world_frame_orientation", "ENU"),
+        element("latitude_deg", f"{latitude:.9f}"),
+        element("longitude_deg", f"{longitude:.9f}"),
+        element("elevation", numbers([site.datum_height])),
+        element("surface_axis_equatorial", numbers([equatorial])),
+        element("surface_axis_polar", numbers([polar])),
+        element("heading_deg", "0"),
+    )
+
+
+def _systems() -> list[Lines]:
+    """gz-sim's plugins, by the names that Fortress 6.16 and all later versions know."""
+    files = {kind: f"gz-sim-{kind}-system" for kind in _SYSTEMS}
+    return [
+        element(
+            "plugin",
+            *([element("render_engine", "ogre2")] if kind == "sensors" else []),
+            filename=files[kind],
+            name=f"gz::sim::systems::{system}",
+        )
+        for kind, system in _SYSTEMS.items()
+    ]
 
 
 def _physics(flavour: str) -> Lines:

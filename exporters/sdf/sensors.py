@@ -34,8 +34,7 @@ class Topic:
 def rig_sensors(rover: Rover, *, actor: str, flavour: str, reach: float) -> list[Lines]:
     """The `<sensor>` elements of a rover's rig, in the frame of base_link.
 
-    Cameras that share link, rate and image are one multicamera in Gazebo Classic, which then takes
-    their images at the same moment.
+    In Gazebo Classic the cameras are one multicamera, which takes their images at the same moment.
 
     Args:
         rover: The rover.
@@ -88,7 +87,9 @@ def _poses(rover: Rover) -> dict[str, Array]:
 
 
 def _sensor(name: str, kind: str, rate: float, *content: Lines) -> Lines:
-    return element("sensor", element("update_rate", numbers([rate])), *content, name=name, type=kind)
+    return element(
+        "sensor", element("update_rate", numbers([rate])), *content, name=name, type=kind
+    )
 
 
 def _pose(pose: Array) -> Lines:
@@ -167,9 +168,7 @@ def _imu(sensor: Sensor, pose: Array, flavour: str, address: str) -> Lines:
         for tag, name in (("angular_velocity", "gyro"), ("linear_acceleration", "accelerometer"))
     ]
     named = [element("topic", address)] if flavour == "gz" else []
-    return _sensor(
-        sensor.name, "imu", figures["rate"], _pose(pose), *named, element("imu", *parts)
-    )
+    return _sensor(sensor.name, "imu", figures["rate"], _pose(pose), *named, element("imu", *parts))
 
 
 def _axis_noise(figures: dict[str, float], name: str) -> list[Lines]:

@@ -50,6 +50,8 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
     ]
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
+    if world.trajectories and any(s.kind != "camera" for s in world.rover.sensors):
+        losses.append("Lidar and IMU are bare frames: no USD schema holds their figures.")
     shapes, field = world.library.prototypes, world.field
     if field.loose.any():
         losses.append("Loose rocks have no torsional and no rolling friction: USD knows neither.")

@@ -10,15 +10,14 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from terrain_forge.colour import linear_from_srgb
 from terrain_forge.frames import Array, quaternion_from_rpy
 from terrain_forge.motion import Trajectory
-from terrain_forge.rovers.description import Link, Rover, Sensor, Shape
+from terrain_forge.paths.interpolation import sample_times, straight_places
+from terrain_forge.rovers.description import Link, Rover, Shape
 from terrain_forge.world import World
 from terrain_forge.writers.naming import identifier
 
-from .layer import gf_quaternion, new_layer, save, set_conventions
+from .layer import gf_quaternion, label, new_layer, save, set_conventions
+from .rig import define_rig
 from .scenery import ROOT
-
-# A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)
-_CAMERA_AXES = np.array([0.5, 0.5, -0.5, -0.5])
 
 
 def write_scene(path: Path, world: World, *, base: str) -> None:
@@ -47,29 +46,34 @@ def _rate(trajectories: tuple[Trajectory, ...]) -> float:
 
 
 def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate: float) -> None:
+    """A rover that moves as the trajectory does.
+
+    Where USD's straight lines between samples would leave the path, there are more than its own.
+    """
     path = f"/{ROOT}/Paths/{identifier(trajectory.name)}"
     base = UsdGeom.Xform.Define(stage, path)
     translate = base.AddTranslateOp().GetAttr().GetPath()
     orient = base.AddOrientOp().GetAttr().GetPath()
     layer = stage.GetRootLayer()
-    codes = (trajectory.time * rate).tolist()
+    times = sample_times(trajectory, straight_places)
+    poses = trajectory.at(times)
+    codes = (times * rate).tolist()
     with Sdf.ChangeBlock():
-        for code, position in zip(codes, trajectory.position.tolist(), strict=True):
+        for code, position in zip(codes, poses.position.tolist(), strict=True):
             layer.SetTimeSample(translate, code, Gf.Vec3d(*position))
-        for code, quaternion in zip(codes, trajectory.quaternion, strict=True):
+        for code, quaternion in zip(codes, poses.quaternion, strict=True):
             layer.SetTimeSample(orient, code, gf_quaternion(quaternion))
+    label(base.GetPrim(), "rover")
     _define_rover(stage, path, rover)
 
 
 def _define_rover(stage: Usd.Stage, path: str, rover: Rover) -> None:
-    """The rover at rest: the shapes of its links and its cameras, all in base_link's frame."""
+    """The rover at rest: the shapes of its links and its sensors, all in base_link's frame."""
     origins: dict[str, Array] = {}
     for link in rover.links:
         origins[link.name] = origins.get(link.parent, np.zeros(3)) + link.origin
         _define_link(stage, f"{path}/{identifier(link.name)}", link, origins[link.name])
-    cameras = [sensor for sensor in rover.sensors if sensor.kind == "camera"]
-    for camera in cameras:
-        _define_camera(stage, f"{path}/{identifier(camera.name)}", camera, origins[camera.link])
+    define_rig(stage, path, rover, origins)
 
 
 def _define_link(stage: Usd.Stage, path: str, link: Link, origin: Array) -> None:
@@ -99,17 +103,3 @@ def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
     solid.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0)))
     colour = linear_from_srgb(shape.rgb).tolist()
     solid.CreateDisplayColorAttr([Gf.Vec3f(*colour)])
-
-
-def _define_camera(stage: Usd.Stage, path: str, sensor: Sensor, origin: Array) -> None:
-    frame = UsdGeom.Xform.Define(stage, path)
-    frame.AddTranslateOp().Set(Gf.Vec3d(*(origin + sensor.position).tolist()))
-    frame.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(sensor.rpy)))
-    camera = UsdGeom.Camera.Define(stage, f"{path}/camera")
-    camera.AddOrientOp().Set(gf_quaternion(_CAMERA_AXES))
-    camera.CreateClippingRangeAttr(Gf.Vec2f(0.05, 10000.0))
-    properties = dict(sensor.properties)
-    view = properties.get("horizontal_fov")
-    if view is not None:
-        width = camera.GetHorizontalApertureAttr().Get()
-        camera.CreateFocalLengthAttr(float(width / (2 * np.tan(view / 2))))

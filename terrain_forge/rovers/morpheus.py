@@ -236,7 +236,12 @@ def _wheel_link(name: str, parent: str, x: float, side: float, d: MorpheusDimens
 
 
 def _rig(d: MorpheusDimensions) -> tuple[Sensor, ...]:
-    """Stereo camera (ZED at its 720p setting), lidar and IMU; their figures are nominal."""
+    """Stereo camera (ZED at its 720p setting), lidar and IMU; their figures are nominal.
+
+    `noise` is the standard deviation of a pixel's intensity (0 to 1) and of a range [m]. The IMU's
+    are densities, of white noise [rad/s/√Hz, m/s²/√Hz] and of the walk of its bias [rad/s²/√Hz,
+    m/s³/√Hz], those of an ADIS16448 (Burri et al. 2016, doi:10.1177/0278364915620033).
+    """
     mast_x = 0.4 * d.body[0]
     camera = (
         ("width_px", 1280.0),
@@ -244,6 +249,7 @@ def _rig(d: MorpheusDimensions) -> tuple[Sensor, ...]:
         ("horizontal_fov", math.radians(85.0)),
         ("rate", 15.0),
         ("baseline", d.stereo_baseline),
+        ("noise", 0.007),
     )
     lidar = (
         ("channels", 16.0),
@@ -252,8 +258,15 @@ def _rig(d: MorpheusDimensions) -> tuple[Sensor, ...]:
         ("range_min", 0.5),
         ("range_max", 100.0),
         ("rate", 10.0),
+        ("noise", 0.01),
     )
-    imu = (("rate", 200.0), ("gyro_noise", 1.7e-4), ("accelerometer_noise", 2.0e-3))
+    imu = (
+        ("rate", 200.0),
+        ("gyro_noise", 1.6968e-4),
+        ("gyro_walk", 1.9393e-5),
+        ("accelerometer_noise", 2.0e-3),
+        ("accelerometer_walk", 3.0e-3),
+    )
     half = d.stereo_baseline / 2
     down = (0.0, d.camera_tilt, 0.0)
     centre = (0.0, 0.0, d.clearance + d.body[2] / 2)

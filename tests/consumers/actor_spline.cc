@@ -30,8 +30,10 @@ int main(int argc, char **argv) {
     animation.Time(time);
     ignition::common::PoseKeyFrame frame(0);
     animation.InterpolatedKeyFrame(frame);
+    // Gazebo's own printing of vectors stops at six decimals.
+    const auto &p = frame.Translation();
     const auto &q = frame.Rotation();
-    std::cout << frame.Translation() << " " << q.W() << " " << q.X() << " " << q.Y() << " " << q.Z()
+    std::cout << p.X() << " " << p.Y() << " " << p.Z() << " " << q.W() << " " << q.X() << " " << q.Y() << " " << q.Z()
               << "\n";
   }
   return 0;

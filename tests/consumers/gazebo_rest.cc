@@ -5,6 +5,7 @@
 #include <iostream>
 #include <string>
 
+#include <ignition/common/ImageHeightmap.hh>
 #include <ignition/common/MeshManager.hh>
 #include <ignition/math/eigen3/Conversions.hh>
 #include <ignition/physics/ConstructEmpty.hh>
@@ -13,6 +14,7 @@
 #include <ignition/physics/GetEntities.hh>
 #include <ignition/physics/RequestEngine.hh>
 #include <ignition/physics/World.hh>
+#include <ignition/physics/heightmap/HeightmapShape.hh>
 #include <ignition/physics/mesh/MeshShape.hh>
 #include <ignition/physics/sdf/ConstructModel.hh>
 #include <ignition/physics/sdf/ConstructWorld.hh>
@@ -25,11 +27,24 @@ namespace physics = ignition::physics;
 struct Features
     : physics::FeatureList<physics::LinkFrameSemantics, physics::ForwardStep, physics::GetEntities,
                            physics::sdf::ConstructSdfWorld, physics::sdf::ConstructSdfModel,
-                           physics::mesh::AttachMeshShapeFeature, physics::CollisionDetector> {};
+                           physics::mesh::AttachMeshShapeFeature,
+                           physics::heightmap::AttachHeightmapShapeFeature, physics::CollisionDetector> {};
 
-// The physics library leaves meshes to its host: attach every mesh of the world to its link.
+template <typename LinkPtr>
+bool AttachHeightmap(const LinkPtr &link, const sdf::Collision &collision, const std::string &path) {
+  const auto *shape = collision.Geom()->HeightmapShape();
+  ignition::common::ImageHeightmap data;
+  if (data.Load(path) != 0) return false;
+  ignition::math::Pose3d pose = collision.RawPose();
+  pose.Pos() += shape->Position();
+  link->AttachHeightmapShape(collision.Name(), data, math::convert(pose), math::convert(shape->Size()),
+                             shape->Sampling());
+  return true;
+}
+
+// The physics library leaves meshes and heightmaps to its host: attach all of the world's.
 template <typename WorldPtr>
-bool AttachMeshes(const WorldPtr &world, const sdf::World &description, const std::string &models) {
+bool AttachShapes(const WorldPtr &world, const sdf::World &description, const std::string &models) {
   const std::string scheme = "model://";
   for (uint64_t m = 0; m < description.ModelCount(); ++m) {
     const auto *model = description.ModelByIndex(m);
@@ -38,6 +53,10 @@ bool AttachMeshes(const WorldPtr &world, const sdf::World &description, const st
       auto body = world->GetModel(model->Name())->GetLink(link->Name());
       for (uint64_t c = 0; c < link->CollisionCount(); ++c) {
         const auto *collision = link->CollisionByIndex(c);
+        if (const auto *map = collision->Geom()->HeightmapShape()) {
+          const auto image = models + "/" + map->Uri().substr(scheme.size());
+          if (!AttachHeightmap(body, *collision, image)) return false;
+        }
         const auto *shape = collision->Geom()->MeshShape();
         if (!shape) continue;
         const auto path = models + "/" + shape->Uri().substr(scheme.size());
@@ -73,7 +92,7 @@ int main(int argc, char **argv) {
     if (dart) world->SetCollisionDetector(dart->Get<std::string>("collision_detector"));
     for (uint64_t m = 0; m < description->ModelCount(); ++m)
       world->ConstructModel(*description->ModelByIndex(m));
-    if (!AttachMeshes(world, *description, argv[3])) return 1;
+    if (!AttachShapes(world, *description, argv[3])) return 1;
     physics::ForwardStep::Input input;
     physics::ForwardStep::Output output;
     physics::ForwardStep::State state;

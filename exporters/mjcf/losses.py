@@ -1,0 +1,70 @@
+"""What MJCF, or this export of it, does not say of a world."""
+
+from __future__ import annotations
+
+from terrain_forge.rock_mesh import collision_losses, fixed_losses
+from terrain_forge.world import World
+
+from .blocks import CELLS, wide_rocks
+from .meshes import drawn_level
+from .options import Options
+from .rocks import SCALE_ERROR, has_own_shape
+
+_WHEEL_CELLS = 10
+"""A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
+
+
+def list_losses(world: World, options: Options) -> tuple[str, ...]:
+    """A sentence for each loss, with its size where there is one."""
+    return (
+        *_rock_losses(world, options),
+        *fixed_losses(world.field),
+        *collision_losses(world.library.prototypes),
+        *_contact_losses(world, options),
+        "The Sun is a light without size or irradiance in physical units.",
+        "A lidar is a bare site; its figures are not part of the model.",
+    )
+
+
+def _rock_losses(world: World, options: Options) -> list[str]:
+    field, shapes = world.field, world.library.prototypes
+    rounded = int((~field.loose).sum()) if not options.exact_scale else 0
+    by_hull = int((~has_own_shape(field, options)).sum())
+    losses = []
+    if rounded:
+        losses.append(
+            f"The sizes of {rounded} fixed rocks are rounded by at most {SCALE_ERROR:.0%}; "
+            "`exact_scale: true` keeps them."
+        )
+    if by_hull:
+        losses.append(f"{by_hull} rocks are drawn by their convex collision hulls, in one colour.")
+    if by_hull < len(field):
+        error = max(shape.outline_errors[drawn_level(shape)] for shape in shapes)
+        losses.append(
+            f"{len(field) - by_hull} rocks are drawn by a coarser mesh, its outline off by up to "
+            f"{100 * error:.1f} % of their size."
+        )
+    return losses
+
+
+def _contact_losses(world: World, options: Options) -> list[str]:
+    """Where MuJoCo drops contacts: it keeps 50 of a pair of geoms."""
+    losses = []
+    wide = len(wide_rocks(world.field, world.ground.spacing))
+    if wide and options.split_ground:
+        losses.append(
+            f"{wide} loose rocks are wider than {CELLS} cells; the ground is cut into small height "
+            "fields where they lie, not where they may be pushed."
+        )
+    elif wide:
+        losses.append(
+            f"{wide} loose rocks are wider than {CELLS} cells: MuJoCo may drop contacts of those "
+            "that lie flat, which then tip over; `split_ground: true` keeps them."
+        )
+    spacing = world.ground.spacing
+    if any(wheel.width > _WHEEL_CELLS * spacing for wheel in world.rover.wheels):
+        losses.append(
+            f"Wheels are wider than {_WHEEL_CELLS} cells of {spacing:g} m: MuJoCo may drop some of "
+            "their contacts."
+        )
+    return losses

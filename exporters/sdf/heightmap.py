@@ -1,0 +1,144 @@
+"""The ground's collision as a grey image: what Gazebo calls a heightmap, and what it loses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import ExportError
+from terrain_forge.frames import Array, image_rows
+from terrain_forge.world import Heightfield
+from terrain_forge.writers.image import write_png
+
+from .markup import Lines, element, numbers
+from .model import Model, surface
+
+IMAGE = "materials/textures/heights.png"
+LARGEST = 4097
+"""Samples each way that this export goes up to."""
+_ROWS = 256
+"""Rows that are looked at together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heightmap:
+    """Heights as whole numbers on a square grid over the whole ground."""
+
+    pixels: NDArray[Any]
+    """uint8 or uint16, from 0 to the type's largest, rows run north, shape [samples, samples]."""
+    lowest: float
+    """Height of 0 [m]."""
+    span: float
+    """Height of the largest pixel above it [m]."""
+    resampled: bool
+    """Whether the samples are not the ground's own nodes."""
+
+    @property
+    def quantum(self) -> float:
+        """Height of one grey level [m]."""
+        return self.span / float(np.iinfo(self.pixels.dtype).max)
+
+    @property
+    def surface(self) -> Heightfield:
+        """The heights that the pixels stand for, on a lattice of unit spacing."""
+        heights = self.lowest + self.pixels * self.quantum
+        return Heightfield(elevation=heights, spacing=1.0, origin=(0.0, 0.0))
+
+
+def make_heightmap(ground: Heightfield, *, bits: int) -> Heightmap:
+    """The ground on the smallest square grid of 2^n + 1 samples that is not coarser than its own.
+
+    Raises:
+        ExportError: if that grid would be too large.
+    """
+    finest = max(ground.shape)
+    if finest > LARGEST:
+        cells = " × ".join(str(nodes - 1) for nodes in reversed(ground.shape))
+        raise ExportError(
+            f"a ground of {cells} cells is too large for a heightmap: at most {LARGEST - 1} each "
+            "way; choose `ground: mesh`, a smaller size_m or a coarser spacing_m"
+        )
+    samples = 2 ** max(int(np.ceil(np.log2(finest - 1))), 1) + 1
+    resampled = ground.shape != (samples, samples)
+    heights = _resample(ground, samples) if resampled else ground.elevation.astype(np.float64)
+    lowest, span = float(heights.min()), float(np.ptp(heights)) or 1.0
+    largest = 2**bits - 1
+    grey = np.rint((heights - lowest) * (largest / span))
+    kind = np.uint8 if bits == 8 else np.uint16
+    return Heightmap(pixels=grey.astype(kind), lowest=lowest, span=span, resampled=resampled)
+
+
+def heightmap_error(heightmap: Heightmap, ground: Heightfield) -> float:
+    """The largest difference of a heightmap's surface from the ground at its nodes [m]."""
+    found, last = heightmap.surface, len(heightmap.pixels) - 1
+    rows, columns = ground.shape
+    x = np.linspace(0.0, last, columns)
+    worst = 0.0
+    for start in range(0, rows, _ROWS):
+        part = slice(start, start + _ROWS)
+        y = np.linspace(0.0, last, rows)[part, None]
+        off = found.height_at(np.broadcast_to(x, (len(y), columns)), y) - ground.elevation[part]
+        worst = max(worst, float(np.abs(off).max()))
+    return worst
+
+
+def cut_error(ground: Heightfield) -> float:
+    """How far cells cut from north-west to south-east are off ours, in their middle [m]."""
+    z = ground.elevation.astype(np.float64)
+    return float(np.abs(z[:-1, :-1] + z[1:, 1:] - z[:-1, 1:] - z[1:, :-1]).max() / 2.0)
+
+
+def write_heightmap(
+    heightmap: Heightmap, ground: Heightfield, model: Model, *, friction: float
+) -> Lines:
+    """Write the image; returns the collision.
+
+    gz-physics spreads the samples over size · (samples - 1) / samples, so that its size is more
+    than the ground's; Classic's ODE takes the size as it is.
+    """
+    write_png(model.path(IMAGE), image_rows(heightmap.pixels))
+    west, south, east, north = ground.bounds
+    samples = len(heightmap.pixels)
+    grown = samples / (samples - 1) if model.flavour == "gz" else 1.0
+    shape = element(
+        "heightmap",
+        element("uri", model.uri(IMAGE)),
+        element("size", numbers([(east - west) * grown, (north - south) * grown, heightmap.span])),
+        element("pos", numbers([(west + east) / 2, (south + north) / 2, heightmap.lowest])),
+        element("sampling", "1"),
+    )
+    body = element("geometry", shape)
+    return element("collision", body, surface(friction), name="ground_heightmap")
+
+
+def heightmap_losses(heightmap: Heightmap, ground: Heightfield, *, version: str) -> list[str]:
+    """What the heightmap does not say of the ground."""
+    bits = 8 * heightmap.pixels.dtype.itemsize
+    samples = len(heightmap.pixels)
+    kind = "at the ground's own nodes"
+    if heightmap.resampled:
+        kind = f"resampled to {samples}² samples (a square of 2^n cells would not be)"
+    losses = [
+        f"The ground's collision is a heightmap of {bits} bits {kind}: steps of "
+        f"{1000 * heightmap.quantum:.3g} mm, nodes off by up to "
+        f"{1000 * heightmap_error(heightmap, ground):.3g} mm.",
+        "Engines may cut a heightmap's cells the other way, which is off by up to "
+        f"{1000 * cut_error(ground):.3g} mm in their middle.",
+    ]
+    if version == "1.9" and bits == 16:
+        losses.append("Gazebo Fortress misreads heightmaps of 16 bits: `heightmap_bits: 8` there.")
+    return losses
+
+
+def _resample(ground: Heightfield, samples: int) -> Array:
+    west, south, east, north = ground.bounds
+    x, y = np.linspace(west, east, samples), np.linspace(south, north, samples)
+    heights = np.empty((samples, samples))
+    for start in range(0, samples, _ROWS):
+        part = slice(start, start + _ROWS)
+        rows = y[part, None]
+        heights[part] = ground.height_at(np.broadcast_to(x, (len(rows), samples)), rows)
+    return heights

@@ -1,0 +1,75 @@
+"""What SDF, or this export of it, does not say of a world."""
+
+from __future__ import annotations
+
+from terrain_forge.mesh import Mesh
+from terrain_forge.rock_mesh import collision_losses, fixed_losses, largest_outline_error
+from terrain_forge.world import World
+
+from . import rocks
+from .heightmap import Heightmap, heightmap_losses
+from .options import Options
+from .scenery import knows_surface
+
+
+def list_losses(
+    world: World,
+    *,
+    coarse: list[Mesh],
+    heightmap: Heightmap | None,
+    version: str,
+    options: Options,
+) -> tuple[str, ...]:
+    """A sentence for each loss, with its size where there is one.
+
+    Args:
+        world: The world.
+        coarse: The mesh that stands for each prototype among the merged rocks.
+        heightmap: The ground's collision, unless it is a mesh.
+        version: Version of SDF.
+        options: The export's options.
+    """
+    losses = [
+        *fixed_losses(world.field),
+        "SDF lights have no radiometric unit: the Sun shines with 1, its "
+        f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
+    ]
+    if heightmap:
+        losses += heightmap_losses(heightmap, world.ground, version=version)
+    if options.flavour == "gz" and options.normal_maps:
+        losses.append("Normal maps show roughness below the ground's grid, which nothing touches.")
+    if world.field.loose.any():
+        losses.append("Loose rocks have no rolling friction, which SDF does not know.")
+    if world.site.georeferenced and not knows_surface(world.site, version):
+        losses.append(
+            f"SDF {version} knows no surface but the Earth's: longitude and latitude are left out."
+        )
+    losses += _actor_losses(world, options)
+    losses += _merged_losses(world, coarse, options)
+    return (*losses, *collision_losses(world.library.prototypes))
+
+
+def _actor_losses(world: World, options: Options) -> list[str]:
+    if not world.trajectories:
+        return []
+    losses = ["Actors replay the path without colliding."]
+    kinds = {sensor.kind for sensor in world.rover.sensors}
+    if not options.sensors:
+        losses.append("Actors carry no sensors.")
+    elif "imu" in kinds:
+        losses.append(
+            "Physics does not move actors, so their IMU does not measure the path's accelerations "
+            "and rates."
+        )
+    return losses
+
+
+def _merged_losses(world: World, coarse: list[Mesh], options: Options) -> list[str]:
+    small = int((~rocks.is_single(world.field, options)).sum())
+    if not small:
+        return []
+    error = largest_outline_error(coarse, world.library.prototypes)
+    return [
+        f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
+        f"separate, without texture, their outline off by up to {100 * error:.1f} % of their size."
+    ]
