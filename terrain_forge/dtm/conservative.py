@@ -138,19 +138,21 @@ def _add(  # type: ignore[no-untyped-def]
             c, u = column_index[i], column_part[i]
             w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
             column = w00 * places[0, r, c] + w01 * places[0, r, c + 1]
-            column += w10 * places[0, r + 1, c] + w11 * places[0, r + 1, c + 1] - origin[0]
+            column += w10 * places[0, r + 1, c] + w11 * places[0, r + 1, c + 1]
             row = w00 * places[1, r, c] + w01 * places[1, r, c + 1]
-            row += w10 * places[1, r + 1, c] + w11 * places[1, r + 1, c + 1] - origin[1]
+            row += w10 * places[1, r + 1, c] + w11 * places[1, r + 1, c + 1]
+            # Parts of a pixel before the origin is taken off, which would round them.
             left, top = np.int64(np.floor(column)), np.int64(np.floor(row))
             x, y = column - left, row - top
+            left, top = left - origin[0], top - origin[1]
             smooth = half_column <= x <= 1.0 - half_column and half_row <= y <= 1.0 - half_row
             if smooth:
                 a, d = _four_weights(x, bend_column), _four_weights(y, bend_row)
                 value = _sum_of_16(grid, left - 1, top - 1, a, d)
             else:
-                left, width = _mean_weights(column, cell[0], across)
-                top, height = _mean_weights(row, cell[1], down)
-                value = _sum(grid, left, width, across, top, height, down)
+                west, width = _mean_weights(x, cell[0], across)
+                south, height = _mean_weights(y, cell[1], down)
+                value = _sum(grid, left + west, width, across, top + south, height, down)
             total[j, i] += factor * value
 
 
@@ -211,7 +213,7 @@ def add_cell_means(
         _add,
         len(total),
         _coefficients(means[rows, columns], reach),
-        np.array(origin, np.float64) - _BEYOND,
+        np.array(origin, np.int64) - _BEYOND,
         places.anchors,
         places.column_index,
         places.column_part,

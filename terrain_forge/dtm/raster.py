@@ -210,7 +210,11 @@ def files_of_raster(path: Path) -> list[Path]:
 
 
 def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
-    """An image's first band as 0 to 1 (integers by their type's range), rows running north.
+    """How bright an image is, 0 to 1, rows running north.
+
+    Integers are divided by the largest that their bits can hold. A palette's colours take the place
+    of its indices. Of colours the luma is taken, 0.2126 R + 0.7152 G + 0.0722 B (ITU-R BT.709), of
+    any other bands the first one; transparency is not looked at.
 
     Raises:
         DataError: if the file is missing, no image, or holds values that are not finite.
@@ -222,11 +226,35 @@ def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
     require_file(folder / path, path, key)
     try:
         with open_dataset(folder / path) as dataset:
-            values = dataset.read(1)
+            values = _brightness(dataset)
     except rasterio.errors.RasterioError:
         raise DataError(f"not an image: {path}", key=key) from None
-    if values.dtype.kind in "iu":
-        return np.asarray(image_rows(values / float(np.iinfo(values.dtype).max)))
     if not np.isfinite(values).all():
         raise DataError(f"{path} holds values that are not finite", key=key)
-    return np.asarray(image_rows(values.astype(np.float64)))
+    return np.asarray(image_rows(values))
+
+
+def _brightness(dataset: Any) -> Array:
+    """Brightness of a dataset's pixels, 0 to 1 if they are integers."""
+    from rasterio.enums import ColorInterp
+
+    kinds = dataset.colorinterp
+    if kinds[0] == ColorInterp.palette:
+        colours = np.zeros((256 ** np.dtype(dataset.dtypes[0]).itemsize, 3))
+        for index, rgba in dataset.colormap(1).items():
+            colours[index] = rgba[:3]
+        return np.asarray(_luma(colours.T / 255.0)[dataset.read(1)])
+    coloured = kinds[:3] == (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
+    bands = dataset.read([1, 2, 3] if coloured else [1])
+    values = bands.astype(np.float64)
+    if bands.dtype.kind in "iu":
+        bits = dataset.tags(1, ns="IMAGE_STRUCTURE").get("NBITS")
+        values /= float(2 ** int(bits) - 1 if bits else np.iinfo(bands.dtype).max)
+    return _luma(values) if coloured else np.asarray(values[0])
+
+
+def _luma(rgb: Array) -> Array:
+    """Luma of red, green and blue, of shape [3, …]; grey ones keep their value exactly."""
+    red, green, blue = rgb
+    result: Array = green + 0.2126 * (red - green) + 0.0722 * (blue - green)
+    return result
