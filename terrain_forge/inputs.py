@@ -37,21 +37,26 @@ def resolve_laws(recipe: Recipe, folder: Path) -> Recipe:
 def read_images(recipe: Recipe, folder: Path) -> tuple[Image, ...]:
     """The images of all layers and populations, under their portable names.
 
+    Of the orthoimage it is only seen to that there is one: it is read once the site is known.
+
     Raises:
         DataError: for a file that is missing or no image, or a density image without density.
     """
     names = portable_names(recipe)
-    images = {}
-    for number, layer in enumerate(recipe.terrain.layers):
-        for path in layer.images():
-            name = next(f.name for f in fields(layer) if getattr(layer, f.name) == path)
-            values = read_image(path, folder, ("terrain", "layers", number, name))
-            images[path] = Image(path=names[path], values=values)
+    picture = recipe.terrain.appearance.orthoimage
+    if picture is not None:
+        key = ("terrain", "appearance", "orthoimage", "image")
+        require_file(folder / picture.image, picture.image, key)
+    images = {
+        path: Image(path=names[path], values=read_image(path, folder, key))
+        for path, key in _ground_images(recipe)
+    }
     for number, population in enumerate(recipe.rocks.populations):
         if population.density_image is not None:
-            path, key = population.density_image, ("rocks", "populations", number, "density_image")
-            image = Image(path=names[path], values=read_image(path, folder, key))
-            _require_density(image, key)
+            path = population.density_image
+            where: Key = ("rocks", "populations", number, "density_image")
+            image = Image(path=names[path], values=read_image(path, folder, where))
+            _require_density(image, where)
             images[path] = image
     return tuple(images.values())
 
@@ -72,6 +77,28 @@ def read_tables(recipe: Recipe, folder: Path) -> tuple[Table, ...]:
         )
         check_list(table, size=recipe.dtm.size_m, shapes=shapes, key=key)
         tables[listed.file] = table.replace(path=names[listed.file])
+    return tuple(tables.values())
+
+
+def read_layer_tables(recipe: Recipe, folder: Path) -> tuple[Table, ...]:
+    """The tables of the layers, each file once under its portable name.
+
+    Raises:
+        DataError: for a table that is missing or cannot be read.
+    """
+    names = portable_names(recipe)
+    tables = {}
+    for number, layer in enumerate(recipe.terrain.layers):
+        for wanted in layer.tables():
+            table = read_table(
+                wanted.file,
+                folder,
+                needed=wanted.needed,
+                optional=wanted.optional,
+                most=MAX_LISTED,
+                key=("terrain", "layers", number, wanted.field),
+            )
+            tables[wanted.file] = table.replace(path=names[wanted.file])
     return tuple(tables.values())
 
 
@@ -131,6 +158,19 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _ground_images(recipe: Recipe) -> Iterator[tuple[str, Key]]:
+    """Images that shape the ground or tell its looks, and where the recipe names them."""
+    for number, layer in enumerate(recipe.terrain.layers):
+        for path in layer.images():
+            name = next(f.name for f in fields(layer) if getattr(layer, f.name) == path)
+            yield path, ("terrain", "layers", number, name)
+        if layer.mask is not None and layer.mask.image is not None:
+            yield layer.mask.image, ("terrain", "layers", number, "mask", "image")
+    detail = recipe.terrain.appearance.detail
+    if detail is not None:
+        yield detail.image, ("terrain", "appearance", "detail", "image")
+
+
 def _paths(recipe: Recipe) -> list[str]:
     """Paths of all inputs as the recipe writes them, each once."""
     return list(dict.fromkeys(_all_paths(recipe)))
@@ -141,6 +181,11 @@ def _all_paths(recipe: Recipe) -> Iterator[str]:
         yield recipe.dtm.source
     for layer in recipe.terrain.layers:
         yield from layer.images()
+        if layer.mask is not None and layer.mask.image is not None:
+            yield layer.mask.image
+        yield from (table.file for table in layer.tables())
+    looks = recipe.terrain.appearance
+    yield from (part.image for part in (looks.orthoimage, looks.detail) if part is not None)
     yield from recipe.rocks.library.files()
     for population in recipe.rocks.populations:
         if population.density_image is not None:

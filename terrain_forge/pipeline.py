@@ -18,7 +18,9 @@ from terrain_forge.dtm.survey import survey
 from terrain_forge.inputs import (
     hash_inputs,
     portable_json,
+    portable_names,
     read_images,
+    read_layer_tables,
     read_meshes,
     read_tables,
     resolve_laws,
@@ -39,6 +41,8 @@ from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
 from terrain_forge.rocks.cache import find_library
 from terrain_forge.rocks.clearings import clearings
 from terrain_forge.rocks.feasibility import check_rocks, largest_rock
+from terrain_forge.rocks.intensity import require_place
+from terrain_forge.rocks.layer_craters import with_layer_craters
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import margin as rock_margin
 from terrain_forge.rocks.scatter import scatter
@@ -46,8 +50,11 @@ from terrain_forge.rocks.settle import require_loose, settle
 from terrain_forge.rovers.catalogue import find_rover
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window
-from terrain_forge.terrain.appearance import colour_ground, stencil_reach
+from terrain_forge.terrain.appearance import check_appearance, colour_ground, stencil_reach
+from terrain_forge.terrain.detail import ground_detail
 from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.terrain.layer import check_layers
+from terrain_forge.terrain.orthoimage import read_orthoimage
 from terrain_forge.world import Appearance, Heightfield, Lighting, World, owned, touches
 
 Progress = Callable[[str, float], None]
@@ -90,7 +97,7 @@ def plan(
         for number, path in enumerate(recipe.paths)
     )
     ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
-    return Site(
+    site = Site(
         name=recipe.name,
         seed=recipe.seed,
         body=body,
@@ -104,13 +111,26 @@ def plan(
         roughness=ground.roughness,
         largest_rock=largest_rock(recipe.rocks, area, tables),
         images=read_images(recipe, folder),
-        tables=tables,
+        tables=(*tables, *read_layer_tables(recipe, folder)),
         meshes=read_meshes(recipe, folder),
         inputs=hash_inputs(given, folder),
         routes=routes,
         clearings=clearings(recipe.rocks.keep_out, routes=routes, rover=rover),
         recipe_json=portable_json(recipe),
     )
+    check_layers(site.recipe.terrain.layers, site)
+    check_appearance(recipe.terrain.appearance, site)
+    site = with_layer_craters(_with_orthoimage(site, recipe, folder))
+    require_place(site.recipe.rocks.populations, site)
+    return site
+
+
+def _with_orthoimage(site: Site, recipe: Recipe, folder: Path) -> Site:
+    spec = recipe.terrain.appearance.orthoimage
+    if spec is None:
+        return site
+    name = portable_names(recipe)[spec.image]
+    return site.replace(orthoimage=read_orthoimage(spec, name=name, site=site, folder=folder))
 
 
 def _plan_path(recipe: Recipe, number: int, rover: Rover, *, driven: bool) -> Route:
@@ -134,7 +154,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     library = find_library(recipe.rocks.library, brought=site.meshes)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
-    around = site.padded(window, max(margin, stencil_reach(site)))
+    around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))
     land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
     ground = land.cut(
         column=window.column - around.column,
@@ -179,11 +199,15 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
 
 
 def _paint(site: Site, window: Window, land: Heightfield) -> Appearance:
-    spec, rocks = site.recipe.terrain.appearance, site.recipe.rocks
+    terrain, rocks = site.recipe.terrain, site.recipe.rocks
+    spec = terrain.appearance
     colours = [group.rgb or site.body.rock_rgb for group in rocks.groups]
     return Appearance(
-        ground_rgb=colour_ground(site=site, window=window, ground=land, spec=spec),
+        ground_rgb=colour_ground(
+            site=site, window=window, ground=land, spec=spec, layers=terrain.layers
+        ),
         rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
+        detail=ground_detail(spec.detail, site),
     )
 
 

@@ -70,11 +70,31 @@ class Image(Record):
     path: str
     """As the recipe writes it."""
     values: NDArray[np.float64]
-    """0 to 1 (integers divided by their type's largest value, floats as they are), rows run
-    north."""
+    """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
 
     def __post_init__(self) -> None:
         self.freeze("values", np.float64, ("rows", "columns"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Orthoimage(Record):
+    """A picture of the ground from above, cut to the site when it was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    albedo: NDArray[np.float32]
+    """Linear, in the source's row order, shape [rows, columns, 1 | 3]: one band tells brightness
+    over its mean on the site, three bands tell colour, 0 to 1."""
+    to_pixel: tuple[float, ...]
+    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
+    coordinates and whole numbers are pixel centres."""
+    crs: str
+    """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    wrap: tuple[float, float]
+    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
+
+    def __post_init__(self) -> None:
+        self.freeze("albedo", np.float32, ("rows", "columns", "bands"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,6 +180,8 @@ class Site(Record):
     """Tables that rocks use."""
     meshes: tuple[BroughtMesh, ...]
     """Rock shapes that the user brings."""
+    orthoimage: Orthoimage | None = None
+    """What the ground's colour is taken from, where the user has a picture of it."""
     inputs: tuple[tuple[str, str], ...]
     """Input files: path as the recipe writes it (absolute ones: the name only), SHA-256."""
     routes: tuple[Route, ...]

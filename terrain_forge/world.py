@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from terrain_forge.frames import compass_to_direction, matrix_from_quaternion
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
-from terrain_forge.records import Record
+from terrain_forge.records import Record, to_plain
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window
 
@@ -118,7 +120,7 @@ class RockPrototype(Record):
     """Inertia tensor of the first mesh about its centre of mass for a density of 1 kg/m³, shape
     [3, 3]."""
     hull_excess: float
-    """Summed volume of the hulls over the volume of the mesh, minus 1."""
+    """Volume of the hulls' union over the volume of the mesh, minus 1."""
     hull_distance: float
     """Hausdorff distance between the surface of the hulls' union and that of the first mesh [mean
     axes]."""
@@ -162,14 +164,12 @@ class RockLibrary(Record):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of all vertices, faces, texture coordinates and the texture, hexadecimal."""
-        digest = sha256(self.texture.tobytes())
-        for prototype in self.prototypes:
-            for mesh in (*prototype.meshes, *prototype.hulls):
-                digest.update(mesh.vertices.tobytes())
-                digest.update(mesh.faces.tobytes())
-            for uvs in prototype.uvs:
-                digest.update(uvs.tobytes())
+        """SHA-256 of all that the library is: meshes, texture, masses, stated errors; hexadecimal."""
+        arrays: dict[str, NDArray[Any]] = {}
+        plain = json.dumps(to_plain(self, arrays), sort_keys=True)
+        digest = sha256(plain.encode())
+        for array in arrays.values():
+            digest.update(array.tobytes())
         return digest.hexdigest()
 
 
@@ -231,6 +231,25 @@ ROCK_COLUMNS = tuple(field.name for field in fields(RockField) if field.name != 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class GroundDetail(Record):
+    """A tile of the ground close by, which repeats both ways: soil down to millimetres."""
+
+    size: float
+    """Side of the tile on the ground [m]; tiles are counted from the site's origin."""
+    brightness: NDArray[np.uint8]
+    """Linear factor on the ground's colour, `MIDDLE` for 1, rows run north, shape [side, side]."""
+    normals: NDArray[np.uint8]
+    """Unit normals towards east, north and away from the ground, -1 to 1 as 0 to 255, rows run
+    north, shape [side, side, 3]."""
+
+    MIDDLE: ClassVar[int] = 128
+
+    def __post_init__(self) -> None:
+        self.freeze("brightness", np.uint8, ("side", "side"))
+        self.freeze("normals", np.uint8, (*self.brightness.shape, 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Appearance(Record):
     """What the ground and the rocks look like."""
 
@@ -238,6 +257,8 @@ class Appearance(Record):
     """sRGB colour of each node of the ground, rows run north, shape [rows, columns, 3]."""
     rock_rgb: NDArray[np.uint8]
     """sRGB colour of each population's rocks, shape [populations, 3]."""
+    detail: GroundDetail | None = None
+    """What the ground looks like close by; None where nobody made it."""
 
     def __post_init__(self) -> None:
         self.freeze("ground_rgb", np.uint8, ("rows", "columns", 3))

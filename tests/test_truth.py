@@ -26,6 +26,7 @@ from tests import worlds
 from tests.test_proof import population, rocks
 
 ALPHA = 0.001
+BARE = SimpleNamespace(layers=())
 
 
 # Rasters
@@ -258,7 +259,7 @@ def test_the_true_outline_is_the_ground_that_is_seen_to_be_rock():
 
 def test_top_surface_and_ids_are_checked_by_rays(tmp_path):
     world = worlds.world(rocks=60)
-    world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks())
+    world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks(), terrain=BARE)
     write_truth(world, tmp_path)
     height, ids = top_surface_checks(world, tmp_path / "truth", points=2000)
     assert height.passed
@@ -308,7 +309,7 @@ def test_the_bundle_is_whole_and_repeats(tmp_path):
         population("boulders", diameter=(0.7, 2.0)),
     )
     world = worlds.world()
-    world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks(*specs))
+    world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks(*specs), terrain=BARE)
     files = write_truth(world, tmp_path / "one")
     again = write_truth(world, tmp_path / "two")
     names = ["surface.tif", "surface_with_rocks.tif", "rock_id.tif", "rocks.csv",

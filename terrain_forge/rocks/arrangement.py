@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
-from math import cos, exp, hypot, pi, sin
+from math import exp, hypot, pi
 from typing import Annotated, Literal
 
-from annotated_types import Interval, MinLen
+import numpy as np
+from annotated_types import Interval
 
-from terrain_forge.specs import BY_KIND, Pair, Positive, Spec
+from terrain_forge.specs import BY_KIND, FileName, Pair, Positive, Spec
 
 RIM_FALL = 0.7
 """Distance [crater radii] over which the density of a crater's rocks falls to 1/e outside its rim.
@@ -88,8 +88,16 @@ class AroundCraters(Spec):
     """
 
     kind: Literal["craters"] = "craters"
-    craters: Annotated[tuple[Crater, ...], MinLen(1)]
-    """The craters."""
+    craters: tuple[Crater, ...] = ()
+    """The craters, one by one."""
+    layer: FileName | None = None
+    """Instead: name of a layer of craters (`craters` where it has none of its own)."""
+    smallest_crater_m: Positive = 10.0
+    """Diameter [m] of the layer's smallest craters that have rocks, since they dig deep enough."""
+
+    def __post_init__(self) -> None:
+        if bool(self.craters) == (self.layer is not None):
+            raise ValueError("one of craters and layer")
 
 
 Arrangement = Annotated[Poisson | Clustered | AroundCraters, BY_KIND]
@@ -108,15 +116,23 @@ def crowding(arrangement: Arrangement) -> float:
         own = 1.0 / (4.0 * pi * arrangement.clusters_per_m2 * arrangement.radius_m**2)
         return float(1.0 + 2.0 * own + own**0.5)
     if isinstance(arrangement, AroundCraters):
-        return max(sum(c.weight(x, y) for c in arrangement.craters) for x, y in _rims(arrangement))
+        return _crowding_at_rims(arrangement.craters)
     return 1.0
 
 
-def _rims(arrangement: AroundCraters) -> list[tuple[float, float]]:
-    """Points just outside the craters' rims [m]."""
-    points = []
-    for crater, n in product(arrangement.craters, range(_RIM_POINTS)):
-        angle, radius = 2.0 * pi * n / _RIM_POINTS, 0.5 * crater.diameter_m * (1.0 + 1e-9)
-        x, y = crater.centre_m
-        points.append((x + radius * cos(angle), y + radius * sin(angle)))
-    return points
+def _crowding_at_rims(craters: tuple[Crater, ...]) -> float:
+    """Largest sum of the craters' weights just outside any of their rims."""
+    if not craters:
+        return 1.0
+    x, y = np.array([crater.centre_m for crater in craters]).T
+    radius = np.array([0.5 * crater.diameter_m for crater in craters])
+    angle = 2.0 * pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+    east = x[:, None] + radius[:, None] * (1.0 + 1e-9) * np.cos(angle)
+    north = y[:, None] + radius[:, None] * (1.0 + 1e-9) * np.sin(angle)
+    total = np.zeros(east.shape)
+    for crater in craters:
+        away = np.hypot(east - crater.centre_m[0], north - crater.centre_m[1])
+        away *= 2.0 / crater.diameter_m
+        outside = np.where(away > FARTHEST, 0.0, np.exp((1.0 - away) / RIM_FALL))
+        total += crater.strength * np.where(away < 1.0, INTERIOR, outside)
+    return float(total.max())

@@ -13,6 +13,9 @@ from terrain_forge.seeds import mix
 
 _TURN_COS, _TURN_SIN = 0.4472135954999579, 0.8944271909999159
 _COMPONENT = 1.0 / 32768.0
+CLAST_SHARE = 0.45
+"""Share of the cells of small stones that hold one."""
+_CLAST_CELL = 0.16  # size of the cells of the largest small stones [m]
 _PRIMES = (
     np.uint64(0x9E3779B185EBCA87),
     np.uint64(0xC2B2AE3D27D4EB4F),
@@ -110,6 +113,37 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     far = np.sqrt(behind_x * behind_x + behind_y * behind_y) / reach
     shadow = min(1.0, max(0.0, (1.1 - far) / max(0.35, soft)))
     return cover, -steep * off_x, -steep * off_y, part(draw, 24), shadow * (1.0 - cover)
+
+
+@inner
+def ground_grain(key, share, sun_x, sun_y, east, north, footprint):  # type: ignore[no-untyped-def]
+    """Soil and small stones at a place of the world, down to the size of a pixel.
+
+    Args:
+        key: what they hang on.
+        share: part of the cells that hold a stone.
+        sun_x: east of the way from the end of a shadow to the foot of a thing of unit height.
+        sun_y: north of it.
+        east: the place [m].
+        north: the place [m].
+        footprint: size of a pixel on the ground [m].
+
+    Returns:
+        Brightness, depth of the stones' shadows (0 to 1), rise per metre along east and north.
+    """
+    tint, rise_x, rise_y = soil(key, east, north, 0.9, footprint)
+    bright, shade = 1.0 + 0.22 * tint, 0.0
+    some = share * min(1.5, max(0.2, 1.0 + 1.2 * tint))
+    cell = _CLAST_CELL
+    for scale in range(3):
+        cover, stone_x, stone_y, tone, dark = clasts(
+            mix(key, np.uint64(scale)), east, north, cell, some, sun_x, sun_y, footprint
+        )
+        rise_x, rise_y = rise_x * (1.0 - cover) + stone_x, rise_y * (1.0 - cover) + stone_y
+        bright *= 1.0 + cover * (0.25 * tone - 0.08)
+        shade = max(shade, dark)
+        cell *= 0.42
+    return bright, shade, rise_x, rise_y
 
 
 @inner

@@ -42,13 +42,16 @@ class Light(NamedTuple):
     """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
 
 
+_ROUGH = 0.05
+"""Cosine over which grains that a pixel cannot show soften the edge of night on them."""
+
+
 @inner
 def _reflect(point, towards, light):  # type: ignore[no-untyped-def]
     """Lunar-Lambert reflectance of a point over its albedo, times the cosine of incidence."""
     sun = light.towards_sun
     mu0 = point[BENT_X] * sun[0] + point[BENT_Y] * sun[1] + point[BENT_Z] * sun[2]
-    if mu0 <= 0.0:
-        return 0.0
+    mu0 = 0.5 * (mu0 + np.sqrt(mu0 * mu0 + _ROUGH * _ROUGH))
     mu = -(point[BENT_X] * towards[0] + point[BENT_Y] * towards[1] + point[BENT_Z] * towards[2])
     mu = max(mu, 0.1)
     phase = -(sun[0] * towards[0] + sun[1] * towards[1] + sun[2] * towards[2])

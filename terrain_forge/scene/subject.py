@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.kernels import kernel
 from terrain_forge.mesh import Mesh
+from terrain_forge.scene.grain import CLAST_SHARE
 from terrain_forge.scene.light import Light
 from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
@@ -41,7 +42,7 @@ def prepare_land(world: World, scene: RayScene, lighting: Lighting) -> Land:
         spacing=ground.spacing,
         edge=_border_height(ground.elevation) - middle,
         key=stage_key(world.site.seed, "grain"),
-        clast_share=0.45,
+        clast_share=CLAST_SHARE,
         shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner
-from terrain_forge.scene.grain import cell_hash, clasts, face, part, soil
+from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
 from terrain_forge.seeds import mix
 
 (
@@ -38,7 +38,6 @@ surface over the triangle, and what it belongs to: a rock's row, -1 for the grou
 COLUMNS = 16
 NOBODY = -3.0
 """Owner of a point that is not yet shaded."""
-_CLAST_CELL = 0.16
 
 
 class Land(NamedTuple):
@@ -169,32 +168,14 @@ def _track(tracks, land, x, y, ragged, footprint):  # type: ignore[no-untyped-de
 
 
 @inner
-def _texture_ground(land, x, y, footprint):  # type: ignore[no-untyped-def]
-    """Brightness, shade and rise per metre along x and y of soil and small stones at a place."""
-    east, north = x + land.shift[0], y + land.shift[1]
-    tint, rise_x, rise_y = soil(land.key, east, north, 0.9, footprint)
-    bright, shade = 1.0 + 0.22 * tint, 0.0
-    share = land.clast_share * min(1.5, max(0.2, 1.0 + 1.2 * tint))
-    cell = _CLAST_CELL
-    for scale in range(3):
-        key = mix(land.key, np.uint64(scale))
-        cover, stone_x, stone_y, tone, dark = clasts(
-            key, east, north, cell, share, land.shadow[0], land.shadow[1], footprint
-        )
-        rise_x, rise_y = rise_x * (1.0 - cover) + stone_x, rise_y * (1.0 - cover) + stone_y
-        bright *= 1.0 + cover * (0.25 * tone - 0.08)
-        shade = max(shade, dark)
-        cell *= 0.42
-    return bright, shade, rise_x, rise_y
-
-
-@inner
 def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     """Fill in normal, albedo and lift of a point on the ground; its place is set already."""
     x, y = point[X], point[Y]
     i, j, u, v = _cell(land, x, y)
     slope_x, slope_y = _round_off(point, land, i, j, u, v)
-    bright, shade, rise_x, rise_y = _texture_ground(land, x, y, footprint)
+    bright, shade, rise_x, rise_y = ground_grain(
+        land.key, land.clast_share, *land.shadow, x + land.shift[0], y + land.shift[1], footprint
+    )
     depth, track_x, track_y = _track(tracks, land, x, y, bright - 1.0, footprint)
     kept = 1.0 - 0.45 * depth
     rise_x, rise_y = rise_x * kept + track_x, rise_y * kept + track_y

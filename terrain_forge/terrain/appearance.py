@@ -1,45 +1,93 @@
-"""The colour of the ground: the body's regolith, mottled by noise and by the relief itself."""
+"""The colour of the ground: its regolith or the user's picture, mottled by noise and by relief."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.colour import linear_from_srgb, srgb_from_linear
+from terrain_forge.errors import RecipeError
 from terrain_forge.kernels import kernel, over_chunks
 from terrain_forge.seeds import stage_key
 from terrain_forge.site import Site, Window
 from terrain_forge.specs import Fraction, Spec
+from terrain_forge.terrain.detail import DetailSpec
+from terrain_forge.terrain.layer import Layer
+from terrain_forge.terrain.masks import mask_weight
 from terrain_forge.terrain.noise import fbm
+from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
+from terrain_forge.terrain.regolith import REGOLITHS
 from terrain_forge.world import Heightfield
+
+Array = NDArray[np.float64]
 
 _STENCIL_M = 0.5
 _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN = 23.0, 7, 0.68
+_STRIP = 1024
+"""Most rows that are worked on at once in double precision."""
+_STEPS = 4096
+_ENCODED = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
+"""sRGB bytes of linear light, which is spaced by its square root as sRGB nearly is."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AppearanceSpec(Spec):
     """What the ground looks like."""
 
+    regolith: (
+        Literal["mars_dust", "mars_plains", "mars_sand", "lunar_mare", "lunar_highlands"] | None
+    ) = None
+    """What the ground is made of; without it the body's usual regolith."""
     ground_rgb: tuple[Fraction, Fraction, Fraction] | None = None
-    """sRGB colour of level ground, 0 to 1 each; without it the body's regolith."""
+    """sRGB colour of level ground, 0 to 1 each, instead of the regolith's."""
     variation: Fraction = 0.5
     """How much colour and brightness vary over the ground: 0 not at all, 1 strongly."""
+    orthoimage: OrthoimageSpec | None = None
+    """A picture of the ground from above that its colour is taken from."""
+    detail: DetailSpec | None = None
+    """A picture of soil close by that is laid in tiles; without it a procedural one."""
+
+    def __post_init__(self) -> None:
+        if self.regolith is not None and self.ground_rgb is not None:
+            raise ValueError("regolith or ground_rgb, not both")
 
 
-def stencil_reach(site: Site) -> float:
+def check_appearance(spec: AppearanceSpec, site: Site) -> None:
+    """Refuse a soil of another body.
+
+    Raises:
+        RecipeError: says which soils the body has.
+    """
+    if spec.regolith is not None and REGOLITHS[spec.regolith].body != site.body.name:
+        known = [name for name, soil in REGOLITHS.items() if soil.body == site.body.name]
+        raise RecipeError(
+            f"{spec.regolith} is no soil of {site.body.name}, which has {', '.join(known)}",
+            key=("terrain", "appearance", "regolith"),
+        )
+
+
+def stencil_reach(site: Site, layers: tuple[Layer, ...] = ()) -> float:
     """How far around a node its colour looks at the ground [m]: the margin that a window needs."""
-    return _cells(site.spacing) * site.spacing
+    masks = [layer.mask.reach(site) for layer in layers if layer.mask is not None]
+    return max(_cells(site.spacing) * site.spacing, *masks, 0.0)
 
 
 def colour_ground(
-    *, site: Site, window: Window, ground: Heightfield, spec: AppearanceSpec
+    *,
+    site: Site,
+    window: Window,
+    ground: Heightfield,
+    spec: AppearanceSpec,
+    layers: tuple[Layer, ...] = (),
 ) -> NDArray[np.uint8]:
     """The sRGB colour of the window's nodes, rows run north, shape [rows, columns, 3].
 
     Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is
-    addressed by position mottles all of it, so that nothing repeats.
+    addressed by position mottles all of it, so that nothing repeats. Layers brighten it, as fresh
+    ejecta do.
 
     Args:
         site: the place.
@@ -47,41 +95,98 @@ def colour_ground(
         ground: heights of at least the window. A node has the same colour in every window if this
             reaches `stencil_reach` beyond the window, or to the site's edge.
         spec: the recipe's wishes.
+        layers: the layers that shaped the ground; their masks are taken on the finished ground.
     """
+    rgb = np.empty((window.rows + 1, window.columns + 1, 3), np.uint8)
+    for first in range(0, window.rows, _STRIP):
+        rows = min(_STRIP, window.rows - first)
+        strip = Window(
+            column=window.column, row=window.row + first, columns=window.columns, rows=rows
+        )
+        _colour_strip(site, strip, ground, spec, layers, rgb[first : first + rows + 1])
+    return rgb
+
+
+def _colour_strip(
+    site: Site,
+    window: Window,
+    ground: Heightfield,
+    spec: AppearanceSpec,
+    layers: tuple[Layer, ...],
+    rgb: NDArray[np.uint8],
+) -> None:
     east, north = site.axes(window)
     mottle = fbm(
         stage_key(site.seed, "appearance"), east, north, _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN
     )
-    colour = np.array(spec.ground_rgb or site.body.ground_rgb)
-    rgb = np.empty((*mottle.shape, 3), dtype=np.uint8)
     over_chunks(
         _paint,
         len(mottle),
         ground.elevation,
-        round((float(east[0]) - ground.origin[0]) / ground.spacing),
-        round((float(north[0]) - ground.origin[1]) / ground.spacing),
+        *_first_node(site, window, ground),
         _cells(site.spacing),
         site.spacing,
         mottle,
-        colour,
+        _base(site, window, spec),
+        _brightness(site, window, ground, layers),
         spec.variation,
+        _ENCODED,
         rgb,
     )
-    return rgb
 
 
 def _cells(spacing: float) -> int:
     return max(1, round(_STENCIL_M / spacing))
 
 
+def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
+    """Column and row of the ground that lie under the window's first node."""
+    column = round((ground.origin[0] - site.west) / site.spacing)
+    row = round((ground.origin[1] - site.south) / site.spacing)
+    return window.column - column, window.row - row
+
+
+def _base(site: Site, window: Window, spec: AppearanceSpec) -> Array:
+    """Linear colour before any variation, of each node, or of all where shape [1, 1, 3]."""
+    soil = REGOLITHS[spec.regolith].rgb if spec.regolith else site.body.ground_rgb
+    colour = linear_from_srgb(spec.ground_rgb or soil)
+    if site.orthoimage is None:
+        return colour.reshape(1, 1, 3)
+    albedo = orthoimage_albedo(site.orthoimage, site=site, window=window)
+    return albedo if albedo.shape[2] == 3 else albedo * colour
+
+
+def _brightness(
+    site: Site, window: Window, ground: Heightfield, layers: tuple[Layer, ...]
+) -> Array:
+    """What the layers multiply the linear colour by, of each node, or of all if shape [1, 1]."""
+    product = np.ones((1, 1))
+    for layer in layers:
+        factor = layer.brightness(site=site, window=window)
+        if factor is None:
+            continue
+        if layer.mask is not None:
+            around = site.padded(window, layer.mask.reach(site))
+            column, row = _first_node(site, around, ground)
+            nodes = np.s_[row : row + around.rows + 1, column : column + around.columns + 1]
+            heights = ground.elevation[nodes].astype(np.float64)
+            weight = mask_weight(layer.mask, site=site, window=around, elevation=heights)
+            south, west = window.row - around.row, window.column - around.column
+            own = weight[south : south + window.rows + 1, west : west + window.columns + 1]
+            factor = 1.0 + own * (factor - 1.0)
+        product = product * factor
+    return product
+
+
 @kernel
 def _paint(  # type: ignore[no-untyped-def]
-    first, last, elevation, column, row, cells, spacing, mottle, colour, variation, rgb
-):
+    first, last, elevation, column, row, cells, spacing, mottle, base, brightness, variation,
+    encoded, rgb,
+):  # fmt: skip
     """Colour each node; `elevation[row, column]` lies under the first node of `mottle`."""
     columns = mottle.shape[1]
     last_row, last_column = elevation.shape[0] - 1, elevation.shape[1] - 1
-    grey = (colour[0] + colour[1] + colour[2]) / 3.0
+    varied, brightened = min(base.shape[0] - 1, 1), min(brightness.shape[0] - 1, 1)
     for j in range(first, last):
         south, north = max(row + j - cells, 0), min(row + j + cells, last_row)
         for i in range(columns):
@@ -98,7 +203,11 @@ def _paint(  # type: ignore[no-untyped-def]
             steep = min(1.0, slope_x * slope_x + slope_y * slope_y)
             dust = 0.8 * mottle[j, i] - 0.8 * steep - min(max(3.0 * hollow, -0.5), 0.5)
             bright = 1.0 + 0.30 * variation * dust
-            vivid = 1.0 + 0.2 * variation * dust
+            bright *= bright * brightness[j * brightened, i * brightened]
+            vivid = 1.0 + 0.3 * variation * dust
+            colour = base[j * varied, i * varied]
+            grey = (colour[0] + colour[1] + colour[2]) / 3.0
             for channel in range(3):
                 value = bright * (grey + vivid * (colour[channel] - grey))
-                rgb[j, i, channel] = np.uint8(255.0 * min(max(value, 0.0), 1.0) + 0.5)
+                light = np.sqrt(min(max(value, 0.0), 1.0))
+                rgb[j, i, channel] = np.uint8(encoded[np.int64(light * (_STEPS - 1) + 0.5)])

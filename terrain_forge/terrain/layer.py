@@ -13,11 +13,27 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.errors import RecipeError
 from terrain_forge.site import Site, Window
 from terrain_forge.specs import Spec
+from terrain_forge.terrain.masks import Mask, mask_weight
 
 LAYERS = "terrain_forge.layers"
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputTable:
+    """A table of numbers (CSV) that a layer reads, found as `site.table(file)`."""
+
+    file: str
+    """Path as the recipe writes it."""
+    field: str
+    """The layer's field that names it."""
+    needed: tuple[str, ...]
+    """Columns that it must have."""
+    optional: tuple[str, ...] = ()
+    """Columns that it may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,19 +45,73 @@ class Layer(Spec):
     `terrain_forge.layers`.
     """
 
+    mask: Mask | None = None
+    """Where the layer applies; without it, everywhere."""
+
     def images(self) -> tuple[str, ...]:
         """Image files that the layer reads, as the recipe writes them."""
         return ()
 
+    def tables(self) -> tuple[InputTable, ...]:
+        """Tables that the layer reads."""
+        return ()
+
+    def check(self, *, site: Site, key: tuple[str | int, ...]) -> None:
+        """Refuse, when the site is planned, what it cannot have; `key` is the layer's place.
+
+        Raises:
+            RecipeError, DataError: what was found and what is allowed.
+        """
+
+    def reach(self, site: Site) -> float:  # noqa: ARG002
+        """How far around a node its relief depends on the ground so far [m]."""
+        return 0.0
+
     def relief(
         self, *, site: Site, window: Window, elevation: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Heights to add [m] at the window's nodes, shape [rows, columns].
+        """Heights to add [m] at the window's nodes, shape [rows, columns], before the mask.
 
         A pure function of the site's coordinates: a node has the same bits in every window.
-        `elevation` is the ground so far [m]; only the node's own value may be used.
+        `elevation` is the ground so far [m]; of it only what lies within `reach` may be used.
         """
         raise NotImplementedError
+
+    def brightness(self, *, site: Site, window: Window) -> NDArray[np.float64] | None:  # noqa: ARG002
+        """Factor on the ground's linear albedo at the window's nodes; None for 1 everywhere."""
+        return None
+
+    def masked_relief(
+        self, *, site: Site, window: Window, elevation: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The relief where the mask lets it be."""
+        added = self.relief(site=site, window=window, elevation=elevation)
+        if self.mask is None:
+            return added
+        return added * mask_weight(self.mask, site=site, window=window, elevation=elevation)
+
+    def margin(self, site: Site) -> float:
+        """How far around a node the layer and its mask look at the ground so far [m]."""
+        return max(self.reach(site), self.mask.reach(site) if self.mask else 0.0)
+
+
+def check_layers(layers: tuple[Layer, ...], site: Site) -> None:
+    """Refuse layers that a site cannot have, or two with one name.
+
+    Raises:
+        RecipeError, DataError: for the first that is wrong.
+    """
+    named: dict[str, int] = {}
+    for number, layer in enumerate(layers):
+        key = ("terrain", "layers", number)
+        name = getattr(layer, "name", None)
+        if name is not None and named.setdefault(name.lower(), number) != number:
+            raise RecipeError(
+                f"a layer before is called {name!r} too, case aside", key=(*key, "name")
+            )
+        if layer.mask is not None:
+            layer.mask.check(site=site, key=(*key, "mask"))
+        layer.check(site=site, key=key)
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from terrain_forge.truth.craters import write_craters
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.truth.tables import write_rocks
@@ -38,4 +39,5 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     rocks = truth / "rocks.csv"
     write_rocks(world, rocks)
     proof = write_size_frequency(world, truth, rock_id=rock_id)
-    return [surface, surface_with_rocks, ids, rocks, *proof]
+    craters = write_craters(world, truth)
+    return [surface, surface_with_rocks, ids, rocks, *proof, *craters]

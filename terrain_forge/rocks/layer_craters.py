@@ -1,0 +1,74 @@
+"""Rocks around the craters of a layer: the craters are found and written into the recipe."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.limits import require_fits
+from terrain_forge.recipe import recipe_json
+from terrain_forge.rocks.arrangement import LIFETIME, AroundCraters, Crater
+from terrain_forge.rocks.feasibility import check_rocks
+from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.site import Site
+from terrain_forge.terrain.cratering.making import make_craters
+from terrain_forge.terrain.layers.craters import CraterLayer
+
+MAX_CRATERS = 500
+"""Craters that one population may lie around."""
+
+Key = tuple[str | int, ...]
+
+
+def with_layer_craters(site: Site) -> Site:
+    """The site whose populations have the craters of the layers that they name.
+
+    Raises:
+        RecipeError: for an unknown layer, one without craters of the size, or too many of them.
+    """
+    recipe = site.recipe
+    populations = tuple(
+        _around_layer(population, site, ("rocks", "populations", number, "arrangement"))
+        for number, population in enumerate(recipe.rocks.populations)
+    )
+    if populations == recipe.rocks.populations:
+        return site
+    recipe = replace(recipe, rocks=replace(recipe.rocks, populations=populations))
+    check_rocks(recipe.rocks, site.size)
+    require_fits(recipe)
+    return site.replace(recipe_json=recipe_json(recipe))
+
+
+def _around_layer(population: PopulationSpec, site: Site, key: Key) -> PopulationSpec:
+    arrangement = population.arrangement
+    if not isinstance(arrangement, AroundCraters) or arrangement.layer is None:
+        return population
+    craters = _craters_of(arrangement, site, key)
+    return replace(population, arrangement=AroundCraters(craters=craters))
+
+
+def _craters_of(arrangement: AroundCraters, site: Site, key: Key) -> tuple[Crater, ...]:
+    """The craters of a layer that have rocks, the youngest first."""
+    layers = {
+        layer.name: layer for layer in site.recipe.terrain.layers if isinstance(layer, CraterLayer)
+    }
+    if arrangement.layer not in layers:
+        known = ", ".join(layers) or "none"
+        raise RecipeError(
+            f"no layer of craters is called {arrangement.layer!r}, there are: {known}",
+            key=(*key, "layer"),
+        )
+    found = make_craters(layers[arrangement.layer], site=site, area=site.bounds)
+    large = found.diameter >= arrangement.smallest_crater_m
+    found = found.select(large & (found.wear < 1.0) & (found.age < LIFETIME))
+    if not 0 < len(found) <= MAX_CRATERS:
+        raise RecipeError(
+            f"{len(found)} craters of {arrangement.smallest_crater_m:g} m and more have rocks that "
+            f"reach the site, allowed: 1 to {MAX_CRATERS}",
+            key=(*key, "smallest_crater_m"),
+        )
+    rows = zip(found.xy.tolist(), found.diameter.tolist(), found.age.tolist(), strict=True)
+    return tuple(
+        Crater(centre_m=(east, north), diameter_m=diameter, age_ga=age)
+        for (east, north), diameter, age in rows
+    )

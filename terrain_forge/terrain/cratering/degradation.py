@@ -1,0 +1,100 @@
+"""Wear: craters diffuse, ∂z/∂t = κ ∇²z, each for its own age.
+
+Culling & Soderblom's model of small impacts as it is used since Fassett & Thomson 2014
+(doi:10.1002/2014JE004698). All craters of one shape wear alike in τ = κ t / D², so that one table
+of diffused shapes serves them all.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.terrain.cratering.profile import EJECTA_FADE, FT_DEPTH, FT_RIM, shapes
+
+Array = NDArray[np.float64]
+
+REACH = 5.0
+"""Farthest distance at which a crater of any age shows [radii]."""
+STEP = 0.01
+"""Distance of the table's columns [radii]; crest and floor's edge lie on columns."""
+ROWS = 96
+"""Rows of the table over 0 ≤ √τ ≤ 1. A crater of τ > 1 is gone."""
+
+_DOMAIN = 8.0
+_MODES = 400
+_VISIBLE = 3e-4
+"""Height [diameters] below which a worn crater ends."""
+
+
+class WornShapes(NamedTuple):
+    """Diffused shapes."""
+
+    values: Array
+    """The three shapes at √τ = row / (rows - 1) and x = column · STEP, shape [rows, columns, 3]."""
+    reach: Array
+    """Where a crater ends at the row's age [radii], shape [rows]."""
+
+
+@cache
+def worn_shapes() -> WornShapes:
+    """The table of diffused shapes, by a Fourier-Bessel series on a disc of 8 radii.
+
+    Summed without threads, so that its bits are the same everywhere.
+    """
+    from scipy.special import j0, j1, jn_zeros
+
+    zeros = jn_zeros(0, _MODES)
+    fine = (np.arange(int(EJECTA_FADE[1] / STEP) * 8, dtype=np.float64) + 0.5) * (STEP / 8.0)
+    series = np.einsum("sx,kx->sk", shapes(fine) * fine, j0(zeros[:, None] * fine / _DOMAIN))
+    series *= 2.0 * (STEP / 8.0) / (_DOMAIN * j1(zeros)) ** 2
+    x = np.arange(round(REACH / STEP) + 2, dtype=np.float64) * STEP
+    tau = (np.arange(ROWS) / (ROWS - 1)) ** 2
+    # In radii, the time is κ t / R² = 4 τ.
+    decay = np.exp(-4.0 * tau[:, None] * (zeros / _DOMAIN) ** 2)
+    waves = j0(zeros[:, None] * x / _DOMAIN)
+    values = np.stack([np.einsum("tk,kx->tx", decay * one, waves) for one in series], axis=-1)
+    values[0] = shapes(x).T
+    reach = _reach(values, x)
+    share = np.clip((reach[:, None] - x) / (0.15 * reach[:, None]), 0.0, 1.0)
+    values[1:] *= (share * share * (3.0 - 2.0 * share))[1:, :, None]
+    values.setflags(write=False)
+    return WornShapes(values, reach)
+
+
+def _reach(values: Array, x: Array) -> Array:
+    """Where the height of a deep crater falls below what is visible, for each row."""
+    usual = np.array([FT_DEPTH, 0.5 * FT_RIM, 0.5 * FT_RIM])
+    seen = np.abs(values @ usual) > _VISIBLE
+    last = x.size - 1 - np.argmax(seen[:, ::-1], axis=1)
+    # The part towards the end is faded out, which must not touch what is visible.
+    reach = np.minimum(x[last] / 0.85, REACH)
+    reach[0] = EJECTA_FADE[1]
+    return np.asarray(np.maximum.accumulate(reach))
+
+
+def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:
+    """Diffusivity κ [m²/10⁶ years] by which craters of diameters [m] wear.
+
+    Up to 125 m as in synthterrain (NASA Ames, after C. Fassett), which holds small lunar craters at
+    their equilibrium; 5.5 from 1 km on, the mean of the last 3·10⁹ years (Fassett & Thomson 2014);
+    a power law between. Craters of other bodies wear by other means: there, it is an assumption.
+
+    Args:
+        diameter: diameters [m].
+        constant: one figure for all sizes, instead.
+    """
+    diameter = np.asarray(diameter, np.float64)
+    if constant is not None:
+        return np.full(diameter.shape, constant)
+    middle = 1.23e-3 * diameter**0.8386
+    at_125 = 1.23e-3 * 125.0**0.8386
+    exponent = np.log(5.5 / at_125) / np.log(1000.0 / 125.0)
+    return np.select(
+        [diameter <= 11.2, diameter < 45.0, diameter < 125.0, diameter < 1000.0],
+        [0.0155, 1.55e-3 * diameter**0.974, middle, at_125 * (diameter / 125.0) ** exponent],
+        5.5,
+    )

@@ -1,0 +1,131 @@
+"""From a layer's spec to its craters: drawn by chance, taken from the user's list, or both."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.dtm.projection import geographic_crs, transform
+from terrain_forge.kernels import kernel
+from terrain_forge.seeds import mix, stage_key
+from terrain_forge.site import Site, Table
+from terrain_forge.terrain.cratering.craters import Craters
+from terrain_forge.terrain.cratering.degradation import diffusivity
+from terrain_forge.terrain.cratering.equilibrium import Equilibrium
+from terrain_forge.terrain.cratering.fresh import LARGEST_SIMPLE, fresh_shapes
+from terrain_forge.terrain.cratering.placement import Drawn, Rectangle, draw_craters
+from terrain_forge.terrain.cratering.population import Population, largest_expected
+
+if TYPE_CHECKING:
+    from terrain_forge.terrain.layers.craters import CraterLayer
+
+Array = NDArray[np.float64]
+
+FEWEST_NODES = 4.0
+"""Spacings that the smallest crater must be wide."""
+UNRESOLVED = 5.0
+"""Postings of a DTM up to which it does not show craters itself."""
+_EQUILIBRIUM: dict[str, Equilibrium] = {"moon": "trask", "mars": "hartmann"}
+
+
+def make_craters(spec: CraterLayer, *, site: Site, area: Rectangle) -> Craters:
+    """All craters of a layer that reach into an area of the site, the youngest first.
+
+    Those that are worn away are among them, where their rim was in the area.
+
+    Args:
+        spec: The layer.
+        site: The site, which holds the layer's list.
+        area: West, south, east, north [m].
+    """
+    key = stage_key(site.seed, f"terrain/{spec.name}")
+    parts = []
+    population = population_of(spec, site=site)
+    if population is not None:
+        drawn = draw_craters(population, key=np.uint64(mix(key, 0)), area=area)
+        parts.append(_shaped(drawn, spec, site=site, ratio=None, listed=False))
+    if spec.file is not None:
+        table = site.table(spec.file)
+        parts.append(_listed(table, spec, site=site, key=np.uint64(mix(key, 1))))
+    both = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in (*Drawn._fields, "listed", "fresh_depth", "fresh_rim", "fresh_ejecta", "wear")
+    }
+    craters = Craters(**both).sorted()
+    beyond = np.maximum(area[:2] - craters.xy, craters.xy - np.array(area[2:]))
+    reach = np.maximum(craters.reach, 0.5 * craters.diameter)
+    return craters.select(np.hypot(*np.maximum(beyond, 0.0).T) < reach)
+
+
+def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
+    """What chance draws for a layer on a site; None where its craters are listed only."""
+    if spec.production is None:
+        return None
+    equilibrium = spec.equilibrium or _EQUILIBRIUM[site.body.name]
+    smallest, largest = spec.diameter_m
+    if smallest is None:
+        smallest = FEWEST_NODES * site.spacing
+    if largest is None and site.dtm is not None:
+        largest = UNRESOLVED * site.dtm.posting
+    if largest is None:
+        expected = largest_expected(spec.production, equilibrium, site.size[0] * site.size[1])
+        largest = min(expected, LARGEST_SIMPLE[site.body.name])
+    return Population(
+        production=spec.production,
+        equilibrium=equilibrium,
+        diameters=(smallest, largest),
+        diffusivity=spec.diffusivity_m2_per_myr,
+    )
+
+
+def listed_places(table: Table, *, site: Site) -> Array:
+    """East and north [m] of listed craters, by x_m and y_m or lon_deg and lat_deg, [rows, 2]."""
+    if "x_m" in table.columns:
+        return np.column_stack([table.column("x_m"), table.column("y_m")])
+    degrees = table.column("lon_deg"), table.column("lat_deg")
+    return np.column_stack(transform(geographic_crs(site.crs), site.crs, *degrees))
+
+
+def _listed(table: Table, spec: CraterLayer, *, site: Site, key: np.uint64) -> Craters:
+    """The user's craters; what the table does not give is that of fresh ones."""
+    rows = len(table.values)
+    given = Drawn(
+        id=_addresses(key, rows),
+        xy=listed_places(table, site=site),
+        diameter=table.column("diameter_m"),
+        age=table.column("age_ga") if "age_ga" in table.columns else np.zeros(rows),
+    )
+    own = "depth_to_diameter"
+    ratio = table.column(own) if own in table.columns else None
+    return _shaped(given, spec, site=site, ratio=ratio, listed=True)
+
+
+def _shaped(
+    drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array | None, listed: bool
+) -> Craters:
+    """Craters with their fresh measures and their wear."""
+    fresh = fresh_shapes(
+        drawn.diameter,
+        body=site.body.name,
+        depth_to_diameter=spec.depth_to_diameter if ratio is None else ratio,
+        ejecta=spec.ejecta,
+    )
+    kappa = diffusivity(drawn.diameter, constant=spec.diffusivity_m2_per_myr)
+    return Craters(
+        **drawn._asdict(),
+        listed=np.full(len(drawn.id), listed),
+        fresh_depth=fresh.depth,
+        fresh_rim=fresh.rim,
+        fresh_ejecta=fresh.ejecta,
+        wear=kappa * 1000.0 * drawn.age / drawn.diameter**2,
+    )
+
+
+@kernel
+def _addresses(key, count):  # type: ignore[no-untyped-def]
+    found = np.empty(count, dtype=np.uint64)
+    for n in range(count):
+        found[n] = mix(key, n)
+    return found

@@ -1,0 +1,121 @@
+"""A population of craters: production limited by equilibrium, and how old its craters are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.terrain.cratering.chronology import Chronology
+from terrain_forge.terrain.cratering.degradation import diffusivity
+from terrain_forge.terrain.cratering.equilibrium import LIMITS, Equilibrium
+from terrain_forge.terrain.cratering.production import Production, SizeLaw
+
+Array = NDArray[np.float64]
+
+_SEEN = 0.1133
+"""κt/D² at which a tenth of a crater's depth is left."""
+_PER_OCTAVE = 64
+"""Diameters of the table on an octave; a power law between them is right to 2 in 100 000."""
+
+
+class SizeTable(NamedTuple):
+    """A population at diameters that rise, from the smallest to the largest."""
+
+    diameter: Array
+    """Diameters [m]."""
+    number: Array
+    """N(≥D) on a square metre [1/m²], falling."""
+    part: Array
+    """Part of all craters that were produced there which is left, 0 to 1: the youngest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Population:
+    """Craters as min(production, equilibrium).
+
+    Where equilibrium limits them, those are left that came last: as many as there may be of a size.
+    """
+
+    production: Production
+    """What has come."""
+    equilibrium: Equilibrium
+    """How many there can be."""
+    diameters: tuple[float, float]
+    """Smallest and largest diameter [m]."""
+    diffusivity: float | None = None
+    """How fast all craters wear [m²/10⁶ years], if not by their size."""
+
+    @property
+    def chronology(self) -> Chronology:
+        """How the number has grown with time."""
+        return self.production.chronology
+
+    @cached_property
+    def produced(self) -> SizeLaw:
+        """All craters that have come."""
+        return self.production.law()
+
+    def number(self, diameter: Array) -> Array:
+        """Expected N(≥D) on a square metre [1/m²], however large the craters are."""
+        number = self.produced.number(diameter)
+        if self.equilibrium == "none":
+            return number
+        return np.minimum(number, LIMITS[self.equilibrium].number(diameter))
+
+    def part(self, diameter: Array) -> Array:
+        """Part of the craters of a size that is left, by dN/dD of both laws."""
+        if self.production.counted:
+            return self._seen_part(diameter)
+        if self.equilibrium == "none":
+            return np.ones_like(diameter)
+        limit, produced = LIMITS[self.equilibrium], self.produced
+        most, came = limit.number(diameter), produced.number(diameter)
+        left = most * limit.slope(diameter) / (came * produced.slope(diameter))
+        return np.where(most < came, np.minimum(left, 1.0), 1.0)
+
+    def _seen_part(self, diameter: Array) -> Array:
+        """Part of all craters ever that are young enough to be seen."""
+        kappa = diffusivity(diameter, constant=self.diffusivity)
+        oldest = self.production.age_ga
+        with np.errstate(divide="ignore"):
+            seen_for = np.minimum(_SEEN * diameter**2 / (1000.0 * kappa), oldest)
+        return self.chronology.number(seen_for) / self.chronology.number(oldest)
+
+    @cached_property
+    def table(self) -> SizeTable:
+        """The population at diameters from the smallest to the largest."""
+        low, high = np.log2(self.diameters)
+        inner = np.arange(np.floor(low * _PER_OCTAVE) + 1, np.ceil(high * _PER_OCTAVE))
+        diameter = np.concatenate(
+            [[self.diameters[0]], 2.0 ** (inner / _PER_OCTAVE), [self.diameters[1]]]
+        )
+        return SizeTable(diameter, self.number(diameter), self.part(diameter))
+
+    def density(self, low: float, high: float) -> float:
+        """Expected craters of diameters from `low` to `high` [m] on a square metre [1/m²]."""
+        number = self.number(np.array([low, high]))
+        return float(number[0] - number[1])
+
+    @property
+    def octaves(self) -> list[tuple[int, float, float]]:
+        """Size classes, the largest first: exponent of 2, smallest and largest diameter [m].
+
+        Their borders are powers of 2, so that a class does not depend on the smallest crater.
+        """
+        smallest, largest = self.diameters
+        first, last = int(np.floor(np.log2(smallest))), int(np.ceil(np.log2(largest)))
+        classes = [
+            (n, max(2.0**n, smallest), min(2.0 ** (n + 1), largest)) for n in range(first, last)
+        ]
+        return classes[::-1]
+
+
+def largest_expected(production: Production, equilibrium: Equilibrium, area: float) -> float:
+    """Diameter [m] that one crater of an area [m²] is expected to reach."""
+    whole = Population(production=production, equilibrium=equilibrium, diameters=(0.01, 1e5))
+    table = whole.table
+    return float(table.diameter[np.argmax(table.number * area < 1.0)])

@@ -1,0 +1,91 @@
+"""Impact craters, scattered by a production function or listed by the user."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Interval, MinLen
+from numpy.typing import NDArray
+
+from terrain_forge.site import Site, Window
+from terrain_forge.specs import FileName, Positive
+from terrain_forge.terrain.cratering.brightness import ejecta_brightness
+from terrain_forge.terrain.cratering.equilibrium import Equilibrium
+from terrain_forge.terrain.cratering.feasibility import check_craters
+from terrain_forge.terrain.cratering.making import make_craters
+from terrain_forge.terrain.cratering.production import Production
+from terrain_forge.terrain.cratering.relief import crater_relief
+from terrain_forge.terrain.layer import InputTable, Layer
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CraterLayer(Layer):
+    """Simple impact craters, each as worn as its age makes it (docs/craters.md)."""
+
+    kind: Literal["craters"] = "craters"
+    name: FileName = "craters"
+    """Name, unique among the layers of craters; it addresses their randomness."""
+    production: Production | None = None
+    """How many craters have come; without it only those of the file."""
+    equilibrium: Equilibrium | None = None
+    """How many there can be. Without it, Trask's law on the Moon and Hartmann's on Mars."""
+    diameter_m: tuple[Positive | None, Positive | None] = (None, None)
+    """Smallest and largest diameter [m]. A smallest of null is 4 spacings, the least that the grid
+    can show; a largest of null is 5 postings of the DTM, which shows the larger ones itself, or
+    on a flat site what one crater of the area is expected to reach."""
+    file: Annotated[str, MinLen(1)] | None = None
+    """CSV of craters that are placed one by one: `x_m`, `y_m` (east and north of the site's centre)
+    or `lon_deg`, `lat_deg`, and `diameter_m`; if wanted `age_ga` (0 without) and
+    `depth_to_diameter` (of the fresh crater, crest to floor)."""
+    depth_to_diameter: Annotated[float, Interval(ge=0.02, le=0.3)] | None = None
+    """Depth of the fresh craters over their diameter, crest to floor; by default the body's."""
+    ejecta: bool = True
+    """Whether rims carry an ejecta blanket; without, craters end at 1.5 radii when fresh."""
+    ejecta_contrast: Annotated[float, Interval(ge=0, le=1)] = 0.4
+    """How much brighter than the ground the ejecta of a fresh crater of 100 m and more are, on the
+    Moon; it fades with age (to 1/e in 50·10⁶ years) and is less for smaller craters."""
+    diffusivity_m2_per_myr: Annotated[float, Interval(ge=0, le=1000)] | None = None
+    """How fast craters wear [m²/10⁶ years]; by default it grows with their size. 0: not at all."""
+
+    def __post_init__(self) -> None:
+        if self.production is None and self.file is None:
+            raise ValueError("craters need a production function, a file, or both")
+
+    def tables(self) -> tuple[InputTable, ...]:
+        """The list of craters."""
+        if self.file is None:
+            return ()
+        return (
+            InputTable(
+                file=self.file,
+                field="file",
+                needed=("diameter_m",),
+                optional=("x_m", "y_m", "lon_deg", "lat_deg", "age_ga", "depth_to_diameter"),
+            ),
+        )
+
+    def check(self, *, site: Site, key: tuple[str | int, ...]) -> None:
+        """Refuse craters that a site cannot have."""
+        check_craters(self, site=site, key=key)
+
+    def brightness(self, *, site: Site, window: Window) -> Array | None:
+        """Bright ejecta of young craters; None where they are no brighter than the ground."""
+        if not self.ejecta or self.ejecta_contrast == 0.0 or site.body.name != "moon":
+            return None
+        east, north = site.axes(window)
+        craters = make_craters(self, site=site, area=_area(east, north))
+        return ejecta_brightness(craters, east=east, north=north, contrast=self.ejecta_contrast)
+
+    def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
+        """Relief of all craters that reach into the window."""
+        east, north = site.axes(window)
+        craters = make_craters(self, site=site, area=_area(east, north))
+        return crater_relief(craters, east=east, north=north)
+
+
+def _area(east: Array, north: Array) -> tuple[float, float, float, float]:
+    return float(east[0]), float(north[0]), float(east[-1]), float(north[-1])

@@ -1,0 +1,234 @@
+"""Where a layer applies: the weight of a place, 0 to 1, that multiplies the layer's relief.
+
+A mask is made of conditions on the slope, the height, an image and the distance to a route; the
+weights of those that are given are multiplied. Between 0 and 1 a weight follows 3t² - 2t³, so that
+a layer ends without an edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval, MinLen
+from numpy.typing import NDArray
+
+from terrain_forge.errors import DataError, RecipeError
+from terrain_forge.site import Site, Window
+from terrain_forge.specs import NotNegative, Positive, Spec
+from terrain_forge.terrain.route_distance import route_distance
+from terrain_forge.terrain.steepness import steepness, stencil_cells
+
+Array = NDArray[np.float64]
+Key = tuple[str | int, ...]
+Angle = Annotated[float, Interval(ge=0, lt=90)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeightBand(Spec):
+    """Ground between two heights."""
+
+    above_m: float | None = None
+    """World z [m] from which the layer applies; without it there is no lower bound."""
+    below_m: float | None = None
+    """World z [m] up to which the layer applies; without it there is no upper bound."""
+    fade_m: NotNegative = 0.0
+    """Height beyond a bound within which the layer fades out [m]."""
+
+    def __post_init__(self) -> None:
+        _require_band(self.above_m, self.below_m, ("above_m", "below_m"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlopeBand(Spec):
+    """Ground between two slopes."""
+
+    above_deg: Angle | None = None
+    """Slope from which the layer applies [degrees]; without it there is no lower bound."""
+    below_deg: Angle | None = None
+    """Slope up to which the layer applies [degrees]; without it there is no upper bound."""
+    fade_deg: Angle = 0.0
+    """Angle beyond a bound within which the layer fades out [degrees]."""
+    baseline_m: Positive = 1.0
+    """Length over which the slope is measured [m], rounded to whole cells, two at least."""
+
+    def __post_init__(self) -> None:
+        _require_band(self.above_deg, self.below_deg, ("above_deg", "below_deg"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RouteBand(Spec):
+    """Ground between two distances to a route."""
+
+    path: Annotated[str, MinLen(1)] | None = None
+    """Name of the path; without it the nearest of all paths counts."""
+    beyond_m: NotNegative | None = None
+    """Distance from which the layer applies [m]; without it there is no lower bound."""
+    within_m: NotNegative | None = None
+    """Distance up to which the layer applies [m]; without it there is no upper bound."""
+    fade_m: NotNegative = 0.0
+    """Distance beyond a bound within which the layer fades out [m]."""
+
+    def __post_init__(self) -> None:
+        _require_band(self.beyond_m, self.within_m, ("beyond_m", "within_m"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mask(Spec):
+    """Where a layer applies; its relief is multiplied by all conditions that are given."""
+
+    slope: SlopeBand | None = None
+    """By the slope of the ground before this layer."""
+    height: HeightBand | None = None
+    """By the height of the ground before this layer."""
+    image: Annotated[str, MinLen(1)] | None = None
+    """By an image over the whole site, north up: 0 (black) to 1 (white). The outer pixels' centres
+    lie on the site's edges."""
+    route: RouteBand | None = None
+    """By the distance to a path."""
+    invert: bool = False
+    """Apply the layer where it would not, and not where it would."""
+
+    def __post_init__(self) -> None:
+        if all(part is None for part in (self.slope, self.height, self.image, self.route)):
+            raise ValueError("a mask needs a slope, height, image or route")
+
+    def reach(self, site: Site) -> float:
+        """How far around a node the mask looks at the ground [m]."""
+        if self.slope is None:
+            return 0.0
+        return stencil_cells(self.slope.baseline_m, site.spacing) * site.spacing
+
+    def check(self, *, site: Site, key: Key) -> None:
+        """Refuse a mask that a site cannot have; `key` is its place in the recipe.
+
+        Raises:
+            RecipeError: for a path that does not exist.
+            DataError: for an image whose shape is not the site's, or that is no weight.
+        """
+        if self.image is not None:
+            _check_image(site.image(self.image), self.image, site, (*key, "image"))
+        if self.route is not None:
+            _check_route(self.route, site, (*key, "route"))
+
+
+def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> Array:
+    """Weight of the window's nodes, 0 to 1, shape [rows, columns].
+
+    Args:
+        mask: the conditions.
+        site: the place.
+        window: whose nodes are asked.
+        elevation: heights of its nodes [m]. A node's weight is the same in every window if this
+            reaches `Mask.reach` around it, or to the site's edge.
+    """
+    weight = np.ones_like(elevation)
+    if mask.height is not None:
+        band = mask.height
+        weight *= _within(elevation, band.above_m, band.below_m, band.fade_m)
+    if mask.slope is not None:
+        weight *= _slope_weight(mask.slope, elevation, site.spacing)
+    if mask.image is not None:
+        weight *= image_weight(site.image(mask.image), site=site, window=window)
+    if mask.route is not None:
+        weight *= _route_weight(mask.route, site, window)
+    return 1.0 - weight if mask.invert else weight
+
+
+def image_weight(values: Array, *, site: Site, window: Window) -> Array:
+    """An image over the whole site at the window's nodes, bilinear, shape [rows, columns]."""
+    east, north = site.axes(window)
+    rows, columns = values.shape
+    i, u = _between((east - site.west) / site.size[0] * (columns - 1), columns)
+    j, v = _between((north - site.south) / site.size[1] * (rows - 1), rows)
+    right, up = np.minimum(i + 1, columns - 1), np.minimum(j + 1, rows - 1)
+    south = (1.0 - u) * values[np.ix_(j, i)] + u * values[np.ix_(j, right)]
+    upper = (1.0 - u) * values[np.ix_(up, i)] + u * values[np.ix_(up, right)]
+    return np.asarray((1.0 - v)[:, None] * south + v[:, None] * upper)
+
+
+def fade(value: Array, start: float, end: float) -> Array:
+    """From 1 at `start` smoothly to 0 at `end`, which is not lower; a step after it if equal."""
+    if start == end:
+        return np.asarray(value <= start, np.float64)
+    part = np.clip((end - value) / (end - start), 0.0, 1.0)
+    return np.asarray(part * part * (3.0 - 2.0 * part))
+
+
+def _within(value: Array, low: float | None, high: float | None, width: float) -> Array:
+    """1 between two bounds, falling to 0 over a width beyond them."""
+    weight = np.ones_like(value)
+    if low is not None:
+        weight *= fade(-value, -low, width - low)
+    if high is not None:
+        weight *= fade(value, high, high + width)
+    return weight
+
+
+def _slope_weight(band: SlopeBand, elevation: Array, spacing: float) -> Array:
+    """As `_within`, in angles; the fade ends at level ground or the vertical."""
+    rise = steepness(elevation, stencil_cells(band.baseline_m, spacing), spacing)
+    weight = np.ones_like(rise)
+    if band.above_deg is not None:
+        none, full = _tangents(max(band.above_deg - band.fade_deg, 0.0), band.above_deg)
+        weight *= fade(-rise, -full, -none)
+    if band.below_deg is not None:
+        weight *= fade(rise, *_tangents(band.below_deg, min(band.below_deg + band.fade_deg, 89.9)))
+    return weight
+
+
+def _tangents(one: float, other: float) -> tuple[float, float]:
+    return float(np.tan(np.radians(one))), float(np.tan(np.radians(other)))
+
+
+def _route_weight(band: RouteBand, site: Site, window: Window) -> Array:
+    routes = [route for route in site.routes if band.path in (None, route.name)]
+    farthest = max(band.beyond_m or 0.0, (band.within_m or 0.0) + band.fade_m) + site.spacing
+    east, north = site.axes(window)
+    lines = [route.position for route in routes]
+    away = route_distance(lines, east=east, north=north, farthest=farthest)
+    return _within(away, band.beyond_m, band.within_m, band.fade_m)
+
+
+def _between(place: Array, count: int) -> tuple[NDArray[np.int64], Array]:
+    """The sample before each place and the part of the way to the next one."""
+    before = np.clip(np.floor(place), 0, max(count - 2, 0)).astype(np.int64)
+    return before, np.clip(place - before, 0.0, 1.0)
+
+
+def _require_band(low: float | None, high: float | None, names: tuple[str, str]) -> None:
+    if low is None and high is None:
+        raise ValueError(f"{names[0]} or {names[1]} is needed")
+    if low is not None and high is not None and low > high:
+        raise ValueError(f"{names[0]} {low:g} lies over {names[1]} {high:g}")
+
+
+def _check_image(values: Array, name: str, site: Site, key: Key) -> None:
+    rows, columns = values.shape
+    east, north = site.size
+    # Whether pixels end or have their centres on the edges is within a pixel of tolerance.
+    if abs(columns * north - rows * east) > max(east, north):
+        fitting = max(round(columns * north / east), 1)
+        raise DataError(
+            f"{name} has {columns} × {rows} pixels for a site of {east:g} × {north:g} m, whose "
+            f"shape would be {columns} × {fitting}",
+            key=key,
+        )
+    least, most = float(values.min()), float(values.max())
+    if least < 0.0 or most > 1.0:
+        raise DataError(
+            f"{name} holds values from {least:g} to {most:g}, allowed: 0 (without the layer) to 1",
+            key=key,
+        )
+
+
+def _check_route(band: RouteBand, site: Site, key: Key) -> None:
+    names = [route.name for route in site.routes]
+    if band.path is not None and band.path not in names:
+        raise RecipeError(
+            f"no path is called {band.path!r}, there are: {', '.join(names) or 'none'}",
+            key=(*key, "path"),
+        )
+    if not names:
+        raise RecipeError("the recipe has no path to keep a distance to", key=key)

@@ -1,0 +1,203 @@
+"""The user's picture of the ground from above: read for a site, and looked up at its nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import MinLen
+from numpy.typing import NDArray
+
+from terrain_forge.colour import linear_from_srgb
+from terrain_forge.dtm.kernel import cubic
+from terrain_forge.dtm.lattice import Nodes, Places, node_places, patch_pixels
+from terrain_forge.dtm.projection import ellipsoid, meridian_period
+from terrain_forge.dtm.raster import open_dataset
+from terrain_forge.errors import DataError
+from terrain_forge.site import Orthoimage, Site, Window
+from terrain_forge.specs import Fraction, Spec
+
+Array = NDArray[np.float64]
+
+_STENCIL = 3
+_SAMPLES = 257
+"""Points each way at which a site is checked to lie within the picture."""
+_KEY = ("terrain", "appearance", "orthoimage", "image")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrthoimageSpec(Spec):
+    """A picture of the ground from above.
+
+    Three bands or more are red, green and blue: the ground's colour. One band is brightness, over
+    its own mean on the site, of the ground's colour. Integers are sRGB of their type's range if
+    there are three bands, everything else is linear.
+    """
+
+    image: Annotated[str, MinLen(1)]
+    """The file. If it is georeferenced it is laid where it belongs; otherwise it covers the whole
+    site, north up, its outer edges on the site's."""
+    strength: Fraction = 1.0
+    """How much of the picture's contrast is taken: 0 for none of it."""
+
+
+def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path) -> Orthoimage:
+    """The piece of the picture that a site needs, averaged where it is finer than the grid.
+
+    Args:
+        spec: the recipe's wish.
+        name: how the world calls the file.
+        site: the place.
+        folder: what the recipe's paths are relative to.
+
+    Raises:
+        DataError: if the file is no raster, lies on another body or does not show the
+            whole site, or if only one of the picture and the site is georeferenced.
+    """
+    import rasterio
+
+    try:
+        dataset = open_dataset(folder / spec.image)
+    except rasterio.errors.RasterioError:
+        raise DataError(f"not an image: {spec.image}", key=_KEY) from None
+    with dataset:
+        whole = _place(dataset, name, site, spec.image)
+        values, valid, placed = _read(dataset, whole, site, spec.image)
+    column, row = map(_nearest, _sample(placed, site), valid.shape[::-1])
+    inside = valid[row, column]
+    if not inside.all():
+        raise DataError(
+            f"{spec.image} has no data on {1.0 - inside.mean():.0%} of the site", key=_KEY
+        )
+    mean = values[row, column].mean(axis=(0, 1))
+    values = np.where(valid[..., None], values, mean)
+    if values.shape[2] == 1:
+        if not mean[0] > 0.0:
+            raise DataError(f"{spec.image} is black all over the site", key=_KEY)
+        values, mean = values / mean, np.ones(1)
+    return placed.replace(albedo=mean + spec.strength * (values - mean))
+
+
+def orthoimage_albedo(picture: Orthoimage, *, site: Site, window: Window) -> Array:
+    """Linear albedo, or brightness, at the window's nodes, shape [rows, columns, 1 | 3]."""
+    column, row = _between(node_places(site, Nodes.of(window), picture))
+    bands = [
+        cubic(picture.albedo[..., band].astype(np.float64), column=column, row=row)
+        for band in range(picture.albedo.shape[2])
+    ]
+    return np.maximum(np.stack(bands, axis=-1), 0.0)
+
+
+def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
+    """Where the whole picture lies; nothing of it is read yet."""
+    nothing = np.zeros((1, 1, 1), np.float32)
+    if dataset.crs is None or dataset.transform.is_identity:
+        across, down = dataset.width / site.size[0], -dataset.height / site.size[1]
+        to_pixel = (across, 0.0, 0.5 * dataset.width - 0.5, 0.0, down, 0.5 * dataset.height - 0.5)
+        return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs="", wrap=(0.0, 0.0))
+    if not site.georeferenced:
+        raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
+    crs = dataset.crs.to_wkt()
+    if abs(ellipsoid(crs)[0] / site.body.mean_radius - 1.0) > 0.05:
+        raise DataError(
+            f"{image} lies on a body of {ellipsoid(crs)[0] / 1e3:.0f} km radius, {site.body.name} "
+            f"has {site.body.mean_radius / 1e3:.0f} km",
+            key=_KEY,
+        )
+    a, b, c, d, e, f = (~dataset.transform)[:6]
+    middle = dataset.transform * (0.5 * dataset.width, 0.5 * dataset.height)
+    return Orthoimage(
+        path=name,
+        albedo=nothing,
+        to_pixel=(a, b, c - 0.5, d, e, f - 0.5),
+        crs=crs,
+        wrap=(meridian_period(crs), middle[0]),
+    )
+
+
+def _sample(picture: Orthoimage, site: Site) -> tuple[Array, Array]:
+    """Pixel columns and rows of a grid of points over the site."""
+    steps = np.linspace(-0.5, 0.5, _SAMPLES)
+    east, north = np.meshgrid(steps * site.size[0], steps * site.size[1])
+    return patch_pixels(picture, site.crs, east, north)
+
+
+def _nearest(index: Array, length: int) -> NDArray[np.int64]:
+    return np.clip(np.rint(index), 0, length - 1).astype(np.int64)
+
+
+def _read(
+    dataset: Any, whole: Orthoimage, site: Site, image: str
+) -> tuple[Array, NDArray[np.bool_], Orthoimage]:
+    """Linear values, which of them are data, and where they lie."""
+    from rasterio.windows import Window as RasterWindow
+
+    column, row = _sample(whole, site)
+    columns, rows = _span(column, dataset.width), _span(row, dataset.height)
+    if _outside(column, dataset.width) or _outside(row, dataset.height):
+        raise DataError(
+            f"the site needs columns {column.min():.0f} to {column.max():.0f} and rows "
+            f"{row.min():.0f} to {row.max():.0f} of {image}, which has {dataset.width} × "
+            f"{dataset.height}",
+            key=_KEY,
+        )
+    window = RasterWindow.from_slices(rows, columns)
+    bands = [1, 2, 3] if dataset.count >= 3 else [1]
+    values = _linear(dataset.read(bands, window=window))
+    valid = (dataset.read_masks(bands, window=window) > 0).all(axis=0)
+    valid &= np.isfinite(values).all(axis=2)
+    # Whole pixels are averaged, so that detail finer than the grid does not turn into moiré.
+    pixels = np.hypot(np.ptp(column), np.ptp(row)) / np.hypot(*site.size)
+    step = max(int(pixels * site.spacing), 1)
+    values, valid = _averaged(values, valid, step)
+    a, b, c, d, e, f = whole.to_pixel
+    half = 0.5 * (step - 1)
+    shifted = a, b, c - columns.start - half, d, e, f - rows.start - half
+    return values, valid, whole.replace(to_pixel=tuple(part / step for part in shifted))
+
+
+def _averaged(
+    values: Array, valid: NDArray[np.bool_], step: int
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Means of the valid pixels in squares of so many pixels, and which squares have any."""
+    rows, columns, bands = values.shape
+    shape = -(-rows // step), -(-columns // step)
+    beyond = (0, shape[0] * step - rows), (0, shape[1] * step - columns)
+    blocks = (shape[0], step, shape[1], step)
+    weight = np.pad(valid, beyond).reshape(blocks).sum(axis=(1, 3))
+    known = np.pad(np.where(valid[..., None], values, 0.0), (*beyond, (0, 0)))
+    total = known.reshape(*blocks, bands).sum(axis=(1, 3))
+    return total / np.maximum(weight, 1)[..., None], weight > 0
+
+
+def _linear(values: NDArray[Any]) -> Array:
+    """Linear values of one or three bands, shape [rows, columns, bands]."""
+    moved = np.moveaxis(values, 0, -1)
+    if values.dtype.kind not in "iu":
+        return moved.astype(np.float64)
+    scaled: Array = moved / float(np.iinfo(values.dtype).max)
+    return linear_from_srgb(scaled) if len(values) == 3 else scaled
+
+
+def _span(index: Array, length: int) -> slice:
+    low, high = int(np.floor(index.min())) - _STENCIL, int(np.ceil(index.max())) + _STENCIL + 1
+    return slice(max(low, 0), min(high, length))
+
+
+def _outside(index: Array, length: int) -> bool:
+    slack = 0.5 + 1e-6
+    return bool(index.min() < -slack or index.max() > length - 1 + slack)
+
+
+def _between(places: Places) -> tuple[Array, Array]:
+    """Pixel column and row of each node: linear between the anchors."""
+    i, u = places.column_index, places.column_part
+    j, v = places.row_index, places.row_part[:, None]
+    found = []
+    for anchors in places.anchors:
+        south = (1.0 - u) * anchors[np.ix_(j, i)] + u * anchors[np.ix_(j, i + 1)]
+        north = (1.0 - u) * anchors[np.ix_(j + 1, i)] + u * anchors[np.ix_(j + 1, i + 1)]
+        found.append((1.0 - v) * south + v * north)
+    return found[0], found[1]

@@ -1,0 +1,143 @@
+"""The table of all craters, truth/craters.csv, and their numbers against the laws."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.terrain.cratering.craters import Craters
+from terrain_forge.terrain.cratering.making import make_craters, population_of
+from terrain_forge.terrain.layers.craters import CraterLayer
+from terrain_forge.truth.statistics import clark_evans, count_band, deviation, kolmogorov_smirnov
+from terrain_forge.truth.tables import geographic
+from terrain_forge.world import World
+from terrain_forge.writers.table import Column, quoted, write_table
+
+Array = NDArray[np.float64]
+
+
+def write_craters(world: World, truth: Path) -> list[Path]:
+    """Write `craters.csv` and `crater_counts.json` of a world whose recipe makes craters.
+
+    Returns:
+        The files; none where there is no layer of craters.
+    """
+    made = craters_of(world)
+    if not made:
+        return []
+    table, counts = truth / "craters.csv", truth / "crater_counts.json"
+    write_crater_table(world, made, table)
+    report = {"format": 1, "layers": crater_counts(world)}
+    text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False)
+    counts.write_text(text + "\n", encoding="utf-8", newline="\n")
+    return [table, counts]
+
+
+def craters_of(world: World) -> list[tuple[CraterLayer, Craters]]:
+    """The craters of each layer whose rim encloses a part of the window, the largest first."""
+    area = world.ground.bounds
+    made = []
+    for layer in world.site.recipe.terrain.layers:
+        if isinstance(layer, CraterLayer):
+            craters = make_craters(layer, site=world.site, area=area)
+            beyond = np.maximum(area[:2] - craters.xy, craters.xy - np.array(area[2:]))
+            touching = np.hypot(*np.maximum(beyond, 0.0).T) < 0.5 * craters.diameter
+            craters = craters.select(touching)
+            made.append((layer, craters.select(np.lexsort((craters.id, -craters.diameter)))))
+    return made
+
+
+def crater_counts(world: World) -> list[dict[str, Any]]:
+    """For each layer: its craters in the window, counted and tested against its law."""
+    return [_counts(world, layer, found) for layer, found in craters_of(world)]
+
+
+def write_crater_table(world: World, made: list[tuple[CraterLayer, Craters]], path: Path) -> None:
+    """Write one row per crater whose rim encloses a part of the window, layer by layer.
+
+    World frame, SI units; x, y is the centre, longitude (east, -180 to 180) and latitude follow
+    where the site is georeferenced. id is hexadecimal and the same in every window. depth_m is that
+    of the crater's own profile now, crest to floor; what lies upon it is not taken away.
+    degradation is the part of the fresh depth that is lost, 0 to 1; wear is κt/D². inside is 1
+    where the centre lies in the window, listed where the crater is the user's own.
+    """
+    columns = {name: np.concatenate([getattr(c, name) for _, c in made]) for name in _TAKEN}
+    layers = np.repeat([quoted(layer.name) for layer, _ in made], [len(c) for _, c in made])
+    fresh, depth = columns["fresh_depth"], columns["depth"]
+    xy = columns["xy"].reshape(-1, 2)
+    written = [
+        Column(name="id", values=columns["id"], form="%016x"),
+        Column(name="layer", values=layers.astype(object), form="%s"),
+        Column(name="x_m", values=xy[:, 0], form="%.7f"),
+        Column(name="y_m", values=xy[:, 1], form="%.7f"),
+        Column(name="diameter_m", values=columns["diameter"], form="%.7f"),
+        Column(name="depth_m", values=depth, form="%.7f"),
+        Column(name="fresh_depth_m", values=fresh, form="%.7f"),
+        Column(name="fresh_rim_m", values=columns["fresh_rim"], form="%.7f"),
+        Column(name="age_ga", values=columns["age"], form="%.9g"),
+        Column(name="degradation", values=1.0 - depth / fresh, form="%.7f"),
+        Column(name="wear", values=columns["wear"], form="%.9g"),
+        Column(name="inside", values=_inside(world, xy), form="%d"),
+        Column(name="listed", values=columns["listed"], form="%d"),
+    ]
+    if world.site.georeferenced:
+        longitude, latitude = geographic(world.site, xy[:, 0], xy[:, 1])
+        written += [
+            Column(name="lon_deg", values=longitude, form="%.10f"),
+            Column(name="lat_deg", values=latitude, form="%.10f"),
+        ]
+    write_table(path, written)
+
+
+_TAKEN = (*("id", "xy", "diameter", "depth", "fresh_depth", "fresh_rim", "age", "wear", "listed"),)
+
+
+def _counts(world: World, layer: CraterLayer, craters: Craters) -> dict[str, Any]:
+    """Numbers of a layer's random craters in the window, against its law."""
+    own = craters.select(_inside(world, craters.xy) & ~craters.listed)
+    population = population_of(layer, site=world.site)
+    report: dict[str, Any] = {"name": layer.name, "listed": int(craters.listed.sum())}
+    if population is None:
+        return report
+    west, south, east, north = world.ground.bounds
+    area = (east - west) * (north - south)
+    smallest, largest = population.diameters
+    beyond = float(population.number(np.array([largest]))[0])
+
+    def above(diameter: Array) -> Array:
+        return area * (population.number(diameter) - beyond)
+
+    edges = np.array([low for _, low, _ in population.octaves[::-1]])
+    wanted = above(edges)
+    found = np.array([np.count_nonzero(own.diameter >= edge) for edge in edges])
+    low, high = count_band(wanted, wanted)
+    total = float(wanted[0])
+    return {
+        **report,
+        "production": layer.production.kind if layer.production else None,
+        "equilibrium": population.equilibrium,
+        "age_ga": population.production.age_ga,
+        "area_m2": area,
+        "diameter_m": [smallest, largest],
+        "number": {"expected": total, "found": len(own), "z": deviation(len(own), total, total)},
+        "sizes": kolmogorov_smirnov(np.sort(own.diameter), above, total),
+        "evenness": clark_evans(own.xy, area, 2.0 * (east - west + north - south)),
+        "cumulative": {
+            "diameter_m": edges.tolist(),
+            "expected": wanted.tolist(),
+            "found": found.tolist(),
+            "low": low.tolist(),
+            "high": high.tolist(),
+        },
+    }
+
+
+def _inside(world: World, xy: Array) -> NDArray[np.bool_]:
+    """Which places lie in the window."""
+    west, south, east, north = world.ground.bounds
+    found: NDArray[np.bool_] = np.all((xy >= (west, south)) & (xy <= (east, north)), axis=1)
+    return found
