@@ -203,6 +203,7 @@ def assess(
     losses: dict[str, tuple[str, ...]],
     altered: dict[str, str],
     watch: Stopwatch,
+    every_consumer: bool = False,
 ) -> bool:
     """Validate what lies in the folder, write its report page, timings and manifest.
 
@@ -212,6 +213,7 @@ def assess(
         losses: what each export cannot say, by its folder.
         altered: files that are not as they were built, with the hash that they should have.
         watch: told what is being done.
+        every_consumer: whether to open the exports in all consumers, whatever the recipe says.
 
     Returns:
         Whether every check passed.
@@ -222,6 +224,8 @@ def assess(
 
     watch("validation")
     spec = world.site.recipe.validate or ValidateSpec()
+    if every_consumer:
+        spec = replace(spec, consumers="all")
     result = validate(
         world,
         directory,

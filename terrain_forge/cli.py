@@ -125,12 +125,21 @@ def export(out: Path, only: str) -> None:
 
 @cli.command()
 @_OUT
-def validate(out: Path) -> None:
-    """Validate the world built in OUT again."""
+@click.option("--quick", is_flag=True, help="Only what a build checks, no other programs.")
+def validate(out: Path, quick: bool) -> None:
+    """Validate the world built in OUT again, in every program that reads its exports.
+
+    Prints the largest error of each over its limit. Programs that are not installed are not run:
+    Gazebo's libraries are found by pkg-config, Drake and Newton in this Python or in those that
+    TERRAIN_FORGE_DRAKE_PYTHON and TERRAIN_FORGE_NEWTON_PYTHON name.
+    """
     from terrain_forge import rework
+    from terrain_forge.validation.conformance.table import report_text
 
     with _Bar(5) as progress:
-        passed = rework.validate(out, progress=progress)
+        passed = rework.validate(out, every_consumer=not quick, progress=progress)
+    if not quick:
+        _say(report_text(out / "validation" / "report.json"))
     _say((out / "validation" / "report.json").as_posix())
     _finish(passed, out)
 

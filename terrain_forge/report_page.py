@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from terrain_forge import __version__
 from terrain_forge.motion import Trajectory
+from terrain_forge.report_craters import craters_section
 from terrain_forge.report_rocks import rocks_section
 from terrain_forge.report_style import (
     Cell,
@@ -30,6 +31,7 @@ from terrain_forge.report_style import (
 )
 from terrain_forge.report_usage import usage
 from terrain_forge.terrain.statistics import slope_statistics
+from terrain_forge.validation.conformance.table import table_rows
 from terrain_forge.world import World
 
 _MAP_PIXELS = 560
@@ -49,9 +51,11 @@ def write_report_page(world: World, directory: Path) -> Path:
             _preview(directory / "preview.png"),
             section("What was built", _built(world)),
             section("The ground", _ground(world)),
+            *_craters(directory / "truth" / "crater_counts.json"),
             section("The rocks", *rocks_section(world, proof, directory / "truth")),
             section("Paths", _paths(world)),
             section("Checks", *_checks(validation, directory / "validation")),
+            _conformance(validation),
             *usage(world, directory),
             _footer(),
         ]
@@ -61,6 +65,11 @@ def write_report_page(world: World, directory: Path) -> Path:
         page(world.site.name, accent=_accent(world), body=body), encoding="utf-8", newline="\n"
     )
     return report
+
+
+def _craters(path: Path) -> list[Html]:
+    counts = _read_json(path)
+    return [section("The craters", *craters_section(counts))] if counts else []
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -246,6 +255,20 @@ def _checks(validation: dict[str, Any], folder: Path) -> list[Html]:
     ]
     headings = ("Check", "Figure", "Limit", "", "Note")
     return [table(headings, rows, figures="lrrll"), *pictures]
+
+
+def _conformance(validation: dict[str, Any]) -> Html:
+    """Exports by consumers: the largest error of each aspect over its limit."""
+    rows = table_rows(validation.get("conformance", []))
+    if len(rows) == 1:
+        return Html("")
+    note = (
+        "Each export as the programs that read it have it: largest error / limit. A program that "
+        "is not installed was not run, which says nothing. – : the format or the program does not "
+        "have it."
+    )
+    shown = table(rows[0], rows[1:], figures="l" * len(rows[0]))
+    return section("In other programs", paragraph(note, "note"), shown)
 
 
 def _measured(value: Any, unit: str) -> str:

@@ -41,8 +41,17 @@ def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silen
     return assess(world, out, losses=losses, altered=altered, watch=watch)
 
 
-def validate(out: Path | str, *, progress: Progress = silent) -> bool:
-    """Validate a built world again; returns whether all checks passed.
+def validate(out: Path | str, *, every_consumer: bool = True, progress: Progress = silent) -> bool:
+    """Validate a built world again.
+
+    Args:
+        out: The built folder.
+        every_consumer: Whether to open its exports in all consumers that are installed; else only
+            what a build checks is checked.
+        progress: Told what is being done.
+
+    Returns:
+        Whether all checks passed; a consumer that was not run neither passes nor fails.
 
     Raises:
         OutputError: if the folder is not a world of ours.
@@ -53,7 +62,14 @@ def validate(out: Path | str, *, progress: Progress = silent) -> bool:
     watch("load")
     world = World.load(out)
     altered = altered_files(out, manifest, besides=ASSESSED)
-    return assess(world, out, losses=manifest["losses"], altered=altered, watch=watch)
+    return assess(
+        world,
+        out,
+        losses=manifest["losses"],
+        altered=altered,
+        watch=watch,
+        every_consumer=every_consumer,
+    )
 
 
 def _orders(world: World, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:

@@ -53,6 +53,11 @@ def _folder_checks(world: World, folder: Path, at: Array) -> list[Check]:
 
         return mujoco_agreement(world, sample_model(world, folder), folder.name, at)
     if (folder / "world.sdf").is_file():
+        from terrain_forge.validation.heightmap_agreement import find_heightmap, heightmap_checks
+
+        heightmap = find_heightmap(folder)
+        if heightmap is not None:
+            return heightmap_checks(world, folder, heightmap, at)
         return [_compare(world, folder.name, at, _sdf_meshes(folder))]
     return [_compare(world, folder.name, at, _usd_meshes(usd_layer(folder)))]
 

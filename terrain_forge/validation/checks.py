@@ -18,8 +18,11 @@ from terrain_forge.records import Record
 from terrain_forge.registry import exporter
 from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.check import Check, at_most, failed
+from terrain_forge.validation.conformance.entry import Entry
+from terrain_forge.validation.craters import crater_checks
 from terrain_forge.validation.drive import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.validation.loose import loose_checks
+from terrain_forge.validation.replays import replay_checks
 from terrain_forge.validation.rocks import rock_checks
 from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.world import World
@@ -74,18 +77,30 @@ def validate(
         driven, result, timings = _drive(world, scene, spec.drive_spec, progress)
         checks += driven
     checks += loose_checks(world, directory)
+    checks += crater_checks(directory)
     agreed = ground_agreement(world, directory, points=spec.points)
     shown = ", ".join(altered[:3])
     whole = at_most("files: missing or altered", float(len(altered)), 0.0, note=shown)
-    checks = [whole, *agreed, *checks]
-    files = _write(world, folder, checks, result)
+    entries = _conformance(world, directory, spec)
+    measured = [entry.check for entry in entries if entry.check]
+    checks = [whole, *agreed, *replay_checks(world, directory), *checks, *measured]
+    files = _write(world, folder, checks, result, entries)
     return ValidationResult(checks=tuple(checks), drive=result, timings=timings, files=tuple(files))
+
+
+def _conformance(world: World, directory: Path, spec: ValidateSpec) -> list[Entry]:
+    if spec.consumers != "all":
+        return []
+    from terrain_forge.validation.conformance.suite import conformance
+
+    return conformance(world, directory, points=spec.points)
 
 
 def _clear(folder: Path) -> None:
     """Remove what an earlier validation of ours wrote; other things in the folder stay."""
     folder.mkdir(exist_ok=True)
-    shutil.rmtree(folder / "mjcf", ignore_errors=True)
+    for name in ("mjcf", "consumers"):
+        shutil.rmtree(folder / name, ignore_errors=True)
     for name in ("report.json", "drive.png", "drive.csv", "drive.tum"):
         (folder / name).unlink(missing_ok=True)
 
@@ -165,11 +180,15 @@ def drive_checks(result: DriveResult, spec: DriveSpec) -> list[Check]:
 
 
 def _write(
-    world: World, folder: Path, checks: list[Check], result: DriveResult | None
+    world: World,
+    folder: Path,
+    checks: list[Check],
+    result: DriveResult | None,
+    entries: list[Entry],
 ) -> list[Path]:
     """Write the report, and the drive's track and picture."""
     files = [folder / "report.json"]
-    files[0].write_text(_report(world, checks, result), encoding="utf-8")
+    files[0].write_text(_report(world, checks, result, entries), encoding="utf-8")
     if result:
         from terrain_forge.validation.drive_files import write_figure, write_track
 
@@ -178,7 +197,9 @@ def _write(
     return files
 
 
-def _report(world: World, checks: list[Check], result: DriveResult | None) -> str:
+def _report(
+    world: World, checks: list[Check], result: DriveResult | None, entries: list[Entry]
+) -> str:
     passed = all(check.passed for check in checks)
     report: dict[str, Any] = {
         "format": 1,
@@ -186,6 +207,7 @@ def _report(world: World, checks: list[Check], result: DriveResult | None) -> st
         "verdict": "pass" if passed else "fail",
         "passed": passed,
         "checks": [vars(check) for check in checks],
+        "conformance": [vars(entry) for entry in entries],
     }
     if result:
         report["drive"] = {

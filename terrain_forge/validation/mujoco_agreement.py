@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -27,8 +28,11 @@ ROCK_LIMIT = 0.01
 """A rock's top may be off by this part of its diameter."""
 MASS_LIMIT = 1e-6
 """A loose rock's mass and moments of inertia may be off by this part of them."""
+_UPWARD = 0.3  # least cosine to the vertical of a face that a ray is sent down to
 _GROUND_GROUPS, _ROCK_GROUPS = (0,), (1, 3)
-"""Groups of the geoms that are touched: of the ground, of rocks seen and hidden."""
+"""Groups of the geoms that rays meet: of the ground, of rocks seen and hidden."""
+_OTHERS = 5
+"""Group of what rays onto the ground pass through."""
 
 
 def mujoco_agreement(world: World, model: Any, name: str, at: Array) -> list[Check]:
@@ -42,15 +46,23 @@ def mujoco_agreement(world: World, model: Any, name: str, at: Array) -> list[Che
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    sky = float(world.ground.elevation.max()) + 1.0
-    heights = np.array([_ray(model, data, (*p, sky), _GROUND_GROUPS)[0] for p in at])
     gravity = abs(float(model.opt.gravity[2]) + world.site.body.gravity)
     return [
-        ground_check(world, name, at, heights),
+        ground_check(world, name, at, ground_heights(world, model, data, at)),
         *_rock_checks(world, model, data, name),
         *_mass_checks(world, model, name),
         at_most(f"{name}: gravity", gravity, 1e-6, unit="m/s²", note="difference to the body's"),
     ]
+
+
+def ground_heights(world: World, model: Any, data: Any, at: Array) -> Array:
+    """Heights [m] at which rays from above meet the ground that is touched; NaN where they miss."""
+    fields = model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD
+    touched = (model.geom_contype | model.geom_conaffinity) != 0
+    asked = copy(model)
+    asked.geom_group[:] = np.where(fields & touched, _GROUND_GROUPS[0], _OTHERS)
+    sky = float(world.ground.elevation.max()) + 1.0
+    return np.array([_ray(asked, data, (*p, sky), _GROUND_GROUPS)[0] for p in at])
 
 
 def rover_mass_check(world: World, model: Any, name: str) -> Check:
@@ -105,14 +117,13 @@ def _spread(rows: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
-    """Tops of rocks above their centres of mass, and that they are the rocks' own."""
+    """Tops of rocks where they are highest, and that they are the rocks' own."""
     rows = _sampled_rows(world)
     if not len(rows):
         return []
     worst = 0.0
     for row in rows:
-        x, y = world.field.position[row, :2]
-        top = _top(world, int(row))
+        x, y, top = _top(world, int(row))
         height, geom = _ray(model, data, (x, y, top + 1.0), _ROCK_GROUPS)
         rock = f"rock_{world.field.id[row]}"
         own = geom >= 0 and _rock_of(model.geom(geom).name) == rock
@@ -140,17 +151,25 @@ def _mass_checks(world: World, model: Any, name: str) -> list[Check]:
     return [at_most(f"{name}: loose rocks", off, MASS_LIMIT, note=note)]
 
 
-def _top(world: World, row: int) -> float:
-    """Height of a rock's collision hulls above its centre of mass [m]."""
+def _top(world: World, row: int) -> Array:
+    """Where a rock's collision hulls are, under the middle of their highest face [m], shape [3].
+
+    Its centre of mass will not do, over which a bent rock has no height.
+    """
     field = world.field
     turned = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
     placed = [
         Mesh(vertices=hull.vertices @ turned.T + field.position[row], faces=hull.faces)
         for hull in world.library.prototypes[field.prototype[row]].hulls
     ]
-    centre = field.position[row : row + 1, :2]
-    # A part that does not lie over the centre has no height there.
-    return float(np.nanmax([heights_on(hull, centre)[0] for hull in placed]))
+    corners = np.concatenate([hull.vertices[hull.faces] for hull in placed])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    upward = normals[:, 2] > _UPWARD * np.linalg.norm(normals, axis=1)
+    middles = corners.mean(axis=1)[upward]
+    middle = middles[middles[:, 2].argmax()]
+    # A part that does not lie there has no height.
+    top = np.nanmax([heights_on(hull, middle[None, :2])[0] for hull in placed])
+    return np.array([*middle[:2], top])
 
 
 def _ray(

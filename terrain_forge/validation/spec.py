@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval
 
@@ -32,6 +32,10 @@ class ValidateSpec(Spec):
     """The path that the rover must drive: its name, or a mapping with limits; none if left out."""
     points: Annotated[int, Interval(ge=1, le=1_000_000)] = 2000
     """Random points at which each format's ground is compared with the world's."""
+    consumers: Literal["quick", "all"] = "quick"
+    """`all` opens every export in every program that reads its format and is installed, which
+    `terrain-forge validate` does in any case; `quick` compares the ground alone, and of MJCF the
+    rocks."""
 
     @property
     def drive_spec(self) -> DriveSpec | None:

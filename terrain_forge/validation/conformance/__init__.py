@@ -1,0 +1,1 @@
+"""The conformance test: every export through the programs that read its format, measured alike."""

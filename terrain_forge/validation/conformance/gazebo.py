@@ -1,0 +1,164 @@
+"""SDF worlds in Gazebo Fortress' own libraries: libsdformat, ign-common, ign-physics with DART."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from dataclasses import replace
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.errors import SimulationError
+from terrain_forge.rocks.cache import cache_folder
+from terrain_forge.validation.conformance.consumer import PROBES, Consumer, NotRun, run
+from terrain_forge.validation.conformance.probe import read_answer, resting_balls
+from terrain_forge.validation.conformance.reading import Reading
+from terrain_forge.validation.conformance.sample import SETTLING, Sample
+from terrain_forge.validation.surface_mesh import heights_on
+
+_SOURCE = PROBES / "gazebo_probe.cc"
+_PACKAGES = (
+    *("ignition-physics5", "ignition-physics5-sdf", "ignition-physics5-mesh", "sdformat12"),
+    *("ignition-physics5-heightmap", "ignition-common4-graphics", "ignition-plugin1-loader"),
+    *("eigen3", "ignition-math6-eigen3"),
+)
+_PLUGIN = "ignition-physics5-dartsim-plugin"
+_BALL = """<model name="probe_ball_{n}"><pose>{x:.9g} {y:.9g} {z:.9g} 0 0 0</pose><link name="ball">
+<inertial><mass>1</mass><inertia><ixx>{i:.9g}</ixx><iyy>{i:.9g}</iyy><izz>{i:.9g}</izz></inertia>
+</inertial><collision name="ball"><geometry><sphere><radius>{r:.9g}</radius></sphere></geometry>
+</collision></link><joint name="slider" type="prismatic"><parent>world</parent><child>ball</child>
+<axis><xyz>0 0 1</xyz></axis></joint></model>
+"""
+
+
+def read_sdf(sample: Sample, folder: Path, scratch: Path) -> Reading:
+    """An SDF export as libsdformat and Gazebo Fortress' physics have it.
+
+    The probe is compiled at its first use.
+
+    Raises:
+        NotRun: if a compiler or a library is missing.
+        SimulationError: if the probe fails.
+    """
+    program = _program()
+    answers = []
+    with tempfile.TemporaryDirectory(dir=scratch) as temporary:
+        for name in ("world", "scene"):
+            binary = Path(temporary) / f"{name}.bin"
+            command: list[str | Path] = [
+                program,
+                "read",
+                folder / f"{name}.sdf",
+                folder / "models",
+                binary,
+            ]
+            text = run(command, log=scratch / f"{name}.log")
+            answers.append(read_answer(sample, text, binary))
+        balls, engine = _rest(sample, program, folder, Path(temporary))
+    world, scene = answers
+    return replace(
+        _with_heightmap(sample, world),
+        consumer=f"{world.consumer}, {engine}",
+        tracks=scene.tracks,
+        balls=balls,
+        findings=tuple(dict.fromkeys((*(world.findings or ()), *(scene.findings or ())))),
+    )
+
+
+def _rest(
+    sample: Sample, program: Path, folder: Path, temporary: Path
+) -> tuple[np.ndarray | None, str]:
+    """Where the balls rest in DART, and what ran."""
+    inertia = 0.4 * sample.balls.radius**2
+    balls = "".join(
+        _BALL.format(n=n, x=x, y=y, z=z, i=inertia, r=sample.balls.radius)
+        for n, (x, y, z) in enumerate(sample.balls.start.tolist())
+    )
+    world = (folder / "world.sdf").read_text(encoding="utf-8")
+    before, end, after = world.rpartition("</world>")
+    file = temporary / "balls.sdf"
+    file.write_text(f"{before}{balls}{end}{after}", encoding="utf-8")
+    command: list[str | Path] = [program, "rest", file, folder / "models", _plugin(), str(SETTLING)]
+    text = run(command)
+    engine = next(line for line in text.splitlines() if line.startswith("consumer\t"))
+    return resting_balls(text), engine.partition("\t")[2]
+
+
+def _with_heightmap(sample: Sample, reading: Reading) -> Reading:
+    """The reading, with what a heightmap is off by its own samples and by the cut of its cells.
+
+    Libraries cut them either way.
+    """
+    if not reading.quantum:
+        return reading
+    ground, points = sample.world.ground, sample.points
+    (mesh,) = reading.ground
+    west, south, east, north = ground.bounds
+    nodes = np.clip(mesh.vertices[:, :2], (west, south), (east, north))
+    ideal = np.column_stack([mesh.vertices[:, :2], ground.height_at(nodes[:, 0], nodes[:, 1])])
+    southwest, southeast, northeast, _, _, northwest = mesh.faces.reshape(-1, 6).T
+    other = np.stack([southwest, southeast, northwest, southeast, northeast, northwest], axis=-1)
+    cuts = [mesh.replace(vertices=ideal, faces=cut.reshape(-1, 3)) for cut in (mesh.faces, other)]
+    wanted = ground.height_at(points[:, 0], points[:, 1])
+    besides = max(float(np.nanmax(np.abs(heights_on(c, points) - wanted))) for c in cuts)
+    return replace(reading, besides=besides)
+
+
+@cache
+def _program() -> Path:
+    """The compiled probe, from the cache where it is already there.
+
+    Raises:
+        NotRun: if it cannot be compiled.
+    """
+    for tool in ("g++", "pkg-config"):
+        if not shutil.which(tool):
+            raise NotRun(f"{tool} is not installed")
+    asked = subprocess.run(
+        ["pkg-config", "--cflags", "--libs", *_PACKAGES],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if asked.returncode:
+        raise NotRun(asked.stderr.strip().splitlines()[-1])
+    key = sha256(_SOURCE.read_bytes() + asked.stdout.encode()).hexdigest()[:32]
+    folder = cache_folder() or Path(tempfile.mkdtemp(prefix="terrain-forge-"))
+    program = folder / f"gazebo-probe-{key}"
+    if not program.is_file():
+        _compile(program, asked.stdout.split())
+    return program
+
+
+def _compile(program: Path, flags: list[str]) -> None:
+    """Compile the probe; others see all of it or nothing."""
+    program.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=program.parent, prefix="new-") as folder:
+        new = Path(folder) / program.name
+        command = ["g++", "-std=c++17", "-O1", str(_SOURCE), *flags, "-o", str(new)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            error = next((line for line in done.stderr.splitlines() if "error" in line), "")
+            raise NotRun(f"the probe does not compile with these libraries: {error}")
+        new.replace(program)
+
+
+def _plugin() -> Path:
+    """The physics engine's library."""
+    asked = subprocess.run(
+        ["pkg-config", "--variable=libdir", _PLUGIN], capture_output=True, text=True, check=False
+    )
+    folders = [Path(asked.stdout.strip()), Path("/usr/lib/x86_64-linux-gnu")]
+    name = f"lib{_PLUGIN}.so"
+    for folder in folders:
+        if (folder / name).is_file():
+            return folder / name
+    raise SimulationError(f"{name} is not installed")
+
+
+GAZEBO = Consumer(name="Gazebo Fortress' libraries", kinds=("sdf",), read=read_sdf)
+"""The parser, mesh loaders and physics of Gazebo Fortress; gz-sim itself is not run."""

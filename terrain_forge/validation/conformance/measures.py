@@ -1,0 +1,269 @@
+"""A consumer's reading against the world: every aspect with its largest error and its limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.motion import Trajectory
+from terrain_forge.rock_bodies import inertias
+from terrain_forge.validation.agreement import ground_limit
+from terrain_forge.validation.conformance.entry import Entry, Status
+from terrain_forge.validation.conformance.outlines import rock_errors
+from terrain_forge.validation.conformance.reading import Reading, Solids, Track
+from terrain_forge.validation.conformance.sample import Sample
+from terrain_forge.validation.surface_mesh import heights_on
+from terrain_forge.world import rotations
+from terrain_forge.writers.naming import file_name, identifier
+
+Array = NDArray[np.float64]
+
+ROCK_LIMIT = 0.01
+"""A rock may be off by this part of its diameter, or by what the export's options allow it."""
+MASS_LIMIT = 1e-5
+"""Masses and inertia may be off by this part of them: some consumers compute in 32 bits."""
+GRAVITY_LIMIT = 1e-6
+"""Gravity may be off by this [m/s²]."""
+PLACE_LIMIT = 1e-3
+"""Frames may be off by this [m], and turned so that a point at 1 m is off by this."""
+PATH_LIMIT = 1e-4
+"""Samples of a path may be off by this [m], and turned so that a point at 1 m is off by this."""
+BALL_LIMIT = 2e-3
+"""A ball may rest this much too high or too low [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """An export to be read."""
+
+    folder: str
+    """Name of its folder."""
+    kind: str
+    """The exporter."""
+    outline_error: float
+    """What its options allow a merged rock's outline to be off, as a part of its size."""
+    drawn_level: int = 0
+    """Level of detail by which the format draws rocks, at the coarsest, whatever its options."""
+
+
+def measure(sample: Sample, export: Export, reading: Reading) -> list[Entry]:
+    """All aspects of a reading, in the order of the table."""
+    entry = Entry(
+        export=export.folder, kind=export.kind, consumer=reading.consumer, aspect="", status="pass"
+    )
+    measures: dict[str, Callable[[Sample, Export, Reading, Entry], Entry | None]] = {
+        "findings": _findings,
+        "ground": _ground,
+        "rock tops": _rock_tops,
+        "rock outlines": _rock_outlines,
+        "masses": _masses,
+        "gravity": _gravity,
+        "frames": _frames,
+        "path": _path,
+        "balls": _balls,
+    }
+    entries = []
+    for aspect, find in measures.items():
+        blank = replace(entry, aspect=aspect)
+        found = find(sample, export, reading, blank)
+        why = reading.reasons.get(aspect, "")
+        entries.append(found or replace(blank, status="not carried", note=why))
+    return entries
+
+
+def _judged(entry: Entry, figure: float, limit: float, *, unit: str = "", note: str = "") -> Entry:
+    status: Status = "pass" if figure <= limit else "fail"
+    if not np.isfinite(figure):
+        return replace(entry, status="fail", note=note)
+    return replace(entry, status=status, figure=figure, limit=limit, unit=unit, note=note)
+
+
+def _findings(_: Sample, __: Export, reading: Reading, entry: Entry) -> Entry | None:
+    if reading.findings is None:
+        return None
+    note = f"first: {reading.findings[0]}" if reading.findings else "complaints of the consumer"
+    return _judged(entry, float(len(reading.findings)), 0.0, note=note)
+
+
+def _ground(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry | None:
+    heights = reading.heights
+    if heights is None and not reading.ground:
+        return None
+    if heights is None:
+        heights = np.full(len(sample.points), np.nan)
+        for mesh in reading.ground:
+            heights = np.fmax(heights, heights_on(mesh, sample.points))
+    shown = np.ones(len(heights), np.bool_) if reading.hidden is None else ~reading.hidden
+    heights, points = heights[shown], sample.points[shown]
+    missed = int(np.isnan(heights).sum())
+    if missed or not len(points):
+        why = f"no ground under {missed} of {len(points)} points"
+        return replace(entry, status="fail", note=why)
+    ground = sample.world.ground
+    off = np.abs(heights - ground.height_at(points[:, 0], points[:, 1]))
+    limit = max(ground_limit(ground), 0.5 * reading.quantum + reading.besides)
+    note = f"largest difference in height at {len(points)} points"
+    return _judged(entry, float(off.max()), limit, unit="m", note=note)
+
+
+def _rock_tops(sample: Sample, export: Export, reading: Reading, entry: Entry) -> Entry | None:
+    return _rocks(sample, export, reading, entry, slice(-1, None))
+
+
+def _rock_outlines(sample: Sample, export: Export, reading: Reading, entry: Entry) -> Entry | None:
+    return _rocks(sample, export, reading, entry, slice(-1))
+
+
+def _rocks(
+    sample: Sample, export: Export, reading: Reading, entry: Entry, along: slice
+) -> Entry | None:
+    """The rock that is worst for what it may be off, among those touched and those seen."""
+    field = sample.world.field.select(sample.rows)
+    if reading.touched is None and reading.seen is None:
+        return None
+    if not len(field):
+        return replace(entry, status="not carried", note="there are no rocks")
+    levels = [
+        shape.outline_errors[min(export.drawn_level, len(shape.outline_errors) - 1)]
+        for shape in sample.world.library.prototypes
+    ]
+    size = field.scale / field.diameter
+    touched = np.maximum(ROCK_LIMIT, export.outline_error * size)
+    seen = np.maximum(touched, ROCK_LIMIT + np.array(levels)[field.prototype] * size)
+    looks: list[tuple[Solids | None, NDArray[np.bool_], Array]] = [
+        (reading.touched, field.solid, touched),
+        (reading.seen, np.ones(len(field), np.bool_), seen if export.drawn_level else touched),
+    ]
+    worst, limit = np.zeros(len(field)), touched
+    for solids, counts, allowed in looks:
+        if solids is not None:
+            off = rock_errors(sample, solids)[:, along]
+            shown = np.where(np.isnan(off), 0.0, off).max(axis=1) / field.diameter
+            shown = np.where(counts, shown, 0.0)
+            worse = shown / allowed > worst / limit
+            worst, limit = np.where(worse, shown, worst), np.where(worse, allowed, limit)
+    first = int(np.argmax(worst / limit))
+    if not np.isfinite(worst[first]):
+        return replace(entry, status="fail", note=f"rock {field.id[first]} is missing or misplaced")
+    kinds = " and ".join(
+        name for name, look in zip(("touched", "seen"), looks, strict=True) if look[0] is not None
+    )
+    note = f"in diameters, worst of {len(field)} rocks as they are {kinds}"
+    return _judged(entry, float(worst[first]), float(limit[first]), note=note)
+
+
+def _masses(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry | None:
+    if reading.bodies is None:
+        return None
+    field = sample.world.field
+    loose = field.select(field.loose)
+    if not len(loose):
+        return replace(entry, status="not carried", note="no rock is loose")
+    place = {rock: n for n, rock in enumerate(reading.bodies.rock.tolist())}
+    missing = [rock for rock in loose.id.tolist() if rock not in place]
+    if missing or len(place) != len(loose):
+        first = f"rock {missing[0]}" if missing else "one too many"
+        note = f"{len(place)} bodies for {len(loose)} loose rocks; {first}"
+        return replace(entry, status="fail", note=note)
+    order = [place[rock] for rock in loose.id.tolist()]
+    tensors = inertias(loose, sample.world.library)
+    off = np.abs(reading.bodies.inertia[order] - tensors).max(axis=(1, 2))
+    off /= np.abs(tensors).max(axis=(1, 2))
+    mass = np.abs(reading.bodies.mass[order] / loose.mass - 1.0)
+    note = f"largest relative error of mass and inertia, {len(loose)} loose rocks"
+    return _judged(entry, float(max(off.max(), mass.max())), MASS_LIMIT, note=note)
+
+
+def _gravity(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry | None:
+    if reading.gravity is None:
+        return None
+    off = abs(reading.gravity + sample.world.site.body.gravity)
+    return _judged(entry, off, GRAVITY_LIMIT, unit="m/s²", note="difference to the body's")
+
+
+def _frames(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry | None:
+    extent = reading.extent
+    if extent is None and reading.ground:
+        low = np.min([mesh.vertices[:, :2].min(axis=0) for mesh in reading.ground], axis=0)
+        high = np.max([mesh.vertices[:, :2].max(axis=0) for mesh in reading.ground], axis=0)
+        extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    if extent is None:
+        return None
+    worst = float(np.abs(np.array(extent) - sample.world.ground.bounds).max())
+    what = ["edges of the ground"]
+    if reading.bodies is not None and len(reading.bodies.rock):
+        worst = max(worst, _body_error(sample, reading))
+        what.append("poses of loose rocks")
+    return _judged(entry, worst, PLACE_LIMIT, unit="m", note=" and ".join(what))
+
+
+def _body_error(sample: Sample, reading: Reading) -> float:
+    """How far bodies are off, and points at 1 m by their being turned [m]."""
+    assert reading.bodies is not None
+    field = sample.world.field
+    rows = np.searchsorted(field.id, reading.bodies.rock)
+    rows = np.minimum(rows, len(field) - 1)
+    known = field.id[rows] == reading.bodies.rock
+    if not known.all():
+        return float("inf")
+    rocks = field.select(rows)
+    moved = np.linalg.norm(reading.bodies.position - rocks.position, axis=1)
+    turned = np.linalg.norm(reading.bodies.rotation - rotations(rocks), axis=2)
+    return float(max(moved.max(), turned.max()))
+
+
+def _path(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry | None:
+    if reading.tracks is None:
+        return None
+    trajectories = sample.world.trajectories
+    if not trajectories:
+        return replace(entry, status="not carried", note="there are no paths")
+    worst, samples = 0.0, 0
+    for trajectory in trajectories:
+        track = next((t for t in reading.tracks if _is_same(trajectory.name, t.name)), None)
+        if track is None:
+            return replace(entry, status="fail", note=f"path {trajectory.name} is missing")
+        worst = max(worst, _track_error(trajectory, track))
+        samples += len(track.position)
+    note = f"largest error of place, and at 1 m of turn, {samples} samples"
+    return _judged(entry, worst, PATH_LIMIT, unit="m", note=note)
+
+
+def _is_same(name: str, found: str) -> bool:
+    return found in (name, file_name(name), identifier(name))
+
+
+def _track_error(trajectory: Trajectory, track: Track) -> float:
+    """How far a track's samples are off the trajectory at their times [m]."""
+    if track.time is None:
+        from scipy.spatial import cKDTree
+
+        return float(cKDTree(trajectory.position).query(track.position)[0].max(initial=0.0))
+    first, last = trajectory.time[0], trajectory.time[-1]
+    if abs(track.time[0] - first) > PLACE_LIMIT or abs(track.time[-1] - last) > PLACE_LIMIT:
+        return float("inf")
+    wanted = trajectory.at(np.clip(track.time, first, last))
+    worst = float(np.linalg.norm(track.position - wanted.position, axis=1).max())
+    if track.quaternion is not None:
+        turns = matrix_from_quaternion(track.quaternion) - matrix_from_quaternion(wanted.quaternion)
+        worst = max(worst, float(np.linalg.norm(turns, axis=2).max()))
+    return worst
+
+
+def _balls(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry | None:
+    if reading.balls is None:
+        return None
+    if not len(sample.balls.rest):
+        return replace(entry, status="not carried", note="no place is free of rocks")
+    off = np.abs(reading.balls - sample.balls.rest)
+    note = (
+        f"{len(off)} balls of {sample.balls.radius:g} m on vertical sliders, largest difference of "
+        "where they rest"
+    )
+    figure = float(off.max()) if np.isfinite(off).all() else float("inf")
+    limit = BALL_LIMIT + 0.5 * reading.quantum + reading.besides
+    return _judged(entry, figure, limit, unit="m", note=note)

@@ -1,0 +1,57 @@
+"""GeoTIFFs in GDAL."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.validation.conformance.consumer import Consumer
+from terrain_forge.validation.conformance.reading import Reading
+from terrain_forge.validation.conformance.sample import Sample
+from terrain_forge.world import Heightfield
+
+_RASTER = "a raster carries heights alone"
+
+
+def read_geotiff(sample: Sample, folder: Path, scratch: Path) -> Reading:
+    """The elevation raster of a GeoTIFF export as GDAL has it, triangulated as the ground is."""
+    import rasterio
+
+    del scratch
+    site = sample.world.site
+    aspects = ("findings", "rock tops", "rock outlines", "masses", "gravity", "path", "balls")
+    reasons = dict.fromkeys(aspects, _RASTER)
+    consumer = f"GDAL {rasterio.__gdal_version__}"
+    path = folder / "elevation.tif"
+    if not path.is_file():
+        missing = dict.fromkeys(("ground", "frames"), "elevation is not among its products")
+        return Reading(consumer=consumer, reasons={**reasons, **missing})
+    with rasterio.open(path) as raster:
+        heights = raster.read(1)[::-1].astype(np.float64)
+        west, south = raster.xy(raster.height - 1, 0)
+        spacing = raster.transform.a
+        above_datum = "above the datum" in (raster.descriptions[0] or "")
+    found = Heightfield(elevation=heights, spacing=spacing, origin=(west, south))
+    if above_datum:
+        east, north = site.slope
+        plane = site.datum_height + east * found.east + (north * found.north)[:, None]
+        found = found.replace(elevation=heights - plane)
+    return Reading(
+        consumer=consumer,
+        heights=_heights(found, sample),
+        extent=found.bounds,
+        quantum=2 * float(np.spacing(np.float32(np.abs(heights).max()))),
+        reasons=reasons,
+    )
+
+
+def _heights(found: Heightfield, sample: Sample) -> np.ndarray:
+    heights = np.full(len(sample.points), np.nan)
+    inside = found.covers(sample.points[:, 0], sample.points[:, 1])
+    heights[inside] = found.height_at(sample.points[inside, 0], sample.points[inside, 1])
+    return heights
+
+
+GDAL = Consumer(name="GDAL", kinds=("geotiff",), read=read_geotiff)
+"""GDAL's reader of GeoTIFF."""
