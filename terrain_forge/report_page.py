@@ -35,6 +35,7 @@ from terrain_forge.validation.conformance.table import table_rows
 from terrain_forge.world import World
 
 _MAP_PIXELS = 560
+_SCALES = "terrain.png"
 
 
 def write_report_page(world: World, directory: Path) -> Path:
@@ -50,7 +51,7 @@ def write_report_page(world: World, directory: Path) -> Path:
             _header(world, validation),
             _preview(directory / "preview.png"),
             section("What was built", _built(world)),
-            section("The ground", _ground(world)),
+            section("The ground", _ground(world), *_scales(validation, directory / "validation")),
             *_craters(directory / "truth" / "crater_counts.json"),
             section("The rocks", *rocks_section(world, proof, directory / "truth")),
             section("Paths", _paths(world)),
@@ -235,6 +236,27 @@ def _path_row(trajectory: Trajectory) -> list[Cell]:
     ]
 
 
+def _scales(validation: dict[str, Any], folder: Path) -> list[Html]:
+    """The ground at all scales beside its DTM, and what the DTM needed."""
+    terrain = validation.get("terrain")
+    if not terrain or not (folder / _SCALES).is_file():
+        return []
+    exponent = f"Hurst exponent of the detail {terrain['hurst']:.2f} ({terrain['source']})"
+    for name, where in (
+        ("exponent_at_the_joint", "the DTM's own at the joint"),
+        ("exponent_of_the_spectrum", "that of its spectrum"),
+    ):
+        if terrain[name]:
+            exponent += f"; {where} {terrain[name]['value']:.2f} ± {terrain[name]['standard_error']:.2f}"
+    shown = picture(
+        (folder / _SCALES).read_bytes(),
+        media_type="image/png",
+        description="Structure function, spectrum and slopes of the ground and of its DTM",
+        caption=exponent + ".",
+    )
+    return [Html("<h3>The ground at all scales</h3>"), shown]
+
+
 def _checks(validation: dict[str, Any], folder: Path) -> list[Html]:
     checks = validation.get("checks", [])
     if not checks:
@@ -252,6 +274,7 @@ def _checks(validation: dict[str, Any], folder: Path) -> list[Html]:
     pictures = [
         picture(file.read_bytes(), media_type="image/png", description=file.stem)
         for file in sorted(folder.glob("*.png"))
+        if file.name != _SCALES
     ]
     headings = ("Check", "Figure", "Limit", "", "Note")
     return [table(headings, rows, figures="lrrll"), *pictures]

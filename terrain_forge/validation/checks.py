@@ -16,6 +16,7 @@ import numpy as np
 from terrain_forge.errors import SimulationError
 from terrain_forge.records import Record
 from terrain_forge.registry import exporter
+from terrain_forge.terrain.statistics import TerrainStatistics, terrain_statistics
 from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.conformance.entry import Entry
@@ -101,7 +102,7 @@ def _clear(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for name in ("mjcf", "consumers"):
         shutil.rmtree(folder / name, ignore_errors=True)
-    for name in ("report.json", "drive.png", "drive.csv", "drive.tum"):
+    for name in ("report.json", "terrain.png", "drive.png", "drive.csv", "drive.tum"):
         (folder / name).unlink(missing_ok=True)
 
 
@@ -186,9 +187,14 @@ def _write(
     result: DriveResult | None,
     entries: list[Entry],
 ) -> list[Path]:
-    """Write the report, and the drive's track and picture."""
-    files = [folder / "report.json"]
-    files[0].write_text(_report(world, checks, result, entries), encoding="utf-8")
+    """Write the report, the ground's statistics, and the drive's track and picture."""
+    from terrain_forge.terrain.evidence import write_terrain_figure
+
+    statistics = terrain_statistics(site=world.site, ground=world.ground)
+    files = [folder / "report.json", folder / "terrain.png"]
+    text = _report(world, checks, statistics, result, entries)
+    files[0].write_text(text, encoding="utf-8")
+    write_terrain_figure(statistics, files[1])
     if result:
         from terrain_forge.validation.drive_files import write_figure, write_track
 
@@ -198,7 +204,11 @@ def _write(
 
 
 def _report(
-    world: World, checks: list[Check], result: DriveResult | None, entries: list[Entry]
+    world: World,
+    checks: list[Check],
+    statistics: TerrainStatistics,
+    result: DriveResult | None,
+    entries: list[Entry],
 ) -> str:
     passed = all(check.passed for check in checks)
     report: dict[str, Any] = {
@@ -208,6 +218,7 @@ def _report(
         "passed": passed,
         "checks": [vars(check) for check in checks],
         "conformance": [vars(entry) for entry in entries],
+        "terrain": statistics.as_json(),
     }
     if result:
         report["drive"] = {
