@@ -43,10 +43,11 @@ from terrain_forge.rocks.clearings import clearings
 from terrain_forge.rocks.feasibility import check_rocks, largest_rock
 from terrain_forge.rocks.intensity import require_place
 from terrain_forge.rocks.layer_craters import with_layer_craters
+from terrain_forge.rocks.loose_limits import require_loose
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import margin as rock_margin
 from terrain_forge.rocks.scatter import scatter
-from terrain_forge.rocks.settle import require_loose, settle
+from terrain_forge.rocks.settle import settle
 from terrain_forge.rovers.catalogue import find_rover
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window

@@ -18,7 +18,7 @@ from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.rocks.overlap import find_overlaps, overlapping_pairs
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec, RocksSpec
 from terrain_forge.rocks.scatter import scatter
-from terrain_forge.rocks.size_frequency import Golombek
+from terrain_forge.rocks.size_frequency import Counts, Golombek, PowerLaw
 from terrain_forge.truth.shapes import is_closed, shape_figures
 from terrain_forge.truth.size_frequency import size_frequency, write_size_frequency
 from terrain_forge.truth.statistics import clark_evans, count_band
@@ -173,6 +173,8 @@ def test_rocks_and_area_of_corridors_stay_out():
     with_swept = size_frequency(world, rocks=rocks(spec))["together"]
     for name in ("count", "kolmogorov_smirnov", "clark_evans", "curve"):
         assert with_swept[name] == proof["together"][name]
+    listed = rocks(lists=(RockListSpec(name="p0", file="mine.csv"),))
+    assert size_frequency(world, rocks=listed)["lists"][0]["in_corridors"] == np.sum(swept)
 
 
 def test_clark_evans_tells_random_from_even_and_clustered():
@@ -307,8 +309,22 @@ def test_populations_without_any_rock_are_said_to_have_none(tmp_path):
     assert found["count"]["realised"] == 0
     assert found["kolmogorov_smirnov"] is None
     assert found["clark_evans"] is None
+    few = PowerLaw(number_per_m2=1e-9, exponent=2.0)
+    none = PopulationSpec(name="p0", size_frequency=few, diameter_m=(0.5, None))
+    write_size_frequency(world, tmp_path, rocks=rocks(none))  # any warning fails the test
+    (found,) = json.loads((tmp_path / "size_frequency.json").read_text())["populations"]
+    assert (found["count"]["wanted"], found["count"]["realised"]) == (0.0, 0)
     write_size_frequency(world, tmp_path, rocks=rocks())
     assert json.loads((tmp_path / "size_frequency.json").read_text())["together"] is None
+
+
+def test_laws_tell_where_they_go_on_beyond_the_count():
+    counts = Counts(area_m2=40.0, diameters_m=(0.3, 0.35, 0.5, 0.45, 0.9, 0.6))
+    world = scattered([np.zeros(0)])
+    for smallest, beyond in ((0.2, 0.3), (0.3, None), (None, None)):
+        spec = PopulationSpec(name="p0", size_frequency=counts, diameter_m=(smallest, 2.0))
+        (found,) = size_frequency(world, rocks=rocks(spec))["populations"]
+        assert found["law"].get("extrapolated_below_m") == beyond
 
 
 def test_any_name_can_be_drawn(tmp_path):

@@ -10,11 +10,12 @@ import trimesh
 from PIL import Image as Picture
 
 from terrain_forge import TerrainForgeError, plan
+from terrain_forge.dtm.raster import read_image
 from terrain_forge.dtm.spec import FlatDtm
 from terrain_forge.limits import expected_rocks
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.rocks.arrangement import AroundCraters, Clustered, Crater
-from terrain_forge.rocks.feasibility import expected_count
+from terrain_forge.rocks.feasibility import check_rocks, expected_count
 from terrain_forge.rocks.library import LibrarySpec, MeshSpec
 from terrain_forge.rocks.populations import KeepOut, PopulationSpec, RockListSpec, RocksSpec
 from terrain_forge.rocks.size_frequency import (
@@ -22,6 +23,7 @@ from terrain_forge.rocks.size_frequency import (
     CoverAbove,
     Exponential,
     Golombek,
+    PowerLaw,
     Tabulated,
 )
 
@@ -153,6 +155,40 @@ def test_density_images_are_read_north_up(tmp_path):
     assert dict(site.inputs).keys() == {"density.png"}
 
 
+def _palette(values, colours):
+    picture = Picture.new("P", values.shape[::-1])
+    picture.putdata(values.ravel().tolist())
+    picture.putpalette(np.ravel(colours).tolist())
+    return picture
+
+
+@pytest.mark.parametrize("ending", ["png", "tif"])
+def test_images_are_as_bright_as_they_look(tmp_path, ending):
+    """One bit, a palette, grey and equal colours tell the same; of colours the luma counts."""
+    light = np.zeros((4, 6), np.uint8)
+    light[0], light[:, 0] = 255, 51
+    dark = light.copy()
+    dark[:, 0] = 0
+    pictures = {
+        "grey": (Picture.fromarray(light), light),
+        "bit": (Picture.fromarray(dark).convert("1"), dark),
+        "palette": (
+            _palette(np.where(light == 0, 1, light // 255 * 2), [(51,) * 3, (0,) * 3, (255,) * 3]),
+            light,
+        ),
+        "equal": (Picture.fromarray(np.stack([light] * 3, -1)), light),
+        "red": (
+            Picture.fromarray(np.stack([light, 0 * light, 0 * light], -1)),
+            0.2126 * light,
+        ),
+        "sixteen": (Picture.fromarray(257 * light.astype(np.uint16)), light),
+    }
+    for name, (picture, wanted) in pictures.items():
+        picture.save(tmp_path / f"{name}.{ending}")
+        found = read_image(f"{name}.{ending}", tmp_path, ())[::-1]
+        np.testing.assert_allclose(found, wanted / 255, atol=1e-12, err_msg=name)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -250,7 +286,7 @@ TIGHT = Clustered(clusters_per_m2=0.001, radius_m=0.5)
         ({"arrangement": FAR}, ("arrangement", "craters"), ["400, 0", "±20"]),
         ({"arrangement": OLD}, ("arrangement", "craters"), ["no rock is left"]),
         ({"arrangement": SMALL}, ("arrangement", "craters"), ["0.154 m", "0.2 m"]),
-        ({"arrangement": TIGHT}, ("arrangement",), ["densest", "at most 0.4"]),
+        ({"arrangement": TIGHT}, ("arrangement",), ["densest", "12.2", "at most 0.296"]),
     ],
 )
 def test_populations_that_cannot_be(changes, key, words):
@@ -264,7 +300,79 @@ def test_cover_that_cannot_be_packed():
     dense = [population(name=n, size_frequency=Golombek(k=0.4)) for n in "abc"]
     key, text = complaint(recipe(*dense), ".")
     assert key == ("rocks", "populations")
-    assert "at most 0.4 can be packed" in text
+    assert "cover 0.64 of the ground, at most 0.32 of such rocks can be packed" in text
+
+
+def even(cover, low, high, **more):
+    """Rocks of number ∝ D⁻² that cover a part of the ground."""
+    one = PowerLaw(number_per_m2=1.0, exponent=2.0)
+    unit = float(one.cumulative_area(low) - one.cumulative_area(high))
+    law = PowerLaw(number_per_m2=cover / unit, exponent=2.0)
+    return population(size_frequency=law, diameter_m=(low, high), **more)
+
+
+@pytest.mark.parametrize(
+    "dense",
+    [
+        [even(0.30, 0.9, 1.0)],
+        [even(0.32, 0.5, 1.0)],
+        [even(0.09, 0.15, 1.0, name=name) for name in "abcd"],
+        [population(size_frequency=Golombek(k=0.36), diameter_m=(0.15, 2), loose_m=(0.15, 2))],
+        [even(0.26, 0.5, 1.0, families=("slab",)), even(0.05, 0.5, 1.0, name="more")],
+    ],
+)
+def test_cover_that_leaves_no_room_for_the_last_rocks(dense):
+    """Below 0.4, but these sizes leave more than one rock in a thousand without a place."""
+    key, text = complaint(recipe(*dense), ".")
+    assert key == ("rocks", "populations")
+    for word in ("at most 0.", "packed", "lower their numbers"):
+        assert word in text
+    assert ("fewer loose" in text) == any(p.loose_m is not None for p in dense)
+
+
+def test_wide_ranges_of_sizes_pack_densely():
+    for k in (0.3, 0.35):
+        check_rocks(
+            RocksSpec(populations=(population(size_frequency=Golombek(k=k), diameter_m=(0.1, 2)),)),
+            SIZE,
+        )
+    loose = population(size_frequency=Golombek(k=0.3), diameter_m=(0.15, 2), loose_m=(0.15, 2))
+    check_rocks(RocksSpec(populations=(loose,)), SIZE)
+
+
+def test_the_automatic_largest_rock_must_fit_the_site_too():
+    law = PowerLaw(number_per_m2=0.0316, exponent=0.5)
+    wanted = recipe(population(size_frequency=law, diameter_m=(0.1, None)))
+    key, text = complaint(replace(wanted, dtm=FlatDtm(size_m=(10.0, 10.0))), ".")
+    assert key == ("rocks", "populations", 0, "diameter_m")
+    for word in ("9.99 m", "5 m", "give the largest"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "kept", "words"),
+    [
+        ({}, (KeepOut(centre_m=(0, 0), radius_m=26.0, clearance_m=0.2),), "corridors and circles"),
+        ({"arrangement": AroundCraters(craters=(Crater(centre_m=(5, 0), diameter_m=8),))},
+         (KeepOut(centre_m=(5, 0), radius_m=9.0),), "its craters, corridors and circles"),
+        ({"density_image": "half.png"}, (KeepOut(centre_m=(-20, 0), radius_m=30),), "density"),
+    ],
+)  # fmt: skip
+def test_masks_that_leave_no_place(tmp_path, changes, kept, words):
+    half = np.zeros((10, 10), np.uint8)
+    half[:, :5] = 255
+    Picture.fromarray(half).save(tmp_path / "half.png")
+    key, text = complaint(recipe(population(**changes), keep_out=kept), tmp_path)
+    assert key == ("rocks", "populations", 0)
+    assert "no place is left for 'rocks'" in text
+    assert words in text
+
+
+def test_a_table_needs_two_rows(tmp_path):
+    (tmp_path / "t1.csv").write_text("diameter_m,number_per_m2\n0.2,1\n")
+    key, text = complaint(recipe(population(size_frequency=Tabulated(file="t1.csv"))), tmp_path)
+    assert key == ("rocks", "populations", 0, "size_frequency")
+    assert "1 row, a table needs at least 2" in text
 
 
 def test_rocks_need_a_shape():
@@ -304,12 +412,12 @@ def test_circles_that_cannot_be(circles, key, words):
 def test_circles_become_clearings():
     circles = (
         KeepOut(centre_m=(3, 4), radius_m=2.0),
-        KeepOut(centre_m=(0, 0), radius_m=30.0, clearance_m=0.3),
+        KeepOut(centre_m=(0, 0), radius_m=20.0, clearance_m=0.3),
     )
     site = plan(recipe(population(), keep_out=circles))
     assert [(c.centre, c.radius, c.clearance) for c in site.clearings] == [
         ((3.0, 4.0), 2.0, 0.0),
-        ((0.0, 0.0), 30.0, 0.3),
+        ((0.0, 0.0), 20.0, 0.3),
     ]
 
 

@@ -11,6 +11,7 @@ from scipy.stats import chisquare, kstest
 
 from terrain_forge.errors import RecipeError
 from terrain_forge.rocks.addresses import words
+from terrain_forge.rocks.laws.fitting import fit_law
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.rocks.size_frequency import (
     Counts,
@@ -199,6 +200,7 @@ def test_table_meets_its_rows_and_goes_on_beyond():
     assert TABLE.smallest_known == 0.1
 
 
+ALIKE = tuple(np.linspace(0.1, 0.11, 60).tolist())
 NINE = ((0.1, 0.2, 9),)
 FAMILIES = [
     (Golombek(k=0.07), {}, {"k": 0.07}),
@@ -312,6 +314,13 @@ def test_goodness_tells_a_wrong_law(wrong):
         (Counts(area_m2=1.0, bins=NINE, fit="exponential", q_of_k="moon"), ["golombek"]),
         (Counts(area_m2=0.1, bins=((0.5, 1.0, 99), (1.0, 2.0, 30))), ["its range", "k = 0.4"]),
         (Counts(area_m2=9.0, bins=NINE, complete_from_m=0.8), ["0 rocks"]),
+        (Counts(area_m2=9.0, bins=((0.1, 0.3, 9),), q_of_k="free"), ["hold rocks: 1", "2 are"]),
+        (Counts(area_m2=9.0, bins=((0.1, 0.3, 9), (0.3, 0.6, 0)), q_of_k="free"), ["rocks: 1"]),
+        (Counts(area_m2=9.0, bins=((0.1, 0.3, 9),), fit="power_law"), ["rocks: 1", "exponent"]),
+        (Counts(area_m2=9.0, bins=((0.1, None, 9),), fit="power_law"), ["rocks: 1"]),
+        (Counts(area_m2=9.0, diameters_m=(0.1, *[0.2] * 9), fit="power_law"), ["diameters: 1"]),
+        (Counts(area_m2=9.0, diameters_m=ALIKE, q_of_k="free"), ["k = ", "at most 0.4"]),
+        (Counts(area_m2=9.0, diameters_m=ALIKE, fit="power_law"), ["its range", "exponent = 10"]),
     ],
 )  # fmt: skip
 def test_laws_that_contradict_themselves(law, words):
@@ -320,3 +329,25 @@ def test_laws_that_contradict_themselves(law, words):
     assert caught.value.key[:3] == ("rocks", "populations", 0)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_a_fit_that_is_not_determined_has_no_standard_error():
+    """One bin tells one number, so that any exponent will do."""
+    count = Counts(area_m2=9.0, bins=((0.1, 0.3, 9),), fit="power_law").count
+    fit = fit_law(count, fit="power_law", decay="mars")
+    assert fit.at_limit
+    assert not fit.determined
+    assert all(one.standard_error is None for one in fit.parameters.values())
+    one = fit_law(count, fit="golombek", decay="mars")
+    assert one.determined
+    assert not one.at_limit
+    # k ∝ the count but for q(k): a relative error a little off Poisson's
+    k = one.parameters["k"]
+    assert 0.2 < k.standard_error / k.value < 0.45
+
+
+def test_goodness_says_that_the_law_was_fitted():
+    law = Counts(area_m2=40.0, diameters_m=tuple(np.geomspace(0.2, 0.6, 30).tolist()))
+    found = law.report()["goodness"]
+    assert found["fitted_parameters"] == 1
+    assert "too large" in found["note"]

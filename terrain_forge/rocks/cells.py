@@ -13,7 +13,7 @@ from terrain_forge.site import Site
 Rectangle = tuple[float, float, float, float]
 """West, south, east, north [m]."""
 
-_ROCKS_PER_CELL = 40.0
+_ROCKS_PER_CELL = 200.0
 _DIAMETERS_PER_CELL = 40.0
 _COLOURS = 4
 
@@ -78,14 +78,15 @@ def divide(
     """The cells for a density [1/m²] of rocks up to a diameter and a circle's radius [m].
 
     A cell must be wider than two rocks, so that cells of one colour are independent. It is large
-    enough for its rocks to find room in it, even where larger rocks crowd it, and no larger, so
-    that a window depends on little around it.
+    enough for its rocks to find room in it, even where larger rocks crowd it or chance gives it
+    more than its share, and no larger, so that a window depends on little around it.
     """
     roomy = _DIAMETERS_PER_CELL * diameter
     if density * roomy**2 > _ROCKS_PER_CELL:
         roomy = (_ROCKS_PER_CELL / density) ** 0.5
-    side = max(roomy, 4.0 * radius)
-    columns, rows = (max(int(length / side), 1) for length in site.size)
+    columns, rows = (
+        max(min(round(length / roomy), int(length / (4.0 * radius))), 1) for length in site.size
+    )
     sides = site.size[0] / columns, site.size[1] / rows
     return Cells(
         radius=radius,

@@ -20,7 +20,13 @@ from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, Clustered, 
 from terrain_forge.rocks.cells import Rectangle
 from terrain_forge.rocks.clusters import TRUNCATION, parents
 from terrain_forge.rocks.corridor import corridor_area, in_corridor
-from terrain_forge.rocks.intensity import Intensity, make_intensity, weights, with_slopes
+from terrain_forge.rocks.intensity import (
+    Intensity,
+    flat_area,
+    make_intensity,
+    weights,
+    with_slopes,
+)
 from terrain_forge.seeds import stage_key
 from terrain_forge.site import Site, Window
 from terrain_forge.world import Heightfield
@@ -66,8 +72,8 @@ def expected(
 ) -> Expectation:
     """Effective area of a window, without corridors and clearings, for a population.
 
-    Exact for plain Poisson populations; by the midpoint rule where something else shapes the
-    weight, on 1000 points each way, or on 300 around each crater. Clusters' tails beyond
+    Exact for plain Poisson populations and slope limits; by the midpoint rule where something else
+    shapes the weight, on 1000 points each way, or on 300 around each crater. Clusters' tails beyond
     4 standard deviations, which the rocks do not have, make a difference of at most 1 in 3000.
 
     Args:
@@ -93,7 +99,9 @@ def expected(
     cells = window.columns * window.rows
     covered = corridor_area(site, window)
     held = cells * site.spacing**2 - covered
-    if intensity.thins(0):
+    if intensity.limits_slope and covered == 0.0 and population.density_image is None:
+        held = flat_area(intensity, 0, window)
+    elif intensity.thins(0):
         held = _grid(area, intensity, site).integral
     variance = 0.0
     if isinstance(population.arrangement, Clustered):

@@ -6,6 +6,7 @@ from collections import Counter
 from math import exp, pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.errors import RecipeError
 from terrain_forge.rocks.arrangement import (
@@ -18,6 +19,7 @@ from terrain_forge.rocks.arrangement import (
 )
 from terrain_forge.rocks.laws.law import Key
 from terrain_forge.rocks.library import LibrarySpec
+from terrain_forge.rocks.packing import MAX_COVER, packable
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
     MAX_ROCKS,
@@ -28,10 +30,9 @@ from terrain_forge.rocks.populations import (
 )
 from terrain_forge.site import Table
 
-MAX_COVER = 0.4
-"""Part of the ground that all rocks may cover; more cannot be packed without overlap."""
 _SAMPLES = 100
 
+Array = NDArray[np.float64]
 Size = tuple[float, float]
 """East and north extent of a site [m]."""
 
@@ -60,7 +61,7 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
     for number, listed in enumerate(rocks.lists):
         _check_burial(listed, ("rocks", "lists", number))
         _check_families(listed, rocks.library, ("rocks", "lists", number))
-    _check_cover(rocks.populations, size)
+    _check_cover(rocks, size)
     _check_keep_out(rocks.keep_out, size)
 
 
@@ -103,24 +104,37 @@ def _effective_area(crater: Crater) -> float:
     return crater.strength * pi * radius**2 * (INTERIOR + 2.0 * RIM_FALL * falling)
 
 
-def _check_cover(populations: tuple[PopulationSpec, ...], size: Size) -> None:
+def _check_cover(rocks: RocksSpec, size: Size) -> None:
     """Refuse more cover than can be packed, on the whole or where rocks are crowded."""
     area, key = size[0] * size[1], ("rocks", "populations")
-    covers = [_cover(population, area) for population in populations]
-    if sum(covers) > MAX_COVER:
+    covers = np.array([_cover(population, area) for population in rocks.populations])
+    level = np.ones(len(covers))
+    most = _most_cover(rocks, size, covers, level)
+    if covers.sum() > most:
+        loose = any(population.loose_m for population in rocks.populations)
+        advice = "lower their numbers or raise the smallest diameter"
         raise RecipeError(
-            f"the rocks would cover {sum(covers):.3g} of the ground, at most {MAX_COVER} can be "
-            "packed without overlap",
+            f"the rocks would cover {covers.sum():.3g} of the ground, at most {most:.3g} of such "
+            f"rocks can be packed without overlap: {advice}{', or have fewer loose' * loose}",
             key=key,
         )
-    for number, (population, cover) in enumerate(zip(populations, covers, strict=True)):
-        densest = sum(covers) + cover * (crowding(population.arrangement) - 1.0)
-        if densest > MAX_COVER:
+    for number, population in enumerate(rocks.populations):
+        crowded = level.copy()
+        crowded[number] = crowding(population.arrangement)
+        most = _most_cover(rocks, size, covers, crowded)
+        if crowded[number] > 1.0 and covers @ crowded > most:
             raise RecipeError(
-                f"where they are densest the rocks would cover {densest:.3g} of the ground, at "
-                f"most {MAX_COVER} can be packed without overlap: spread them more evenly",
+                f"where they are densest the rocks would cover {covers @ crowded:.3g} of the "
+                f"ground, at most {most:.3g} of such rocks can be packed without overlap: spread "
+                "them more evenly or lower their numbers",
                 key=(*key, number, "arrangement"),
             )
+
+
+def _most_cover(rocks: RocksSpec, size: Size, covers: Array, factors: Array) -> float:
+    """Largest cover of rocks of the wanted sizes and shares, denser by some factors, up to 0.4."""
+    room = packable(rocks.populations, size=size, library=rocks.library, crowding=factors.tolist())
+    return MAX_COVER if room == 1.0 else min(MAX_COVER, room * float(covers @ factors))
 
 
 def _cover(population: PopulationSpec, area: float) -> float:
@@ -170,10 +184,15 @@ def _check_range(population: PopulationSpec, size: Size, key: Key) -> None:
         raise RecipeError(
             f"smallest {low:g} m, largest {high:g} m: the largest must be larger", key=key
         )
-    most, limit = max(low, high or 0.0), 0.5 * min(size)
-    if most > limit:
+    most, limit = population.diameter_range(size[0] * size[1])[1], 0.5 * min(size)
+    if isinstance(population.arrangement, AroundCraters) and high is None:
+        craters = population.arrangement.craters
+        most = min(most, max((crater.largest_rock_m for crater in craters), default=low))
+    if max(low, most) > limit:
+        found = f"rocks of up to {max(low, most):.3g} m"
+        advice = "" if high else " by the law: give the largest diameter"
         raise RecipeError(
-            f"rocks of up to {most:g} m, at most half the site's shorter side, {limit:g} m", key=key
+            f"{found}{advice}, at most half the site's shorter side, {limit:g} m", key=key
         )
 
 
@@ -218,8 +237,8 @@ def _check_families(rocks: PopulationSpec | RockListSpec, library: LibrarySpec, 
 def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
     """Refuse craters of which none has rocks on the site."""
     arrangement = population.arrangement
-    if not isinstance(arrangement, AroundCraters):
-        return
+    if not isinstance(arrangement, AroundCraters) or arrangement.layer is not None:
+        return  # a layer's craters are not known yet
     key = (*key, "arrangement", "craters")
     if not any(_reaches(crater, size) for crater in arrangement.craters):
         east, north = arrangement.craters[0].centre_m

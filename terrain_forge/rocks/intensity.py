@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
+from terrain_forge.errors import DataError, RecipeError
 from terrain_forge.kernels import inner, kernel
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters, Crater
 from terrain_forge.rocks.cells import Rectangle
+from terrain_forge.rocks.corridor import corridors, distances, search_radius
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.site import Site, Window
 from terrain_forge.terrain.ground import shape_ground
@@ -46,9 +47,10 @@ class Intensity(NamedTuple):
     steepest: Array
     """Largest rise per metre for a population, infinite for no limit, shape [populations]."""
     steepness: Array
-    """Rise per metre at the nodes of `steepness_window`, shape [rows, columns]."""
+    """Rise per metre of the triangles of the cells of `steepness_window`, first that to the
+    south-east, then that to the north-west of each cell's diagonal, shape [rows, columns, 2]."""
     steepness_window: NDArray[np.int64]
-    """First column and row of those nodes on the site's lattice, shape [2]."""
+    """First column and row of those cells on the site's lattice, shape [2]."""
     spacing: float
     """Distance of the nodes [m]."""
 
@@ -98,7 +100,7 @@ def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Inten
         crater=np.concatenate([np.zeros((0, 5)), *rows]),
         crater_first=np.cumsum([0, *map(len, rows)]),
         steepest=np.array([np.tan(np.radians(a)) if a < 90.0 else np.inf for a in limits]),
-        steepness=np.zeros((0, 0)),
+        steepness=np.zeros((0, 0, 2)),
         steepness_window=np.zeros(2, np.int64),
         spacing=site.spacing,
     )
@@ -109,8 +111,9 @@ def with_slopes(
 ) -> Intensity:
     """The same with the ground's slope over an area [m].
 
-    The rise per metre at a node is that of central differences (over two cells; one-sided at the
-    site's border); of a cell it is that of its steepest node.
+    What counts is the strictest measure: the rise per metre of a triangle of the surface is its
+    own, or that of its cell's steepest node by central differences (over two cells; one-sided at
+    the site's border) where that is more.
 
     Args:
         intensity: The weights.
@@ -129,10 +132,60 @@ def with_slopes(
     north, east = (np.gradient(elevation, site.spacing, axis=axis) for axis in (0, 1))
     row, column = inside.row - around.row, inside.column - around.column
     nodes = np.s_[row : row + inside.rows + 1, column : column + inside.columns + 1]
+    of_cells = _largest_corner(np.hypot(east[nodes], north[nodes]))
+    of_triangles = _rise_of_triangles(elevation[nodes], site.spacing)
     return intensity._replace(
-        steepness=np.hypot(east[nodes], north[nodes]),
+        steepness=np.maximum(of_triangles, of_cells[:, :, None]),
         steepness_window=np.array([inside.column, inside.row]),
     )
+
+
+def _largest_corner(values: Array) -> Array:
+    """Largest of the values at each cell's four nodes, shape [rows, columns]."""
+    pairs = np.maximum(values[1:], values[:-1])
+    largest: Array = np.maximum(pairs[:, 1:], pairs[:, :-1])
+    return largest
+
+
+def _rise_of_triangles(elevation: Array, spacing: float) -> Array:
+    """Rise per metre of the surface's triangles, as `Intensity.steepness` has them."""
+    east, north = np.diff(elevation, axis=1) / spacing, np.diff(elevation, axis=0) / spacing
+    southern = np.hypot(east[:-1], north[:, 1:])
+    northern = np.hypot(east[1:], north[:, :-1])
+    return np.stack([southern, northern], axis=-1)
+
+
+def require_place(
+    populations: tuple[PopulationSpec, ...], site: Site, intensity: Intensity | None = None
+) -> None:
+    """Refuse populations whose rocks cannot lie anywhere on a site.
+
+    Args:
+        populations: The rocks.
+        site: The site.
+        intensity: Their weights with slopes, where the whole site's are known.
+
+    Raises:
+        RecipeError: if slope limit, image, craters, corridors and clearings together leave nothing.
+    """
+    known = intensity or make_intensity(populations, site)._replace(
+        steepest=np.full(len(populations), np.inf)
+    )
+    strips = corridors(site)
+    for number, population in enumerate(populations):
+        limited = known.thins(number) or len(strips.half_width) > 0
+        if limited and not has_place(known, number, strips, population.smallest_diameter):
+            reasons = {
+                "its slope limit": np.isfinite(known.steepest[number]),
+                "its density image": population.density_image is not None,
+                "its craters": known.around[number],
+                "corridors and circles": len(strips.half_width) > 0,
+            }
+            found = ", ".join(name for name, there in reasons.items() if there)
+            raise RecipeError(
+                f"no place is left for {population.name!r} on the site: {found}",
+                key=("rocks", "populations", number),
+            )
 
 
 def _window(site: Site, area: Rectangle) -> Window:
@@ -188,6 +241,47 @@ def weights(intensity, population, xy, diameter):  # type: ignore[no-untyped-def
     for n in range(len(xy)):
         found[n] = weight(intensity, population, xy[n, 0], xy[n, 1], diameter[n])
     return found
+
+
+def flat_area(intensity: Intensity, population: int, window: Window) -> float:
+    """Area [m²] of a window's ground that is not too steep for a population, by its triangles."""
+    column, row = np.array([window.column, window.row]) - intensity.steepness_window
+    cells = intensity.steepness[row : row + window.rows, column : column + window.columns]
+    flat = np.count_nonzero(cells <= intensity.steepest[population])
+    return 0.5 * intensity.spacing**2 * float(flat)
+
+
+@kernel
+def has_place(intensity, population, strips, diameter):  # type: ignore[no-untyped-def]
+    """Whether rocks of a diameter [m] can lie anywhere on the site, outside corridors `strips`.
+
+    Looks at the middle of each triangle of the surface.
+    """
+    west, south, east, north = intensity.bounds
+    limit = search_radius(strips, 0.0)
+    rows, columns = (
+        round((north - south) / intensity.spacing),
+        round((east - west) / intensity.spacing),
+    )
+    for j in range(rows):
+        for i in range(columns):
+            for part in range(2):
+                x = west + (i + (2 - part) / 3) * intensity.spacing
+                y = south + (j + (1 + part) / 3) * intensity.spacing
+                if weight(intensity, population, x, y, diameter) > 0.0:
+                    if not _is_kept_free(strips, x, y, limit):
+                        return True
+    return False
+
+
+@inner
+def _is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
+    """Whether a place lies in a corridor or clearing."""
+    away = distances(strips, x, y, limit)
+    for s in range(len(away)):
+        if away[s] < strips.half_width[s]:
+            return True
+    return False
 
 
 @kernel
@@ -277,15 +371,16 @@ def _pixel(intensity, population, x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def _rise(intensity, x, y):  # type: ignore[no-untyped-def]
-    """Rise per metre of the ground at a place: the largest at the nodes of its cell."""
-    rows, columns = intensity.steepness.shape
-    column = int(np.floor((x - intensity.bounds[0]) / intensity.spacing))
-    row = int(np.floor((y - intensity.bounds[1]) / intensity.spacing))
-    i = min(max(column - intensity.steepness_window[0], 0), columns - 2)
-    j = min(max(row - intensity.steepness_window[1], 0), rows - 2)
-    below = max(intensity.steepness[j, i], intensity.steepness[j, i + 1])
-    above = max(intensity.steepness[j + 1, i], intensity.steepness[j + 1, i + 1])
-    return max(below, above)
+    """Rise per metre of the ground at a place: that of its triangle."""
+    rows, columns, _ = intensity.steepness.shape
+    u, v = (
+        (x - intensity.bounds[0]) / intensity.spacing,
+        (y - intensity.bounds[1]) / intensity.spacing,
+    )
+    column, row = int(np.floor(u)), int(np.floor(v))
+    i = min(max(column - intensity.steepness_window[0], 0), columns - 1)
+    j = min(max(row - intensity.steepness_window[1], 0), rows - 1)
+    return intensity.steepness[j, i, 0 if u - column >= v - row else 1]
 
 
 @inner

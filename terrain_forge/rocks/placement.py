@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 PENDING, PLACED, UNPLACED, LEFT_OUT = range(4)
 """States of a rock: not yet treated, in its place, without a free place, in a corridor."""
 
-_RETRIES = 1024
+_RETRIES = 4096
 
 
 class Layout(NamedTuple):
@@ -119,7 +119,10 @@ def _place_cells(  # type: ignore[no-untyped-def]
     for n in range(first, last):
         i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
         cell = layout.first_cell[c] + j * columns + i
-        for rock in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
+        first_rock, end = layout.first_rock[cell], layout.first_rock[cell + 1]
+        # Those that need the most room come first: later they would find it least easily.
+        for turn in np.argsort(-rocks.circle[first_rock:end, 2], kind="mergesort"):
+            rock = first_rock + turn
             _place_one(layout, rocks, footprints, strips, intensity, c, column + i, row + j, rock)
 
 

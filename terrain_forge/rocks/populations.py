@@ -36,14 +36,16 @@ class PopulationSpec(Spec):
     buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)
     """Smallest and largest part of a rock's height that lies below the ground, 0 to 0.5; uniform
     between. No measured distribution is known; the older a surface, the deeper its rocks. Where the
-    ground falls away under a rock it is sunk further, to 0.6 at most, so that no daylight shows."""
+    ground falls away under a rock it is sunk further, to 0.6, and a few rocks on very rough ground
+    to 0.9, so that no daylight shows."""
     arrangement: Arrangement = field(default_factory=Poisson)
     """How the rocks lie towards each other: anywhere (Poisson), in clusters, around craters."""
     density_image: Annotated[str, MinLen(1)] | None = None
     """An image laid over the site, north up; it multiplies the number of rocks by 0 (black) to 1
-    (white, the law's own number)."""
+    (white, the law's own number). Of colours the luma counts."""
     max_slope_deg: Annotated[float, Interval(gt=0, le=90)] | None = None
-    """No rock's centre lies on ground that is steeper than this [degrees]."""
+    """No rock's centre lies on ground that is steeper than this [degrees]: neither the triangle of
+    the surface under it, nor any node of its cell by central differences over two cells."""
     families: Annotated[tuple[str, ...], MinLen(1)] | None = None
     """Families of the library's shapes that these rocks have; by default any."""
     loose_m: tuple[Positive, Positive] | None = None
@@ -101,7 +103,7 @@ class RockListSpec(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class KeepOut(Spec):
-    """A circle that is kept free of rocks."""
+    """A circle that is kept free of scattered rocks; listed ones lie where the user has them."""
 
     centre_m: Pair
     """East and north of its centre [m]."""
@@ -122,7 +124,8 @@ class RocksSpec(Spec):
     lists: tuple[RockListSpec, ...] = ()
     """The user's own rocks, each placed as it is listed; scattered rocks keep clear of them."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Circles that no rock reaches into, as a landing pad or the rover's start."""
+    """Circles that no scattered rock reaches into, as a landing pad or the rover's start; listed
+    rocks are left where they are."""
 
     @property
     def groups(self) -> tuple[PopulationSpec | RockListSpec, ...]:

@@ -7,12 +7,12 @@ drawn depends neither on the window, on other populations nor on the order. Wher
 limit or craters say so, rocks are thinned out (`intensity`).
 
 Overlap is solved by moving, never by dropping a rock or redrawing its size: either would bend the
-law. The user's own rocks lie already; then larger classes are placed first, and within a class the
+law. The user's own rocks lie already; then larger classes are placed first. Within a class the
 cells of each of four checkerboard colours are independent of each other, since a cell is wider than
-two rocks. A rock that overlaps one that lies already tries other hashed places within its own cell:
-anywhere, or ever farther from its first place if rocks are not to lie everywhere alike. So the
-place of a rock depends on a bounded neighbourhood, and a window is computed from itself and a
-margin.
+two rocks; within a cell larger rocks are placed first. A rock that overlaps one that lies already
+tries other hashed places within its own cell: anywhere, or ever farther from its first place if
+rocks are not to lie everywhere alike. So the place of a rock depends on a bounded neighbourhood,
+and a window is computed from itself and a margin.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from terrain_forge.rocks import placement
 from terrain_forge.rocks.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.corridor import corridors
 from terrain_forge.rocks.drawing import Drawn, draw_class, join
-from terrain_forge.rocks.intensity import Intensity, make_intensity, with_slopes
+from terrain_forge.rocks.intensity import Intensity, make_intensity, require_place, with_slopes
 from terrain_forge.rocks.listed import by_octave, draw_list
 from terrain_forge.rocks.outline import footprint
 from terrain_forge.rocks.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
@@ -107,12 +107,15 @@ def scatter(
         ground: Ground that is known already, for slope limits; what it lacks is shaped.
 
     Raises:
-        RecipeError: if a population is too dense to be placed without overlap, or too numerous.
+        RecipeError: if a population is too dense to be placed without overlap, or too numerous, or
+            if no place of the whole site is flat enough for it.
         DataError: if a density image holds no densities.
     """
     east, north = site.axes(window)
     area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
     crowd = _draw(site, populations, lists, library, area, ground)
+    if crowd.intensity.limits_slope and window == site.window:
+        require_place(populations, site, crowd.intensity)
     drawn, rocks = crowd.drawn, _at_first_places(crowd, library)
     placement.place(
         _layout(crowd, site),

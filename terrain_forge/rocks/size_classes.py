@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from terrain_forge.errors import RecipeError
 from terrain_forge.rocks import clusters
 from terrain_forge.rocks.addresses import cell_counts
-from terrain_forge.rocks.arrangement import Clustered
+from terrain_forge.rocks.arrangement import Clustered, crowding
 from terrain_forge.rocks.cells import Cells, divide
 from terrain_forge.rocks.clusters import Parents
 from terrain_forge.rocks.intensity import Intensity, crater_bounds
@@ -26,6 +26,8 @@ LOOSE_ROOM = 1.25
 and no neighbour may hold it."""
 
 _MAX_ROCKS_PER_CELL = 500.0
+_BOUNDED_PARTS = 1024
+_MOST_PARTS = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +124,7 @@ def _octaves(
         cells = _cells(site, population, sizes, reach, local=intensity.thins(index))
         bounds = None
         if intensity.around[index]:
-            bounds = crater_bounds(intensity, index, low, cells.columns, cells.rows)
+            bounds = _bounds(intensity, index, low, cells)
         class_key = np.uint64(mix(key, len(found)))
         counts = _counts(population, sizes, class_key, cells, bounds, parents, where)
         found.append(
@@ -148,6 +150,18 @@ def _octaves(
     return found
 
 
+def _bounds(intensity: Intensity, index: int, smallest: float, cells: Cells) -> Array:
+    """Upper bound of the craters' weight in each cell, the largest of those in parts of it.
+
+    A cell of large rocks holds many small craters, whose weights are not largest at one place.
+    """
+    parts = int(np.clip(_BOUNDED_PARTS // max(cells.columns, cells.rows), 1, _MOST_PARTS))
+    rows, columns = cells.rows * parts, cells.columns * parts
+    fine = crater_bounds(intensity, index, smallest, columns, rows)
+    bounds: Array = fine.reshape(cells.rows, parts, cells.columns, parts).max(axis=(1, 3))
+    return bounds
+
+
 def _cells(
     site: Site, population: PopulationSpec, sizes: tuple[float, float], reach: float, *, local: bool
 ) -> Cells:
@@ -156,7 +170,7 @@ def _cells(
     room = LOOSE_ROOM if loose_low <= high and loose_high >= low else 1.0
     return divide(
         site,
-        density=_density(population, sizes),
+        density=_density(population, sizes) * max(crowding(population.arrangement), 1.0),
         diameter=high,
         radius=reach * high * room,
         local=local or isinstance(population.arrangement, Clustered),

@@ -27,6 +27,9 @@ class Sample:
         """The rocks whose centre lies in the window."""
         self.unplaced = dict(zip(world.field.populations, world.unplaced, strict=True))
         """Rocks of each population that found no place."""
+        inside = in_corridor(world.site, world.field.position[:, :2])
+        self.in_corridors = _count(world.field, inside)
+        """Rocks of each population in corridors and clearings."""
         self._seen = _outside(merge(world.field, world.neighbours), world)
         self._nodes = _count_nodes(self._seen, rock_id)
         self._node_area = world.ground.spacing**2
@@ -44,6 +47,12 @@ class Sample:
         nodes = int(self._nodes[_named(self._seen, names)].sum())
         scale = self._node_area / self.area
         return nodes * scale, float(np.sqrt(nodes)) * scale
+
+
+def _count(field: RockField, chosen: NDArray[np.bool_]) -> dict[str, int]:
+    """How many of some rocks each population has."""
+    counts = np.bincount(field.population[chosen], minlength=len(field.populations))
+    return dict(zip(field.populations, counts.tolist(), strict=True))
 
 
 def _outside(field: RockField, world: World) -> RockField:

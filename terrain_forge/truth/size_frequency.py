@@ -65,6 +65,7 @@ def size_frequency(
     window without corridors and clearings, whose rocks are left out too; cover is Σ π D²/4. For
     each population:
 
+    - `law`: its numbers; `extrapolated_below_m`, if it was fitted to larger rocks only than wanted;
     - `arrangement`, and `effective_area_m2`: the area on which the law alone gives that number;
     - `count`: expected and found number, the standard deviation of a right sampler, z;
     - `cover`: the same of the cover; `outline`, the part of the ground that is seen to be rock from
@@ -81,7 +82,8 @@ def size_frequency(
     - `for_the_eye_alone`: rocks that nothing touches;
     - `unplaced`: rocks of the window that found no free place.
 
-    `lists` has the rocks that the user listed one by one, which no law describes; `overlaps` the
+    `lists` has the rocks that the user listed one by one, which no law describes, and how many more
+    of them lie `in_corridors` or clearings, where they are left; `overlaps` the
     pairs of rocks whose plan outlines overlap, those between listed rocks apart; `shapes` the
     library (`shape_figures`). Rocks of populations that nobody asked for, such as rocks added by
     hand, are in the overlaps alone.
@@ -122,7 +124,7 @@ def _population(sample: Sample, spec: PopulationSpec, wanted: Wanted) -> dict[st
     field = sample.select([spec.name])
     return {
         "name": spec.name,
-        "law": spec.size_frequency.report(),
+        "law": _law(spec),
         "arrangement": spec.arrangement.kind,
         "effective_area_m2": wanted.expectation.area,
         **_proof(sample, [wanted], [spec.name]),
@@ -130,6 +132,14 @@ def _population(sample: Sample, spec: PopulationSpec, wanted: Wanted) -> dict[st
         "for_the_eye_alone": int(np.count_nonzero(~field.solid)),
         "unplaced": sample.unplaced.get(spec.name, 0),
     }
+
+
+def _law(spec: PopulationSpec) -> dict[str, Any]:
+    """The law's own report, and below which diameter [m] it goes on beyond what was counted."""
+    known, report = spec.size_frequency.smallest_known, spec.size_frequency.report()
+    if known is None or spec.smallest_diameter >= known:
+        return report
+    return {**report, "extrapolated_below_m": known}
 
 
 def _loose(field: RockField, diameters: tuple[float, float] | None) -> dict[str, int] | None:
@@ -157,6 +167,7 @@ def _list(sample: Sample, spec: RockListSpec) -> dict[str, Any]:
         "file": spec.file,
         "diameter_m": ends if len(diameters) else None,
         "count": {"realised": len(diameters)},
+        "in_corridors": sample.in_corridors.get(spec.name, 0),
         "cover": {
             "realised": float(np.sum(0.25 * np.pi * diameters**2) / sample.area),
             "outline": outline,

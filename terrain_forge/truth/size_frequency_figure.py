@@ -18,6 +18,7 @@ _COLOURS = (
 _NAMED = 10
 _TOGETHER = "#d9cfc3"
 _INK = "#4a433d"
+_BARE = 1e-4, 1.0
 _TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
 
 
@@ -81,6 +82,8 @@ def _label(part: dict[str, Any]) -> str:
 
 
 def _finish(axes: Axes, title: str, label: str) -> None:
+    if not math.isfinite(axes.dataLim.minposy):
+        axes.set_ylim(*_BARE)  # no rock is there nor expected: a logarithmic axis finds no limits
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(FixedLocator(_TICKS))

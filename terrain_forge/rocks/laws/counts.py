@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.errors import RecipeError
 from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
+from terrain_forge.rocks.laws.golombek import MAX_K
 from terrain_forge.rocks.laws.law import Array, Key
 from terrain_forge.specs import Positive, Spec
 
@@ -114,12 +115,7 @@ class Counts(Spec):
                 f"{LEAST_COUNTED} are needed for a fit",
                 key=(*key, given[0]),
             )
-        if self.fitted.at_limit:
-            raise RecipeError(
-                f"no {self.fit} law is likeliest: the fit runs to the end of its range, "
-                f"{self._shown()}; look at the diameters and the area, or fit another law",
-                key=(*key, "fit"),
-            )
+        self._check_fit((*key, "fit"))
 
     def report(self) -> dict[str, Any]:
         """The fitted law's numbers, their standard errors, and how good the fit is."""
@@ -166,6 +162,38 @@ class Counts(Spec):
                 raise RecipeError(
                     f"the bin from {low:g} to {high:g} m overlaps that from {next_low:g} m", key=key
                 )
+
+    def _check_fit(self, key: Key) -> None:
+        """Refuse a fit that the count does not determine, or that ends beyond the law's family."""
+        wanted, told = len(self.fitted.parameters), self.count.different
+        if told < wanted:
+            what = "bins that hold rocks" if self.bins else "different diameters"
+            raise RecipeError(
+                f"{what}: {told}, at least {wanted} are needed to fit {' and '.join(self._names)}",
+                key=key,
+            )
+        advice = "look at the diameters and the area, or fit another law"
+        if self.fitted.at_limit:
+            raise RecipeError(
+                f"no {self.fit} law is likeliest: the fit runs to the end of its range, "
+                f"{self._shown()}; {advice}",
+                key=key,
+            )
+        k = self.fitted.parameters.get("k")
+        if k is not None and k.value > MAX_K:
+            raise RecipeError(
+                f"the likeliest law has k = {k.value:.3g}, at most {MAX_K}; {advice}", key=key
+            )
+        if not self.fitted.determined:
+            raise RecipeError(
+                f"the count does not tell {' and '.join(self._names)} apart, "
+                f"{self._shown()} is one of many; {advice}",
+                key=key,
+            )
+
+    @property
+    def _names(self) -> list[str]:
+        return list(self.fitted.parameters)
 
     def _shown(self) -> str:
         values = self.fitted.parameters.items()

@@ -30,6 +30,9 @@ _DECAYS = 1e-3, 500.0
 _IMPOSSIBLE = 1e100
 _GRID = 200
 _STEP = 1e-4
+_FLAT = 1e-6
+_SINGULAR = 1e-6
+_LEAST_CURVATURE = 1e-3  # differences of log L are exact to about 1e-12 / _STEP²
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,6 +54,11 @@ class RockCount:
     def rocks(self) -> int:
         """How many were counted."""
         return len(self.diameters) + int(self.counts.sum())
+
+    @property
+    def different(self) -> int:
+        """How many different diameters, or bins that hold rocks, there are."""
+        return len(np.unique(self.diameters)) + int(np.count_nonzero(self.counts))
 
     def expected(self, law: FittedLaw) -> Array:
         """Rocks that a law expects in each bin, or of all sizes, shape [bins] or [1]."""
@@ -76,7 +84,8 @@ class Estimate(NamedTuple):
     """A fitted parameter."""
 
     value: float
-    standard_error: float
+    standard_error: float | None
+    """None where the count does not tell the parameters apart."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +97,12 @@ class Fit:
     parameters: dict[str, Estimate]
     """Its parameters; standard errors are those of the observed information."""
     at_limit: bool
-    """Whether the likelihood rises up to the end of the range that the shape is searched in."""
+    """Whether an end of the range that the shape is searched in is as likely as any shape."""
+
+    @property
+    def determined(self) -> bool:
+        """Whether the count tells all parameters."""
+        return all(one.standard_error is not None for one in self.parameters.values())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +164,10 @@ def fit_law(count: RockCount, *, fit: str, decay: Decay) -> Fit:
     return Fit(
         law=family.make(**parameters),
         parameters={
-            name: Estimate(value, float(error))
+            name: Estimate(value, error)
             for (name, value), error in zip(parameters.items(), errors, strict=True)
         },
-        at_limit=bool(min(abs(found - grid[0]), abs(found - grid[-1])) < 1e-6),
+        at_limit=min(loss(float(grid[0])), loss(float(grid[-1]))) <= loss(found) + _FLAT,
     )
 
 
@@ -165,8 +179,13 @@ def _parameters(family: _Family, count: RockCount, log_shape: float) -> dict[str
     return shape | {family.amplitude: count.rocks / one if one > 0.0 else np.nan}
 
 
-def _standard_errors(family: _Family, count: RockCount, parameters: dict[str, float]) -> Array:
-    """Standard errors from the curvature of log L in the parameters' logarithms."""
+def _standard_errors(
+    family: _Family, count: RockCount, parameters: dict[str, float]
+) -> list[float] | list[None]:
+    """Standard errors from the curvature of log L in the parameters' logarithms.
+
+    None for each where the curvature leaves a direction open.
+    """
     names, centre = list(parameters), np.log(list(parameters.values()))
     size = len(names)
 
@@ -185,9 +204,14 @@ def _standard_errors(family: _Family, count: RockCount, parameters: dict[str, fl
             for a in steps
         ]
     ) / (4.0 * _STEP**2)  # fmt: skip
-    variance = np.diag(np.linalg.pinv(information))
-    result: Array = np.exp(centre) * np.sqrt(np.maximum(variance, 0.0))
-    return result
+    if not np.isfinite(information).all():
+        return [None] * size
+    curvatures = np.linalg.eigvalsh(information)
+    if curvatures[0] <= max(_SINGULAR * curvatures[-1], _LEAST_CURVATURE):
+        return [None] * size
+    variance = np.diag(np.linalg.inv(information))
+    errors: list[float] = (np.exp(centre) * np.sqrt(variance)).tolist()
+    return errors
 
 
 def goodness(count: RockCount, fit: Fit) -> dict[str, Any]:
@@ -218,6 +242,8 @@ def goodness(count: RockCount, fit: Fit) -> dict[str, Any]:
         "test": "kolmogorov_smirnov",
         "statistic": distance,
         "p_value": float(kolmogorov(distance * (root + 0.12 + 0.11 / root))),
+        "fitted_parameters": len(fit.parameters),
+        "note": "the law was fitted to the same rocks, so that the p-value is too large",
     }
 
 

@@ -87,6 +87,8 @@ class Tabulated(Spec):
         rows, numbers = len(self.diameters_m), len(self.numbers_per_m2)
         if rows != numbers:
             raise RecipeError(f"{rows} diameters, {numbers} numbers: as many of both", key=key)
+        if rows < 2:
+            raise RecipeError(f"{rows} row, a table needs at least 2", key=key)
         for name, steps in (
             ("diameters_m", np.diff(self.diameters_m)),
             ("numbers_per_m2", -np.diff(self.numbers_per_m2)),
