@@ -246,8 +246,8 @@ def _scales(validation: dict[str, Any], folder: Path) -> list[Html]:
         ("exponent_at_the_joint", "the DTM's own at the joint"),
         ("exponent_of_the_spectrum", "that of its spectrum"),
     ):
-        if terrain[name]:
-            exponent += f"; {where} {terrain[name]['value']:.2f} ± {terrain[name]['standard_error']:.2f}"
+        if found := terrain[name]:
+            exponent += f"; {where} {found['value']:.2f} ± {found['standard_error']:.2f}"
     shown = picture(
         (folder / _SCALES).read_bytes(),
         media_type="image/png",
