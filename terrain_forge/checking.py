@@ -14,6 +14,13 @@ from terrain_forge.errors import DataError
 from terrain_forge.limits import expected_nodes, expected_rocks, memory_needed
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, export_orders
+from terrain_forge.rocks.loose_limits import expected_loose
+from terrain_forge.validation.loose import MOST_WATCHED
+
+SETTLING = 0.035
+"""Time to settle a loose rock [s], on 2 cores."""
+WATCHING = 0.06
+"""Time to watch a loose rock in the exported world [s], on 2 cores."""
 
 
 def check_recipe(recipe: Recipe, folder: Path) -> Iterator[str]:
@@ -46,7 +53,8 @@ def check_recipe(recipe: Recipe, folder: Path) -> Iterator[str]:
         duration = route.length / route.speed
         yield f"  path         {route.name}: {route.length:.1f} m, {duration:.0f} s"
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
-    yield f"cost           {cost(expected_nodes(recipe), rocks)}"
+    loose = expected_loose(site.recipe)
+    yield f"cost           {cost(expected_nodes(recipe), rocks, loose)}"
 
 
 def check_raster(path: Path) -> list[str]:
@@ -68,11 +76,13 @@ def check_raster(path: Path) -> list[str]:
     raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
 
 
-def cost(nodes: float, rocks: float) -> str:
+def cost(nodes: float, rocks: float, loose: float = 0.0) -> str:
     """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
     seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3
+    seconds += loose * SETTLING + min(loose, MOST_WATCHED) * WATCHING
+    settled = f" ({loose:.0f} loose)" if loose else ""
     return (
-        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks: about {seconds:.0f} s "
+        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s "
         f"without a drive, {memory_needed(nodes, rocks) / 1e9:.1f} GB"
     )
 

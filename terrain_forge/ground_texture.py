@@ -16,7 +16,7 @@ from terrain_forge.kernels import kernel, over_chunks
 from terrain_forge.records import Record
 from terrain_forge.scene.grain import CLAST_SHARE, ground_grain
 from terrain_forge.seeds import stage_key
-from terrain_forge.world import Heightfield, World
+from terrain_forge.world import GroundDetail, Heightfield, World
 
 _STEPS = 4096
 
@@ -39,6 +39,48 @@ class GroundTexture(Record):
 def finest_texture(ground: Heightfield, largest: int) -> int:
     """Most pixels per node, 1 at least, that a picture of `largest` pixels a side has room for."""
     return max(largest // max(ground.shape), 1)
+
+
+def detail_placement(
+    ground: Heightfield, detail: GroundDetail
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where the detail tile lies: at scale · (u, v) + offset for `grid_texture_coordinates`.
+
+    Args:
+        ground: The ground of the mesh, a tile or a whole one.
+        detail: The tile, whose place is counted from the site's origin.
+
+    Returns:
+        The scales and the offsets, which are from 0 to 1, along east and north.
+    """
+    rows, columns = ground.shape
+    cells = ground.spacing / detail.size
+    west, south = ((place / detail.size - 0.5 * cells) % 1.0 for place in ground.origin)
+    return (columns * cells, rows * cells), (west, south)
+
+
+def detail_loss(detail: GroundDetail) -> str:
+    """What a format leaves out of the detail tile that takes its normals alone."""
+    return (
+        f"The ground's normal map repeats every {detail.size:g} m and knows nothing of the stones "
+        "in the colours; the brightness that belongs to it is left out."
+    )
+
+
+def texture_loss(ground: Heightfield, largest: int, *, normals: bool) -> str:
+    """What a picture of `largest` pixels a side leaves out of the ground's looks.
+
+    Args:
+        ground: The whole ground.
+        largest: Pixels of its longer side.
+        normals: Whether the format takes a normal map.
+    """
+    pixel = 1000.0 * ground.spacing / finest_texture(ground, largest)
+    bumps = "" if normals else ", without a normal map"
+    return (
+        f"The ground's texture has pixels of {pixel:.3g} mm{bumps}; nothing touches the soil and "
+        "stones in it."
+    )
 
 
 def bake_ground(tile: World, *, finer: int) -> GroundTexture:

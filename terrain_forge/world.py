@@ -164,7 +164,7 @@ class RockLibrary(Record):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of all that the library is: meshes, texture, masses, stated errors; hexadecimal."""
+        """SHA-256 of all that the library holds, its stated errors too, hexadecimal."""
         arrays: dict[str, NDArray[Any]] = {}
         plain = json.dumps(to_plain(self, arrays), sort_keys=True)
         digest = sha256(plain.encode())

@@ -1,5 +1,8 @@
 """Users' meshes: every format, every defect, and what becomes of them in the library."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,7 +10,8 @@ import trimesh
 from terrain_forge.errors import DataError
 from terrain_forge.mesh import Mesh
 from terrain_forge.rocks.brought import read_rock_mesh
-from terrain_forge.rocks.cache import cache_folder, find_library, library_key
+from terrain_forge.rocks.cache import _write, cache_folder, find_library, library_key
+from terrain_forge.rocks.carving import levels_of_detail
 from terrain_forge.rocks.library import LibrarySpec, MeshSpec, make_library
 from terrain_forge.rocks.self_intersection import cuts_itself
 from terrain_forge.rocks.solid import mass_properties
@@ -56,7 +60,8 @@ def test_every_format_gives_the_same_body(tmp_path, ending):
     extents = np.ptp(mesh.vertices, axis=0)
     np.testing.assert_allclose(extents, rough_ball().extents, rtol=1e-4)
     assert len(mesh.vertices) == len(rough_ball().vertices)
-    assert mass_properties(mesh).centre[2] == pytest.approx(rough_ball().center_mass[2], abs=1e-3)
+    wanted = rough_ball().center_mass - rough_ball().bounds.mean(axis=0)
+    np.testing.assert_allclose(mass_properties(mesh).centre, wanted, atol=1e-3)
 
 
 def test_inside_out_and_mixed_winding_are_repaired(tmp_path):
@@ -99,9 +104,9 @@ def test_bad_files_are_refused_with_the_reason(tmp_path):
     (tmp_path / "rock.blend").write_bytes(b"BLENDER")
     assert "allowed: .obj" in refused(tmp_path / "rock.blend")
     (tmp_path / "broken.glb").write_bytes(b"glTFnonsense" * 9)
-    assert "cannot be read as GLB" in refused(tmp_path / "broken.glb")
+    assert "is no readable GLB: truncated" in refused(tmp_path / "broken.glb")
     (tmp_path / "empty.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
-    assert "broken.glb" not in refused(tmp_path / "empty.obj")
+    assert "holds no faces" in refused(tmp_path / "empty.obj")
     upper = trimesh.Trimesh(body.vertices, body.faces[body.triangles_center[:, 2] > -0.2])
     assert "is open: a hole of" in refused(written(tmp_path, upper, "open.obj"))
     flat = trimesh.Trimesh(body.vertices * (1, 1, 0), body.faces, process=False)
@@ -115,6 +120,147 @@ def test_bad_files_are_refused_with_the_reason(tmp_path):
     fin = np.vstack([body.faces, [[*body.faces[0, :2], int(body.faces[500, 0])]]])
     finned = trimesh.Trimesh(body.vertices, fin, process=False)
     assert "more than two faces" in refused(written(tmp_path, finned, "fin.ply"))
+
+
+@pytest.mark.parametrize("ending", ["obj", "stl", "ply", "glb"])
+def test_truncated_and_foreign_files_have_a_reason_of_ours(tmp_path, ending):
+    whole = written(tmp_path, rough_ball(), f"whole.{ending}").read_bytes()
+    own = re.compile(
+        f"^bad.{ending}: .*(is no readable {ending.upper()}: truncated or of another format"
+        "|is truncated: faces name|is open: )"
+    )
+    bad = tmp_path / f"bad.{ending}"
+    cuts = [10, len(whole) // 3, 2 * len(whole) // 3, len(whole) - len(whole) // 20]
+    for content in [whole[:cut] for cut in cuts] + [b"\x00\xff\x89PNG\r\n" * 40, b""]:
+        bad.write_bytes(content)
+        assert own.search(refused(bad)), content[:20]
+    other = "ply" if ending != "ply" else "stl"
+    bad.write_bytes(written(tmp_path, rough_ball(), f"other.{other}").read_bytes())
+    assert own.search(refused(bad))
+
+
+def test_an_obj_that_lacks_vertices_or_its_end_is_noticed(tmp_path):
+    text = written(tmp_path, rough_ball(), "whole.obj").read_text()
+    lines = text.splitlines()
+    vertices = [line for line in lines if line.startswith("v ")]
+    fewer = [line for line in lines if line != vertices[-1]]
+    path = tmp_path / "cut.obj"
+    path.write_text("\n".join(fewer) + "\n")
+    count = len(vertices)
+    assert f"is truncated: faces name {count} vertices, it holds {count - 1}" in refused(path)
+    path.write_text(text.rstrip() + " ")
+    _, repairs = read_rock_mesh(path, key=KEY)
+    assert "its last line has no end: it may be truncated" in repairs
+    path.write_text(text.rstrip() + "\n")
+    assert read_rock_mesh(path, key=KEY)[1] == ()
+    path.write_text(text.rstrip().rsplit(" ", 1)[0])
+    assert "is no readable OBJ: truncated" in refused(path)
+
+
+@pytest.mark.parametrize("offset", [1e3, 5e5, 4.6e6])
+def test_a_mesh_on_a_maps_coordinates_is_the_same_rock(tmp_path, offset):
+    """Centre of mass and inertia far from a file's origin are those at its origin."""
+    body = rough_ball()
+    far = body.copy()
+    far.vertices += (offset, -2.0 * offset, 100.0)
+    path = tmp_path / "far.obj"
+    path.write_text(trimesh.exchange.obj.export_obj(far, digits=9))
+    there, _ = read_rock_mesh(path, key=KEY)
+    here, _ = read_rock_mesh(written(tmp_path, body, "here.obj"), key=KEY)
+    one, other = mass_properties(there), mass_properties(here)
+    assert one.volume == pytest.approx(other.volume, rel=1e-6)
+    np.testing.assert_allclose(one.centre, other.centre, atol=1e-6)
+    np.testing.assert_allclose(one.inertia, other.inertia, atol=1e-5)
+    made = make_library(
+        LibrarySpec(shapes=0, meshes=(MeshSpec(file="far.obj"),)),
+        brought=(BroughtMesh(path="far.obj", mesh=there, repairs=()),),
+    )
+    moments = np.linalg.eigvalsh(made.prototypes[0].inertia)
+    assert moments[0] > 0.0
+    assert moments[0] + moments[1] > moments[2]
+
+
+def test_mass_properties_need_no_near_origin():
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    moved = Mesh(vertices=box.vertices + np.array([5e5, 4.6e6, -2e3]), faces=box.faces)
+    found = mass_properties(moved)
+    assert found.volume == pytest.approx(6.0, rel=1e-8)
+    np.testing.assert_allclose(found.centre, [5e5, 4.6e6, -2e3], rtol=1e-12)
+    np.testing.assert_allclose(found.inertia, np.diag([13.0, 10.0, 5.0]) / 2, atol=1e-6)
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply", "glb"])
+def test_digits_that_single_precision_has_cut_off_are_named(tmp_path, ending):
+    far = rough_ball()
+    far.vertices = (far.vertices + 2e6).astype(np.float32)
+    if ending == "ply":
+        path = tmp_path / "far.ply"
+        path.write_text(quantised_ply(far))
+    else:
+        path = written(tmp_path, far, f"far.{ending}")
+    reason = refused(path)
+    assert "coordinates of about 2e+06 m in single precision leave only steps of 0.12 m" in reason
+
+
+def quantised_ply(body):
+    head = ["ply", "format ascii 1.0", f"element vertex {len(body.vertices)}"]
+    head += [f"property float {axis}" for axis in "xyz"]
+    head += [f"element face {len(body.faces)}", "property list uchar int vertex_indices"]
+    rows = [" ".join(map(repr, vertex)) for vertex in body.vertices.tolist()]
+    rows += ["3 " + " ".join(map(str, face)) for face in body.faces.tolist()]
+    return "\n".join([*head, "end_header", *rows]) + "\n"
+
+
+def test_bodies_that_meet_in_one_corner_are_refused(tmp_path):
+    one = trimesh.creation.box((1, 1, 1))
+    both = trimesh.util.concatenate([one, one.copy().apply_translation((1, 1, 1))])
+    reason = refused(written(tmp_path, both, "pinch.ply"))
+    assert "parts of it meet in a single corner, at 1 places" in reason
+    edge = trimesh.util.concatenate([one, one.copy().apply_translation((1, 1, 0))])
+    assert "more than two faces" in refused(written(tmp_path, edge, "edge.ply"))
+
+
+def test_a_closed_cavity_is_filled(tmp_path):
+    outer, inner = trimesh.creation.box((3, 3, 3)), trimesh.creation.box((1, 1, 1))
+    inner.invert()
+    hollow = trimesh.util.concatenate([outer, inner])
+    for name, body in (("hollow.ply", hollow), ("inward.ply", hollow.copy())):
+        if name == "inward.ply":
+            body.invert()
+        mesh, repairs = read_rock_mesh(written(tmp_path, body, name), key=KEY)
+        assert mass_properties(mesh).volume == pytest.approx(27.0)
+        assert repairs == (("turned inside out",) * (name == "inward.ply")) + ("cavity filled",)
+
+
+@pytest.mark.parametrize("thickness", [0.0, 1e-9, 1e-6])
+def test_flattened_meshes_enclose_no_volume(tmp_path, thickness):
+    body = rough_ball()
+    flat = trimesh.Trimesh(body.vertices * (1, 1, thickness), body.faces, process=False)
+    path = tmp_path / "flat.obj"
+    path.write_text(trimesh.exchange.obj.export_obj(flat, digits=15))
+    assert "encloses no volume" in refused(path)
+
+
+def test_a_hole_of_few_edges_may_still_be_too_large(tmp_path):
+    """Half a box is open, though only six edges go around what it lacks."""
+    box = trimesh.creation.box((1, 1, 1))
+    for missing in (1, 2, 6):
+        part = trimesh.Trimesh(box.vertices, box.faces[missing:], process=False)
+        assert "is open: " in refused(written(tmp_path, part, "part.ply"))
+    body = rough_ball()
+    sieve = trimesh.Trimesh(body.vertices, scattered_out(body.faces, 90), process=False)
+    assert "5% together" in refused(written(tmp_path, sieve, "sieve.ply"))
+
+
+def scattered_out(faces, count):
+    """Faces without so many of them, no two of which meet."""
+    gone, touched = [], set()
+    for number, face in enumerate(faces.tolist()):
+        if len(gone) < count and not touched & set(face):
+            gone.append(number)
+            touched |= set(face)
+    assert len(gone) == count
+    return np.delete(faces, gone, axis=0)
 
 
 def test_a_moebius_strip_has_no_inside(tmp_path):
@@ -171,6 +317,21 @@ def test_a_hook_keeps_its_gap(own_library):
     assert rock.volume / extents[0] ** 3 == pytest.approx(9 - 1.7 * 1.7, rel=0.01)
 
 
+def test_levels_of_a_needle_have_fewer_faces_too():
+    body = trimesh.creation.icosphere(subdivisions=3)
+    turn = trimesh.transformations.rotation_matrix(0.7, (1, 2, 3))
+    body.vertices *= (20, 1, 1)
+    body.apply_transform(turn)
+    levels = levels_of_detail(Mesh(vertices=body.vertices, faces=body.faces))
+    assert [len(mesh.faces) for mesh in levels] == [1280, 476, 116]
+    for mesh in levels:
+        level = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        assert level.is_watertight
+        assert level.volume == pytest.approx(body.volume, rel=0.15)
+        np.testing.assert_allclose(level.extents, body.extents, rtol=0.05)
+    assert not cuts_itself(levels[2])
+
+
 def test_a_shape_that_keeps_up_is_only_scaled_and_moved(own_library):
     body = rough_ball(4)
     rock = own_library.prototypes[2]
@@ -193,6 +354,39 @@ def test_cache_gives_the_same_bytes_once(tmp_path, monkeypatch):
     file.write_bytes(b"nonsense")
     assert find_library(spec) == made
     assert [entry.name for entry in file.parent.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("volume", 7.0),
+        ("inertia", np.eye(3)),
+        ("hull_excess", 0.5),
+        ("hull_distance", 0.5),
+        ("outline_errors", (0.0, 0.5, 0.5)),
+        ("reach", 9.0),
+        ("family", "other"),
+    ],
+)
+def test_cache_notices_any_figure_that_is_not_its_own(tmp_path, monkeypatch, name, value):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "kept"))
+    spec = LibrarySpec(shapes=1, seed=5)
+    made = find_library(spec)
+    (file,) = (tmp_path / "kept").iterdir()
+    rock = made.prototypes[0].replace(**{name: value})
+    _write(file, made.replace(prototypes=(rock,)))
+    forged = dict(np.load(file))
+    plain = json.loads(forged["plain"].tobytes())
+    plain["content_hash"] = made.content_hash
+    forged["plain"] = np.frombuffer(json.dumps(plain).encode(), np.uint8)
+    np.savez(file, **forged)
+    assert find_library(spec) == made
+
+
+def test_cache_knows_the_users_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", "~/rocks")
+    assert cache_folder() == tmp_path / "rocks"
 
 
 def test_cache_can_be_off_or_out_of_reach(tmp_path, monkeypatch):

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.drake import Options, export
 
 from terrain_forge.world import rotations
+from tests.ground_pictures import PIXELS, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 
 DRAKE = "{http://drake.mit.edu}"
@@ -61,6 +63,23 @@ def meshes(directory, model, kind):
             turn = Rotation.from_euler("xyz", numbers(pose)[3:])
             vertices = turn.apply(vertices) + numbers(pose)[:3]
         yield part.get("name"), vertices, read.faces
+
+
+def test_the_texture_lies_the_right_way(small_world, tmp_path):
+    world = speckled(small_world)
+    directory = exported(world, tmp_path / "drake", tile_cells=48, texture_pixels=PIXELS)
+    assets = directory / "assets"
+    found = sorted(assets.glob("ground_*.obj"))
+    assert len(found) == 4
+    for path in found:
+        rows = [line.split() for line in path.read_text().splitlines()]
+        vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+        u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
+        with Image.open(path.with_suffix(".png")) as image:
+            assert shows_its_nodes(np.asarray(image), u, v, world, vertices)
+    text = (assets / "world.mtl").read_text()
+    assert "newmtl ground_003" in text
+    assert "map_Kd ground_003.png" in text
 
 
 def test_every_reference_leads_to_a_file(drake):

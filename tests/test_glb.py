@@ -14,6 +14,7 @@ from terrain_forge.exporters.glb import Options, export
 from terrain_forge.errors import ExportError
 from terrain_forge.frames import xyzw
 from terrain_forge.world import rotations
+from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -52,7 +53,7 @@ def array(path, accessor):
 def glb(small_world, tmp_path_factory):
     """The small world in four tiles, its larger rocks one by one."""
     directory = tmp_path_factory.mktemp("glb") / "glb"
-    return exported(small_world, directory, tile_cells=48, instances_min_m=0.5)
+    return exported(detailed(small_world), directory, tile_cells=48, instances_min_m=0.5)
 
 
 @pytest.fixture(scope="module")
@@ -122,17 +123,41 @@ def test_small_rocks_are_merged(small_world, scene):
 
 
 def test_the_texture_lies_the_right_way(small_world, tmp_path):
-    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
-    world = small_world.replace(appearance=small_world.appearance.replace(ground_rgb=colours))
-    path = exported(world, tmp_path / "glb", tile_cells=48)
+    world = speckled(small_world)
+    path = exported(world, tmp_path / "glb", tile_cells=48, texture_pixels=PIXELS)
     scene = trimesh.load(path, process=False)
     for name, vertices, _ in placed(scene, "ground_"):
         mesh = scene.geometry[scene.graph[name][1]]
         pixels = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
         u, v = mesh.visual.uv.T  # trimesh turns v over: here it runs up
-        shown = pixels[((1 - v) * len(pixels)).astype(int), (u * pixels.shape[1]).astype(int)]
-        i, j = np.rint((vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
-        assert np.array_equal(shown, colours[j, i])
+        assert shows_its_nodes(pixels, u, v, world, vertices)
+    assert "KHR_texture_transform" not in chunks(path)[0]["extensionsUsed"]
+
+
+def test_the_soils_normals_repeat_where_they_belong(small_world, glb, scene):
+    text, _ = chunks(glb)
+    assert "KHR_texture_transform" in text["extensionsUsed"]
+    looks = {material["name"]: material for material in text["materials"]}
+    for name, vertices, _ in placed(scene, "ground_"):
+        normals = looks[name]["normalTexture"]
+        texture = text["textures"][normals["index"]]
+        sampler = text["samplers"][texture["sampler"]]
+        assert (sampler["wrapS"], sampler["wrapT"]) == (10497, 10497)
+        place = normals["extensions"]["KHR_texture_transform"]
+        mesh = scene.geometry[scene.graph[name][1]]
+        part = next(m for m in text["meshes"] if m["name"] == name)["primitives"][0]
+        tangents = array(glb, part["attributes"]["TANGENT"])
+        upright = array(glb, part["attributes"]["NORMAL"])
+        assert np.allclose(np.linalg.norm(tangents[:, :3], axis=1), 1, atol=1e-6)
+        assert np.abs((tangents[:, :3] * upright).sum(axis=1)).max() < 1e-6
+        across = np.cross(upright, tangents[:, :3]) * tangents[:, 3:]
+        assert tangents[:, 0].min() > 0.8
+        assert across[:, 1].min() > 0.8  # the image's top is north
+        u, v = mesh.visual.uv.T
+        down = np.stack([u, 1 - v], axis=-1)  # as in the file
+        s, t = (down * place["scale"] + place["offset"]).T
+        pixels = np.asarray(mesh.visual.material.normalTexture.convert("RGB"))
+        assert shows_its_detail(pixels, s, 1 - t, detailed(small_world), vertices)
 
 
 def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
@@ -211,7 +236,7 @@ def test_names_survive(small_world, tmp_path):
 
 
 def test_equal_worlds_make_equal_bytes(small_world, glb, tmp_path):
-    again = exported(small_world, tmp_path / "glb", tile_cells=48, instances_min_m=0.5)
+    again = exported(detailed(small_world), tmp_path / "glb", tile_cells=48, instances_min_m=0.5)
     assert again.read_bytes() == glb.read_bytes()
 
 

@@ -12,6 +12,7 @@ from terrain_forge.ground_mesh import grid_faces
 from terrain_forge.world import rotations
 from terrain_forge.writers.mesh import write_obj_faces
 from terrain_forge.writers.obj_grid import write_obj_grid_faces
+from tests.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 
 
@@ -119,7 +120,7 @@ def test_rocks_as_objects(small_world, tmp_path):
 
 
 def test_trimesh_reads_the_obj_with_its_looks(small_world, tmp_path):
-    directory = exported(small_world, tmp_path / "mesh")
+    directory = exported(small_world, tmp_path / "mesh", texture_pixels=PIXELS)
     mesh = trimesh.load(directory / "world.obj", force="mesh", process=False)
     points = random_points(small_world.ground, 200, 33)
     heights = top_under(mesh.vertices, mesh.faces, points)
@@ -128,7 +129,7 @@ def test_trimesh_reads_the_obj_with_its_looks(small_world, tmp_path):
     assert np.median(heights - bare) < 1e-5
     scene = trimesh.load(directory / "world.obj", process=False)
     images = [part.visual.material.image for part in scene.geometry.values()]
-    assert [image.size for image in images if image] == [(97, 65)]
+    assert [image.size for image in images if image] == [(97 * FINER, 65 * FINER)]
 
 
 def test_materials_lead_to_files(small_world, tmp_path):
@@ -144,22 +145,28 @@ def test_materials_lead_to_files(small_world, tmp_path):
         assert [line for line in lines if line.startswith("mtllib")] == ["mtllib world.mtl"]
 
 
-def test_the_texture_lies_the_right_way(small_world, tmp_path):
-    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
-    world = small_world.replace(appearance=small_world.appearance.replace(ground_rgb=colours))
-    directory = exported(world, tmp_path / "mesh", rocks="none")
-    rows = [line.split() for line in (directory / "world.obj").read_text().splitlines()]
-    vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
-    u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
-    with Image.open(directory / "ground.png") as image:
-        pixels = np.asarray(image)
-    shown = pixels[((1 - v) * len(pixels)).astype(int), (u * pixels.shape[1]).astype(int)]
-    i, j = np.rint((vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
-    assert np.array_equal(shown, colours[j, i])
+@pytest.mark.parametrize("tiles", ["merged", "tiled"])
+def test_the_texture_lies_the_right_way(small_world, tmp_path, tiles):
+    world = speckled(small_world)
+    options = {"tiles": tiles, "tile_cells": 48, "texture_pixels": PIXELS}
+    directory = exported(world, tmp_path / "mesh", rocks="none", **options)
+    found = sorted(directory.glob("*.obj"))
+    assert len(found) == (1 if tiles == "merged" else 4)
+    for path in found:
+        rows = [line.split() for line in path.read_text().splitlines()]
+        vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+        u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
+        look = next(row[1] for row in rows if row[0] == "usemtl")
+        with Image.open(directory / f"{look}.png") as image:
+            assert shows_its_nodes(np.asarray(image), u, v, world, vertices)
+
+
+def test_ply_has_the_nodes_colours(small_world, tmp_path):
+    world = speckled(small_world)
     exported(world, tmp_path / "ply", format="ply", rocks="none")
     mesh = trimesh.load(tmp_path / "ply" / "world.ply", process=False)
-    i, j = np.rint((mesh.vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
-    assert np.array_equal(mesh.visual.vertex_colors[:, :3], colours[j, i])
+    i, j = nodes(world, mesh.vertices)
+    assert np.array_equal(mesh.visual.vertex_colors[:, :3], world.appearance.ground_rgb[j, i])
 
 
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])

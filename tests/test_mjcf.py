@@ -23,6 +23,7 @@ from terrain_forge.validation.surface_mesh import heights_on
 from terrain_forge.validation.vehicle import Vehicle
 from terrain_forge.world import Heightfield
 from tests import worlds
+from tests.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 
 SKY = 1000.0
 
@@ -437,12 +438,24 @@ def test_cameras_look_along_their_sensors_x(world, exported):
             np.testing.assert_allclose(axes[:, 1], wanted[:, 2], atol=1e-7)
 
 
-def test_the_texture_has_north_at_the_top(world, tmp_path):
-    colours = np.array(world.appearance.ground_rgb)
-    colours[-1, 0] = (1, 2, 3)
-    marked = world.replace(appearance=world.appearance.replace(ground_rgb=colours))
-    picture = np.asarray(Image.open(export(marked, tmp_path) / "assets/ground.png"))
-    np.testing.assert_array_equal(picture[0, 0], (1, 2, 3))
+def test_the_texture_lies_the_right_way(world, tmp_path):
+    """MuJoCo's renderer lays a texture over a height field from its middle, `texrepeat` times."""
+    marked = speckled(world)
+    directory = export(marked, tmp_path, texture_pixels=PIXELS)
+    model, _ = load(directory)
+    material = model.material("ground")
+    texture = model.texture(material.texid[mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    assert (texture.width[0], texture.height[0]) == (97 * FINER, 65 * FINER)
+    east, north = np.meshgrid(marked.ground.east, marked.ground.north)
+    places = np.stack([east.ravel(), north.ravel()], axis=-1)
+    size = model.hfield("ground").size[:2]
+    u, v = (0.5 + 0.5 * (places - model.geom("ground").pos[:2]) / size * material.texrepeat).T
+    with Image.open(directory / "assets/ground.png") as image:
+        pixels = np.asarray(image)
+    assert shows_its_nodes(pixels, u, v, marked, places)
+    first = u * texture.width[0]
+    assert first[0] == pytest.approx(0.5 * FINER)
+    assert first[96] == pytest.approx(96.5 * FINER)
 
 
 def test_the_sun_shines_from_where_it_stands(world, exported):

@@ -17,12 +17,14 @@ from terrain_forge.exporters.sdf.heightmap import cut_error, heightmap_error, ma
 from terrain_forge.dtm.projection import body_crs, local_crs
 from terrain_forge.errors import ExportError
 from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.ground_texture import bake_ground
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
 from terrain_forge.paths.interpolation import angles_between, spline_places, turns_between
 from terrain_forge.rocks.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.world import Heightfield, rotations
+from tests.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 
 CONSUMERS = Path(__file__).parent / "consumers"
@@ -124,19 +126,19 @@ def test_the_ground_reads_back(small_world, sdf):
     assert text.count("\nvn ") == 49 * 49
 
 
-def test_the_texture_lies_the_right_way(small_world, tmp_path):
-    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
-    world = small_world.replace(appearance=small_world.appearance.replace(ground_rgb=colours))
-    directory = exported(world, tmp_path / "sdf", tile_cells=48)
+@pytest.mark.parametrize("flavour", ["gz", "classic"])
+def test_the_texture_lies_the_right_way(small_world, tmp_path, flavour):
+    world = speckled(small_world)
+    options = {"flavour": flavour, "tile_cells": 48, "texture_pixels": PIXELS}
+    directory = exported(world, tmp_path / "sdf", **options)
     model = directory / "models/by-hand_ground"
     rows = [line.split() for line in (model / "meshes/ground_003.obj").read_text().splitlines()]
     vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
     u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
     with Image.open(model / "materials/textures/ground_003.png") as image:
         pixels = np.asarray(image)
-    shown = pixels[((1 - v) * len(pixels)).astype(int), (u * pixels.shape[1]).astype(int)]
-    i, j = np.rint((vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
-    assert np.array_equal(shown, colours[j, i])
+    assert pixels.shape == (17 * FINER, 49 * FINER, 3)
+    assert shows_its_nodes(pixels, u, v, world, vertices)
 
 
 @pytest.mark.parametrize("kind", ["visual", "collision"])
@@ -347,7 +349,7 @@ def test_losses_are_named(small_world, tmp_path):
     world = small_world.replace(site=small_world.site.replace(crs="LOCAL_CS[]", lonlat=(0.1, 0.2)))
     (tmp_path / "sdf").mkdir()
     losses = " ".join(export(world, tmp_path / "sdf", options=Options()).losses)
-    for word in ("fixed", "merged", "W/m²", "longitude", "without colliding"):
+    for word in ("fixed", "merged", "W/m²", "longitude", "without colliding", "pixels of 25 mm;"):
         assert word in losses
 
 
@@ -476,19 +478,18 @@ def test_a_ground_too_large_for_a_heightmap_is_refused(small_world, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_normal_maps_tilt_as_the_site_is_rough(small_world, tmp_path):
-    directory = exported(small_world, tmp_path / "sdf", tile_cells=48)
-    tiles = sorted(directory.glob("models/*/materials/textures/*_normals.png"))
-    assert len(tiles) == 4
-    first, second = (np.asarray(Image.open(path)).astype(float) for path in tiles[:2])
-    assert np.array_equal(first[:, -1], second[:, 0])  # a shared border, seamless
-    normals = (first - 127.5) / 127.5
-    assert np.abs(np.linalg.norm(normals, axis=-1) - 1).max() < 0.01
-    slope = -normals[..., :2] / normals[..., 2:]
-    assert np.abs(slope.mean(axis=(0, 1))).max() < 0.03
-    roughness = small_world.site.roughness
-    expected = roughness.deviation * 0.25**roughness.hurst / 0.25
-    assert 0.2 * expected < np.sqrt((slope**2).mean()) < expected
+def test_normal_maps_show_the_soil_where_it_lies(small_world, tmp_path):
+    options = {"tile_cells": 48, "texture_pixels": PIXELS}
+    directory = exported(small_world, tmp_path / "sdf", **options)
+    folder = directory / "models/by-hand_ground/materials/textures"
+    whole = bake_ground(small_world, finer=FINER).normals
+    assert whole[..., :2].std() > 10
+    for number, (row, column) in enumerate([(0, 0), (0, 48), (48, 0), (48, 48)]):
+        with Image.open(folder / f"ground_{number:03}_normals.png") as image:
+            normals = np.asarray(image)[::-1].astype(int)
+        assert normals.shape == ((49 if row == 0 else 17) * FINER, 49 * FINER, 3)
+        part = whole[row * FINER :, column * FINER :][: len(normals), : normals.shape[1]]
+        assert np.abs(normals - part).max() <= 1
     classic = exported(small_world, tmp_path / "classic", flavour="classic")
     plain = exported(small_world, tmp_path / "plain", normal_maps=False)
     for directory in (classic, plain):

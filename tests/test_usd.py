@@ -21,6 +21,7 @@ from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.rocks.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.world import rotations
+from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 
 
@@ -35,7 +36,7 @@ def exported(world, directory, **options):
 @pytest.fixture(scope="module")
 def usd(small_world, tmp_path_factory):
     """The small world with a rover, in four tiles."""
-    world = small_world.replace(rover=morpheus())
+    world = detailed(small_world.replace(rover=morpheus()))
     return exported(world, tmp_path_factory.mktemp("usd") / "usd", tile_cells=48)
 
 
@@ -120,18 +121,45 @@ def test_the_ground_reads_back_and_collides_as_it_is(small_world, stage):
 
 
 def test_the_texture_lies_the_right_way(small_world, tmp_path):
-    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
-    world = small_world.replace(appearance=small_world.appearance.replace(ground_rgb=colours))
-    directory = exported(world, tmp_path / "usd", tile_cells=48)
+    world = speckled(small_world)
+    directory = exported(world, tmp_path / "usd", tile_cells=48, texture_pixels=PIXELS)
     stage = Usd.Stage.Open(str(directory / "world.usda"))
-    prim = list(labelled(stage, "ground"))[3]
-    u, v = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get(), float).T
-    with Image.open(directory / "assets/ground_003.png") as image:
-        pixels = np.asarray(image)
-    shown = pixels[((1 - v) * len(pixels)).astype(int), (u * pixels.shape[1]).astype(int)]
-    vertices, _ = world_mesh(prim)
-    i, j = np.rint((vertices[:, :2] - small_world.ground.origin) / 0.25).astype(int).T
-    assert np.array_equal(shown, colours[j, i])
+    for prim in labelled(stage, "ground"):
+        u, v = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get(), float).T
+        image = source(surface(prim), "diffuseColor")
+        assert value(image, "sourceColorSpace") == "sRGB"
+        with Image.open(value(image, "file").resolvedPath) as picture:
+            assert shows_its_nodes(np.asarray(picture), u, v, world, world_mesh(prim)[0])
+        assert not surface(prim).GetInput("normal")
+
+
+def test_the_soils_normals_repeat_where_they_belong(small_world, stage):
+    world = detailed(small_world)
+    for prim in labelled(stage, "ground"):
+        st = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get(), float)
+        image = source(surface(prim), "normal")
+        assert (value(image, "wrapS"), value(image, "wrapT")) == ("repeat", "repeat")
+        place = source(image, "st")
+        assert value(source(place, "in"), "varname") == "st"
+        s, t = (st * value(place, "scale") + value(place, "translation")).T
+        with Image.open(value(image, "file").resolvedPath) as picture:
+            pixels = np.asarray(picture)
+        assert shows_its_detail(pixels, s, t, world, world_mesh(prim)[0])
+
+
+def surface(prim):
+    """The shader of a prim's look."""
+    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
+    return material.ComputeSurfaceSource()[0]
+
+
+def source(shader, name):
+    """The shader that an input is connected to."""
+    return UsdShade.Shader(shader.GetInput(name).GetConnectedSources()[0][0].source.GetPrim())
+
+
+def value(shader, name):
+    return shader.GetInput(name).Get()
 
 
 def test_rocks_in_pictures_stand_where_they_are(small_world, stage):
@@ -375,7 +403,7 @@ def test_a_file_that_is_open_is_a_clear_error(small_world, tmp_path):
 def test_losses_are_named(small_world, tmp_path):
     (tmp_path / "usd").mkdir()
     losses = " ".join(export(small_world, tmp_path / "usd", options=Options()).losses)
-    for word in ("fixed", "share one collider", "W/m²", "half-precision"):
+    for word in ("fixed", "share one collider", "W/m²", "half-precision", "without a normal map"):
         assert word in losses
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from terrain_forge.ground_texture import texture_loss
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_mesh import largest_outline_error
@@ -64,7 +65,7 @@ def _static_models(
     looks: list[MattMaterial] = []
     for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
         name = f"ground_{number:03}"
-        links.append(ground_link(tile, world, folder, name=name, friction=options.friction))
+        links.append(ground_link(tile, world, folder, name=name, options=options))
         looks.append(MattMaterial(name=name, texture=f"{name}.png"))
         rocks += fixed_rocks(tile, world, folder, number=number, coarse=coarse, options=options)
     return [element("model", element("static", "true"), *links, name="ground"), *rocks], looks
@@ -78,6 +79,7 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
         f"([0, 0, {-world.site.body.gravity:g}]).",
         "The ground collides as it is with bodies of hydroelastic contact alone: in point contact "
         "Drake takes a mesh for its convex hull.",
+        texture_loss(world.ground, options.texture_pixels, normals=False),
     ]
     if world.trajectories:
         losses.append("Drake has no actors: the paths are left out.")

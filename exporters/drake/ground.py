@@ -11,15 +11,17 @@ from terrain_forge.ground_mesh import (
     grid_texture_coordinates,
     grid_vertices,
 )
+from terrain_forge.ground_texture import bake_ground, finest_texture
 from terrain_forge.world import World
 from terrain_forge.writers.image import write_png
 from terrain_forge.writers.mesh import write_obj
 
 from ..sdf.markup import Lines, element
 from .geometry import MATERIALS, rigid, visual
+from .options import Options
 
 
-def ground_link(tile: World, whole: World, folder: Path, *, name: str, friction: float) -> Lines:
+def ground_link(tile: World, whole: World, folder: Path, *, name: str, options: Options) -> Lines:
     """Write a tile's mesh and texture; returns its link."""
     write_obj(
         folder / f"{name}.obj",
@@ -29,8 +31,8 @@ def ground_link(tile: World, whole: World, folder: Path, *, name: str, friction:
         texture_coordinates=grid_texture_coordinates(*tile.ground.shape),
         material=(MATERIALS, name),
     )
-    write_png(folder / f"{name}.png", image_rows(tile.appearance.ground_rgb))
+    texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
+    write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
-    return element(
-        "link", visual(f"{name}_visual", uri), rigid(f"{name}_collision", uri, friction), name=name
-    )
+    touch = rigid(f"{name}_collision", uri, options.friction)
+    return element("link", visual(f"{name}_visual", uri), touch, name=name)

@@ -24,6 +24,9 @@ class Options(Spec):
     """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
     """Cells of the ground's grid per mesh, each way."""
+    texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
+    """Pixels of the ground's textures along its longer side, all tiles together: as many for each
+    node as that has room for, one at least."""
     friction: NotNegative = 0.7
     """Coulomb friction of ground and rocks."""
     loose_modulus_pa: Positive = 1.0e8

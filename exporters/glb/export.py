@@ -12,19 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.errors import ExportError
+from terrain_forge.ground_texture import detail_loss, texture_loss
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_surface import level_of_detail
 from terrain_forge.world import World
 from terrain_forge.writers.glb import LARGEST_FILE, Gltf
 
-from .ground import TileShapes, ground_tile
+from .ground import TRANSFORM, SharedParts, ground_tile
 from .options import Options
 from .paths import animate, path_node
 from .rocks import merged_materials, merged_rocks, rock_meshes, rock_nodes
 from .sun import LIGHTS, sun_light, sun_node
 
-_BYTES_PER_NODE = 24
-"""Of a node of the ground: its position and its normal."""
+_BYTES_PER_NODE, _BYTES_OF_TANGENT = 24, 16
+"""Of a node of the ground: its position and normal, and its tangent where there is a normal map."""
 _HALF = 0.5**0.5
 _Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
 """Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
@@ -60,7 +61,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
             asset={"version": "2.0", "generator": "terrain-forge"},
-            extensionsUsed=[LIGHTS],
+            extensionsUsed=[LIGHTS, *([TRANSFORM] if world.appearance.detail else [])],
             extensions={LIGHTS: {"lights": [light]}},
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],
@@ -72,14 +73,15 @@ def _tiles(
     world: World, gltf: Gltf, coarse: NDArray[np.int64], options: Options
 ) -> list[dict[str, Any]]:
     """Add the ground and the merged rocks, tile by tile; returns their nodes."""
-    tile_shapes = TileShapes(gltf)
+    shared = SharedParts(gltf, world.appearance.detail)
     shapes = [p.meshes[level] for p, level in zip(world.library.prototypes, coarse, strict=True)]
     nodes = []
     small = world.field.diameter < options.instances_min_m
     merged = world.replace(field=world.field.select(small))
     materials = merged_materials(world, gltf) if small.any() else []
     for number, tile in enumerate(merged.tiles(cells=options.tile_cells)):
-        nodes.append(ground_tile(tile, world, gltf, name=f"ground_{number:03}", shapes=tile_shapes))
+        name = f"ground_{number:03}"
+        nodes.append(ground_tile(tile, world, gltf, name=name, shared=shared, options=options))
         name = f"rocks_{number:03}"
         nodes += merged_rocks(tile, world, gltf, name=name, shapes=shapes, materials=materials)
     return nodes
@@ -88,7 +90,8 @@ def _tiles(
 def _require_room(world: World) -> None:
     """Refuse a ground that cannot fit, before anything is written."""
     rows, columns = world.ground.shape
-    if rows * columns * _BYTES_PER_NODE > LARGEST_FILE:
+    each = _BYTES_PER_NODE + (_BYTES_OF_TANGENT if world.appearance.detail else 0)
+    if rows * columns * each > LARGEST_FILE:
         raise ExportError(
             f"the ground's {columns} × {rows} nodes do not fit into the 4 GiB of a GLB: choose a "
             "smaller area, a coarser spacing_m, or the format usd"
@@ -97,7 +100,10 @@ def _require_room(world: World) -> None:
 
 def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[str, ...]:
     """What a GLB, or this export of one, does not say."""
+    detail = world.appearance.detail
     losses = [
+        texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
+        *([detail_loss(detail)] if detail else []),
         "glTF knows no physics: gravity, masses, friction and collision shapes are not in the "
         "file, and no rock moves.",
         "The Sun's angular size and the colour of the sky are lost.",

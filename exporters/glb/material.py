@@ -7,7 +7,11 @@ from typing import Any
 
 
 def matt(
-    name: str, *, texture: int | None = None, rgb: Sequence[float] = (1.0, 1.0, 1.0)
+    name: str,
+    *,
+    texture: int | None = None,
+    rgb: Sequence[float] = (1.0, 1.0, 1.0),
+    normals: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """A rough, non-metallic material.
 
@@ -15,6 +19,7 @@ def matt(
         name: Its name.
         texture: Index of its texture, whose colours `rgb` multiplies.
         rgb: Linear colour, 0 to 1.
+        normals: Its normal map, as glTF describes one.
     """
     look: dict[str, Any] = {
         "baseColorFactor": [*rgb, 1.0],
@@ -23,4 +28,5 @@ def matt(
     }
     if texture is not None:
         look["baseColorTexture"] = {"index": texture}
-    return {"name": name, "pbrMetallicRoughness": look}
+    relief = {"normalTexture": normals} if normals else {}
+    return {"name": name, "pbrMetallicRoughness": look, **relief}

@@ -26,7 +26,10 @@ class Options(Spec):
     """Largest error of a smaller rock's outline, as a fraction of its size: how coarse it may
     be."""
     tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 512
-    """Cells of the ground's grid per mesh, and pixels per texture, each way."""
+    """Cells of the ground's grid per mesh, each way."""
+    texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
+    """Pixels of the ground's textures along its longer side, all tiles together: as many for each
+    node as that has room for, one at least."""
     sun_lux: Positive | None = None
     """Illuminance of the Sun [lx]; by default its irradiance times 98 lm/W, as in nature. A viewer
     that cannot adapt its exposure shows such a world white and wants about 3."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.errors import ExportError
+from terrain_forge.ground_texture import texture_loss
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_surface import level_of_detail
 from terrain_forge.world import World
@@ -33,18 +34,17 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     _require_possible(world, options)
     detail = [level_of_detail(p, options.outline_error) for p in world.library.prototypes]
     rocks = options.rocks != "none"
-    single = options.rocks == "objects"
     grounds: list[MattMaterial] = []
     for part in _parts(world, detail, options):
         path = directory / f"{part.name}.{options.format}"
         if options.format == "obj":
-            grounds.append(write_obj_part(part, directory, rocks=rocks, single=single))
+            grounds.append(write_obj_part(part, directory, options=options))
         elif options.format == "stl":
             write_stl_part(part, path, rocks=rocks)
         else:
             write_ply_part(part, path, rocks=rocks)
     if options.format == "obj":
-        write_materials(world, directory, grounds=grounds, textured=single)
+        write_materials(world, directory, grounds=grounds, textured=options.rocks == "objects")
     files = sorted(path.relative_to(directory) for path in directory.iterdir())
     return ExportReport(files=tuple(files), losses=_losses(world, detail, options))
 
@@ -88,6 +88,7 @@ def _losses(world: World, detail: list[int], options: Options) -> tuple[str, ...
         losses.append(f"{unfelt} rocks that are there for the eye alone are in it like the others.")
     if options.format == "obj":
         losses.append("Coordinates are rounded to 1 µm.")
+        losses.append(texture_loss(world.ground, options.texture_pixels, normals=False))
     else:
         largest = np.float32(max(map(abs, world.ground.bounds)))
         losses.append(

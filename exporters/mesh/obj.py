@@ -15,6 +15,7 @@ from terrain_forge.ground_mesh import (
     grid_texture_coordinates,
     grid_vertices,
 )
+from terrain_forge.ground_texture import bake_ground, finest_texture
 from terrain_forge.world import World, rotations
 from terrain_forge.writers.image import write_png
 from terrain_forge.writers.mesh import (
@@ -29,33 +30,34 @@ from terrain_forge.writers.mtl import MattMaterial, write_mtl
 from terrain_forge.writers.obj_grid import write_obj_grid_faces
 from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 
+from .options import Options
 from .part import Part, node_bands
 
 MATERIALS = "world.mtl"
 
 
-def write_obj_part(part: Part, directory: Path, *, single: bool, rocks: bool) -> MattMaterial:
+def write_obj_part(part: Part, directory: Path, *, options: Options) -> MattMaterial:
     """Write a part as OBJ, with the ground's texture.
 
     Args:
         part: What to write.
         directory: The folder.
-        single: Whether each rock is an object of its own.
-        rocks: Whether there are rocks at all.
+        options: The export's options.
 
     Returns:
         The material of the part's ground, for `write_materials`.
     """
     ground = f"ground{part.name.removeprefix('world').removeprefix('tile')}"
-    pixels = image_rows(part.world.appearance.ground_rgb)
-    write_png(directory / f"{ground}.png", pixels)
+    finer = finest_texture(part.whole.ground, options.texture_pixels)
+    texture = bake_ground(part.world, finer=finer)
+    write_png(directory / f"{ground}.png", image_rows(texture.rgb))
     with (directory / f"{part.name}.obj").open("wb") as file:
         file.write(f"# terrain-forge: metres, z up\nmtllib {MATERIALS}\n".encode())
         body = _Body(file)
         _write_ground(body, part, ground)
-        if rocks and single:
+        if options.rocks == "objects":
             _write_single_rocks(body, part.world)
-        elif rocks:
+        elif options.rocks == "merged":
             _write_merged_rocks(body, part)
     return MattMaterial(name=ground, texture=f"{ground}.png")
 

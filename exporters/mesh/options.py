@@ -32,3 +32,6 @@ class Options(Spec):
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
     """Largest error of a smaller merged rock's outline, as a fraction of its size: how coarse it
     may be; with 0 each is the finest mesh of its shape."""
+    texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
+    """Pixels of the ground's textures along its longer side, all tiles together: as many for each
+    node as that has room for, one at least (`obj` alone)."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.errors import ExportError
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.ground_texture import finest_texture
 from terrain_forge.registry import ExportReport
 from terrain_forge.world import World
 from terrain_forge.writers.naming import file_name
@@ -87,7 +88,11 @@ def _grounds(world: World, tiles: list[World], options: Options) -> list[GroundP
     split = options.split_ground and len(wide) > 0
     kind = "ground_seen" if split else "ground"
     names = [f"ground_{n}" if n else "ground" for n in range(len(tiles))]
-    parts = [ground_part(tile, name, kind=kind) for tile, name in zip(tiles, names, strict=True)]
+    finer = finest_texture(world.ground, options.texture_pixels)
+    parts = [
+        ground_part(tile, name, kind=kind, finer=finer)
+        for tile, name in zip(tiles, names, strict=True)
+    ]
     if split:
         blocks = split_ground(world.ground, wide)
         parts += [ground_block(world.ground, b, f"block_{n}") for n, b in enumerate(blocks)]

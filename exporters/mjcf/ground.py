@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from terrain_forge.frames import image_rows
+from terrain_forge.ground_texture import bake_ground, finest_texture
 from terrain_forge.world import Heightfield, World
 from terrain_forge.writers.image import encode_png
 
@@ -33,16 +34,30 @@ class GroundPart:
     """Contents of the files that it needs, by their path relative to the export's directory."""
 
 
-def ground_part(tile: World, name: str, *, kind: str) -> GroundPart:
-    """The height field, texture and geom of a tile; `kind` is the geom's default class."""
+def ground_part(tile: World, name: str, *, kind: str, finer: int) -> GroundPart:
+    """The height field, texture and geom of a tile.
+
+    MuJoCo spans a height field from edge to edge of its texture, which reaches half a cell beyond
+    the outer nodes: its repeat, which counts from the middle, leaves that out.
+
+    Args:
+        tile: The tile.
+        name: Name of its elements and files.
+        kind: The geom's default class.
+        finer: Pixels per node each way, as far as textures go.
+    """
     picture = f"assets/{name}.png"
     asset, place, files = _height_field(tile.ground, name, in_text=False)
     texture = element("texture", name=name, type="2d", file=picture)
-    material = element("material", name=name, texture=name, specular=0.0, shininess=0.0)
+    rows, columns = tile.ground.shape
+    shown = ((columns - 1) / columns, (rows - 1) / rows)
+    material = element(
+        "material", name=name, texture=name, texrepeat=shown, specular=0.0, shininess=0.0
+    )
     return GroundPart(
         assets=(texture, material, asset),
         geom=element("geom", name=name, class_=kind, hfield=name, material=name, pos=place),
-        files=files | {picture: _picture(tile)},
+        files=files | {picture: _picture(tile, finer)},
     )
 
 
@@ -81,8 +96,9 @@ def _height_field(
     return asset, ((west + east) / 2, (south + north) / 2, lowest), files
 
 
-def _picture(tile: World) -> bytes:
-    """The ground's colours, one pixel per node as far as textures go."""
-    colours = tile.appearance.ground_rgb
+def _picture(tile: World, finer: int) -> bytes:
+    """The ground's colours; of a field with more nodes than a texture has pixels, every second."""
+    finer = min(finer, finest_texture(tile.ground, _LARGEST_TEXTURE))
+    colours = bake_ground(tile, finer=finer).rgb
     step = -(-max(colours.shape[:2]) // _LARGEST_TEXTURE)
     return encode_png(image_rows(colours[::step, ::step]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from terrain_forge.ground_texture import texture_loss
 from terrain_forge.rock_mesh import collision_losses, fixed_losses
 from terrain_forge.world import World
 
@@ -21,6 +22,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         *fixed_losses(world.field),
         *collision_losses(world.library.prototypes),
         *_contact_losses(world, options),
+        texture_loss(world.ground, options.texture_pixels, normals=False),
         "The Sun is a light without size or irradiance in physical units.",
         "A lidar is a bare site; its figures are not part of the model.",
     )

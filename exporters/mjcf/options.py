@@ -24,6 +24,9 @@ class Options(Spec):
     visual_min_m: NotNegative = 0.5
     """Rocks of at least this exposed diameter are drawn by their textured shapes, as all loose ones
     are; smaller ones by their collision hulls, since each geom more slows every step."""
+    texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
+    """Pixels of the ground's textures along its longer side, all tiles together: as many for each
+    node as that has room for, one at least."""
     split_ground: bool = True
     """Whether the ground becomes small height fields under loose rocks that are wider than 4 of its
     cells. MuJoCo keeps 50 contacts with each field and drops the others, and a rock that lies flat

@@ -12,6 +12,7 @@ from terrain_forge.ground_mesh import (
     grid_texture_coordinates,
     grid_vertices,
 )
+from terrain_forge.ground_texture import bake_ground, finest_texture
 from terrain_forge.world import World
 from terrain_forge.writers.image import write_png
 from terrain_forge.writers.mesh import write_obj_faces, write_obj_rows
@@ -20,7 +21,6 @@ from . import material
 from .markup import Lines, element
 from .model import Model, mesh, surface
 from .options import Options
-from .relief import normal_map
 
 
 def write_tile(
@@ -46,11 +46,7 @@ def write_tile(
         write_obj_rows(file, b"v", grid_vertices(tile.ground))
         write_obj_rows(file, b"vn", grid_normals(tile.ground, whole.ground))
         file.write(block_of_shape(*tile.ground.shape))
-    pixels = image_rows(tile.appearance.ground_rgb)
-    write_png(model.path(f"materials/textures/{name}.png"), pixels)
-    normals = f"{name}_normals.png" if options.normal_maps and model.flavour == "gz" else None
-    if normals:
-        write_png(model.path(f"materials/textures/{normals}"), image_rows(normal_map(tile)))
+    normals = _write_textures(tile, whole, model, name, options)
     # One OBJ for both: it has the normals that Gazebo's physics asks of a collision mesh.
     geometry = mesh(model.uri(f"meshes/{name}.obj"))
     look = material.textured(model, f"{name}.png", normals=normals)
@@ -59,6 +55,20 @@ def write_tile(
         return [visual]
     touch = surface(options.friction)
     return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
+
+
+def _write_textures(
+    tile: World, whole: World, model: Model, name: str, options: Options
+) -> str | None:
+    """Write a tile's colours and, where they are wanted, its normals; returns the latter's name."""
+    texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
+    folder = "materials/textures"
+    write_png(model.path(f"{folder}/{name}.png"), image_rows(texture.rgb))
+    if model.flavour == "classic" or not options.normal_maps:
+        return None
+    normals = f"{name}_normals.png"
+    write_png(model.path(f"{folder}/{normals}"), image_rows(texture.normals))
+    return normals
 
 
 def shape_block(rows: int, columns: int) -> bytes:

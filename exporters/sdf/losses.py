@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from terrain_forge.ground_texture import texture_loss
 from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import collision_losses, fixed_losses, largest_outline_error
 from terrain_forge.world import World
@@ -36,8 +37,8 @@ def list_losses(
     ]
     if heightmap:
         losses += heightmap_losses(heightmap, world.ground, version=version)
-    if options.flavour == "gz" and options.normal_maps:
-        losses.append("Normal maps show roughness below the ground's grid, which nothing touches.")
+    normals = options.flavour == "gz" and options.normal_maps
+    losses.append(texture_loss(world.ground, options.texture_pixels, normals=normals))
     if world.field.loose.any():
         losses.append("Loose rocks have no rolling friction, which SDF does not know.")
     if world.site.georeferenced and not knows_surface(world.site, version):

@@ -34,9 +34,12 @@ class Options(Spec):
     is quicker to load and less exact. It is seen as a mesh either way."""
     heightmap_bits: Literal[8, 16] = 16
     """Bits of a heightmap's pixels. Fortress reads 8 right and misreads 16."""
+    texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
+    """Pixels of the ground's textures along its longer side, all tiles together: as many for each
+    node as that has room for, one at least."""
     normal_maps: bool = True
-    """Whether the ground's textures get normal maps that show roughness below its grid; `gz` only,
-    Classic has none."""
+    """Whether the ground's textures get normal maps of soil and small stones; `gz` only, Classic
+    has none."""
     friction: NotNegative = 0.7
     """Coulomb friction of ground and rocks."""
     sensors: bool = True

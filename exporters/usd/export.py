@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from terrain_forge.ground_texture import detail_loss, texture_loss
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_mesh import (
@@ -14,7 +15,7 @@ from terrain_forge.rock_mesh import (
 )
 from terrain_forge.world import World
 
-from .ground import write_ground
+from .ground import write_detail, write_ground
 from .library import write_library
 from .options import Options
 from .replay import write_scene
@@ -28,11 +29,13 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets.mkdir()
     write_library(world.library, assets)
     write_textures(world, assets)
+    if world.appearance.detail:
+        write_detail(world.appearance.detail, assets)
     coarse = [coarse_shape(p, options.outline_error) for p in world.library.prototypes]
     tiles = []
     for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
         ground, rocks = f"ground_{number:03}", f"rocks_{number:03}"
-        write_ground(tile, world, assets, name=ground, friction=options.friction)
+        write_ground(tile, world, assets, name=ground, options=options)
         write_rocks(tile, world, assets, name=rocks, coarse=coarse, options=options)
         tiles.append((ground, rocks))
     write_world(directory / "world.usda", world, tiles=tiles)
@@ -43,7 +46,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 
 def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
     """What USD, or this export of it, does not say."""
+    detail = world.appearance.detail
     losses = [
+        texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
+        *([detail_loss(detail)] if detail else []),
         *fixed_losses(world.field),
         "Fixed rocks in pictures are turned by half-precision quaternions, off by below 0.001 rad.",
         "USD lights have no physical unit: intensities are W/m² and want an exposure.",

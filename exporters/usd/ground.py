@@ -14,14 +14,23 @@ from terrain_forge.ground_mesh import (
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.world import World
+from terrain_forge.ground_texture import bake_ground, detail_placement, finest_texture
+from terrain_forge.world import GroundDetail, World
 from terrain_forge.writers.image import write_png
 
 from .layer import define_mesh, label, make_collider, new_stage, save
-from .material import bind, define_textured
+from .material import add_normal_map, bind, define_textured
+from .options import Options
+
+_DETAIL = "ground_detail.png"
 
 
-def write_ground(tile: World, whole: World, assets: Path, *, name: str, friction: float) -> None:
+def write_detail(detail: GroundDetail, assets: Path) -> None:
+    """Write the normal map that all tiles' materials repeat."""
+    write_png(assets / _DETAIL, image_rows(detail.normals))
+
+
+def write_ground(tile: World, whole: World, assets: Path, *, name: str, options: Options) -> None:
     """Write `assets`/NAME.usdc and its texture NAME.png for one tile of the world."""
     stage = new_stage(assets / f"{name}.usdc", name)
     ground = tile.ground
@@ -33,9 +42,13 @@ def write_ground(tile: World, whole: World, assets: Path, *, name: str, friction
     _texture_coordinates(mesh, ground.shape)
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
-    write_png(assets / f"{name}.png", image_rows(tile.appearance.ground_rgb))
+    texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
+    write_png(assets / f"{name}.png", image_rows(texture.rgb))
     path = f"/{name}/Looks/regolith"
-    look = define_textured(stage, path, f"./{name}.png", friction, wrap="clamp")
+    look = define_textured(stage, path, f"./{name}.png", options.friction, wrap="clamp")
+    if detail := tile.appearance.detail:
+        scale, offset = detail_placement(ground, detail)
+        add_normal_map(stage, path, f"./{_DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
     save(stage)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pxr import Sdf, Usd, UsdPhysics, UsdShade
+from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 
 def define_textured(
@@ -18,20 +18,46 @@ def define_textured(
         wrap: What lies beyond the image's edge: `repeat` for the image again, `clamp` for its rim.
     """
     material, shader = _define_matt(stage, path, friction)
-    reader = UsdShade.Shader.Define(stage, f"{path}/st")
-    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader = _shader(stage, f"{path}/st", "UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
-    texture = UsdShade.Shader.Define(stage, f"{path}/image")
-    texture.CreateIdAttr("UsdUVTexture")
-    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-    for side in ("wrapS", "wrapT"):
-        texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set(wrap)
+    texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
     coordinates = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(coordinates)
     colour = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(colour)
     return material
+
+
+def add_normal_map(
+    stage: Usd.Stage,
+    path: str,
+    image: str,
+    *,
+    scale: tuple[float, float],
+    offset: tuple[float, float],
+) -> None:
+    """Bend the light on a textured material by an image of normals that repeats.
+
+    Args:
+        stage: Where to.
+        path: Path of the material.
+        image: The image's path, relative to the layer: -1 to 1 as 0 to 255, green towards north.
+        scale: The image lies at `scale` · st + `offset`.
+        offset: See `scale`.
+    """
+    place = _shader(stage, f"{path}/normals_st", "UsdTransform2d")
+    place.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*scale))
+    place.CreateInput("translation", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*offset))
+    reader = UsdShade.Shader.Get(stage, f"{path}/st")
+    place.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.GetOutput("result"))
+    texture = _define_image(stage, f"{path}/normals", image, "raw", wrap="repeat")
+    for name, value in (("scale", (2.0, 2.0, 2.0, 1.0)), ("bias", (-1.0, -1.0, -1.0, 0.0))):
+        texture.CreateInput(name, Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*value))
+    placed = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(placed)
+    normals = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    surface = UsdShade.Shader.Get(stage, f"{path}/surface")
+    surface.CreateInput("normal", Sdf.ValueTypeNames.Normal3f).ConnectToSource(normals)
 
 
 def define_friction(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:
@@ -57,13 +83,29 @@ def _define_matt(
 ) -> tuple[UsdShade.Material, UsdShade.Shader]:
     material = UsdShade.Material.Define(stage, path)
     _make_physical(material, friction)
-    shader = UsdShade.Shader.Define(stage, f"{path}/surface")
-    shader.CreateIdAttr("UsdPreviewSurface")
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
     shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
     output = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
     return material, shader
+
+
+def _define_image(
+    stage: Usd.Stage, path: str, image: str, colours: str, *, wrap: str
+) -> UsdShade.Shader:
+    texture = _shader(stage, path, "UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(colours)
+    for side in ("wrapS", "wrapT"):
+        texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set(wrap)
+    return texture
+
+
+def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
+    shader = UsdShade.Shader.Define(stage, path)
+    shader.CreateIdAttr(kind)
+    return shader
 
 
 def _make_physical(material: UsdShade.Material, friction: float) -> None:

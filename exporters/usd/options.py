@@ -23,5 +23,8 @@ class Options(Spec):
     """Largest error of a shared collider's outline, as a fraction of the rock's size."""
     tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 512
     """Cells of the ground's grid per mesh and payload, each way."""
+    texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
+    """Pixels of the ground's textures along its longer side, all tiles together: as many for each
+    node as that has room for, one at least."""
     friction: NotNegative = 0.7
     """Coulomb friction of ground and rocks."""

@@ -65,12 +65,20 @@ def cache_folder() -> Path | None:
     """Where libraries are kept; None where they are not."""
     chosen = os.environ.get(_VARIABLE)
     if chosen is not None:
-        return None if chosen in ("", "off") else Path(chosen)
+        return None if chosen in ("", "off") else _at_home(Path(chosen))
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
         return Path(base or Path.home() / ".cache") / "terrain-forge"
     except RuntimeError:  # nobody's home
         return None
+
+
+def _at_home(folder: Path) -> Path:
+    """A folder whose `~` is the user's home, which no shell has replaced."""
+    try:
+        return folder.expanduser()
+    except RuntimeError:  # nobody's home
+        return folder
 
 
 def library_key(spec: LibrarySpec, brought: tuple[BroughtMesh, ...]) -> str:

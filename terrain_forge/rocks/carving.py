@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ MOST_VERTICES = 962
 """Vertices of the finest level, at most."""
 
 _CANDIDATES = 5000
+_SLENDER = 4.0  # length over width
 
 
 class Sphere:
@@ -61,8 +63,40 @@ def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
     """Levels of detail, finest first, of a closed mesh that need not be star-shaped.
 
     The first has at most `MOST_VERTICES`. A level that would cut itself gets half as many vertices
-    again, until it is as fine as the one before.
+    again, until it is as fine as the one before. A needle is simplified as a shorter one, since
+    few vertices along it leave none but slender triangles.
     """
+    slenderness = _slenderness(mesh.vertices)
+    if slenderness is None:
+        return _levels(mesh)
+    squeeze, stretch = (np.eye(3) + factor * slenderness.along for factor in slenderness.factors)
+    short = mesh.replace(vertices=projections(mesh.vertices, squeeze))
+    return tuple(
+        level.replace(vertices=projections(level.vertices, stretch)) for level in _levels(short)
+    )
+
+
+class _Slenderness(NamedTuple):
+    """How a needle is made shorter, and long again."""
+
+    along: Array
+    """Projection onto its long axis, shape [3, 3]."""
+    factors: tuple[float, float]
+    """What to add of that projection to shorten it, and to undo that."""
+
+
+def _slenderness(vertices: Array) -> _Slenderness | None:
+    """How to shorten a body that is longer than `_SLENDER` times its width; None if it is not."""
+    centred = vertices - vertices.mean(axis=0)
+    spreads, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centred, centred))
+    shorter = _SLENDER * float(np.sqrt(spreads[1] / spreads[2]))
+    if shorter >= 1.0:
+        return None
+    along = np.outer(axes[:, 2], axes[:, 2])
+    return _Slenderness(along, (shorter - 1.0, 1.0 / shorter - 1.0))
+
+
+def _levels(mesh: Mesh) -> tuple[Mesh, ...]:
     meshes: list[Mesh] = []
     finer = mesh
     for wanted in (MOST_VERTICES // TIMES_FEWER**level for level in range(LEVELS)):

@@ -1,9 +1,12 @@
 """Loose rocks come to rest: each one settles by physics, alone on its own piece of ground.
 
 A geometrically stable pose is not one on rough ground: of rocks that are laid down on their stable
-side most begin to rock or roll. So each is let go in MuJoCo, damped first, until it stays where it
-is for as long as the test lasts. Then it is given its exact size in that very pose, and tested
-again from standstill, as a simulator will find it.
+side most begin to rock or roll. So each is let go in MuJoCo, damped, until it hardly moves, and is
+given its exact size in that very pose. Then gravity leans a little to all sides in turn, and the
+rock is spun a little, undamped: one that is not where it was settles anew from where it then is.
+
+Meanwhile it has no rolling friction, though simulators that know of it are given some: a rock that
+needs it to stay would roll away in all others.
 
 The piece of ground is cut around the rock's own node of the lattice, so the result depends on
 nothing but the rock and the ground beneath it: a window's rocks are those of the whole site.
@@ -14,13 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.records import Record
 from terrain_forge.rocks.contact import LooseContact, loose_contact
@@ -29,59 +31,26 @@ from terrain_forge.rocks.outline import FOOTPRINT_DIRECTIONS, fits, footprint, m
 from terrain_forge.rocks.size_classes import LOOSE_ROOM
 from terrain_forge.world import Heightfield, RockField, RockLibrary, RockPrototype
 
-if TYPE_CHECKING:
-    from terrain_forge.recipe import Recipe
-
 Array = NDArray[np.float64]
 
-MOST_LOOSE = 5000
-"""Loose rocks of a site; each takes about 50 ms of a processor's core."""
-LARGEST_LOOSE = 8.0
-"""Largest diameter of a loose rock, in spacings of the ground: MuJoCo takes 50 contacts between a
-rock and the ground, and a wider rock can have more, of which it then loses some."""
 TIMESTEP = 0.002
-"""Time step in which rocks settle [s]."""
+"""Time step in which rocks are tested [s]."""
 
+_CONDIM = 3  # no rolling friction: it would hold a rock that rolls away where none is known
+_DAMPED_TIMESTEP = 0.004  # [s]
 _DAMPING = 5.0  # [1/s]
-_DAMPED_TIME = 4.0  # [s]
-_LOOK = 0.25  # [s]
-_TEST_TIME = 2.0  # [s]
-_TESTS = 8
+_DAMPED_TIME = 4.08  # [s], at most
+_LOOK = 0.24  # [s]
 _STILL = 2e-4  # part of the diameter, in a look
-_SHIFT = 0.004  # part of the diameter, in a test
-_TURN = np.radians(0.6)  # in a test
+_LEAN = np.radians(2.0)  # of gravity in a test
+_DIRECTIONS = 16  # of leaning
+_LEAN_TIME = 0.1  # for each direction [s]
+_SPIN = 0.05  # in √(gravity / diameter), either way
+_FREE_TIME = 0.8  # after each spin [s]
+_TESTS = 8
+_SHIFT = 0.002  # part of the diameter, in a test
+_TURN = np.radians(0.2)  # in a test
 _BASE = 1.0  # thickness of the ground [m]
-
-
-def require_loose(recipe: Recipe) -> None:
-    """Refuse loose rocks that are too large for the ground's lattice, or too many.
-
-    Raises:
-        RecipeError: with what was found and what is allowed.
-    """
-    area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
-    spacing = recipe.terrain.spacing_m
-    count = 0.0
-    for number, population in enumerate(recipe.rocks.populations):
-        if population.loose_m is None:
-            continue
-        key = ("rocks", "populations", number, "loose_m")
-        smallest, largest = population.diameter_range(area)
-        low, high = max(smallest, population.loose_m[0]), min(largest, population.loose_m[1])
-        if high > LARGEST_LOOSE * spacing:
-            raise RecipeError(
-                f"loose rocks of up to {high:.3g} m, at most {LARGEST_LOOSE:g} times the ground's "
-                f"spacing, {LARGEST_LOOSE * spacing:.3g} m: larger ones lose contacts in MuJoCo",
-                key=key,
-            )
-        law = population.size_frequency
-        count += area * float(law.cumulative_number(low) - law.cumulative_number(high))
-        if count > MOST_LOOSE:
-            raise RecipeError(
-                f"about {count:.3g} loose rocks, at most {MOST_LOOSE}: settling one takes about "
-                "50 ms; raise the smallest diameter",
-                key=key,
-            )
 
 
 def settle(
@@ -203,14 +172,13 @@ def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
     room = LOOSE_ROOM * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=room + grid.spacing)
     pose = _laid_down(rock, ground, rock.position - place)
-    pose = _run(rock, ground, pose, seconds=_DAMPED_TIME, damping=_DAMPING)
     for _ in range(_TESTS):
-        pose = _sized(rock, ground, pose)
+        pose = _sized(rock, ground, _come_to_rest(rock, ground, pose))
         height = _top(rock, ground, pose)
         # No rock stands higher than its rise, which keeps corridors clear.
         if not _in_room(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
             return None
-        after = _run(rock, ground, pose, seconds=_TEST_TIME)
+        after = _after_test(rock, ground, pose)
         if _stays(rock, pose, after):
             return _Settled(pose=pose, place=place, height=height)
         pose = after
@@ -263,26 +231,64 @@ def _stays(rock: _Rock, before: _Pose, after: _Pose) -> bool:
     return bool(shift <= _SHIFT * rock.diameter and 2.0 * np.arccos(cosine) <= _TURN)
 
 
-def _run(
-    rock: _Rock, ground: Heightfield, pose: _Pose, *, seconds: float, damping: float = 0.0
-) -> _Pose:
-    """Let a rock go from standstill; while damped, until it hardly moves."""
+def _come_to_rest(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+    """Let a rock go from standstill, damped, until it hardly moves."""
     import mujoco
 
-    model = _model(rock, ground, pose, damping)
+    model, damping = _model(rock, ground, pose)
     data = mujoco.MjData(model)
-    last = data.qpos.copy()
-    for _ in range(round(seconds / _LOOK)):
-        mujoco.mj_step(model, data, nstep=round(_LOOK / TIMESTEP))
-        moved = np.abs(data.qpos - last).max()
-        if damping and moved < _STILL * rock.diameter:
-            break
-        last = data.qpos.copy()
+    model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
+    _calm(rock, model, data)
     return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
 
 
-def _model(rock: _Rock, ground: Heightfield, pose: _Pose, damping: float) -> Any:
-    """The rock on its piece of ground, as a compiled MuJoCo model."""
+def _calm(rock: _Rock, model: Any, data: Any) -> None:
+    """Let time pass until a damped rock hardly moves."""
+    import mujoco
+
+    for _ in range(round(_DAMPED_TIME / _LOOK)):
+        last = data.qpos.copy()
+        mujoco.mj_step(model, data, nstep=round(_LOOK / _DAMPED_TIMESTEP))
+        if np.abs(data.qpos - last).max() < _STILL * rock.diameter:
+            break
+
+
+def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+    """Where a rock is after gravity has leaned to all sides, and it was spun a little both ways.
+
+    It is damped while gravity leans, so that one that lies in a hollow comes back; then it is free.
+    A rock that two contacts carry, or one, goes on spinning.
+    """
+    import mujoco
+
+    model, damping = _model(rock, ground, pose)
+    data = mujoco.MjData(model)
+    model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
+    steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
+    for direction in range(_DIRECTIONS):
+        model.opt.gravity = _leaning(rock.gravity, _LEAN, 2.0 * np.pi * direction / _DIRECTIONS)
+        mujoco.mj_step(model, data, nstep=steps)
+    model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
+    _calm(rock, model, data)
+    leaned = pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+    if not _stays(rock, pose, leaned):
+        return leaned
+    model.dof_damping[:], model.opt.timestep = 0.0, TIMESTEP
+    for spin in (_SPIN, -_SPIN):
+        upward = matrix_from_quaternion(data.qpos[3:])[2]
+        data.qvel[3:] = spin * np.sqrt(rock.gravity / rock.diameter) * upward
+        mujoco.mj_step(model, data, nstep=round(_FREE_TIME / TIMESTEP))
+    return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+
+
+def _leaning(gravity: float, lean: float, towards: float) -> Array:
+    """Gravity [m/s²] that leans out of the vertical, both angles in rad, shape [3]."""
+    level = np.sin(lean)
+    return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
+
+
+def _model(rock: _Rock, ground: Heightfield, pose: _Pose) -> tuple[Any, Array]:
+    """The rock on its piece of ground as a compiled MuJoCo model, and what damps it, shape [6]."""
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -310,14 +316,12 @@ def _model(rock: _Rock, ground: Heightfield, pose: _Pose, damping: float) -> Any
             meshname=f"hull_{n}",
             contype=1,
             conaffinity=0,
-            condim=contact.condim,
+            condim=_CONDIM,
             friction=contact.friction,
             solref=contact.solref,
         )
     model = spec.compile()
-    model.dof_damping[:3] = damping * mass
-    model.dof_damping[3:] = damping * np.trace(inertia) / 3.0
-    return model
+    return model, _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
 
 
 def _add_ground(spec: Any, ground: Heightfield, contact: LooseContact) -> None:

@@ -31,18 +31,22 @@ class MassProperties(Record):
 
 def signed_volume(mesh: Mesh) -> float:
     """Volume of a closed mesh [m³]; negative where the faces point inward."""
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    vertices = mesh.vertices - mesh.vertices.mean(axis=0)
+    a, b, c = (vertices[mesh.faces[:, corner]] for corner in range(3))
     return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6.0)
 
 
 def mass_properties(mesh: Mesh) -> MassProperties:
-    """Integrate over the signed tetrahedra between the origin and each face of a closed mesh.
+    """Integrate over the signed tetrahedra between a closed mesh's middle and each of its faces.
 
-    With s the sum of a tetrahedron's corners a, b, c (the fourth is the origin) and V its volume,
+    Taken from a far origin they would be large and cancel out, to no digits.
+
+    With s the sum of a tetrahedron's corners a, b, c (the fourth is the middle) and V its volume,
     the integral of x xᵀ over it is V/20 (s sᵀ + a aᵀ + b bᵀ + c cᵀ); the inertia is tr(C) 1 - C of
     their sum C. Tonon 2004, doi:10.3844/jmssp.2005.8.11.
     """
-    corners = mesh.vertices[mesh.faces]
+    middle = mesh.vertices.mean(axis=0)
+    corners = (mesh.vertices - middle)[mesh.faces]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     volumes = np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
     volume = volumes.sum()
@@ -54,6 +58,6 @@ def mass_properties(mesh: Mesh) -> MassProperties:
     central = second / 20.0 - volume * np.outer(centre, centre)
     return MassProperties(
         volume=float(volume),
-        centre=centre,
+        centre=middle + centre,
         inertia=np.trace(central) * np.eye(3) - central,
     )

@@ -1,0 +1,63 @@
+"""How many loose rocks a recipe makes, and how large they are: what can be settled."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from terrain_forge.errors import RecipeError
+
+if TYPE_CHECKING:
+    from terrain_forge.recipe import Recipe
+
+MOST_LOOSE = 5000
+"""Loose rocks of a site; each takes about 50 ms of a processor's core."""
+LARGEST_LOOSE = 8.0
+"""Largest diameter of a loose rock, in spacings of the ground: MuJoCo takes 50 contacts between a
+rock and the ground, and a wider rock can have more, of which it then loses some."""
+
+
+def require_loose(recipe: Recipe) -> None:
+    """Refuse loose rocks that are too large for the ground's lattice, or too many.
+
+    Raises:
+        RecipeError: with what was found and what is allowed.
+    """
+    spacing, count = recipe.terrain.spacing_m, 0.0
+    for number, low, high in _loose_sizes(recipe):
+        key = ("rocks", "populations", number, "loose_m")
+        if high > LARGEST_LOOSE * spacing:
+            raise RecipeError(
+                f"loose rocks of up to {high:.3g} m, at most {LARGEST_LOOSE:g} times the ground's "
+                f"spacing, {LARGEST_LOOSE * spacing:.3g} m: larger ones lose contacts in MuJoCo",
+                key=key,
+            )
+        count += _expected_number(recipe, number, low, high)
+        if count > MOST_LOOSE:
+            raise RecipeError(
+                f"about {count:.3g} loose rocks, at most {MOST_LOOSE}: settling one takes about "
+                "50 ms; raise the smallest diameter",
+                key=key,
+            )
+
+
+def expected_loose(recipe: Recipe) -> float:
+    """Expected number of loose rocks of a recipe whose laws are resolved."""
+    return sum(_expected_number(recipe, *sizes) for sizes in _loose_sizes(recipe))
+
+
+def _loose_sizes(recipe: Recipe) -> list[tuple[int, float, float]]:
+    """Numbers of the populations with loose rocks, and the smallest and largest of these [m]."""
+    area, sizes = recipe.dtm.size_m[0] * recipe.dtm.size_m[1], []
+    for number, population in enumerate(recipe.rocks.populations):
+        if population.loose_m is not None:
+            smallest, largest = population.diameter_range(area)
+            low, high = max(smallest, population.loose_m[0]), min(largest, population.loose_m[1])
+            sizes.append((number, low, high))
+    return sizes
+
+
+def _expected_number(recipe: Recipe, number: int, low: float, high: float) -> float:
+    """Expected number of a population's rocks between two diameters [m]."""
+    law = recipe.rocks.populations[number].size_frequency
+    area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
+    return area * float(law.cumulative_number(low) - law.cumulative_number(high))
