@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
+from numpy.typing import NDArray
 
 from terrain_forge.terrain.statistics import Curves, TerrainStatistics
 
@@ -22,8 +24,8 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     structure, spectrum, slopes = figure.subplots(1, 3)
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.135, top=0.9, wspace=0.24)
     for curves, colour, name in _pairs(statistics):
-        structure.loglog(curves.baseline, curves.deviation, color=colour, lw=1.8, label=name)
-        spectrum.loglog(curves.wave_number, curves.density, color=colour, lw=1.8, label=name)
+        _draw(structure, curves.baseline, curves.deviation, color=colour, lw=1.8, label=name)
+        _draw(spectrum, curves.wave_number, curves.density, color=colour, lw=1.8, label=name)
         shares = 100.0 * curves.slope_shares
         slopes.stairs(shares, np.arange(91.0), color=colour, lw=1.6, label=name)
     _finish(structure, "Structure function", "Baseline [m]", "RMS height difference [m]")
@@ -34,6 +36,14 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     _draw_joint(structure, spectrum, statistics)
     structure.legend(frameon=False, fontsize=9, labelcolor=_INK)
     figure.savefig(path, metadata={"Software": None})
+
+
+def _draw(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], **style: Any) -> None:
+    """Draw what is positive on logarithmic axes; of a level ground nothing is."""
+    if np.any(y > 0.0):
+        axes.loglog(x[y > 0.0], y[y > 0.0], **style)
+    else:
+        axes.plot([], [], **style)
 
 
 def _pairs(statistics: TerrainStatistics) -> list[tuple[Curves, str, str]]:
@@ -48,7 +58,7 @@ def _draw_law(axes: Axes, statistics: TerrainStatistics) -> None:
     length = statistics.ground.baseline
     label = f"ν = {statistics.deviation:.2g} m · (L / 1 m)^{statistics.hurst:.2f}"
     law = statistics.deviation * length**statistics.hurst
-    axes.loglog(length, law, color=_LINE, lw=4.0, zorder=0, label=label)
+    _draw(axes, length, law, color=_LINE, lw=4.0, zorder=0, label=label)
 
 
 def _draw_joint(structure: Axes, spectrum: Axes, statistics: TerrainStatistics) -> None:
