@@ -117,7 +117,7 @@ def _spread(rows: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
-    """Tops of rocks where they are highest, and that they are the rocks' own."""
+    """Tops of rocks on a wide high face, and that they are the rocks' own."""
     rows = _sampled_rows(world)
     if not len(rows):
         return []
@@ -152,9 +152,10 @@ def _mass_checks(world: World, model: Any, name: str) -> list[Check]:
 
 
 def _top(world: World, row: int) -> Array:
-    """Where a rock's collision hulls are, under the middle of their highest face [m], shape [3].
+    """Where a rock's collision hulls are, under the middle of a wide high face [m], shape [3].
 
-    Its centre of mass will not do, over which a bent rock has no height.
+    Its centre of mass will not do, over which a bent rock has no height, nor a narrow face, which
+    a rounded size moves from under its middle.
     """
     field = world.field
     turned = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
@@ -166,7 +167,8 @@ def _top(world: World, row: int) -> Array:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     upward = normals[:, 2] > _UPWARD * np.linalg.norm(normals, axis=1)
     middles = corners.mean(axis=1)[upward]
-    middle = middles[middles[:, 2].argmax()]
+    rise = middles[:, 2] - corners[..., 2].min()
+    middle = middles[np.argmax(normals[upward, 2] * rise)]
     # A part that does not lie there has no height.
     top = np.nanmax([heights_on(hull, middle[None, :2])[0] for hull in placed])
     return np.array([*middle[:2], top])
