@@ -48,8 +48,8 @@ _LEAN_TIME = 0.1  # for each direction [s]
 _SPIN = 0.05  # in √(gravity / diameter), either way
 _FREE_TIME = 0.8  # after each spin [s]
 _TESTS = 8
-_SHIFT = 0.002  # part of the diameter, in a test
-_TURN = np.radians(0.2)  # in a test
+_SHIFT = 0.003  # part of the diameter, in a test
+_TURN = np.radians(0.3)  # in a test
 _BASE = 1.0  # thickness of the ground [m]
 
 
