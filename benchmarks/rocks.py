@@ -29,10 +29,10 @@ from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, RocksSpec, TerrainSpec
 from terrain_forge.rocks.arrangement import Clustered
 from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.rocks.overlap import overlapping_pairs
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.rest import rest
 from terrain_forge.rocks.scatter import Scattered, margin, scatter
+from terrain_forge.rocks.scattering.overlap import overlapping_pairs
 from terrain_forge.rocks.settle import settle
 from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.site import Site

@@ -7,9 +7,9 @@ from pathlib import Path
 from PIL import Image
 
 from terrain_forge.bodies import MARS, MOON
-from terrain_forge.rocks.contact_sheet import render_contact_sheet
-from terrain_forge.rocks.families import FAMILIES
 from terrain_forge.rocks.library import LibrarySpec, make_library
+from terrain_forge.rocks.shapes.contact_sheet import render_contact_sheet
+from terrain_forge.rocks.shapes.families import FAMILIES
 
 IMAGES = Path(__file__).parent / "images"
 SHAPES = 6

@@ -218,7 +218,7 @@ def assess(
     Returns:
         Whether every check passed.
     """
-    from terrain_forge.report_page import write_report_page
+    from terrain_forge.report.page import write_report_page
     from terrain_forge.validation.checks import validate
     from terrain_forge.validation.spec import ValidateSpec
 

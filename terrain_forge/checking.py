@@ -14,7 +14,7 @@ from terrain_forge.errors import DataError
 from terrain_forge.limits import expected_nodes, expected_rocks, memory_needed
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, export_orders
-from terrain_forge.rocks.loose_limits import expected_loose
+from terrain_forge.rocks.resting.loose_limits import expected_loose
 from terrain_forge.validation.loose import MOST_WATCHED
 
 SETTLING = 0.035

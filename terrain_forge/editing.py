@@ -12,11 +12,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from terrain_forge.errors import DataError
-from terrain_forge.rocks.outline import MAX_BURIED
-from terrain_forge.rocks.overlap import overlapping_pairs
 from terrain_forge.rocks.populations import MAX_ROCKS
 from terrain_forge.rocks.rest import rest
+from terrain_forge.rocks.resting.outline import MAX_BURIED
 from terrain_forge.rocks.scatter import Scattered
+from terrain_forge.rocks.scattering.overlap import overlapping_pairs
 from terrain_forge.rocks.settle import settle
 from terrain_forge.specs import MAX_NAME, is_file_name
 from terrain_forge.world import RockField, World, merge

@@ -16,7 +16,7 @@ from terrain_forge.recipe import Recipe, recipe_json
 from terrain_forge.rocks.laws.counts import MAX_COUNTED
 from terrain_forge.rocks.laws.law import Key
 from terrain_forge.rocks.laws.tabulated import MAX_ROWS
-from terrain_forge.rocks.list_table import MAX_LISTED, NEEDED, OPTIONAL, check_list
+from terrain_forge.rocks.scattering.list_table import MAX_LISTED, NEEDED, OPTIONAL, check_list
 from terrain_forge.rocks.size_frequency import Counts, SizeFrequency, Tabulated
 from terrain_forge.site import BroughtMesh, Image, Table
 
@@ -110,7 +110,7 @@ def read_meshes(recipe: Recipe, folder: Path) -> tuple[BroughtMesh, ...]:
     """
     if not recipe.rocks.library.meshes:
         return ()
-    from terrain_forge.rocks.brought import read_rock_mesh
+    from terrain_forge.rocks.shapes.brought import read_rock_mesh
 
     names = portable_names(recipe)
     meshes = {}

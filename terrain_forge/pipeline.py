@@ -38,16 +38,16 @@ from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.route import Route
 from terrain_forge.paths.trajectory import lay_trajectory
 from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
-from terrain_forge.rocks.cache import find_library
-from terrain_forge.rocks.clearings import clearings
 from terrain_forge.rocks.feasibility import check_rocks, largest_rock
-from terrain_forge.rocks.intensity import require_place
-from terrain_forge.rocks.layer_craters import with_layer_craters
-from terrain_forge.rocks.loose_limits import require_loose
 from terrain_forge.rocks.rest import rest
+from terrain_forge.rocks.resting.loose_limits import require_loose
 from terrain_forge.rocks.scatter import margin as rock_margin
 from terrain_forge.rocks.scatter import scatter
+from terrain_forge.rocks.scattering.clearings import clearings
+from terrain_forge.rocks.scattering.intensity import require_place
+from terrain_forge.rocks.scattering.layer_craters import with_layer_craters
 from terrain_forge.rocks.settle import settle
+from terrain_forge.rocks.shapes.cache import find_library
 from terrain_forge.rovers.catalogue import find_rover
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Site, Window

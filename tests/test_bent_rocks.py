@@ -6,8 +6,8 @@ import trimesh
 
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import exporter
-from terrain_forge.rocks.outline import bounds
-from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.rocks.resting.outline import bounds
+from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
 from tests import worlds
 

@@ -9,12 +9,12 @@ import trimesh
 
 from terrain_forge.errors import DataError
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.brought import read_rock_mesh
-from terrain_forge.rocks.cache import _write, cache_folder, find_library, library_key
-from terrain_forge.rocks.carving import levels_of_detail
 from terrain_forge.rocks.library import LibrarySpec, MeshSpec, make_library
-from terrain_forge.rocks.self_intersection import cuts_itself
-from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.rocks.shapes.brought import read_rock_mesh
+from terrain_forge.rocks.shapes.cache import _write, cache_folder, find_library, library_key
+from terrain_forge.rocks.shapes.carving import levels_of_detail
+from terrain_forge.rocks.shapes.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.site import BroughtMesh
 
 KEY = ("rocks", "library", "meshes", 0, "file")
@@ -346,7 +346,7 @@ def test_cache_gives_the_same_bytes_once(tmp_path, monkeypatch):
     made = find_library(spec)
     (file,) = (tmp_path / "kept").iterdir()
     with monkeypatch.context() as patched:
-        patched.setattr("terrain_forge.rocks.cache.make_library", None)  # must not be called
+        patched.setattr("terrain_forge.rocks.shapes.cache.make_library", None)  # must not be called
         assert find_library(spec) == made
     assert make_library(spec).content_hash == made.content_hash
     file.write_bytes(file.read_bytes()[:-400])

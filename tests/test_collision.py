@@ -6,11 +6,11 @@ import trimesh
 
 from terrain_forge.errors import RecipeError
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.collision import certify, collision_parts, unite
-from terrain_forge.rocks.self_intersection import cuts_itself
-from terrain_forge.rocks.simplification import simplify
-from terrain_forge.rocks.solid import mass_properties
-from terrain_forge.rocks.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.collision import certify, collision_parts, unite
+from terrain_forge.rocks.shapes.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes.simplification import simplify
+from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
 
 
 def mesh_of(body):
@@ -91,7 +91,7 @@ def test_parts_are_certified_on_their_union():
 
 
 def test_what_cannot_be_met_is_refused_with_the_figures(monkeypatch):
-    monkeypatch.setattr("terrain_forge.rocks.collision._ATTEMPTS", ((0, 0.5),))
+    monkeypatch.setattr("terrain_forge.rocks.shapes.collision._ATTEMPTS", ((0, 0.5),))
     thorny = trimesh.creation.icosphere(subdivisions=2)
     spikes = 1.0 + 1.5 * (np.arange(len(thorny.vertices)) % 9 == 0)
     mesh = Mesh(vertices=thorny.vertices * spikes[:, None], faces=thorny.faces)

@@ -13,8 +13,8 @@ from terrain_forge.dtm.spec import ArrayDtm, FlatDtm
 from terrain_forge.errors import DataError, RecipeError
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
-from terrain_forge.report_craters import craters_section
-from terrain_forge.report_style import join
+from terrain_forge.report.craters import craters_section
+from terrain_forge.report.style import join
 from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.rocks.populations import PopulationSpec, RocksSpec
 from terrain_forge.rocks.size_frequency import Golombek

@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 from terrain_forge.exporters import mjcf
 
+from terrain_forge.driving.controller import SKID_GAIN, PlanarPath, wheel_rates, wrap
+from terrain_forge.driving.drive import drive, load_scene
+from terrain_forge.driving.vehicle import Vehicle
 from terrain_forge.frames import quaternion_from_rpy
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
-from terrain_forge.rocks.overlap import overlapping_pairs
+from terrain_forge.rocks.scattering.overlap import overlapping_pairs
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.agreement import ground_agreement, random_points
 from terrain_forge.validation.checks import drive_checks, validate
-from terrain_forge.validation.controller import SKID_GAIN, PlanarPath, wheel_rates, wrap
-from terrain_forge.validation.drive import drive, load_scene
 from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
-from terrain_forge.validation.vehicle import Vehicle
 from terrain_forge.writers.mesh import write_obj, write_stl
 from tests import worlds
 

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from terrain_forge.report_page import write_report_page
+from terrain_forge.report.page import write_report_page
 from terrain_forge.terrain.statistics import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.writers.image import write_png

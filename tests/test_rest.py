@@ -5,10 +5,10 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks import outline
 from terrain_forge.rocks.library import LibrarySpec, make_library
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.rest import FOOT, rest
+from terrain_forge.rocks.resting import outline
 from terrain_forge.rocks.scatter import Scattered, margin, scatter
 from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.site import Window

@@ -13,15 +13,15 @@ from numpy.random import Generator, Philox
 from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks import outline
-from terrain_forge.rocks.carving import Sphere, carve, convex_faces, fibonacci_sphere
-from terrain_forge.rocks.collision import collision_hull
-from terrain_forge.rocks.families import FAMILIES, block
 from terrain_forge.rocks.library import LibrarySpec, MeshSpec, lay_down, make_library
-from terrain_forge.rocks.self_intersection import cuts_itself
-from terrain_forge.rocks.shapes import projections
-from terrain_forge.rocks.solid import mass_properties
-from terrain_forge.rocks.texture import MEAN_BRIGHTNESS
+from terrain_forge.rocks.resting import outline
+from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces, fibonacci_sphere
+from terrain_forge.rocks.shapes.collision import collision_hull
+from terrain_forge.rocks.shapes.families import FAMILIES, block
+from terrain_forge.rocks.shapes.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes.shapes import projections
+from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.texture import MEAN_BRIGHTNESS
 
 SPEC = LibrarySpec(shapes=18, seed=7, families=tuple(FAMILIES))
 

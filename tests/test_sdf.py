@@ -21,7 +21,7 @@ from terrain_forge.ground_texture import bake_ground
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
 from terrain_forge.paths.interpolation import angles_between, spline_places, turns_between
-from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.world import Heightfield, rotations
 from tests.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled

@@ -14,15 +14,15 @@ from terrain_forge.mesh import Mesh
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.registry import exporter
 from terrain_forge.rocks import settle as settling
-from terrain_forge.rocks.contact import loose_contact
 from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.rocks.loose_limits import expected_loose, require_loose
-from terrain_forge.rocks.outline import convex_hull, footprint, mean_width
 from terrain_forge.rocks.rest import rest
+from terrain_forge.rocks.resting.contact import loose_contact
+from terrain_forge.rocks.resting.loose_limits import expected_loose, require_loose
+from terrain_forge.rocks.resting.outline import convex_hull, footprint, mean_width
 from terrain_forge.rocks.scatter import Scattered
+from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
 from terrain_forge.rocks.settle import settle
-from terrain_forge.rocks.size_classes import LOOSE_ROOM
-from terrain_forge.rocks.solid import mass_properties
+from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation.loose import MOST_SHIFT, loose_checks, watch
 from terrain_forge.world import Heightfield, rotations
 from tests import worlds

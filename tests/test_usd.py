@@ -18,7 +18,7 @@ from terrain_forge.exporters.usd import Options, export
 
 from terrain_forge.errors import ExportError
 from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.world import rotations
 from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from terrain_forge.colour import srgb_from_linear
-from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.world import World
 from terrain_forge.writers.image import encode_png
 from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture

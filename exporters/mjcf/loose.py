@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from terrain_forge.rock_bodies import inertias
-from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.world import RockField, RockLibrary
 
 from .options import Options

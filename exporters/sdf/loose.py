@@ -8,7 +8,7 @@ import numpy as np
 
 from terrain_forge.frames import Array, rpy_from_quaternion
 from terrain_forge.rock_bodies import inertias
-from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.world import World
 
 from . import material

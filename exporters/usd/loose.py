@@ -7,7 +7,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
 from terrain_forge.frames import Array
 from terrain_forge.rock_bodies import inertias, principal_axes
-from terrain_forge.rocks.contact import loose_contact
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.world import RockField, RockLibrary
 
 from . import library as shapes

@@ -19,7 +19,6 @@ from terrain_forge.rocks.arrangement import (
 )
 from terrain_forge.rocks.laws.law import Key
 from terrain_forge.rocks.library import LibrarySpec
-from terrain_forge.rocks.packing import MAX_COVER, packable
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
     MAX_ROCKS,
@@ -28,6 +27,7 @@ from terrain_forge.rocks.populations import (
     RockListSpec,
     RocksSpec,
 )
+from terrain_forge.rocks.scattering.packing import MAX_COVER, packable
 from terrain_forge.site import Table
 
 _SAMPLES = 100

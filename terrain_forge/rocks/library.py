@@ -14,14 +14,14 @@ from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks import outline
-from terrain_forge.rocks.carving import Sphere, carve, levels_of_detail
-from terrain_forge.rocks.collision import collision_parts
-from terrain_forge.rocks.families import FAMILIES, Family
-from terrain_forge.rocks.shapes import projections
-from terrain_forge.rocks.solid import mass_properties
-from terrain_forge.rocks.surface_distance import hausdorff_distance
-from terrain_forge.rocks.texture import box_projection, rock_texture
+from terrain_forge.rocks.resting import outline
+from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
+from terrain_forge.rocks.shapes.collision import collision_parts
+from terrain_forge.rocks.shapes.families import FAMILIES, Family
+from terrain_forge.rocks.shapes.shapes import projections
+from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.texture import box_projection, rock_texture
 from terrain_forge.seeds import mix, stage_key
 from terrain_forge.site import BroughtMesh
 from terrain_forge.specs import Spec

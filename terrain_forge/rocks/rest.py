@@ -17,15 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.kernels import inner, kernel, over_chunks
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.exposure import (
+from terrain_forge.rocks.resting.exposure import (
     DEEPEST,
     Exposure,
     exposed_width,
     exposure,
     upright_width,
 )
-from terrain_forge.rocks.lattice import Lattice, height, lattice, onto
-from terrain_forge.rocks.outline import (
+from terrain_forge.rocks.resting.lattice import Lattice, height, lattice, onto
+from terrain_forge.rocks.resting.outline import (
     MAX_BURIED,
     MAX_TILT,
     edges,

@@ -24,16 +24,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.records import Record
-from terrain_forge.rocks import placement
-from terrain_forge.rocks.cells import Cells, Rectangle, Region, regions
-from terrain_forge.rocks.corridor import corridors
-from terrain_forge.rocks.drawing import Drawn, draw_class, join
-from terrain_forge.rocks.intensity import Intensity, make_intensity, require_place, with_slopes
-from terrain_forge.rocks.listed import by_octave, draw_list
-from terrain_forge.rocks.outline import footprint
-from terrain_forge.rocks.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
-from terrain_forge.rocks.size_classes import LOOSE_ROOM, size_classes
+from terrain_forge.rocks.resting.outline import footprint
+from terrain_forge.rocks.scattering import placement
+from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
+from terrain_forge.rocks.scattering.corridor import corridors
+from terrain_forge.rocks.scattering.drawing import Drawn, draw_class, join
+from terrain_forge.rocks.scattering.intensity import (
+    Intensity,
+    make_intensity,
+    require_place,
+    with_slopes,
+)
+from terrain_forge.rocks.scattering.listed import by_octave, draw_list
+from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
+from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM, size_classes
 from terrain_forge.site import Site, Window
 from terrain_forge.world import Heightfield, RockLibrary
 

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from terrain_forge.frames import matrix_from_quaternion
 from terrain_forge.records import Record
-from terrain_forge.rocks.contact import LooseContact, loose_contact
-from terrain_forge.rocks.lattice import Lattice, lattice, piece
-from terrain_forge.rocks.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
-from terrain_forge.rocks.size_classes import LOOSE_ROOM
+from terrain_forge.rocks.resting.contact import LooseContact, loose_contact
+from terrain_forge.rocks.resting.lattice import Lattice, lattice, piece
+from terrain_forge.rocks.resting.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
+from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
 from terrain_forge.world import Heightfield, RockField, RockLibrary, RockPrototype
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.intensity import make_intensity, weights
+from terrain_forge.rocks.scattering.intensity import make_intensity, weights
 from terrain_forge.site import Site, Window
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.corridor import corridor_area, in_corridor
+from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
 from terrain_forge.world import RockField, World, merge
 
 

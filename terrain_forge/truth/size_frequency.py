@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.overlap import find_overlaps
+from terrain_forge.rocks.scattering.overlap import find_overlaps
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.sample import Sample
 from terrain_forge.truth.shapes import shape_figures

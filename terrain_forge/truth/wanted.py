@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.rocks.expectation import Expectation, expected
+from terrain_forge.rocks.scattering.expectation import Expectation, expected
 from terrain_forge.rocks.size_frequency import SizeLaw
 from terrain_forge.world import World
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from terrain_forge.driving.drive import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.errors import SimulationError
 from terrain_forge.records import Record
 from terrain_forge.registry import exporter
@@ -21,7 +22,6 @@ from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.conformance.entry import Entry
 from terrain_forge.validation.craters import crater_checks
-from terrain_forge.validation.drive import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.validation.loose import loose_checks
 from terrain_forge.validation.replays import replay_checks
 from terrain_forge.validation.rocks import rock_checks
@@ -196,7 +196,7 @@ def _write(
     files[0].write_text(text, encoding="utf-8")
     write_terrain_figure(statistics, files[1])
     if result:
-        from terrain_forge.validation.drive_files import write_figure, write_track
+        from terrain_forge.driving.files import write_figure, write_track
 
         files += write_track(result, folder)
         files.append(write_figure(world, result, folder / "drive.png"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.outline import edges
 from terrain_forge.rocks.rest import FOOT
+from terrain_forge.rocks.resting.outline import edges
 from terrain_forge.seeds import stage_key, uniforms
 from terrain_forge.validation.check import Check, at_most
 from terrain_forge.world import Heightfield, RockField, RockPrototype, World, rotations

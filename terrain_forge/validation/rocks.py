@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.rocks.overlap import find_overlaps
+from terrain_forge.rocks.scattering.overlap import find_overlaps
 from terrain_forge.truth.shapes import shape_figures
 from terrain_forge.validation.check import Check, at_least, at_most
 from terrain_forge.validation.resting import resting_checks

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.errors import SimulationError
-from terrain_forge.rocks.cache import cache_folder
+from terrain_forge.rocks.shapes.cache import cache_folder
 from terrain_forge.validation.conformance.consumer import PROBES, Consumer, NotRun, run
 from terrain_forge.validation.conformance.probe import read_answer, resting_balls
 from terrain_forge.validation.conformance.reading import Reading

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel, over_chunks
-from terrain_forge.rocks.outline import convex_hull
+from terrain_forge.rocks.resting.outline import convex_hull
 from terrain_forge.world import RockField, RockLibrary, World, merge, rotations
 
 Array = NDArray[np.float64]

@@ -95,8 +95,10 @@ def library_key(spec: LibrarySpec, brought: tuple[BroughtMesh, ...]) -> str:
 @cache
 def _origin() -> str:
     """The code that makes libraries, and what it runs on."""
-    home = Path(__file__).parent
-    sources = [*sorted(home.glob("*.py")), *(home.with_name(f"{n}.py") for n in ("mesh", "seeds"))]
+    shapes = Path(__file__).parent
+    rocks, package = shapes.parents[:2]
+    sources = [*sorted(shapes.glob("*.py")), rocks / "library.py"]
+    sources += [package / "mesh.py", package / "seeds.py"]
     code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
     return "\n".join([code, platform.machine(), *(f"{n} {_version(n)}" for n in _MAKERS)])
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from terrain_forge.errors import RecipeError
 from terrain_forge.mesh import Mesh
 from terrain_forge.records import Record
-from terrain_forge.rocks.carving import convex_faces, fibonacci_sphere, supporting
-from terrain_forge.rocks.shapes import projections
-from terrain_forge.rocks.solid import mass_properties
-from terrain_forge.rocks.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.carving import convex_faces, fibonacci_sphere, supporting
+from terrain_forge.rocks.shapes.shapes import projections
+from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.self_intersection import cuts_itself
-from terrain_forge.rocks.shapes import Blank, projections, radii
-from terrain_forge.rocks.simplification import simplify
+from terrain_forge.rocks.shapes.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
+from terrain_forge.rocks.shapes.simplification import simplify
 
 Array = NDArray[np.float64]
 

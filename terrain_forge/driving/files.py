@@ -11,8 +11,8 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from terrain_forge.driving.drive import DriveResult
 from terrain_forge.frames import xyzw
-from terrain_forge.validation.drive import DriveResult
 from terrain_forge.world import World
 from terrain_forge.writers.table import Column, write_table
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.shapes import Blank, blank_of, projections, radii
+from terrain_forge.rocks.shapes.shapes import Blank, blank_of, projections, radii
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inlined, inner, kernel, over_chunks
-from terrain_forge.rocks.addresses import RETRY
-from terrain_forge.rocks.corridor import Corridors, distances, search_radius
-from terrain_forge.rocks.intensity import Intensity, weight
-from terrain_forge.rocks.outline import FOOTPRINT_DIRECTIONS
+from terrain_forge.rocks.resting.outline import FOOTPRINT_DIRECTIONS
+from terrain_forge.rocks.scattering.addresses import RETRY
+from terrain_forge.rocks.scattering.corridor import Corridors, distances, search_radius
+from terrain_forge.rocks.scattering.intensity import Intensity, weight
 from terrain_forge.seeds import mix, uniform
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from terrain_forge import __version__
 from terrain_forge.motion import Trajectory
-from terrain_forge.report_craters import craters_section
-from terrain_forge.report_rocks import rocks_section
-from terrain_forge.report_style import (
+from terrain_forge.report.craters import craters_section
+from terrain_forge.report.rocks import rocks_section
+from terrain_forge.report.style import (
     Cell,
     Html,
     bars,
@@ -29,7 +29,7 @@ from terrain_forge.report_style import (
     table,
     thousands,
 )
-from terrain_forge.report_usage import usage
+from terrain_forge.report.usage import usage
 from terrain_forge.terrain.statistics import slope_statistics
 from terrain_forge.validation.conformance.table import table_rows
 from terrain_forge.world import World

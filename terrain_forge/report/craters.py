@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from terrain_forge.report_style import Cell, Html, paragraph, signed, table, thousands
+from terrain_forge.report.style import Cell, Html, paragraph, signed, table, thousands
 
 _HEADINGS = ("Diameter", "Expected", "95 %", "Found")
 

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.errors import RecipeError
-from terrain_forge.rocks import clusters
-from terrain_forge.rocks.addresses import cell_counts
 from terrain_forge.rocks.arrangement import Clustered, crowding
-from terrain_forge.rocks.cells import Cells, divide
-from terrain_forge.rocks.clusters import Parents
-from terrain_forge.rocks.intensity import Intensity, crater_bounds
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
+from terrain_forge.rocks.scattering import clusters
+from terrain_forge.rocks.scattering.addresses import cell_counts
+from terrain_forge.rocks.scattering.cells import Cells, divide
+from terrain_forge.rocks.scattering.clusters import Parents
+from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
 from terrain_forge.seeds import mix, stage_key
 from terrain_forge.site import Site
 from terrain_forge.world import RockLibrary

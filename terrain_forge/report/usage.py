@@ -8,7 +8,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from terrain_forge.report_style import Cell, Html, command, join, paragraph, section, table
+from terrain_forge.report.style import Cell, Html, command, join, paragraph, section, table
 from terrain_forge.world import World
 
 _FOLDERS = {

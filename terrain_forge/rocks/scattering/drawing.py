@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.addresses import (
+from terrain_forge.rocks.arrangement import Clustered
+from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.rocks.scattering.addresses import (
     BURIED,
     EAST,
     KEEP,
@@ -19,12 +21,10 @@ from terrain_forge.rocks.addresses import (
     draw,
     words,
 )
-from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.rocks.cells import Region
-from terrain_forge.rocks.clusters import TRUNCATION, Parents, offspring
-from terrain_forge.rocks.intensity import Intensity, weights
-from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.size_classes import SizeClass, is_loose, shapes_of
+from terrain_forge.rocks.scattering.cells import Region
+from terrain_forge.rocks.scattering.clusters import TRUNCATION, Parents, offspring
+from terrain_forge.rocks.scattering.intensity import Intensity, weights
+from terrain_forge.rocks.scattering.size_classes import SizeClass, is_loose, shapes_of
 from terrain_forge.site import Site
 from terrain_forge.world import RockLibrary
 

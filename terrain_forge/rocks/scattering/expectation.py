@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, Clustered, Crater
-from terrain_forge.rocks.cells import Rectangle
-from terrain_forge.rocks.clusters import TRUNCATION, parents
-from terrain_forge.rocks.corridor import corridor_area, in_corridor
-from terrain_forge.rocks.intensity import (
+from terrain_forge.rocks.scattering.cells import Rectangle
+from terrain_forge.rocks.scattering.clusters import TRUNCATION, parents
+from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
+from terrain_forge.rocks.scattering.intensity import (
     Intensity,
     flat_area,
     make_intensity,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.shapes import projections
+from terrain_forge.rocks.shapes.shapes import projections
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]

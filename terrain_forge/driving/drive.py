@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.driving.controller import PlanarPath, PurePursuit, wheel_rates
 from terrain_forge.errors import SimulationError
 from terrain_forge.frames import quaternion_from_rpy, rpy_from_quaternion
 from terrain_forge.motion import Trajectory
 from terrain_forge.records import Record
 from terrain_forge.rovers.description import Rover
-from terrain_forge.validation.controller import PlanarPath, PurePursuit, wheel_rates
 from terrain_forge.validation.spec import DriveSpec
 
 Array = NDArray[np.float64]
@@ -123,7 +123,7 @@ def drive(
     Raises:
         SimulationError: if the scene cannot be loaded, lacks the rover, or its start is not free.
     """
-    from terrain_forge.validation.vehicle import Vehicle
+    from terrain_forge.driving.vehicle import Vehicle
 
     model = load_scene(scene) if isinstance(scene, Path) else scene
     vehicle = Vehicle(model, rover)

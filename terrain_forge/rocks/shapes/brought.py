@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from terrain_forge.errors import DataError
 from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.mesh_file import Refused, load_mesh
-from terrain_forge.rocks.self_intersection import cuts_itself
-from terrain_forge.rocks.solid import signed_volume
+from terrain_forge.rocks.shapes.mesh_file import Refused, load_mesh
+from terrain_forge.rocks.shapes.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes.solid import signed_volume
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -245,7 +245,7 @@ def _compact(points: Array, faces: Faces) -> Mesh:
 
 
 def _union(bodies: list[Mesh]) -> Mesh:
-    from terrain_forge.rocks.collision import unite
+    from terrain_forge.rocks.shapes.collision import unite
 
     mesh = unite(tuple(bodies))
     points, faces, _ = _clean(mesh.vertices, mesh.faces.astype(np.int64))

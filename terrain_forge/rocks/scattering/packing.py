@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.size_classes import LOOSE_ROOM, is_loose
+from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM, is_loose
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.report_style import (
+from terrain_forge.report.style import (
     Cell,
     Html,
     chip,
@@ -172,7 +172,7 @@ def _sheet(world: World) -> Html:
     """Some of the library's shapes, each family once before any comes twice."""
     from PIL import Image
 
-    from terrain_forge.rocks.contact_sheet import SIZES, render_contact_sheet
+    from terrain_forge.rocks.shapes.contact_sheet import SIZES, render_contact_sheet
 
     shapes = _chosen(world.library.prototypes)
     width, height = _SHEET

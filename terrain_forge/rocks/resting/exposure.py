@@ -17,7 +17,7 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel
-from terrain_forge.rocks.outline import MAX_TILT, edges, exposed_diameter, mean_width
+from terrain_forge.rocks.resting.outline import MAX_TILT, edges, exposed_diameter, mean_width
 from terrain_forge.world import RockLibrary, RockPrototype
 
 Array = NDArray[np.float64]

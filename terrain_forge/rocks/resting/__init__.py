@@ -1,0 +1,1 @@
+"""How a rock lies on the ground: its outline, burial, contact."""
