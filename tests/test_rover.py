@@ -1,24 +1,39 @@
+import json
+from dataclasses import fields
+from pathlib import Path
+
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from terrain_forge.errors import RecipeError
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.recipe import recipe_from_json
 from terrain_forge.rovers.catalogue import find_rover, rover_names
-from terrain_forge.rovers.description import Shape
+from terrain_forge.rovers.description import Grousers, Shape
 from terrain_forge.rovers.inertia import combine, solid_inertia
-from terrain_forge.rovers.morpheus import MorpheusDimensions, morpheus
+from terrain_forge.rovers.morpheus import MorpheusDimensions, MorpheusSpec, morpheus
+from terrain_forge.rovers.parts import GrouserSpec
+from terrain_forge.rovers.skid4 import Skid4Dimensions, Skid4Spec, skid4
+from terrain_forge.rovers.tread import corners
+from tests import rovers
+
+
+def dimension_table(spec):
+    """The table of a rover's dimensions as docs/rovers.md has it."""
+    schema = TypeAdapter(spec).json_schema()["properties"]
+    lines = ["| dimension | default | meaning | source |", "|---|---|---|---|"]
+    for field in fields(spec):
+        default = schema[field.name]["default"]
+        text = " × ".join(f"{v:g}" for v in np.ravel(default))
+        meaning = " ".join(schema[field.name]["description"].split())
+        source = field.metadata.get("source", spec.SOURCE)
+        lines.append(f"| `{field.name}` | {text} | {meaning} | {source} |")
+    return "\n".join(lines)
 
 
 def shape(kind, size, position=(0, 0, 0), rpy=(0, 0, 0)):
     return Shape(kind=kind, size=size, position=position, rpy=rpy, collides=True, rgb=(1, 1, 1))
-
-
-def origins(rover):
-    """Each link's origin in base_link's frame at rest."""
-    places = {"": np.zeros(3)}
-    for link in rover.links:
-        places[link.name] = places[link.parent] + link.origin
-    return places
 
 
 def test_two_halves_weigh_and_turn_like_the_whole():
@@ -67,7 +82,7 @@ def test_parents_come_first_and_wheels_hang_where_they_say():
     assert len(set(names)) == len(names)
     for n, link in enumerate(rover.links[1:], 1):
         assert link.parent in names[:n]
-    places = origins(rover)
+    places = rovers.origins(rover)
     for wheel in rover.wheels:
         np.testing.assert_allclose(places[wheel.link], wheel.centre, atol=1e-15)
         assert wheel.centre[2] == wheel.radius
@@ -87,7 +102,7 @@ def test_it_has_six_motors_on_three_passive_rockers():
 def test_each_wheel_carries_about_the_same_load():
     """The side rockers' pivots carry two wheels each, so equal loads need the centre at x = 0."""
     rover = morpheus()
-    places = origins(rover)
+    places = rovers.origins(rover)
     centre = sum(link.mass * (places[link.name] + link.centre_of_mass) for link in rover.links)
     centre /= rover.mass
     assert abs(centre[0]) < 0.02
@@ -96,15 +111,108 @@ def test_each_wheel_carries_about_the_same_load():
 
 
 def test_dimensions_change_the_rover():
-    wide = morpheus(MorpheusDimensions(track=1.0, wheel_mass=3.3))
+    wide = morpheus(MorpheusSpec(dimensions=MorpheusDimensions(track_m=1.0, wheel_mass_kg=3.3)))
     assert wide.width == pytest.approx(1.12)
     assert wide.mass == pytest.approx(56.0)
+    assert skid4().mass == pytest.approx(48.0)
 
 
-@pytest.mark.parametrize("change", [{"wheel_radius": 0.0}, {"body": (0.7, -0.4, 0.2)}])
-def test_impossible_dimensions_are_refused(change):
-    with pytest.raises(ValueError, match=f"{next(iter(change))} is .*must be greater than 0"):
-        morpheus(MorpheusDimensions(**change))
+@pytest.mark.parametrize(
+    ("change", "key", "message"),
+    [
+        ({"dimensions": {"wheel_radius_m": 0.0}}, "wheel_radius_m", "greater than 0"),
+        ({"dimensions": {"body_m": [0.7, -0.4, 0.2]}}, "body_m", "greater than 0"),
+        ({"dimensions": {"wheel_mass_kg": 0}}, "wheel_mass_kg", "greater than 0"),
+        ({"dimensions": {"wheel_radius": 0.2}}, "wheel_radius", "nexpected keyword"),
+        ({"model": "pretty"}, "model", "'detailed' or 'simplified'"),
+        ({"grousers": {"count": 2}}, "count", "greater than or equal to 3"),
+        ({"kind": "morfeus"}, "rover", "a mapping whose kind is morpheus, skid4 or file"),
+        ({"kind": None}, "rover", "a mapping whose kind is morpheus, skid4 or file"),
+    ],
+)
+def test_what_a_recipe_cannot_say_of_a_rover_is_refused(change, key, message):
+    with pytest.raises(RecipeError, match=message) as caught:
+        recipe_from_json(_recipe({"kind": "morpheus", **change}))
+    assert key in str(caught.value)
+
+
+def _recipe(rover):
+    ground = {"dtm": {"kind": "flat", "size_m": [6, 4]}, "terrain": {"spacing_m": 0.1}}
+    return json.dumps({"name": "yard", "body": "mars", **ground, "rover": rover})
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: morpheus(MorpheusSpec(dimensions=MorpheusDimensions(wheel_radius_m=0.3))),
+         ("dimensions", "wheel_spacing_m")),
+        (lambda: morpheus(MorpheusSpec(dimensions=MorpheusDimensions(mast_height_m=0.3))),
+         ("dimensions", "mast_height_m")),
+        (lambda: skid4(Skid4Spec(dimensions=Skid4Dimensions(track_m=0.5))),
+         ("dimensions", "track_m")),
+        (lambda: skid4(Skid4Spec(grousers=GrouserSpec(height_m=0.1))), ("grousers", "height_m")),
+    ],
+)  # fmt: skip
+def test_parts_that_do_not_fit_are_refused(make, key):
+    with pytest.raises(RecipeError, match="must be") as caught:
+        make()
+    assert caught.value.key == ("rover", *key)
+
+
+@pytest.mark.parametrize(("make", "spec"), [(morpheus, MorpheusSpec), (skid4, Skid4Spec)])
+def test_the_detailed_model_weighs_and_drives_as_the_simplified_one(make, spec, tmp_path):
+    plain, nice = (make(spec(model=model)) for model in ("simplified", "detailed"))
+    assert len(nice.links[0].shapes) > len(plain.links[0].shapes)
+    for one, other in zip(plain.links, nice.links, strict=True):
+        assert one.replace(shapes=()) == other.replace(shapes=())
+        touched = [
+            [shape.replace(visible=True) for shape in link.shapes if shape.collides]
+            for link in (one, other)
+        ]
+        assert touched[0] == touched[1]
+        assert any(shape.visible for shape in other.shapes)
+    moves = [
+        rovers.drive(
+            rovers.on_the_flat(rover, tmp_path / rover_name),
+            rover,
+            speed=0.3,
+            turn_rate=0.4,
+            seconds=3.0,
+        )
+        for rover_name, rover in (("plain", plain), ("nice", nice))
+    ]
+    np.testing.assert_array_equal(moves[0][0], moves[1][0])
+    assert moves[0][1] == moves[1][1] > 0.2
+
+
+@pytest.mark.parametrize("collides", [False, True])
+def test_grousers_reach_to_the_wheels_radius(collides):
+    spec = GrouserSpec(count=12, height_m=0.02, thickness_m=0.01, collides=collides)
+    rover = morpheus(MorpheusSpec(grousers=spec))
+    assert rover.wheels[0].grousers == Grousers(count=12, height=0.02, thickness=0.01)
+    link = next(link for link in rover.links if link.name == rover.wheels[0].link)
+    assert link.mass == morpheus().links[-1].mass
+    bars = [shape for shape in link.shapes if shape.kind == "box"]
+    assert len(bars) == 12
+    for bar in bars:
+        reach = np.hypot(*(corners(bar)[:, [0, 2]].T))
+        assert reach.max() == pytest.approx(0.14, abs=1e-12)
+        assert bar.collides == collides
+    rolling = [shape.size[0] for shape in link.shapes if shape.collides and shape.kind != "box"]
+    assert rolling == pytest.approx([0.12 if collides else 0.14])
+
+
+def test_skid4_turns_on_the_spot(tmp_path):
+    model = rovers.on_the_flat(skid4(), tmp_path)
+    moved, yaw, *_ = rovers.drive(model, skid4(), speed=0.0, turn_rate=0.6, seconds=3.0)
+    assert 0.5 < yaw < 1.8
+    assert np.linalg.norm(moved[:2]) < 0.1
+
+
+def test_the_page_tells_where_each_dimension_comes_from():
+    page = (Path(__file__).parents[1] / "docs" / "rovers.md").read_text(encoding="utf-8")
+    for spec in (MorpheusDimensions, Skid4Dimensions):
+        assert dimension_table(spec) in page
 
 
 def test_stereo_cameras_stand_a_baseline_apart_and_look_down():
@@ -118,5 +226,6 @@ def test_rovers_are_found_by_name():
     assert find_rover("morpheus") == morpheus()
     with pytest.raises(RecipeError, match=r"unknown rover 'morfeus', did you mean 'morpheus'\?"):
         find_rover("morfeus")
-    with pytest.raises(RecipeError, match=f"known: {', '.join(rover_names())}"):
+    assert find_rover("skid4") == skid4()
+    with pytest.raises(RecipeError, match=f"known: {', '.join(rover_names())}; a rover"):
         find_rover("tank")

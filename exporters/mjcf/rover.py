@@ -8,13 +8,23 @@ import numpy as np
 
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.rovers.description import Link, Rover, Sensor, Shape
+from terrain_forge.writers.rover_meshes import rover_mesh
 
 from .xml import element
 
-# A velocity servo stiff enough to hold the commanded rate on slopes; the armature stands for the
-# gear train and keeps the light wheels from chattering against the ground.
-_SERVO_GAIN = 100.0
-_WHEEL_ARMATURE = 0.05
+# The servos follow the angle that the commanded rate adds up to: wheels that shall stand do so on
+# any slope, without the damping that would do the same. That must stay small: MuJoCo's contacts do
+# not know its implicit part, and would push the rover by damping × angular acceleration × step for
+# nothing (docs/driving.md). The armature stands for the gear train and keeps the light wheels from
+# chattering against the ground. All are those of a rover of 50 kg on wheels of 14 cm, and grow with
+# mass and radius squared.
+_SERVO_STIFFNESS = 1500.0
+_SERVO_DAMPING = 40.0
+_WHEEL_ARMATURE = 0.2
+_PARKING_DAMPING = 1500.0
+_REFERENCE = 50.0 * 0.14**2
+_UNSEEN_GROUP = 3
+_HULL_VERTICES = 64
 # MuJoCo's cameras look along -z with x to the right; ours along x with y to the left.
 _CAMERA_AXES = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -41,14 +51,58 @@ def rover_body(rover: Rover, position: np.ndarray, quaternion: np.ndarray) -> st
     return _body(rover, rover.links[0], pos=position, quat=quaternion)
 
 
-def rover_actuators(rover: Rover) -> list[str]:
-    """A velocity servo per wheel; its control is the wheel's rate [rad/s]."""
+def rover_assets(rover: Rover, folder: str) -> list[str]:
+    """The meshes of a rover, whose files `write_rover_meshes` puts into a folder."""
+    assets = []
+    for number, link in enumerate(rover.links):
+        for part, shape in enumerate(link.shapes):
+            if shape.mesh is None:
+                continue
+            # As shells: what is only seen may be open. Masses are told, not computed from them.
+            own: dict[str, str | float] = {"inertia": "shell"}
+            if shape.collides:
+                own["maxhullvert"] = _HULL_VERTICES
+            name = rover_mesh(number, part)
+            assets.append(element("mesh", name=name[:-4], file=f"{folder}/{name}", **own))
+    return assets
+
+
+def rover_equalities(rover: Rover) -> list[str]:
+    """The gears between passive joints."""
     return [
         element(
-            "velocity",
+            "joint",
+            joint1=gear.link,
+            joint2=gear.leader,
+            polycoef=(gear.offset, gear.ratio, 0, 0, 0),
+        )
+        for gear in rover.couplings
+    ]
+
+
+def servo_gain(rover: Rover) -> float:
+    """Damping of a drive that follows the rate alone, stiff enough to park [N m s/rad]."""
+    return _PARKING_DAMPING * _scale(rover)
+
+
+def _scale(rover: Rover) -> float:
+    """How much stronger than the reference a rover's motors must be."""
+    radius = max(wheel.radius for wheel in rover.wheels)
+    return rover.mass * radius**2 / _REFERENCE
+
+
+def rover_actuators(rover: Rover) -> list[str]:
+    """A servo per wheel whose control is the wheel's rate [rad/s], its activation the angle."""
+    stiffness, damping = _SERVO_STIFFNESS * _scale(rover), _SERVO_DAMPING * _scale(rover)
+    return [
+        element(
+            "general",
             name=wheel.link,
             joint=wheel.link,
-            kv=_SERVO_GAIN,
+            dyntype="integrator",
+            biastype="affine",
+            gainprm=(stiffness,),
+            biasprm=(0.0, -stiffness, -damping),
             ctrlrange=(-rover.speed_limit / wheel.radius, rover.speed_limit / wheel.radius),
             forcerange=(-rover.torque_limit, rover.torque_limit),
         )
@@ -83,10 +137,14 @@ def rover_sensors(rover: Rover) -> list[str]:
 
 def _body(rover: Rover, link: Link, **placement: np.ndarray) -> str:
     wheels = {wheel.link for wheel in rover.wheels}
+    number = next(n for n, other in enumerate(rover.links) if other.name == link.name)
     parts = [
-        *_joint(link),
+        *_joint(link, rover),
         element("inertial", pos=link.centre_of_mass, mass=link.mass, fullinertia=_six(link)),
-        *(_geom(shape, wheel=link.name in wheels) for shape in link.shapes),
+        *(
+            _geom(shape, rover_mesh(number, part)[:-4], wheel=link.name in wheels)
+            for part, shape in enumerate(link.shapes)
+        ),
         *(_sensor(sensor) for sensor in rover.sensors if sensor.link == link.name),
         *(
             _body(rover, child, pos=child.origin)
@@ -97,20 +155,26 @@ def _body(rover: Rover, link: Link, **placement: np.ndarray) -> str:
     return element("body", parts, name=link.name, childclass="rover", **placement)
 
 
-def _joint(link: Link) -> list[str]:
+def _joint(link: Link, rover: Rover) -> list[str]:
     if link.joint == "free":
         return [element("freejoint", name=f"{link.name}_free")]
     if link.joint == "fixed":
         return []
     motor = link.joint == "motor"
-    own = {"armature": (_WHEEL_ARMATURE,)} if motor else {"range": (-link.limit, link.limit)}
+    own: dict[str, tuple[float, ...]] = {}
+    if motor:
+        own["armature"] = (_WHEEL_ARMATURE * _scale(rover),)
+    if link.limits:
+        own["range"] = link.limits
+    if link.friction:
+        own["frictionloss"] = (link.friction,)
     hinge = element(
         "joint",
         name=link.name,
         type="hinge",
         axis=link.axis,
         damping=link.damping,
-        **own,  # type: ignore[arg-type]
+        **own,
     )
     return [hinge]
 
@@ -120,18 +184,23 @@ def _six(link: Link) -> np.ndarray:
     return link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def _geom(shape: Shape, *, wheel: bool) -> str:
+def _geom(shape: Shape, mesh: str, *, wheel: bool) -> str:
     """A shape; MuJoCo counts boxes and cylinders in half lengths."""
-    halves = {"box": (0.5, 0.5, 0.5), "cylinder": (1.0, 0.5), "sphere": (1.0,)}[shape.kind]
     classes = {True: "wheel" if wheel else "rover", False: "visual"}
+    own: dict[str, str | float | np.ndarray] = {"mesh": mesh}
+    if shape.mesh is None:
+        halves = {"box": (0.5, 0.5, 0.5), "cylinder": (1.0, 0.5), "sphere": (1.0,)}[shape.kind]
+        own = {"size": np.multiply(shape.size, halves)}
+    if not shape.visible:
+        own["group"] = _UNSEEN_GROUP
     return element(
         "geom",
         class_=classes[shape.collides],
         type=shape.kind,
-        size=np.multiply(shape.size, halves),
         pos=shape.position,
         quat=quaternion_from_rpy(shape.rpy),
         rgba=(*shape.rgb, 1.0),
+        **own,
     )
 
 

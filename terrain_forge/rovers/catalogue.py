@@ -1,19 +1,62 @@
-"""The rovers that a recipe can name."""
+"""The rovers that a recipe can name, describe, or bring in a file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Discriminator, Tag
 
 from terrain_forge.errors import RecipeError
+from terrain_forge.rovers.brought import FileRover
 from terrain_forge.rovers.description import Rover
-from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
+from terrain_forge.rovers.skid4 import Skid4Spec, skid4
 
-ROVERS: dict[str, Callable[[], Rover]] = {"morpheus": morpheus}
+if TYPE_CHECKING:
+    from terrain_forge.site import Site
+
+ROVERS: dict[str, Callable[[], Rover]] = {"morpheus": morpheus, "skid4": skid4}
+
+
+_FILE = "FileRover"
+"""Tag of a rover from a file: its kind, `file`, is the name of one of its keys too."""
+
+
+def _choice_kind(value: Any) -> str:
+    found = value.get("kind", "") if isinstance(value, dict) else getattr(value, "kind", "name")
+    return _FILE if found == "file" else str(found)
+
+
+RoverChoice = Annotated[
+    Annotated[str, Tag("name")]
+    | Annotated[MorpheusSpec, Tag("morpheus")]
+    | Annotated[Skid4Spec, Tag("skid4")]
+    | Annotated[FileRover, Tag(_FILE)],
+    Discriminator(
+        _choice_kind,
+        custom_error_type="rover_kind",
+        custom_error_message="a name, or a mapping whose kind is morpheus, skid4 or file",
+    ),
+]
+"""What a recipe's `rover` may be."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundRover:
+    """A rover and the files that it was read from."""
+
+    rover: Rover
+    """The rover."""
+    files: tuple[Path, ...] = ()
+    """All files that were read: the rover's own, those it includes, its meshes."""
 
 
 def rover_names() -> list[str]:
-    """Names of all rovers, sorted."""
+    """Names of all rovers of our own, sorted."""
     return sorted(ROVERS)
 
 
@@ -28,5 +71,70 @@ def find_rover(name: str) -> Rover:
     close = get_close_matches(name, ROVERS, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(
-        f"unknown rover {name!r}{hint} known: {', '.join(rover_names())}", key=("rover",)
+        f"unknown rover {name!r}{hint} known: {', '.join(rover_names())}; a rover of your own is "
+        "`{kind: file, file: …}`",
+        key=("rover",),
     )
+
+
+def resolve_rover(choice: RoverChoice, folder: Path) -> FoundRover:
+    """The rover that a recipe asks for.
+
+    Args:
+        choice: The recipe's `rover`.
+        folder: What its paths are relative to.
+
+    Raises:
+        RecipeError: for an unknown name, parts that do not fit together, or a step limit above a
+            wheel's diameter.
+        DataError: for a file that is missing, cannot be read, or is not of a wheeled rover.
+    """
+    found = _find_choice(choice, folder)
+    _require_step(found.rover)
+    return found
+
+
+def _find_choice(choice: RoverChoice, folder: Path) -> FoundRover:
+    if isinstance(choice, str):
+        return FoundRover(rover=find_rover(choice))
+    if isinstance(choice, MorpheusSpec):
+        return FoundRover(rover=morpheus(choice))
+    if isinstance(choice, Skid4Spec):
+        return FoundRover(rover=skid4(choice))
+    from terrain_forge.rovers.reading import read_rover
+
+    return read_rover(choice, folder)
+
+
+def _require_step(rover: Rover) -> None:
+    highest = 2.0 * min(wheel.radius for wheel in rover.wheels)
+    if rover.step_limit is not None and rover.step_limit > highest:
+        raise RecipeError(
+            f"{rover.step_limit:.3g} m is more than the diameter of the smallest wheel, "
+            f"{highest:.3g} m, over which no wheel climbs",
+            key=("rover", "step_limit_m"),
+        )
+
+
+def rover_of(site: Site) -> Rover:
+    """The rover of a planned site."""
+    return site.brought_rover or resolve_rover(site.recipe.rover, Path()).rover
+
+
+def require_ground(rover: Rover, *, spacing: float) -> None:
+    """Refuse wheels that are too small for the ground's grid: they would roll on single triangles.
+
+    Args:
+        rover: The rover.
+        spacing: Distance of the ground's nodes [m].
+
+    Raises:
+        RecipeError: if a wheel's radius is below the spacing.
+    """
+    least = min(wheel.radius for wheel in rover.wheels)
+    if least < spacing:
+        raise RecipeError(
+            f"wheel radius {least:.3g} m is below the ground's spacing, {spacing:g} m: choose a "
+            f"larger wheel, or a terrain.spacing_m of at most {least:.3g} m",
+            key=("rover",),
+        )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.mesh import Mesh
 from terrain_forge.records import Record
 
 Array = NDArray[np.float64]
@@ -14,12 +15,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shape(Record):
-    """A simple solid on a link. Axis of a cylinder: the shape's z."""
+    """A solid on a link. Axis of a cylinder: the shape's z."""
 
     kind: str
-    """`box`, `cylinder` or `sphere`."""
+    """`box`, `cylinder`, `sphere` or `mesh`."""
     size: tuple[float, ...]
-    """Box: full lengths x, y, z; cylinder: radius, length; sphere: radius [m]."""
+    """Box, and box around a mesh: full lengths x, y, z; cylinder: radius, length; sphere: radius
+    [m]."""
     position: Array
     """Centre in the link's frame [m], shape [3]."""
     rpy: Array
@@ -28,6 +30,11 @@ class Shape(Record):
     """Whether physics sees it."""
     rgb: tuple[float, float, float]
     """sRGB colour, 0 to 1."""
+    visible: bool = True
+    """Whether people and cameras see it."""
+    mesh: Mesh | None = None
+    """Triangles of a mesh, its box's centre as origin; a convex one where it collides. None for the
+    other kinds."""
 
     def __post_init__(self) -> None:
         self.freeze("position", np.float64, (3,))
@@ -36,7 +43,10 @@ class Shape(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Link(Record):
-    """A rigid body and the joint that holds it to its parent. Link frames are parallel at rest."""
+    """A rigid body and the joint that holds it to its parent. Link frames are parallel at rest.
+
+    A joint has the name of its link.
+    """
 
     name: str
     """Unique name."""
@@ -48,10 +58,12 @@ class Link(Record):
     """The joint in the parent's frame, and origin of this link's frame [m], shape [3]."""
     axis: Array
     """Axis of a revolute joint, unit vector, shape [3]."""
-    limit: float
-    """A revolute joint turns within ±limit [rad]; infinity for a wheel is written as 0."""
-    damping: float
+    limits: tuple[float, float] | None = None
+    """A revolute joint turns between these angles [rad]; None: without end."""
+    damping: float = 0.0
     """Viscous damping of the joint [N m s/rad]."""
+    friction: float = 0.0
+    """Dry friction of the joint [N m]."""
     mass: float
     """Mass [kg]."""
     centre_of_mass: Array
@@ -68,6 +80,18 @@ class Link(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Grousers(Record):
+    """Bars across a wheel's tread, evenly around it; the wheel's radius reaches to their tops."""
+
+    count: int
+    """How many."""
+    height: float
+    """Above the tread [m]."""
+    thickness: float
+    """Along the tread [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Wheel(Record):
     """A driven wheel: a link of the rover that rolls on the ground."""
 
@@ -79,9 +103,25 @@ class Wheel(Record):
     """Rolling radius [m]."""
     width: float
     """Width [m]."""
+    grousers: Grousers | None = None
+    """What it grips with; None for a smooth tread."""
 
     def __post_init__(self) -> None:
         self.freeze("centre", np.float64, (3,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coupling(Record):
+    """A gear between two passive joints, such as a rocker-bogie's differential."""
+
+    link: str
+    """Link whose joint follows: its angle is `ratio` times that of the other, plus `offset`."""
+    leader: str
+    """Link whose joint is followed."""
+    ratio: float
+    """Angle per angle; -1 for a differential of two rockers that turn about the same axis."""
+    offset: float = 0.0
+    """Angle where the leader's is 0 [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,6 +166,13 @@ class Rover(Record):
     """Largest tilt in which it may be driven [rad]."""
     clearance: float
     """Free height under the body [m]."""
+    step_limit: float | None = None
+    """Highest step or rock that it goes over [m]; None for what clearance and wheels allow
+    (`paths.obstacles.highest_step`)."""
+    couplings: tuple[Coupling, ...] = ()
+    """Gears between passive joints."""
+    notes: tuple[str, ...] = ()
+    """What was taken otherwise than the rover's own file says, a sentence each."""
 
     @property
     def mass(self) -> float:

@@ -9,288 +9,263 @@ skid-steering; a ZED stereo camera. Mass and dimensions are not published: every
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from annotated_types import Interval
 
-from terrain_forge.records import Record
-from terrain_forge.rovers.description import Link, Rover, Sensor, Shape, Wheel
-from terrain_forge.rovers.inertia import combine
-
-_BODY_RGB = (0.82, 0.82, 0.80)
-_FRAME_RGB = (0.30, 0.30, 0.32)
-_WHEEL_RGB = (0.16, 0.16, 0.17)
-_SENSOR_RGB = (0.08, 0.08, 0.10)
+from terrain_forge.errors import RecipeError
+from terrain_forge.rovers.description import Link, Rover, Shape, Wheel
+from terrain_forge.rovers.parts import (
+    ALONG_Y,
+    FRAME,
+    LENS,
+    METAL,
+    PAINT,
+    PANEL,
+    BuiltRoverSpec,
+    look,
+    make_link,
+    make_shape,
+    sensor_rig,
+    wheel_link,
+)
+from terrain_forge.specs import Positive, Spec
 
 _X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _ROCKER_LIMIT = math.radians(35.0)
 _ROCKER_DAMPING = 5.0
-_WHEEL_DAMPING = 0.1
+_ZED = {"source": "ZED camera, as published: Giubilato et al. 2020, arXiv:2006.00057"}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MorpheusDimensions(Record):
-    """What is not published about MORPHEUS; all defaults are assumptions."""
+@dataclass(frozen=True, kw_only=True)
+class MorpheusDimensions(Spec):
+    """What is not published about MORPHEUS; docs/rovers.md tells where each default comes from."""
 
-    wheel_radius: float = 0.14
+    SOURCE: ClassVar[str] = "assumption"
+
+    wheel_radius_m: Positive = 0.14
     """Radius of a wheel [m]."""
-    wheel_width: float = 0.12
+    wheel_width_m: Positive = 0.12
     """Width of a wheel [m]."""
-    wheel_spacing: float = 0.42
+    wheel_spacing_m: Positive = 0.42
     """Distance between neighbouring axles: front at +, middle at 0, rear at - [m]."""
-    track: float = 0.76
+    track_m: Positive = 0.76
     """Distance between the middle planes of left and right wheels [m]."""
-    pivot_height: float = 0.08
+    pivot_height_m: Positive = 0.08
     """Height of the rockers' pivots above the axles [m]."""
-    clearance: float = 0.28
+    clearance_m: Positive = 0.28
     """Height of the body's underside above the ground [m]."""
-    body: tuple[float, float, float] = (0.72, 0.46, 0.16)
+    body_m: tuple[Positive, Positive, Positive] = (0.72, 0.46, 0.16)
     """Length, width and height of the body [m]."""
-    mast_height: float = 0.80
+    mast_height_m: Positive = 0.80
     """Height of the sensor mast's top above the ground [m]."""
-    body_mass: float = 29.2
+    body_mass_kg: Positive = 29.2
     """Mass of the body with batteries and electronics [kg]."""
-    mast_mass: float = 1.0
+    mast_mass_kg: Positive = 1.0
     """Mass of the mast with its sensors [kg]."""
-    rocker_mass: float = 2.0
+    rocker_mass_kg: Positive = 2.0
     """Mass of each of the three rockers [kg]."""
-    wheel_mass: float = 2.3
+    wheel_mass_kg: Positive = 2.3
     """Mass of a wheel with its motor [kg]."""
-    stereo_baseline: float = 0.12
-    """Distance of the two cameras [m]; that of a ZED."""
-    camera_tilt: float = math.radians(12.0)
-    """How far the cameras look down [rad]."""
-    torque_limit: float = 20.0
+    stereo_baseline_m: Positive = field(default=0.12, metadata=_ZED)
+    """Distance of the two cameras [m]."""
+    camera_tilt_deg: Annotated[float, Interval(ge=-90, le=90)] = 12.0
+    """How far the cameras look down [degrees]."""
+    torque_limit_n_m: Positive = 20.0
     """Largest torque of a wheel's motor [N m]."""
-    speed_limit: float = 1.0
+    speed_limit_m_s: Positive = 1.0
     """Largest speed over ground [m/s]."""
-    tilt_limit: float = math.radians(30.0)
-    """Largest tilt in which it may be driven [rad]."""
+    tilt_limit_deg: Annotated[float, Interval(gt=0, lt=90)] = 30.0
+    """Largest tilt in which it may be driven [degrees]."""
 
 
-def morpheus(dimensions: MorpheusDimensions | None = None) -> Rover:
+@dataclass(frozen=True, kw_only=True)
+class MorpheusSpec(BuiltRoverSpec):
+    """MORPHEUS with a choice of looks and dimensions."""
+
+    kind: Literal["morpheus"] = "morpheus"
+    """This rover."""
+    dimensions: MorpheusDimensions = field(default_factory=MorpheusDimensions)
+    """Lengths, masses and limits."""
+
+
+def morpheus(spec: MorpheusSpec | None = None) -> Rover:
     """The rover of these dimensions; of the assumed ones where none are given.
 
     Raises:
-        ValueError: if a length or a mass is not positive.
+        RecipeError: if its parts do not fit together.
     """
-    d = dimensions or MorpheusDimensions()
-    _require_positive(d)
+    spec = spec or MorpheusSpec()
+    d = spec.dimensions
+    _require_fit(spec)
+    detailed = spec.model == "detailed"
+    axles = {wheel.link: (parent, wheel) for parent, wheel in _wheels(spec)}
+    pivots = _pivots(d)
     return Rover(
         name="morpheus",
         links=(
-            _body(d),
-            *(_rocker(name, d) for name in _pivots(d)),
-            *(_wheel_link(*axle, d) for axle in _axles(d)),
+            _body(d, detailed=detailed),
+            *(_rocker(name, d, detailed=detailed) for name in pivots),
+            *(
+                wheel_link(
+                    wheel,
+                    parent,
+                    wheel.centre - pivots[parent],
+                    d.wheel_mass_kg,
+                    grousers=spec.grousers,
+                    detailed=detailed,
+                )
+                for parent, wheel in axles.values()
+            ),
         ),
-        wheels=tuple(
-            Wheel(
-                link=name,
-                centre=np.array([x, side * d.track / 2, d.wheel_radius]),
-                radius=d.wheel_radius,
-                width=d.wheel_width,
-            )
-            for name, _, x, side in _axles(d)
+        wheels=tuple(wheel for _, wheel in axles.values()),
+        sensors=sensor_rig(
+            head=(0.4 * d.body_m[0], 0.0, d.mast_height_m),
+            tilt=math.radians(d.camera_tilt_deg),
+            baseline=d.stereo_baseline_m,
+            imu=(0.0, 0.0, d.clearance_m + d.body_m[2] / 2),
         ),
-        sensors=_rig(d),
-        torque_limit=d.torque_limit,
-        speed_limit=d.speed_limit,
-        tilt_limit=d.tilt_limit,
-        clearance=d.clearance,
+        torque_limit=d.torque_limit_n_m,
+        speed_limit=d.speed_limit_m_s,
+        tilt_limit=math.radians(d.tilt_limit_deg),
+        clearance=d.clearance_m,
+        step_limit=spec.step_limit_m,
     )
 
 
-def _require_positive(d: MorpheusDimensions) -> None:
-    numbers = {name: value for name, value in vars(d).items() if name != "camera_tilt"}
-    for name, value in numbers.items():
-        if min(value if isinstance(value, tuple) else (value,)) <= 0:
-            raise ValueError(f"MORPHEUS {name} is {value}: must be greater than 0")
+def _require_fit(spec: MorpheusSpec) -> None:
+    d = spec.dimensions
+    top = d.clearance_m + d.body_m[2]
+    wrong = {
+        "wheel_spacing_m": (d.wheel_spacing_m, 2 * d.wheel_radius_m, "two wheel radii"),
+        "track_m": (d.track_m, 2 * d.wheel_width_m, "two wheel widths"),
+        "mast_height_m": (d.mast_height_m, top, "the body's top"),
+    }
+    for name, (found, least, meaning) in wrong.items():
+        if found <= least:
+            raise RecipeError(
+                f"{found:g} m, must be more than {meaning}, {least:g} m",
+                key=("rover", "dimensions", name),
+            )
+    if spec.grousers and spec.grousers.height_m >= 0.5 * d.wheel_radius_m:
+        raise RecipeError(
+            f"{spec.grousers.height_m:g} m, must be less than half the wheel's radius",
+            key=("rover", "grousers", "height_m"),
+        )
 
 
-def _axles(d: MorpheusDimensions) -> list[tuple[str, str, float, float]]:
-    """Name, parent, x [m] and side (left +1) of each wheel."""
-    front, middle, rear = d.wheel_spacing, 0.0, -d.wheel_spacing
+def _wheels(spec: MorpheusSpec) -> list[tuple[str, Wheel]]:
+    """Each wheel with the rocker that carries it."""
+    d = spec.dimensions
+    axles = {
+        "wheel_front_left": ("rocker_left", d.wheel_spacing_m, 1.0),
+        "wheel_front_right": ("rocker_right", d.wheel_spacing_m, -1.0),
+        "wheel_middle_left": ("rocker_left", 0.0, 1.0),
+        "wheel_middle_right": ("rocker_right", 0.0, -1.0),
+        "wheel_rear_left": ("rocker_rear", -d.wheel_spacing_m, 1.0),
+        "wheel_rear_right": ("rocker_rear", -d.wheel_spacing_m, -1.0),
+    }
     return [
-        ("wheel_front_left", "rocker_left", front, 1.0),
-        ("wheel_front_right", "rocker_right", front, -1.0),
-        ("wheel_middle_left", "rocker_left", middle, 1.0),
-        ("wheel_middle_right", "rocker_right", middle, -1.0),
-        ("wheel_rear_left", "rocker_rear", rear, 1.0),
-        ("wheel_rear_right", "rocker_rear", rear, -1.0),
+        (
+            parent,
+            Wheel(
+                link=name,
+                centre=np.array([x, side * d.track_m / 2, d.wheel_radius_m]),
+                radius=d.wheel_radius_m,
+                width=d.wheel_width_m,
+                grousers=spec.grousers.record() if spec.grousers else None,
+            ),
+        )
+        for name, (parent, x, side) in axles.items()
     ]
 
 
-def _shape(
-    kind: str,
-    size: tuple[float, ...],
-    position: ArrayLike,
-    rgb: tuple[float, float, float],
-    *,
-    rpy: ArrayLike = (0.0, 0.0, 0.0),
-    collides: bool = True,
-) -> Shape:
-    return Shape(
-        kind=kind,
-        size=size,
-        position=np.asarray(position, dtype=np.float64),
-        rpy=np.asarray(rpy, dtype=np.float64),
-        collides=collides,
-        rgb=rgb,
-    )
-
-
-def _link(
-    name: str,
-    parent: str,
-    joint: str,
-    origin: ArrayLike,
-    parts: list[tuple[Shape, float]],
-    *,
-    axis: ArrayLike = _Y,
-    limit: float = 0.0,
-    damping: float = 0.0,
-) -> Link:
-    mass, centre, inertia = combine(parts)
-    return Link(
-        name=name,
-        parent=parent,
-        joint=joint,
-        origin=np.asarray(origin, dtype=np.float64),
-        axis=np.asarray(axis, dtype=np.float64),
-        limit=limit,
-        damping=damping,
-        mass=mass,
-        centre_of_mass=centre,
-        inertia=inertia,
-        shapes=tuple(shape for shape, _ in parts),
-    )
-
-
-def _body(d: MorpheusDimensions) -> Link:
-    length, _, height = d.body
-    top = d.clearance + height
-    box = _shape("box", d.body, (0.0, 0.0, d.clearance + height / 2), _BODY_RGB)
-    mast_length = d.mast_height - top
-    mast = _shape(
-        "cylinder", (0.02, mast_length), (0.4 * length, 0.0, top + mast_length / 2), _FRAME_RGB
-    )
-    head = _shape(
+def _body(d: MorpheusDimensions, *, detailed: bool) -> Link:
+    length, _, height = d.body_m
+    top = d.clearance_m + height
+    box = make_shape("box", d.body_m, (0.0, 0.0, d.clearance_m + height / 2), PAINT)
+    pole = d.mast_height_m - top
+    mast = make_shape("cylinder", (0.02, pole), (0.4 * length, 0.0, top + pole / 2), FRAME)
+    head = make_shape(
         "box",
-        (0.04, d.stereo_baseline + 0.06, 0.04),
-        (0.4 * length, 0.0, d.mast_height),
-        _SENSOR_RGB,
-        rpy=(0.0, d.camera_tilt, 0.0),
+        (0.04, d.stereo_baseline_m + 0.06, 0.04),
+        (0.4 * length, 0.0, d.mast_height_m),
+        LENS,
+        rpy=(0.0, math.radians(d.camera_tilt_deg), 0.0),
         collides=False,
     )
-    parts = [(box, d.body_mass), (mast, 0.5 * d.mast_mass), (head, 0.5 * d.mast_mass)]
-    return _link("base_link", "", "free", (0.0, 0.0, 0.0), parts)
+    parts = [(box, d.body_mass_kg), (mast, 0.5 * d.mast_mass_kg), (head, 0.5 * d.mast_mass_kg)]
+    looks = [box, mast, head, *_equipment(d)] if detailed else []
+    unseen = [shape.replace(collides=False) for shape in looks]
+    return make_link("base_link", "", "free", (0.0, 0.0, 0.0), parts, looks=unseen)
+
+
+def _equipment(d: MorpheusDimensions) -> list[Shape]:
+    """Deck with a solar panel, the cameras' lenses, the lidar, a box of electronics, an antenna."""
+    length, width, height = d.body_m
+    top, x = d.clearance_m + height, 0.4 * length
+    tilt, half = math.radians(d.camera_tilt_deg), d.stereo_baseline_m / 2
+    ahead = np.array([0.022 * math.cos(tilt), 0.0, -0.022 * math.sin(tilt)])
+    lens_rpy = (0.0, math.pi / 2 + tilt, 0.0)
+    eyes = [ahead + np.array([x, y, d.mast_height_m]) for y in (half, -half)]
+    lenses = [look("cylinder", (0.012, 0.01), eye, METAL, rpy=lens_rpy) for eye in eyes]
+    panels = [
+        look("box", (0.27 * length, 0.92 * width, 0.012), (at * length, 0, top + 0.03), PANEL)
+        for at in (-0.33, -0.04)
+    ]
+    rail = look("box", (0.62 * length, 0.03, 0.024), (-0.185 * length, 0, top + 0.012), FRAME)
+    return [
+        *lenses,
+        *panels,
+        rail,
+        look("cylinder", (0.045, 0.09), (x, 0, d.mast_height_m + 0.065), FRAME),
+        look("box", (0.10, 0.6 * width, 0.06), (0.22 * length, 0, top + 0.03), METAL),
+        look("cylinder", (0.006, 0.30), (-0.47 * length, 0.4 * width, top + 0.15), FRAME),
+        look("box", (1.02 * length, 0.9 * width, 0.03), (0, 0, d.clearance_m + 0.03), FRAME),
+    ]
 
 
 def _pivots(d: MorpheusDimensions) -> dict[str, tuple[float, float, float]]:
     """Where the rockers are hinged to the body: half-way between the wheels that each carries."""
-    side = d.track / 2 - d.wheel_width / 2 - 0.03
-    height = d.wheel_radius + d.pivot_height
+    side = d.track_m / 2 - d.wheel_width_m / 2 - 0.03
+    height = d.wheel_radius_m + d.pivot_height_m
     return {
-        "rocker_left": (d.wheel_spacing / 2, side, height),
-        "rocker_right": (d.wheel_spacing / 2, -side, height),
-        "rocker_rear": (-d.wheel_spacing, 0.0, height),
+        "rocker_left": (d.wheel_spacing_m / 2, side, height),
+        "rocker_right": (d.wheel_spacing_m / 2, -side, height),
+        "rocker_rear": (-d.wheel_spacing_m, 0.0, height),
     }
 
 
-def _rocker(name: str, d: MorpheusDimensions) -> Link:
+def _rocker(name: str, d: MorpheusDimensions, *, detailed: bool) -> Link:
     """A beam between two wheels: along x at the sides, hinged about y; across the rear, about x."""
     across = name == "rocker_rear"
-    length = d.track - d.wheel_width - 0.02
-    size = (0.04, length, 0.05) if across else (d.wheel_spacing, 0.03, 0.05)
-    return _link(
+    length = d.track_m - d.wheel_width_m - 0.02
+    size = (0.04, length, 0.05) if across else (d.wheel_spacing_m, 0.03, 0.05)
+    beam = make_shape("box", size, (0.0, 0.0, 0.0), FRAME)
+    return make_link(
         name,
         "base_link",
         "passive",
         _pivots(d)[name],
-        [(_shape("box", size, (0.0, 0.0, 0.0), _FRAME_RGB), d.rocker_mass)],
+        [(beam, d.rocker_mass_kg)],
+        looks=_beam_looks(beam, d, across=across) if detailed else [],
         axis=_X if across else _Y,
-        limit=_ROCKER_LIMIT,
+        limits=(-_ROCKER_LIMIT, _ROCKER_LIMIT),
         damping=_ROCKER_DAMPING,
     )
 
 
-def _wheel_link(name: str, parent: str, x: float, side: float, d: MorpheusDimensions) -> Link:
-    centre = np.array([x, side * d.track / 2, d.wheel_radius])
-    tyre = _shape(
-        "cylinder",
-        (d.wheel_radius, d.wheel_width),
-        (0.0, 0.0, 0.0),
-        _WHEEL_RGB,
-        rpy=(math.pi / 2, 0.0, 0.0),
-    )
-    return _link(
-        name,
-        parent,
-        "motor",
-        centre - _pivots(d)[parent],
-        [(tyre, d.wheel_mass)],
-        axis=_Y,
-        damping=_WHEEL_DAMPING,
-    )
-
-
-def _rig(d: MorpheusDimensions) -> tuple[Sensor, ...]:
-    """Stereo camera (ZED at its 720p setting), lidar and IMU; their figures are nominal.
-
-    `noise` is the standard deviation of a pixel's intensity (0 to 1) and of a range [m]. The IMU's
-    are densities, of white noise [rad/s/√Hz, m/s²/√Hz] and of the walk of its bias [rad/s²/√Hz,
-    m/s³/√Hz], those of an ADIS16448 (Burri et al. 2016, doi:10.1177/0278364915620033).
-    """
-    mast_x = 0.4 * d.body[0]
-    camera = (
-        ("width_px", 1280.0),
-        ("height_px", 720.0),
-        ("horizontal_fov", math.radians(85.0)),
-        ("rate", 15.0),
-        ("baseline", d.stereo_baseline),
-        ("noise", 0.007),
-    )
-    lidar = (
-        ("channels", 16.0),
-        ("vertical_fov", math.radians(30.0)),
-        ("horizontal_samples", 1800.0),
-        ("range_min", 0.5),
-        ("range_max", 100.0),
-        ("rate", 10.0),
-        ("noise", 0.01),
-    )
-    imu = (
-        ("rate", 200.0),
-        ("gyro_noise", 1.6968e-4),
-        ("gyro_walk", 1.9393e-5),
-        ("accelerometer_noise", 2.0e-3),
-        ("accelerometer_walk", 3.0e-3),
-    )
-    half = d.stereo_baseline / 2
-    down = (0.0, d.camera_tilt, 0.0)
-    centre = (0.0, 0.0, d.clearance + d.body[2] / 2)
-    return (
-        _sensor("camera_left", "camera", (mast_x + 0.02, half, d.mast_height), camera, rpy=down),
-        _sensor("camera_right", "camera", (mast_x + 0.02, -half, d.mast_height), camera, rpy=down),
-        _sensor("lidar", "lidar", (mast_x, 0.0, d.mast_height + 0.08), lidar),
-        _sensor("imu", "imu", centre, imu),
-    )
-
-
-def _sensor(
-    name: str,
-    kind: str,
-    position: ArrayLike,
-    properties: tuple[tuple[str, float], ...],
-    *,
-    rpy: ArrayLike = (0.0, 0.0, 0.0),
-) -> Sensor:
-    return Sensor(
-        name=name,
-        kind=kind,
-        link="base_link",
-        position=np.asarray(position, dtype=np.float64),
-        rpy=np.asarray(rpy, dtype=np.float64),
-        properties=properties,
-    )
+def _beam_looks(beam: Shape, d: MorpheusDimensions, *, across: bool) -> list[Shape]:
+    """The beam with a hub at its pivot and a leg down to each axle."""
+    drop = d.pivot_height_m
+    half = (beam.size[1] if across else d.wheel_spacing_m) / 2 - 0.015
+    along = np.array(_Y if across else _X)
+    hub_rpy = (0.0, math.pi / 2, 0.0) if across else ALONG_Y
+    legs = [
+        look("box", (0.03, 0.03, drop), side * half * along - (0, 0, drop / 2), FRAME)
+        for side in (1, -1)
+    ]
+    hub = look("cylinder", (0.035, 0.06), (0, 0, 0), METAL, rpy=hub_rpy)
+    return [beam.replace(collides=False), hub, *legs]

@@ -1,0 +1,65 @@
+"""The rover export: one file per format, and the meshes that they share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terrain_forge.errors import ExportError
+from terrain_forge.registry import ExportReport
+from terrain_forge.rovers.description import Rover
+from terrain_forge.world import World
+from terrain_forge.writers.naming import identifier
+from terrain_forge.writers.rover_meshes import write_rover_meshes
+
+from . import control, mjcf, sdf, urdf
+from .options import Options
+
+
+def export(world: World, directory: Path, *, options: Options) -> ExportReport:
+    """Write the world's rover as NAME.urdf, NAME.xml, NAME.sdf, NAME.usda and what goes with them.
+
+    Raises:
+        ExportError: if the world has no rover.
+    """
+    rover = world.rover
+    if not rover.links:
+        raise ExportError("the world has no rover to export")
+    name = identifier(rover.name)
+    gravity = world.site.body.gravity
+    if "urdf" in options.formats:
+        urdf.write_urdf(directory / f"{name}.urdf", rover, name=name, options=options)
+        control.write_controllers(directory / f"{name}_controllers.yaml", rover)
+    if "mjcf" in options.formats:
+        mjcf.write_mjcf(
+            directory / f"{name}.xml", rover, gravity=gravity, friction=options.friction
+        )
+    if "sdf" in options.formats:
+        sdf.write_sdf(directory, rover, name=name, options=options)
+    if "usd" in options.formats:
+        from .usd import write_usd
+
+        write_usd(directory / f"{name}.usda", rover, name=name, friction=options.friction)
+    if options.formats != ("usd",):
+        write_rover_meshes(rover, directory / "meshes")
+    files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    return ExportReport(files=tuple(files), losses=_losses(rover, options))
+
+
+def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
+    losses = list(rover.notes)
+    if "urdf" in options.formats or "sdf" in options.formats:
+        losses.append("Only MJCF has the inertia of the wheels' gear trains (armature).")
+    if rover.couplings and "usd" in options.formats:
+        losses.append(
+            "USD physics has no joints that follow others: the rover's gears are left out."
+        )
+    if rover.couplings and "sdf" in options.formats and options.release == "fortress":
+        losses.append(
+            "SDF 1.9 has no joints that follow others: the rover's gears are left out; "
+            "`release: harmonic` keeps them."
+        )
+    if rover.sensors and "usd" in options.formats:
+        losses.append("USD has cameras; lidar and IMU are frames with their figures beside them.")
+    if rover.sensors and "mjcf" in options.formats:
+        losses.append("A lidar is a bare site in MJCF; its figures are not part of the model.")
+    return tuple(losses)

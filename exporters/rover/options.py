@@ -1,0 +1,31 @@
+"""What can be chosen for the rover's own files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import MinLen
+
+from terrain_forge.specs import Positive, Spec
+
+Format = Literal["urdf", "mjcf", "sdf", "usd"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the rover export."""
+
+    kind: Literal["rover"] = "rover"
+    """The exporter, where the export's folder has another name."""
+    formats: Annotated[tuple[Format, ...], MinLen(1)] = ("urdf", "mjcf", "sdf", "usd")
+    """What to write."""
+    friction: Positive = 1.0
+    """Coulomb friction of the rover's parts, where a format tells it with the rover. With 1 the
+    ground has the say in Gazebo, which takes the smaller of two."""
+    mesh_prefix: str = ""
+    """What the URDF's paths of meshes begin with, such as `package://my_rover/`; by default they
+    are relative to the file."""
+    release: Literal["fortress", "harmonic"] = "fortress"
+    """The oldest gz-sim that shall read the SDF: `fortress` writes SDF 1.9, `harmonic` SDF 1.11,
+    which knows joints that follow others."""

@@ -1,0 +1,146 @@
+"""The rover as an SDF model that gz-sim drives by its diff-drive system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terrain_forge.exporters.sdf.markup import Lines, element, write_document
+from terrain_forge.exporters.sdf.material import plain
+from terrain_forge.exporters.sdf.model import surface
+from terrain_forge.exporters.sdf.sensors import rig_sensors
+
+from terrain_forge.rovers.description import Link, Rover, Shape
+from terrain_forge.writers.rover_meshes import rover_mesh
+
+from .options import Options
+from .rig import SKID_GAIN, Array, joint_name, joint_rate, origins, sides, track, wheel_radius
+from .urdf import figures
+
+_VERSIONS = {"fortress": "1.9", "harmonic": "1.11"}
+_FILES = {"fortress": "ignition-gazebo-", "harmonic": "gz-sim-"}
+_CLASSES = {"fortress": "ignition::gazebo::systems::", "harmonic": "gz::sim::systems::"}
+_SIGHT = 300.0
+"""What cameras see [m]."""
+
+
+def write_sdf(directory: Path, rover: Rover, *, name: str, options: Options) -> None:
+    """Write NAME.sdf and model.config, which make the folder a model that Gazebo finds."""
+    version, places = _VERSIONS[options.release], origins(rover)
+    parts = [
+        _link(rover, number, places[link.name], name, options)
+        for number, link in enumerate(rover.links)
+    ]
+    parts += [_joint(link, rover, options) for link in rover.links if link.parent]
+    model = element("model", *parts, *_plugins(rover, name, options), name=name)
+    write_document(directory / f"{name}.sdf", version, model)
+    config = element(
+        "model",
+        element("name", name),
+        element("version", "1.0"),
+        element("sdf", f"{name}.sdf", version=version),
+        element("author", element("name", "terrain-forge")),
+        element("description", f"The rover {rover.name}."),
+    )
+    text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *config]) + "\n"
+    (directory / "model.config").write_text(text, encoding="utf-8", newline="\n")
+
+
+def _link(rover: Rover, number: int, place: Array, name: str, options: Options) -> Lines:
+    link = rover.links[number]
+    parts = [element("pose", figures([*place, 0, 0, 0])), _inertial(link)]
+    for part, shape in enumerate(link.shapes):
+        pose = element("pose", figures([*shape.position, *shape.rpy]))
+        solid = element("geometry", _solid(shape, f"meshes/{rover_mesh(number, part)}"))
+        if shape.visible:
+            parts.append(element("visual", pose, solid, plain(shape.rgb), name=f"visual_{part}"))
+        if shape.collides:
+            grip = surface(options.friction)
+            parts.append(element("collision", pose, solid, grip, name=f"collision_{part}"))
+    if number == 0 and rover.sensors:
+        parts += rig_sensors(rover, actor=name, flavour="gz", reach=_SIGHT)
+    return element("link", *parts, name=link.name)
+
+
+def _inertial(link: Link) -> Lines:
+    tensor = link.inertia
+    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2)}
+    names |= {"iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    inertia = [element(key, figures([float(tensor[at])])) for key, at in names.items()]
+    return element(
+        "inertial",
+        element("pose", figures([*link.centre_of_mass, 0, 0, 0])),
+        element("mass", figures([link.mass])),
+        element("inertia", *inertia),
+    )
+
+
+def _solid(shape: Shape, mesh: str) -> Lines:
+    if shape.kind == "mesh":
+        return element("mesh", element("uri", mesh))
+    if shape.kind == "box":
+        return element("box", element("size", figures(shape.size)))
+    radius = element("radius", figures(shape.size[:1]))
+    if shape.kind == "sphere":
+        return element("sphere", radius)
+    return element("cylinder", radius, element("length", figures(shape.size[1:])))
+
+
+def _joint(link: Link, rover: Rover, options: Options) -> Lines:
+    ends = [element("parent", link.parent), element("child", link.name)]
+    if link.joint == "fixed":
+        return element("joint", *ends, name=joint_name(link.name), type="fixed")
+    lower, upper = link.limits or (-1e16, 1e16)
+    effort = rover.torque_limit if link.joint == "motor" else -1.0
+    limit = element(
+        "limit",
+        element("lower", figures([lower])),
+        element("upper", figures([upper])),
+        element("effort", figures([effort])),
+        element("velocity", figures([joint_rate(rover, link) if effort > 0 else -1.0])),
+    )
+    dynamics = element(
+        "dynamics",
+        element("damping", figures([link.damping])),
+        element("friction", figures([link.friction])),
+    )
+    axis = [element("xyz", figures(link.axis)), limit, dynamics]
+    gear = next((gear for gear in rover.couplings if gear.link == link.name), None)
+    if gear and options.release != "fortress":
+        figure = {"multiplier": gear.ratio, "offset": gear.offset, "reference": 0.0}
+        told = [element(key, figures([value])) for key, value in figure.items()]
+        leader = joint_name(gear.leader)
+        axis.append(element("mimic", *told, joint=leader, axis="axis"))
+    name = joint_name(link.name)
+    return element("joint", *ends, element("axis", *axis), name=name, type="revolute")
+
+
+def _plugins(rover: Rover, name: str, options: Options) -> list[Lines]:
+    """Driving by /model/NAME/cmd_vel, odometry, and the joints' states."""
+    left, right = sides(rover)
+    drive = [
+        *(element("left_joint", joint) for joint in left),
+        *(element("right_joint", joint) for joint in right),
+        # Skidding wheels turn the rover as if they stood farther apart.
+        element("wheel_separation", figures([SKID_GAIN * track(rover)])),
+        element("wheel_radius", figures([wheel_radius(rover)])),
+        element("max_linear_velocity", figures([rover.speed_limit])),
+        element("min_linear_velocity", figures([-rover.speed_limit])),
+        element("topic", f"model/{name}/cmd_vel"),
+        element("odom_topic", f"model/{name}/odometry"),
+        element("tf_topic", f"model/{name}/tf"),
+        element("frame_id", "odom"),
+        element("child_frame_id", "base_link"),
+    ]
+    systems: list[tuple[str, str, list[Lines]]] = [
+        ("diff-drive", "DiffDrive", drive),
+        ("joint-state-publisher", "JointStatePublisher", []),
+    ]
+    return [
+        element(
+            "plugin",
+            *content,
+            filename=f"{_FILES[options.release]}{file}-system",
+            name=f"{_CLASSES[options.release]}{kind}",
+        )
+        for file, kind, content in systems
+    ]

@@ -1,0 +1,148 @@
+"""The rover as OpenUSD with physics: an articulation of rigid bodies, joints and drives."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from terrain_forge.exporters.mjcf.rover import servo_gain
+from terrain_forge.exporters.usd.layer import define_mesh, gf_quaternion, new_stage, save
+from terrain_forge.exporters.usd.material import bind_friction, define_friction
+from terrain_forge.exporters.usd.rig import define_rig
+
+from terrain_forge.colour import linear_from_srgb
+from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.rock_bodies import principal_axes
+from terrain_forge.rovers.description import Link, Rover, Shape
+from terrain_forge.writers.naming import identifier
+
+from .rig import Array, origins
+
+_DEGREE = math.pi / 180
+_X = np.array([1.0, 0.0, 0.0])
+
+
+def write_usd(path: Path, rover: Rover, *, name: str, friction: float) -> None:
+    """Write a stage whose default prim /NAME is the rover, its bodies side by side below it.
+
+    Args:
+        path: The file.
+        rover: The rover.
+        name: Name of the prim.
+        friction: Coulomb friction of its colliders.
+    """
+    stage = new_stage(path, name)
+    places = origins(rover)
+    root = stage.GetDefaultPrim()
+    UsdPhysics.ArticulationRootAPI.Apply(root)
+    bind_friction(root, define_friction(stage, f"/{name}/Looks/grip", friction))
+    for link in rover.links:
+        _define_body(stage, _path(name, link.name), link, places[link.name])
+    UsdGeom.Scope.Define(stage, f"/{name}/Joints")
+    for link in rover.links:
+        if link.parent:
+            _define_joint(stage, name, link, rover)
+    own = {link.name: np.zeros(3) for link in rover.links}
+    define_rig(stage, _path(name, rover.links[0].name), rover, own)
+    save(stage)
+
+
+def _path(name: str, link: str) -> str:
+    return f"/{name}/{identifier(link)}"
+
+
+def _define_body(stage: Usd.Stage, path: str, link: Link, place: Array) -> None:
+    frame = UsdGeom.Xform.Define(stage, path)
+    frame.AddTranslateOp().Set(Gf.Vec3d(*place.tolist()))
+    UsdPhysics.RigidBodyAPI.Apply(frame.GetPrim())
+    mass = UsdPhysics.MassAPI.Apply(frame.GetPrim())
+    moments, axes = principal_axes(link.inertia[None])
+    mass.CreateMassAttr(link.mass)
+    mass.CreateCenterOfMassAttr(Gf.Vec3f(*link.centre_of_mass.tolist()))
+    mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments[0].tolist()))
+    mass.CreatePrincipalAxesAttr(gf_quaternion(axes[0]))
+    for number, shape in enumerate(link.shapes):
+        _define_shape(stage, f"{path}/shape_{number}", shape)
+
+
+def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
+    solid = _solid(stage, path, shape)
+    solid.AddTranslateOp().Set(Gf.Vec3d(*shape.position.tolist()))
+    solid.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(shape.rpy)))
+    if shape.kind == "box":
+        solid.AddScaleOp().Set(Gf.Vec3f(*shape.size))
+    if shape.mesh is None:
+        solid.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0)))
+    solid.CreateDisplayColorAttr([Gf.Vec3f(*linear_from_srgb(shape.rgb).tolist())])
+    if shape.collides:
+        UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
+        if shape.mesh is not None:
+            hull = UsdPhysics.MeshCollisionAPI.Apply(solid.GetPrim())
+            hull.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+    if not shape.visible:
+        solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
+
+
+def _solid(stage: Usd.Stage, path: str, shape: Shape) -> UsdGeom.Gprim:
+    if shape.mesh is not None:
+        return define_mesh(stage, path, shape.mesh.vertices, shape.mesh.faces)
+    if shape.kind == "box":
+        cube = UsdGeom.Cube.Define(stage, path)
+        cube.CreateSizeAttr(1.0)
+        return cube
+    if shape.kind == "sphere":
+        sphere = UsdGeom.Sphere.Define(stage, path)
+        sphere.CreateRadiusAttr(shape.size[0])
+        return sphere
+    cylinder = UsdGeom.Cylinder.Define(stage, path)
+    cylinder.CreateAxisAttr(UsdGeom.Tokens.z)
+    cylinder.CreateRadiusAttr(shape.size[0])
+    cylinder.CreateHeightAttr(shape.size[1])
+    return cylinder
+
+
+def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None:
+    path = f"/{name}/Joints/{identifier(link.name)}"
+    joint: UsdPhysics.Joint
+    if link.joint == "fixed":
+        joint = UsdPhysics.FixedJoint.Define(stage, path)
+    else:
+        joint = UsdPhysics.RevoluteJoint.Define(stage, path)
+        joint.CreateAxisAttr(UsdPhysics.Tokens.x)
+        if link.limits:
+            joint.CreateLowerLimitAttr(link.limits[0] / _DEGREE)
+            joint.CreateUpperLimitAttr(link.limits[1] / _DEGREE)
+        _define_drive(joint.GetPrim(), link, rover)
+    joint.CreateBody0Rel().SetTargets([Sdf.Path(_path(name, link.parent))])
+    joint.CreateBody1Rel().SetTargets([Sdf.Path(_path(name, link.name))])
+    turn = gf_quaternion(_turn_x_to(link.axis))
+    joint.CreateLocalPos0Attr(Gf.Vec3f(*link.origin.tolist()))
+    joint.CreateLocalPos1Attr(Gf.Vec3f(0.0))
+    joint.CreateLocalRot0Attr(turn)
+    joint.CreateLocalRot1Attr(turn)
+
+
+def _define_drive(prim: Usd.Prim, link: Link, rover: Rover) -> None:
+    """A velocity servo on a motor; on a passive joint a drive to rest is its damping.
+
+    USD counts angles in degrees, and so damping per degree.
+    """
+    gain = servo_gain(rover) if link.joint == "motor" else link.damping
+    drive = UsdPhysics.DriveAPI.Apply(prim, UsdPhysics.Tokens.angular)
+    drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+    drive.CreateStiffnessAttr(0.0)
+    drive.CreateDampingAttr(gain * _DEGREE)
+    drive.CreateTargetVelocityAttr(0.0)
+    if link.joint == "motor":
+        drive.CreateMaxForceAttr(rover.torque_limit)
+
+
+def _turn_x_to(axis: Array) -> Array:
+    """The shortest turn (w, x, y, z) that takes the x axis to a unit vector."""
+    half = np.append(1.0 + _X @ axis, np.cross(_X, axis))
+    length = float(np.linalg.norm(half))
+    if length < 1e-9:  # the opposite direction: half a turn about z
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    return np.asarray(half / length)

@@ -1,0 +1,114 @@
+"""A machine as its file describes it, before it is known what of it is a wheel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+TURNING = ("revolute", "continuous")
+"""Kinds of joints that turn about an axis."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solid:
+    """A piece of geometry on a body."""
+
+    kind: str
+    """`box`, `cylinder`, `sphere` or `mesh`."""
+    size: tuple[float, ...]
+    """As `Shape.size`."""
+    placement: Array
+    """In the body's frame, shape [4, 4]."""
+    collides: bool
+    """Whether physics sees it."""
+    visible: bool
+    """Whether people see it."""
+    rgb: tuple[float, float, float]
+    """sRGB colour, 0 to 1."""
+    mesh: Mesh | None = None
+    """Triangles of a mesh around its box's centre."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Joint:
+    """What holds a body to its parent."""
+
+    name: str
+    """Unique name."""
+    kind: str
+    """`fixed`, `revolute`, `continuous`, or another word for what the rover cannot use."""
+    axis: Array
+    """In the body's frame, unit vector, shape [3]."""
+    limits: tuple[float, float] | None
+    """Of a revolute joint [rad]."""
+    damping: float = 0.0
+    """Viscous damping [N m s/rad]."""
+    friction: float = 0.0
+    """Dry friction [N m]."""
+    effort: float | None = None
+    """Largest torque of its motor [N m], where the file tells."""
+    driven: bool = False
+    """Whether the file names a motor on it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Body:
+    """A rigid body. Its joint turns about its frame's origin."""
+
+    name: str
+    """Unique name."""
+    parent: str
+    """Name of its parent; empty for the root."""
+    placement: Array
+    """In the parent's frame at rest, shape [4, 4]."""
+    joint: Joint
+    """What holds it to its parent."""
+    mass: float
+    """Mass [kg]."""
+    centre_of_mass: Array
+    """In its frame [m], shape [3]."""
+    inertia: Array
+    """About the centre of mass, in its axes [kg m²], shape [3, 3]."""
+    solids: tuple[Solid, ...]
+    """Geometry."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gear:
+    """A joint that follows another: angle = ratio * other + offset [rad]."""
+
+    joint: str
+    """The joint that follows."""
+    leader: str
+    """The joint that it follows."""
+    ratio: float
+    """Angle per angle."""
+    offset: float
+    """Angle where the other's is 0 [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assembly:
+    """Bodies and joints of a file."""
+
+    name: str
+    """As the file calls it."""
+    bodies: tuple[Body, ...]
+    """Parents before children; the first is the root."""
+    gears: tuple[Gear, ...]
+    """Joints that follow others."""
+    notes: tuple[str, ...]
+    """What was taken otherwise than the file says, a sentence each."""
+
+
+def placed(position: Array, rotation: Array) -> Array:
+    """The 4 x 4 matrix of a position [m] and a rotation matrix."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, position
+    return matrix

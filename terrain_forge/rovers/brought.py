@@ -1,0 +1,72 @@
+"""A rover of the user's own: what the recipe says about a URDF, xacro or MJCF file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Interval, MinLen
+
+from terrain_forge.rovers.parts import RoverSpec
+from terrain_forge.specs import Positive, Spec
+
+JointName = Annotated[str, MinLen(1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CouplingSpec(Spec):
+    """A gear that the rover's file does not name: joint = ratio * follows + offset."""
+
+    joint: JointName
+    """The joint that follows."""
+    follows: JointName
+    """The joint that it follows."""
+    ratio: float = -1.0
+    """Angle per angle; -1 for a differential between two rockers."""
+    offset_deg: float = 0.0
+    """Angle of the joint where the other's is 0 [degrees]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRover(RoverSpec):
+    """A rover of your own, from its URDF, xacro or MJCF (docs/rovers.md)."""
+
+    kind: Literal["file"] = "file"
+    """A rover from a file."""
+    file: Annotated[str, MinLen(1)]
+    """The `.urdf`, `.xacro` or MJCF `.xml` file."""
+    wheels: tuple[JointName, ...] = ()
+    """Links or joints of the driven wheels; by default those that turn without end and have `wheel`
+    in a name."""
+    base: str | None = None
+    """Link whose x axis points forward, y left and z up; by default `base_link` if there is one,
+    else the root."""
+    forward: Literal["x", "-x", "y", "-y"] = "x"
+    """Axis of the base that points forward."""
+    passive: tuple[JointName, ...] = ()
+    """Joints that turn freely though the file drives them or they look like steering."""
+    held: tuple[JointName, ...] = ()
+    """Joints of the suspension that are held at rest."""
+    couplings: tuple[CouplingSpec, ...] = ()
+    """Gears between passive joints that the file does not name."""
+    wheel_radius_m: Positive | None = None
+    """Radius of the wheels [m]; by default that of their shapes."""
+    packages: dict[str, str] = field(default_factory=dict)
+    """Folders of the packages that the file's paths name, as `{package: folder}`; by default
+    looked for above the file and beside it."""
+    torque_limit_n_m: Positive | None = None
+    """Largest torque of a wheel's motor [N m]; by default the file's, else enough for a slope of
+    the steepest tilt."""
+    speed_limit_m_s: Positive = 0.5
+    """Largest speed over ground [m/s]."""
+    tilt_limit_deg: Annotated[float, Interval(gt=0, lt=90)] = 25.0
+    """Largest tilt in which it may be driven [degrees]."""
+
+    def portable(self) -> FileRover:
+        """The same with folders of packages by their names alone where they are absolute."""
+        packages = {
+            package: Path(place).name if Path(place).is_absolute() else place
+            for package, place in self.packages.items()
+        }
+        return replace(self, packages=packages)

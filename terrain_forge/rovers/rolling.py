@@ -1,0 +1,375 @@
+"""From an assembly to a rover: what its wheels are, which joints turn, where its base is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import DataError
+from terrain_forge.frames import rpy_from_matrix
+from terrain_forge.rovers.assembly import TURNING, Array, Assembly, Body, Gear, Solid, placed
+from terrain_forge.rovers.brought import FileRover
+from terrain_forge.rovers.description import Coupling, Link, Rover, Shape, Wheel
+from terrain_forge.rovers.tread import Tread, measure_tread
+
+FILE = ("rover", "file")
+_UPRIGHT = 0.7
+"""Vertical part of an axis from which a joint is one that steers."""
+_ACROSS = 0.95
+"""Part of a wheel's axis that must point sideways."""
+_TURNS = 4 * math.pi
+"""Range of a limited joint that may be a wheel's all the same [rad]."""
+_EARTH = 9.81
+_HEADINGS = {"x": 0.0, "-x": math.pi, "y": -math.pi / 2, "-y": math.pi / 2}
+
+
+def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
+    """The rover that an assembly is.
+
+    Bodies that nothing moves become one link with what they are fixed to. The frame of base_link is
+    x forward, y left, z up, its origin on the ground amid the wheels.
+
+    Raises:
+        DataError: if wheels are not found or do not roll forward, or something that moves has no
+            mass.
+    """
+    machine = _Machine(assembly, spec)
+    wheels, loose = machine.find_wheels()
+    passive = machine.find_passive(wheels, loose)
+    notes = [*assembly.notes, *machine.held_notes(wheels | passive)]
+    turned, treads = machine.stand(wheels)
+    links, more = _make_links(turned, wheels, passive, treads)
+    rolling = tuple(
+        Wheel(link=name, centre=tread.centre, radius=tread.radius, width=tread.width)
+        for name, tread in treads.items()
+    )
+    mass = sum(link.mass for link in links)
+    return Rover(
+        name=assembly.name,
+        links=tuple(links),
+        wheels=rolling,
+        sensors=(),
+        torque_limit=spec.torque_limit_n_m or machine.torque(wheels, treads, mass),
+        speed_limit=spec.speed_limit_m_s,
+        tilt_limit=math.radians(spec.tilt_limit_deg),
+        clearance=_clearance(links[0]),
+        step_limit=spec.step_limit_m,
+        couplings=machine.couplings(passive),
+        notes=(*notes, *more),
+    )
+
+
+class _Machine:
+    """An assembly with the recipe's word about it; joints go by the names of their bodies."""
+
+    def __init__(self, assembly: Assembly, spec: FileRover) -> None:
+        self.bodies = {body.name: body for body in assembly.bodies}
+        self.spec = spec
+        self.file = spec.file
+        self.gears = (*assembly.gears, *_told_gears(spec))
+        self.of_joint = {b.joint.name: b.name for b in assembly.bodies if b.joint.name}
+        self.poses = _poses(assembly.bodies)
+        self.base = self._find_base(assembly)
+
+    def _find_base(self, assembly: Assembly) -> Array:
+        """Rotation from the file's root axes to those of base_link, shape [3, 3]."""
+        name = self.spec.base or ("base_link" if "base_link" in self.bodies else "")
+        if name and name not in self.bodies:
+            raise DataError(
+                f"{self.file} has no link {name!r}, it has: {', '.join(self.bodies)}",
+                key=("rover", "base"),
+            )
+        pose = self.poses[name or assembly.bodies[0].name]
+        angle = _HEADINGS[self.spec.forward]
+        cosine, sine = math.cos(angle), math.sin(angle)
+        turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return np.round(turn, 15) @ pose[:3, :3].T
+
+    def axis(self, name: str) -> Array:
+        """Axis of a body's joint in base_link's axes."""
+        axis: Array = self.base @ self.poses[name][:3, :3] @ self.bodies[name].joint.axis
+        return axis
+
+    def body_named(self, name: str, key: tuple[str | int, ...]) -> str:
+        """The body that a link's or a joint's name means."""
+        found = name if name in self.bodies else self.of_joint.get(name, "")
+        if not found or self.bodies[found].joint.kind not in TURNING:
+            raise DataError(
+                f"{self.file} has no joint or link {name!r} that turns, it has: {self._turning()}",
+                key=key,
+            )
+        return found
+
+    def _turning(self) -> str:
+        names = [b.joint.name for b in self.bodies.values() if b.joint.kind in TURNING]
+        return ", ".join(names) or "none"
+
+    def find_wheels(self) -> tuple[set[str], set[str]]:
+        """Bodies of the driven wheels, and of wheels that roll without a motor."""
+        if self.spec.wheels:
+            named = [
+                self.body_named(name, ("rover", "wheels", number))
+                for number, name in enumerate(self.spec.wheels)
+            ]
+            return set(named), set()
+        found = {body.name for body in self.bodies.values() if self._is_wheel(body)}
+        driven = {name for name in found if self.bodies[name].joint.driven} or found
+        driven -= self._told("passive") | self._told("held")
+        if len(driven) < 2:
+            raise DataError(
+                f"{self.file}: found {len(driven)} wheels (joints that turn without end, with "
+                f"'wheel' in a name); name them, joints that turn: {self._turning()}",
+                key=("rover", "wheels"),
+            )
+        return driven, found - driven
+
+    def _is_wheel(self, body: Body) -> bool:
+        joint, limits = body.joint, body.joint.limits
+        endless = joint.kind == "continuous" or (limits and limits[1] - limits[0] > _TURNS)
+        named = "wheel" in body.name.lower() or "wheel" in joint.name.lower()
+        return bool(endless and named and abs(self.axis(body.name)[2]) < _UPRIGHT)
+
+    def _told(self, key: str) -> set[str]:
+        """Bodies of the joints that the recipe lists under a key."""
+        names = getattr(self.spec, key)
+        return {self.body_named(name, ("rover", key, n)) for n, name in enumerate(names)}
+
+    def find_passive(self, wheels: set[str], loose: set[str]) -> set[str]:
+        """Bodies whose joints turn freely: suspensions, swivels, wheels without a motor."""
+        told, held = self._told("passive"), self._told("held")
+        geared = {self.of_joint.get(name) for g in self.gears for name in (g.joint, g.leader)}
+        above = {name for wheel in wheels | loose for name in self._ancestors(wheel)}
+        free = {
+            name
+            for name in above | (geared & set(self.bodies))
+            if self._is_suspension(self.bodies[str(name)])
+        }
+        return ({str(name) for name in free} | told | loose) - held - wheels
+
+    def _is_suspension(self, body: Body) -> bool:
+        joint = body.joint
+        steers = abs(self.axis(body.name)[2]) >= _UPRIGHT and joint.kind == "revolute"
+        moves = joint.limits is None or joint.limits[0] < joint.limits[1]
+        return joint.kind in TURNING and moves and not joint.driven and not steers
+
+    def _ancestors(self, name: str) -> list[str]:
+        names = []
+        while parent := self.bodies[name].parent:
+            names.append(parent)
+            name = parent
+        return names
+
+    def held_notes(self, kept: set[str]) -> list[str]:
+        """What is said about joints that could move and do not."""
+        held = [b.joint.name for b in self.bodies.values() if b.joint.kind != "fixed"]
+        held = [name for name in held if name and self.of_joint[name] not in kept]
+        return [f"Held at rest: {', '.join(held)}."] if held else []
+
+    def couplings(self, passive: Collection[str]) -> tuple[Coupling, ...]:
+        """Gears between passive joints."""
+        found = []
+        for gear in self.gears:
+            pair = (self.of_joint.get(gear.joint, ""), self.of_joint.get(gear.leader, ""))
+            if all(name in passive for name in pair):
+                found.append(
+                    Coupling(link=pair[0], leader=pair[1], ratio=gear.ratio, offset=gear.offset)
+                )
+            elif gear in self.gears[len(self.gears) - len(self.spec.couplings) :]:
+                wrong = gear.joint if pair[0] not in passive else gear.leader
+                raise DataError(
+                    f"{wrong!r} is no passive joint, there are: {', '.join(sorted(passive))}",
+                    key=("rover", "couplings"),
+                )
+        return tuple(found)
+
+    def stand(self, wheels: set[str]) -> tuple[list[Body], dict[str, Tread]]:
+        """All bodies in base_link's frame, and the treads of the wheels."""
+        for name in sorted(wheels):
+            if abs(self.axis(name)[1]) < _ACROSS:
+                raise DataError(
+                    f"{self.file}: wheel {name!r} turns about "
+                    f"({', '.join(f'{value:.2f}' for value in self.axis(name))}), not across the "
+                    f"rover: forward is {self.spec.forward}, choose another of x, -x, y, -y",
+                    key=("rover", "forward"),
+                )
+        raised = {n: placed(np.zeros(3), self.base) @ pose for n, pose in self.poses.items()}
+        treads = self._treads(wheels, raised)
+        lowest = min(tread.centre[2] - tread.radius for tread in treads.values())
+        amid = np.mean([tread.centre for tread in treads.values()], axis=0)
+        origin = np.array([amid[0], amid[1], lowest])
+        shift = placed(-origin, np.eye(3))
+        bodies = [replace(b, placement=shift @ raised[n]) for n, b in self.bodies.items()]
+        return bodies, {n: tread.moved(-origin) for n, tread in treads.items()}
+
+    def _treads(self, wheels: set[str], poses: dict[str, Array]) -> dict[str, Tread]:
+        """Treads of the wheels, front left first."""
+        treads = {}
+        for name in sorted(wheels):
+            solids = [(poses[name] @ s.placement, s) for s in self.bodies[name].solids]
+            for other, body in self.bodies.items():  # a tyre may be a link of its own
+                if body.joint.kind == "fixed" and name in self._ancestors(other):
+                    solids += [(poses[other] @ s.placement, s) for s in body.solids]
+            treads[name] = measure_tread(
+                name,
+                solids,
+                centre=poses[name][:3, 3],
+                axis=self.axis(name),
+                radius=self.spec.wheel_radius_m,
+            )
+        places = {n: (-round(float(t.centre[0]), 2), -t.centre[1], n) for n, t in treads.items()}
+        return {name: treads[name] for name in sorted(treads, key=places.__getitem__)}
+
+    def torque(self, wheels: set[str], treads: dict[str, Tread], mass: float) -> float:
+        """The file's least effort of a wheel [N m]; else that for the steepest tilt, twice over."""
+        efforts = [self.bodies[name].joint.effort for name in wheels]
+        told = [effort for effort in efforts if effort]
+        if told:
+            return min(told)
+        radius = max(tread.radius for tread in treads.values())
+        slope = math.sin(math.radians(self.spec.tilt_limit_deg))
+        return 2 * mass * _EARTH * slope * radius / len(wheels)
+
+
+def _told_gears(spec: FileRover) -> tuple[Gear, ...]:
+    return tuple(
+        Gear(joint=c.joint, leader=c.follows, ratio=c.ratio, offset=math.radians(c.offset_deg))
+        for c in spec.couplings
+    )
+
+
+def _poses(bodies: tuple[Body, ...]) -> dict[str, Array]:
+    """Pose of each body in the root's frame at rest, shape [4, 4]."""
+    poses: dict[str, Array] = {}
+    for body in bodies:
+        poses[body.name] = poses.get(body.parent, np.eye(4)) @ body.placement
+    return poses
+
+
+@dataclass(kw_only=True)
+class _Mass:
+    """Mass properties that grow body by body, in base_link's frame."""
+
+    mass: float = 0.0
+    moment: NDArray[np.float64]
+    """Mass times position [kg m], shape [3]."""
+    about_origin: NDArray[np.float64]
+    """Inertia about the frame's origin [kg m²], shape [3, 3]."""
+
+    def add(self, body: Body) -> None:
+        """Add a body that stands in base_link's frame."""
+        rotation = body.placement[:3, :3]
+        at = rotation @ body.centre_of_mass + body.placement[:3, 3]
+        self.mass += body.mass
+        self.moment = self.moment + body.mass * at
+        turned = rotation @ body.inertia @ rotation.T
+        self.about_origin = self.about_origin + turned + body.mass * _steiner(at)
+
+
+def _steiner(arm: Array) -> Array:
+    matrix: Array = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    return matrix
+
+
+def _make_links(
+    bodies: list[Body], wheels: set[str], passive: set[str], treads: dict[str, Tread]
+) -> tuple[list[Link], list[str]]:
+    """Links, parents before children, and what is said about them."""
+    moving = wheels | passive
+    group: dict[str, str] = {}
+    for body in bodies:
+        group[body.name] = body.name if body.name in moving else group.get(body.parent, "")
+    places = {"": np.zeros(3), **{b.name: b.placement[:3, 3] for b in bodies}}
+    links, notes = [], []
+    for name in ("", *(b.name for b in bodies if b.name in moving)):
+        members = [body for body in bodies if group[body.name] == name]
+        link, said = _make_link(name, members, places[name], wheels, treads)
+        if name:
+            body = members[0]
+            parent = group[body.parent]
+            link = link.replace(parent=_called(parent), origin=places[name] - places[parent])
+        links.append(link)
+        notes += said
+    return links, notes
+
+
+def _called(name: str) -> str:
+    """How the rover calls a link: its root is base_link, whatever the file says."""
+    return {"": "base_link", "base_link": "base_link_moving"}.get(name, name)
+
+
+def _make_link(
+    name: str, members: list[Body], origin: Array, wheels: set[str], treads: dict[str, Tread]
+) -> tuple[Link, list[str]]:
+    """A link of bodies that do not move against each other."""
+    total = _Mass(moment=np.zeros(3), about_origin=np.zeros((3, 3)))
+    for body in members:
+        total.add(body)
+    if not total.mass > 0:
+        where = f"link {name!r} moves but" if name else "the body of the rover"
+        raise DataError(f"{where} has no mass, must be above 0 kg", key=FILE)
+    centre = total.moment / total.mass
+    inertia, said = _possible(total.about_origin - total.mass * _steiner(centre), name)
+    solids = [
+        (body.placement @ solid.placement, solid) for body in members for solid in body.solids
+    ]
+    joint = members[0].joint
+    axis = members[0].placement[:3, :3] @ joint.axis if name else np.array([1.0, 0.0, 0.0])
+    # A wheel that rolls forward turns about +y, to whichever side its axis pointed.
+    forward = -1.0 if name in wheels and axis[1] < 0 else 1.0
+    shapes = [_shape(pose, solid, origin) for pose, solid in solids]
+    if name in treads:
+        shapes = treads[name].dress(shapes, origin)
+    link = Link(
+        name=_called(name),
+        parent="",
+        joint="motor" if name in wheels else "passive" if name else "free",
+        origin=np.zeros(3),
+        axis=forward * np.round(axis, 12) + 0.0,
+        limits=joint.limits if name and name not in wheels else None,
+        damping=joint.damping if name else 0.0,
+        friction=joint.friction if name else 0.0,
+        mass=total.mass,
+        centre_of_mass=centre - origin,
+        inertia=inertia,
+        shapes=tuple(shapes),
+    )
+    return link, said
+
+
+def _possible(inertia: Array, name: str) -> tuple[Array, list[str]]:
+    """The inertia, or its mean about all axes where no body could have it."""
+    inertia = (inertia + inertia.T) / 2
+    small, middle, large = np.linalg.eigvalsh(inertia)
+    if small > 0 and large <= (small + middle) * (1 + 1e-6):
+        return inertia, []
+    mean = float(np.trace(inertia)) / 3
+    if not mean > 0:
+        raise DataError(f"link {name or 'base_link'!r} has no inertia, must be above 0", key=FILE)
+    called = _called(name)
+    return mean * np.eye(3), [f"No body has the inertia of {called}: its mean was taken."]
+
+
+def _shape(pose: Array, solid: Solid, origin: Array) -> Shape:
+    return Shape(
+        kind=solid.kind,
+        size=solid.size,
+        position=pose[:3, 3] - origin,
+        rpy=rpy_from_matrix(pose[:3, :3]),
+        collides=solid.collides,
+        rgb=solid.rgb,
+        visible=solid.visible,
+        mesh=solid.mesh,
+    )
+
+
+def _clearance(base: Link) -> float:
+    """Height of the lowest box around a solid of the body [m]; 0 if it reaches to the ground."""
+    from terrain_forge.rovers.tread import corners
+
+    solid = [shape for shape in base.shapes if shape.collides] or base.shapes
+    lowest = [float(corners(shape)[:, 2].min()) for shape in solid]
+    return max(min(lowest, default=0.0), 0.0)
