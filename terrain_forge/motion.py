@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -51,11 +51,15 @@ class Trajectory(Record):
     """Roll, pitch, yaw [rad], continuous (yaw is not wrapped), shape [samples, 3]."""
     closed: bool
     """Whether the path ends where it began."""
+    spot_turns: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """Times at which the rover begins and ends to turn on the spot [s], in order, shape
+    [turns, 2]; its place stays the same between them."""
 
     def __post_init__(self) -> None:
         self.freeze("time", np.float64, ("samples",))
         self.freeze("position", np.float64, (len(self.time), 3))
         self.freeze("rpy", np.float64, (len(self.time), 3))
+        self.freeze("spot_turns", np.float64, ("turns", 2))
 
     @property
     def quaternion(self) -> Array:

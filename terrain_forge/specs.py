@@ -8,7 +8,7 @@ docs/recipe.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Union, get_args
 
 from annotated_types import Ge, Gt, Interval, Len, MinLen, Predicate
 
@@ -31,16 +31,28 @@ FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]
 """A name that may become a file's or a folder's: no separator, no leading dot."""
 
 
-class _ByKind:
+@dataclass(frozen=True)
+class ByKind:
     """Marks a union of specs whose members are told apart by their `kind`."""
 
+    default: str = ""
+    """The kind that is meant where none is given; empty if one must be."""
+
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic import Field
+        from pydantic import Discriminator, Field, Tag
 
-        return handler(Annotated[source, Field(discriminator="kind")])
+        if not self.default:
+            return handler(Annotated[source, Field(discriminator="kind")])
+        members = [Annotated[member, Tag(member.kind)] for member in get_args(source)]
+        return handler(Annotated[Union[tuple(members)], Discriminator(self._kind)])  # noqa: UP007
+
+    def _kind(self, given: Any) -> str | None:
+        if isinstance(given, dict):
+            return str(given.get("kind", self.default))
+        return getattr(given, "kind", None)
 
 
-BY_KIND = _ByKind()
+BY_KIND = ByKind()
 """`Annotated[Golombek | PowerLaw, BY_KIND]`: errors then speak of the member that was meant."""
 
 

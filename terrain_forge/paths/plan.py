@@ -5,48 +5,123 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.errors import DataError, RecipeError
+from terrain_forge.paths.curves import Curve, Key, trace_polyline, trace_spline
+from terrain_forge.paths.obstacles import highest_step
+from terrain_forge.paths.recorded import RecordedPoses, follow
 from terrain_forge.paths.route import Route
-from terrain_forge.paths.spec import Corridor, PathSpec, Spline
+from terrain_forge.paths.shape_spec import NamedShape
+from terrain_forge.paths.shapes import is_closed, trace_shape
+from terrain_forge.paths.spec import Corridor, PathSpec, Planned, Polyline, Recorded, Spline
 from terrain_forge.rovers.description import Rover
 
 Array = NDArray[np.float64]
 
-STEP = 0.02
-"""Distance of a route's points [m]."""
-SHARPEST = 0.5
-"""Turn between two of its points [rad], beyond which a route is no smooth curve."""
 CORRIDOR_MARGIN = 0.4
 """What a default corridor is wider than the rover [m]."""
+CORRIDOR_CLEARANCE = 0.15
+"""Height of rocks that a default corridor keeps for rovers that go over them [m]."""
+
+ACCELERATION = 0.2
+"""Gain and loss of speed at stops where the recipe names none [m/s²]."""
 
 
 def plan_route(
-    spec: PathSpec, *, rover: Rover, driven: bool, key: tuple[str | int, ...] = ("paths",)
+    spec: PathSpec,
+    *,
+    rover: Rover,
+    driven: bool,
+    recorded: RecordedPoses | None = None,
+    key: Key = ("paths",),
 ) -> Route:
-    """The route of a path, its corridor resolved.
+    """The route of a path that is known before the ground, its corridor resolved.
 
     Args:
         spec: the path as the recipe has it.
         rover: who drives.
         driven: whether the validation drives it, so that a corridor is the default.
+        recorded: the poses of its file, where it comes from one.
         key: where the path stands in the recipe.
 
     Raises:
-        RecipeError: if two neighbouring points are the same, or if the curve turns back on itself.
+        RecipeError: if two neighbouring points are the same, if the curve turns back on itself, or
+            if a shape or an arc has no room.
+        DataError: if a recorded path cannot be followed.
     """
-    position, heading, distance = _trace(spec.route, (*key, "route", "points_m"))
+    curve, time = _trace(spec.route, recorded, (*key, "route"))
     corridor = spec.corridor or (Corridor() if driven else Corridor(width_m=0.0))
-    width = corridor.width_m
+    width = rover.width + CORRIDOR_MARGIN if corridor.width_m is None else corridor.width_m
+    clearance = corridor.clearance_m
+    if clearance is None:
+        clearance = min(CORRIDOR_CLEARANCE, highest_step(rover))
+    return as_route(curve, spec=spec, time=time, corridor=(width, clearance), key=(*key, "route"))
+
+
+def as_route(
+    curve: Curve,
+    *,
+    spec: PathSpec,
+    time: Array | None = None,
+    corridor: tuple[float, float] = (0.0, 0.0),
+    key: Key = ("paths",),
+) -> Route:
+    """A curve as the route of a path.
+
+    Args:
+        curve: where it goes.
+        spec: the path as the recipe has it.
+        time: recorded times of the curve's points [s].
+        corridor: width [m], 0 for none, and clearance [m] of its strip without rocks.
+        key: where the route stands in the recipe.
+
+    Raises:
+        DataError: if a recorded path does not move at all.
+    """
+    distance = curve.distance
+    if distance[-1] <= 0.0:
+        raise DataError("the path does not move", key=key)
+    stops = bool(curve.turns)
     return Route(
         name=spec.name,
-        position=position,
-        heading=heading,
+        position=curve.position,
+        heading=curve.heading,
         distance=distance,
-        closed=spec.route.closed,
-        speed=spec.speed_m_s,
-        corridor_width=rover.width + CORRIDOR_MARGIN if width is None else width,
-        corridor_clearance=corridor.clearance_m,
+        closed=_closes(spec.route),
+        speed=spec.speed_m_s if time is None else float(distance[-1] / time[-1]),
+        corridor_width=corridor[0],
+        corridor_clearance=corridor[1],
+        turns=np.array(curve.turns, np.int64).reshape(-1, 2),
+        acceleration=spec.acceleration_m_s2 or (ACCELERATION if stops else 0.0),
+        turn_rate=float(np.radians(spec.turn_rate_deg_s)),
+        time=time,
+        stance=curve.stance,
     )
+
+
+def _trace(route: object, recorded: RecordedPoses | None, key: Key) -> tuple[Curve, Array | None]:
+    """The curve of a route, and its times where they are recorded."""
+    if isinstance(route, Recorded):
+        assert recorded is not None, "a route from a file comes with what was read from it"
+        return follow(route, recorded, key=(*key, "file"))
+    if isinstance(route, NamedShape):
+        return trace_shape(route, key), None
+    key = (*key, "points_m")
+    if isinstance(route, Polyline):
+        points = np.asarray(route.points_m, np.float64)
+        curve = trace_polyline(points, closed=route.closed, radius=route.corner_radius_m, key=key)
+        return curve, None
+    assert isinstance(route, Spline), "a planned route is found once there are ground and rocks"
+    points = np.asarray(route.points_m, np.float64)
+    return trace_spline(points, closed=route.closed, key=key), None
+
+
+def _closes(route: object) -> bool:
+    if isinstance(route, NamedShape):
+        return is_closed(route)
+    if isinstance(route, Recorded):
+        return route.closed and route.timing == "speed"
+    assert isinstance(route, Spline | Polyline | Planned)
+    return not isinstance(route, Planned) and route.closed
 
 
 def require_inside(
@@ -54,7 +129,7 @@ def require_inside(
     *,
     size: tuple[float, float],
     rover: Rover,
-    key: tuple[str | int, ...] = ("paths",),
+    key: Key = ("paths",),
 ) -> None:
     """Refuse a route on which a corner of the rover would leave the terrain.
 
@@ -67,7 +142,7 @@ def require_inside(
         raise RecipeError(
             f"path {route.name!r} leaves the terrain: at ({x:.1f}, {y:.1f}) m the rover stands out "
             f"by {excess:.2f} m; the site reaches {east:g} m east and {north:g} m north",
-            key=(*key, "route", "points_m"),
+            key=(*key, "route"),
         )
 
 
@@ -92,35 +167,3 @@ def overhang(
     excess = np.max([np.maximum(low - corner, corner - high).max(axis=1) for corner in corners], 0)
     worst = int(np.argmax(excess))
     return float(excess[worst]), (float(route.position[worst, 0]), float(route.position[worst, 1]))
-
-
-def _trace(spline: Spline, key: tuple[str | int, ...]) -> tuple[Array, Array, Array]:
-    """Points every few centimetres of the C² curve, headings, and distances along it."""
-    from scipy.interpolate import CubicSpline
-
-    points = np.asarray(spline.points_m, np.float64)
-    if spline.closed:
-        points = np.vstack([points, points[:1]])
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if chords.min() < 1e-6:
-        at = int(np.argmin(chords))
-        raise RecipeError(
-            f"points {at} and {(at + 1) % len(spline.points_m)} of the spline are the same",
-            key=key,
-        )
-    # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
-    # doi:10.1016/0010-4485(89)90003-1).
-    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(chords))])
-    curve = CubicSpline(knots, points, bc_type="periodic" if spline.closed else "natural")
-    fine = np.linspace(0.0, knots[-1], 64 * len(points) + 1)
-    rough = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
-    count = max(int(np.ceil(rough[-1] / STEP)), 2)
-    parameter = np.interp(np.linspace(0.0, rough[-1], count + 1), rough, fine)
-    position, tangent = curve(parameter), curve(parameter, 1)
-    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    heading = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
-    turns = np.abs(np.diff(heading))
-    if turns.max() > SHARPEST:
-        x, y = position[int(np.argmax(turns))]
-        raise RecipeError(f"the route turns back on itself at ({x:.2f}, {y:.2f}) m", key=key)
-    return position, heading, np.concatenate([[0.0], np.cumsum(steps)])

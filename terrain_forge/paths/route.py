@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Route(Record):
-    """A smooth curve in the plane, as a dense polyline (points every few centimetres)."""
+    """A curve in the plane, as a dense polyline (points every few centimetres).
+
+    A turn on the spot is a run of points at one place.
+    """
 
     name: str
     """Name of the path."""
@@ -32,11 +35,28 @@ class Route(Record):
     """Width of the strip along the route that is kept free of rocks [m]; 0 for none."""
     corridor_clearance: float
     """Height above the ground that no rock within the corridor exceeds [m]."""
+    turns: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    """First and last point of each turn on the spot, in order, shape [turns, 2]."""
+    acceleration: float = 0.0
+    """Largest gain and loss of speed [m/s²]; 0 for constant speed from the first point on."""
+    turn_rate: float = 1.0
+    """Largest rate of turns on the spot [rad/s]."""
+    time: Array | None = None
+    """Recorded time at each point [s], from 0, shape [points]; None where speed, acceleration and
+    turn rate tell it."""
+    stance: Array | None = None
+    """Recorded height [m], roll and pitch [rad] at each point, shape [points, 3]; None where the
+    ground tells them."""
 
     def __post_init__(self) -> None:
         self.freeze("position", np.float64, ("points", 2))
         self.freeze("heading", np.float64, (len(self.position),))
         self.freeze("distance", np.float64, (len(self.position),))
+        self.freeze("turns", np.int64, ("turns", 2))
+        if self.time is not None:
+            self.freeze("time", np.float64, (len(self.position),))
+        if self.stance is not None:
+            self.freeze("stance", np.float64, (len(self.position), 3))
 
     @property
     def length(self) -> float:

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval, Le, MinLen
 
-from terrain_forge.specs import FileName, NotNegative, Pair, Positive, Spec
+from terrain_forge.paths.shape_spec import FigureEight, Lawnmower, Loop, Spiral, Triangle
+from terrain_forge.specs import ByKind, FileName, NotNegative, Pair, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +20,68 @@ class Spline(Spec):
     """Points, metres east and north of the site's centre."""
     closed: bool = False
     """Whether it returns to its first point, with the direction that it left it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polyline(Spec):
+    """Straight legs from corner to corner."""
+
+    kind: Literal["polyline"] = "polyline"
+    points_m: Annotated[tuple[Pair, ...], MinLen(2)]
+    """Corners, metres east and north of the site's centre."""
+    closed: bool = False
+    """Whether a last leg returns to the first point."""
+    corner_radius_m: NotNegative = 0.0
+    """Radius of the arc around each corner [m]; at 0 the rover stops there, turns on the spot and
+    goes on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded(Spec):
+    """A path from a file: a table with a line of column names, a plain list of x and y, or TUM."""
+
+    kind: Literal["file"] = "file"
+    file: str
+    """CSV with columns x, y and perhaps time and yaw or qw, qx, qy, qz, with or without units as in
+    our own paths/NAME.csv (x_m, time_s, yaw_rad, yaw_deg); x and y without names; or TUM (time x y
+    z qx qy qz qw). What else is in it is passed over."""
+    timing: Literal["speed", "recorded"] = "speed"
+    """`speed`: its track in the plane is followed, at the path's speed. `recorded`: its times too,
+    and its yaw where it has one."""
+    stance: Literal["ground", "recorded"] = "ground"
+    """Height, roll and pitch. `ground`: of the ground's plane under the rover. `recorded`: the
+    file's, from its z and qw, qx, qy, qz, such as the true motion of a suspension; with `timing:
+    recorded`."""
+    closed: bool = False
+    """Whether it returns to its first point; with `timing: speed`."""
+    spacing_m: Positive = 0.1
+    """Points nearer than this to the one before are passed over [m]; with `timing: speed`."""
+    origin_m: Pair = (0.0, 0.0)
+    """Where the file's origin lies, metres east and north of the site's centre."""
+    turn_deg: Annotated[float, Interval(ge=-360, le=360)] = 0.0
+    """How far the file's axes are turned anticlockwise [degrees]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned(Spec):
+    """A path that is found: the cheapest way over what the rover can pass, made smooth."""
+
+    kind: Literal["planned"] = "planned"
+    start_m: Pair
+    """Where it begins, metres east and north of the site's centre."""
+    goal_m: Pair
+    """Where it ends."""
+    via_m: tuple[Pair, ...] = ()
+    """Places that it passes on the way, in this order."""
+    margin_m: Annotated[float, Interval(ge=0, le=10)] = 0.1
+    """Distance that the rover's side keeps from what it cannot pass [m]."""
+
+
+RouteSpec = Annotated[
+    Spline | Polyline | Loop | Triangle | Lawnmower | Spiral | FigureEight | Recorded | Planned,
+    ByKind(default="spline"),
+]
+"""All kinds of routes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +100,9 @@ class Corridor(Spec):
 
     width_m: Annotated[float, Interval(ge=0, le=100)] | None = None
     """Width of the strip [m]; 0 for none; without it the rover's width and 0.4 m."""
-    clearance_m: NotNegative = 0.15
-    """Height above the ground that no rock in the strip exceeds [m]."""
+    clearance_m: NotNegative | None = None
+    """Height above the ground that no rock in the strip exceeds [m]; without it 0.15 m, or what the
+    rover goes over where that is less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +111,15 @@ class PathSpec(Spec):
 
     name: FileName
     """Name of the path and of its files."""
-    route: Spline
+    route: RouteSpec
     """Where it goes."""
     speed_m_s: Annotated[float, Interval(ge=0.001, le=100)]
     """Speed along the route [m/s]."""
+    acceleration_m_s2: Annotated[float, Interval(ge=0.001, le=100)] | None = None
+    """Largest gain and loss of speed [m/s²]: the path then begins and ends at rest. Without it the
+    speed is constant, or 0.2 m/s² on a route with turns on the spot."""
+    turn_rate_deg_s: Annotated[float, Interval(ge=0.1, le=360)] = 15.0
+    """Largest rate of turns on the spot [degrees/s]."""
     rate_hz: Annotated[float, Ge(0.1), Le(1000)] = 12.0
     """Samples per second [Hz]."""
     height_m: Annotated[float, Interval(ge=0, le=100)] = 0.0
@@ -58,4 +127,5 @@ class PathSpec(Spec):
     shake: Shake = Shake()
     """Vibration; none by default."""
     corridor: Corridor | None = None
-    """The strip without rocks; by default only where the validation drives the path."""
+    """The strip without rocks; by default only where the validation drives the path; none for a
+    planned one, which goes around the rocks."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.frames import rpy_from_matrix
 from terrain_forge.motion import Trajectory
+from terrain_forge.paths.profile import Stretch, duration, pose_at, stance_at, stretches
 from terrain_forge.paths.route import Route
 from terrain_forge.paths.spec import PathSpec
 from terrain_forge.rovers.description import Rover
@@ -22,32 +23,51 @@ _FOOTPRINT = 5
 def lay_trajectory(
     route: Route, *, spec: PathSpec, ground: Heightfield, rover: Rover, seed: int
 ) -> Trajectory:
-    """The motion along a route at constant speed, on the bare ground.
+    """The motion along a route, on the bare ground.
 
     Height and tilt are those of the least-squares plane through the ground under the rover's
-    footprint; shake is added to the angles. The duration is rounded to whole samples, so that a
-    closed path ends in the pose in which it began (its yaw whole turns on).
+    footprint, or recorded ones; shake is added to the angles. The duration is rounded to whole
+    samples, so that a closed path ends in the pose in which it began (its yaw whole turns on).
     """
-    steps = max(round(route.length / route.speed * spec.rate_hz), 4)
-    along = np.linspace(0.0, route.length, steps + 1)
-    east = np.interp(along, route.distance, route.position[:, 0])
-    north = np.interp(along, route.distance, route.position[:, 1])
-    heading = np.interp(along, route.distance, route.heading)
-    height, rpy = _stand(ground, rover, np.stack([east, north], -1), heading)
+    planned = duration(route)
+    steps = max(round(planned * spec.rate_hz), 4)
+    clock = planned * spec.rate_hz / steps
+    time = np.arange(steps + 1) / spec.rate_hz
+    moments = np.linspace(0.0, planned, steps + 1)
+    place, heading = pose_at(route, moments)
+    height, rpy = stand(ground, rover, place, heading)
+    stance = stance_at(route, moments)
+    if stance is not None:
+        height, rpy[:, :2] = stance[:, 0], stance[:, 1:]
     rpy += _shake(spec, steps, seed)
+    turns = [(part.begin, part.end) for part in _spot_turns(route)]
     return Trajectory(
         name=route.name,
-        time=np.arange(steps + 1) / spec.rate_hz,
-        position=np.stack([east, north, height + spec.height_m], -1),
+        time=time,
+        position=np.column_stack([place, height + spec.height_m]),
         rpy=rpy,
         closed=route.closed,
+        spot_turns=np.reshape(turns, (-1, 2)) / clock,
     )
 
 
-def _stand(
+def _spot_turns(route: Route) -> list[Stretch]:
+    if route.time is not None:
+        return []
+    return [part for part in stretches(route) if part.turning]
+
+
+def stand(
     ground: Heightfield, rover: Rover, position: Array, heading: Array
 ) -> tuple[Array, Array]:
-    """Height of the ground plane under the rover [m] and its roll, pitch, yaw [rad]."""
+    """Height of the ground plane under the rover [m] and its roll, pitch, yaw [rad].
+
+    Args:
+        ground: what it stands on.
+        rover: who stands there.
+        position: east and north [m], shape [places, 2].
+        heading: counter-clockwise from east [rad], shape [places].
+    """
     x = np.linspace(-0.5, 0.5, _FOOTPRINT) * rover.length
     y = np.linspace(-0.5, 0.5, _FOOTPRINT) * rover.width
     forward = np.stack([np.cos(heading), np.sin(heading)], -1)

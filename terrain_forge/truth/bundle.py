@@ -8,6 +8,7 @@ from terrain_forge.truth.craters import write_craters
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.truth.tables import write_rocks
+from terrain_forge.truth.traversability import write_traversability
 from terrain_forge.world import World
 from terrain_forge.writers.geotiff import write_geotiff
 
@@ -40,4 +41,5 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     write_rocks(world, rocks)
     proof = write_size_frequency(world, truth, rock_id=rock_id)
     craters = write_craters(world, truth)
-    return [surface, surface_with_rocks, ids, rocks, *proof, *craters]
+    rated = write_traversability(world, truth)
+    return [surface, surface_with_rocks, ids, rocks, *proof, *craters, *rated]

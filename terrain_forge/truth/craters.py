@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 from terrain_forge.terrain.cratering.craters import Craters
 from terrain_forge.terrain.cratering.making import make_craters, population_of
+from terrain_forge.terrain.ground import shape_ground
 from terrain_forge.terrain.layers.craters import CraterLayer
+from terrain_forge.terrain.masks import mask_weight
 from terrain_forge.truth.statistics import clark_evans, count_band, deviation, kolmogorov_smirnov
 from terrain_forge.truth.tables import geographic
 from terrain_forge.world import World
@@ -63,7 +66,9 @@ def write_crater_table(world: World, made: list[tuple[CraterLayer, Craters]], pa
     where the site is georeferenced. id is hexadecimal and the same in every window. depth_m is that
     of the crater's own profile now, crest to floor; what lies upon it is not taken away.
     degradation is the part of the fresh depth that is lost, 0 to 1; wear is κt/D². inside is 1
-    where the centre lies in the window, listed where the crater is the user's own.
+    where the centre lies in the window, listed where the crater is the user's own. mask_weight is
+    that of the layer's mask at the centre, 0 for a crater that was masked out to 1 for a whole one;
+    of centres outside, at the nearest node of the window.
     """
     columns = {name: np.concatenate([getattr(c, name) for _, c in made]) for name in _TAKEN}
     layers = np.repeat([quoted(layer.name) for layer, _ in made], [len(c) for _, c in made])
@@ -83,6 +88,11 @@ def write_crater_table(world: World, made: list[tuple[CraterLayer, Craters]], pa
         Column(name="wear", values=columns["wear"], form="%.9g"),
         Column(name="inside", values=_inside(world, xy), form="%d"),
         Column(name="listed", values=columns["listed"], form="%d"),
+        Column(
+            name="mask_weight",
+            values=np.concatenate([_mask_weights(world, layer, c.xy) for layer, c in made]),
+            form="%.4f",
+        ),
     ]
     if world.site.georeferenced:
         longitude, latitude = geographic(world.site, xy[:, 0], xy[:, 1])
@@ -111,7 +121,7 @@ def _counts(world: World, layer: CraterLayer, craters: Craters) -> dict[str, Any
     def above(diameter: Array) -> Array:
         return area * (population.number(diameter) - beyond)
 
-    edges = np.array([low for _, low, _ in population.octaves[::-1]])
+    edges = np.array([max(low, smallest) for _, low, _ in population.octaves[::-1]])
     wanted = above(edges)
     found = np.array([np.count_nonzero(own.diameter >= edge) for edge in edges])
     low, high = count_band(wanted, wanted)
@@ -134,6 +144,23 @@ def _counts(world: World, layer: CraterLayer, craters: Craters) -> dict[str, Any
             "high": high.tolist(),
         },
     }
+
+
+def _mask_weights(world: World, layer: CraterLayer, xy: Array) -> Array:
+    """Weights of a layer's mask at the nodes of the window nearest to some places."""
+    if layer.mask is None or len(xy) == 0:
+        return np.ones(len(xy))
+    site, window = world.site, world.window
+    before = tuple(takewhile(lambda other: other is not layer, site.recipe.terrain.layers))
+    around = site.padded(window, layer.mask.reach(site))
+    ground = shape_ground(site=site, window=around, layers=before)
+    weight = mask_weight(
+        layer.mask, site=site, window=around, elevation=ground.elevation.astype(np.float64)
+    )
+    low = np.array([window.column - around.column, window.row - around.row])
+    node = np.rint((xy - np.array(ground.origin)) / site.spacing).astype(np.int64)
+    column, row = np.clip(node, low, low + np.array([window.columns, window.rows])).T
+    return np.asarray(weight[row, column])
 
 
 def _inside(world: World, xy: Array) -> NDArray[np.bool_]:

@@ -11,6 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from terrain_forge.writers.lettering import figure_text
+
 _COLOURS = (
     *("#b4552d", "#2f6f8f", "#5f8a3a", "#7a4f9a", "#b58a1e"),
     *("#a03a6a", "#2f8f7f", "#8a6a4a", "#4a5aa0", "#7a7a7a"),
@@ -77,8 +79,8 @@ def _label(part: dict[str, Any]) -> str:
     number = f"{part['count']['realised']:,}".replace(",", " ")
     how = {"clustered": ", clustered", "craters": ", around craters"}
     kind = how.get(part.get("arrangement", ""), ", listed" if "file" in part else "")
-    # Matplotlib takes a pair of dollars for a formula and hides labels that begin with "_".
-    return f"{number} {part['name']}{kind}".replace("$", r"\$")
+    # The number stands first, since matplotlib hides labels that begin with "_".
+    return f"{number} {figure_text(part['name'])}{kind}"
 
 
 def _finish(axes: Axes, title: str, label: str) -> None:

@@ -1,0 +1,210 @@
+"""Curves in the plane as dense points: splines, polylines with arcs or spot turns at corners."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import RecipeError
+
+Array = NDArray[np.float64]
+Key = tuple[str | int, ...]
+
+STEP = 0.02
+"""Distance of a curve's points [m]."""
+SHARPEST = 0.5
+"""Turn between two of its points [rad], beyond which a curve is not smooth."""
+SPOT_STEP = 0.05
+"""Turn between two points of a spot turn [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A curve as dense points; a turn on the spot is a run of points at one place."""
+
+    position: Array
+    """Points, east and north [m], shape [points, 2]."""
+    heading: Array
+    """Direction of travel, counter-clockwise from east [rad], continuous, shape [points]."""
+    turns: tuple[tuple[int, int], ...] = ()
+    """First and last point of each turn on the spot."""
+    stance: Array | None = None
+    """Recorded height [m], roll and pitch [rad] at each point, shape [points, 3]; None where the
+    ground tells them."""
+
+    @property
+    def distance(self) -> Array:
+        """Length along the curve [m], from 0, shape [points]."""
+        steps = np.linalg.norm(np.diff(self.position, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def trace_spline(points: Array, *, closed: bool, key: Key) -> Curve:
+    """The C² curve through points.
+
+    Args:
+        points: East and north [m], shape [points, 2].
+        closed: Whether it returns to the first point.
+        key: Where the points stand in the recipe.
+
+    Raises:
+        RecipeError: if neighbouring points are the same, or if the curve turns back on itself.
+    """
+    from scipy.interpolate import CubicSpline
+
+    points = _closed(points) if closed else points
+    chords = _legs(points, closed, key)
+    # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
+    # doi:10.1016/0010-4485(89)90003-1).
+    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(chords))])
+    curve = CubicSpline(knots, points, bc_type="periodic" if closed else "natural")
+    traced = trace(curve, curve.derivative(), (0.0, knots[-1]), samples=64 * len(points))
+    turns = np.abs(np.diff(traced.heading))
+    if turns.max() > SHARPEST:
+        x, y = traced.position[int(np.argmax(turns))]
+        raise RecipeError(f"the route turns back on itself at ({x:.2f}, {y:.2f}) m", key=key)
+    return traced
+
+
+def trace(
+    curve: Callable[[Array], Array],
+    tangent: Callable[[Array], Array],
+    ends: tuple[float, float],
+    *,
+    samples: int,
+) -> Curve:
+    """A parametric curve as dense points.
+
+    Args:
+        curve: Points [m], shape [n, 2], of parameters, shape [n].
+        tangent: Derivative of `curve` by the parameter.
+        ends: First and last parameter.
+        samples: Number of parameters from which the length is first measured.
+    """
+    fine = np.linspace(*ends, samples + 1)
+    rough = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    count = max(int(np.ceil(rough[-1] / STEP)), 2)
+    parameter = np.interp(np.linspace(0.0, rough[-1], count + 1), rough, fine)
+    along = tangent(parameter)
+    heading = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    return Curve(position=curve(parameter), heading=heading)
+
+
+def trace_polyline(points: Array, *, closed: bool, radius: float, key: Key) -> Curve:
+    """Straight legs with an arc around each corner, or with spot turns.
+
+    Args:
+        points: Corners, east and north [m], shape [points, 2].
+        closed: Whether a last leg returns to the first point; the curve then ends in the direction
+            in which it began.
+        radius: Radius of the arcs [m]; 0 for turns on the spot.
+        key: Where the points stand in the recipe.
+
+    Raises:
+        RecipeError: if neighbouring points are the same, or an arc does not fit onto its legs.
+    """
+    corners = _closed(points) if closed else np.asarray(points, np.float64)
+    lengths = _legs(corners, closed, key)
+    along = np.diff(corners, axis=0) / lengths[:, None]
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    following = np.roll(heading, -1) if closed else heading[1:]
+    turn = _wrap(following - heading[: len(following)])
+    if radius > 0.0:
+        _require_arcs(corners, lengths, turn, radius, closed, (*key[:-1], "corner_radius_m"))
+    cut = radius * np.tan(0.5 * np.abs(turn)) if radius > 0.0 else np.zeros(len(turn))
+    before = np.concatenate([[cut[-1] if closed else 0.0], cut])[: len(lengths)]
+    after = np.concatenate([cut, np.zeros(len(lengths) - len(cut))])
+    builder = _Builder(heading[0])
+    for leg, direction in enumerate(along):
+        begin = corners[leg] + before[leg] * direction
+        builder.go(begin, corners[leg + 1] - after[leg] * direction)
+        if leg < len(turn):
+            builder.turn(float(turn[leg]), radius)
+    return builder.curve()
+
+
+class _Builder:
+    """Strings straight lines, arcs and spot turns together."""
+
+    def __init__(self, heading: float) -> None:
+        self.heading = float(heading)
+        self.parts: list[tuple[Array, Array]] = []
+        self.turns: list[tuple[int, int]] = []
+
+    def go(self, begin: Array, end: Array) -> None:
+        """Go straight from one point to another [m]."""
+        count = max(int(np.ceil(np.linalg.norm(end - begin) / STEP)), 1)
+        share = np.linspace(0.0, 1.0, count + 1)[:, None]
+        self._add((1.0 - share) * begin + share * end, np.full(count + 1, self.heading))
+
+    def turn(self, angle: float, radius: float) -> None:
+        """Turn to the left by an angle [rad] on an arc [m], or on the spot for radius 0."""
+        if abs(angle) < 1e-9:
+            return
+        begin, heading = self.parts[-1][0][-1], self.heading
+        self.heading += angle
+        step = STEP / radius if radius else SPOT_STEP
+        headings = heading + angle * np.linspace(0.0, 1.0, max(int(abs(angle) / step), 1) + 1)
+        if radius == 0.0:
+            first = sum(len(part) for part, _ in self.parts)
+            self.turns.append((first - 1, first + len(headings) - 2))
+            self._add(np.repeat(begin[None], len(headings), axis=0), headings)
+            return
+        side = np.copysign(radius, angle)
+        centre = begin + side * np.array([-np.sin(heading), np.cos(heading)])
+        arc = centre + side * np.stack([np.sin(headings), -np.cos(headings)], -1)
+        self._add(arc, headings)
+
+    def _add(self, position: Array, heading: Array) -> None:
+        skip = 1 if self.parts else 0
+        self.parts.append((position[skip:], heading[skip:]))
+
+    def curve(self) -> Curve:
+        """What was strung together."""
+        return Curve(
+            position=np.concatenate([position for position, _ in self.parts]),
+            heading=np.concatenate([heading for _, heading in self.parts]),
+            turns=tuple(self.turns),
+        )
+
+
+def _closed(points: Array) -> Array:
+    points = np.asarray(points, np.float64)
+    return np.vstack([points, points[:1]])
+
+
+def _legs(points: Array, closed: bool, key: Key) -> Array:
+    """Lengths between neighbouring points [m]; of a closed curve the last is the first again."""
+    lengths: Array = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if lengths.min() < 1e-6:
+        at = int(np.argmin(lengths))
+        following = (at + 1) % (len(points) - int(closed))
+        raise RecipeError(f"points {at} and {following} of the route are the same", key=key)
+    return lengths
+
+
+def _wrap(angle: Array) -> Array:
+    """Angles in (-π, π] [rad]."""
+    wrapped: Array = np.pi - (np.pi - angle) % (2.0 * np.pi)
+    return wrapped
+
+
+def _require_arcs(
+    corners: Array, lengths: Array, turn: Array, radius: float, closed: bool, key: Key
+) -> None:
+    """Refuse arcs that need more of a leg than there is."""
+    tangent = np.tan(0.5 * np.minimum(np.abs(turn), np.pi - 1e-9))
+    ends = np.concatenate([[tangent[-1] if closed else 0.0], tangent])
+    ends = np.concatenate([ends, np.zeros(len(lengths) + 1 - len(ends))])
+    fitting = lengths / np.maximum(ends[:-1] + ends[1:], 1e-12)
+    if fitting.min() < radius * (1.0 - 1e-9):
+        leg = int(np.argmin(fitting))
+        (x, y), (east, north) = corners[leg], corners[leg + 1]
+        raise RecipeError(
+            f"{radius:g} m do not fit onto the leg from ({x:g}, {y:g}) to ({east:g}, {north:g}) m, "
+            f"at most {fitting[leg]:.3g} m do; at 0 the rover turns on the spot",
+            key=key,
+        )

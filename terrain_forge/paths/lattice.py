@@ -1,0 +1,163 @@
+"""Cheapest ways over a grid: A* (Hart, Nilsson & Raphael 1968, doi:10.1109/TSSC.1968.300136)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.kernels import inner, kernel
+
+MOVES = np.array(
+    [
+        *((1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)),
+        *((2, 1), (1, 2), (-1, 2), (-2, 1), (-2, -1), (-1, -2), (1, -2), (2, -1)),
+    ]
+)
+"""Steps from a node in rows and columns, shape [16, 2]; no turn is sharper than 26.6°."""
+
+
+class Way(NamedTuple):
+    """What a search found."""
+
+    nodes: NDArray[np.int64]
+    """Rows and columns from start to goal, shape [nodes, 2]; none where there is no way."""
+    cost: float
+    """Sum of length [cells] times weight; infinite where there is no way."""
+    nearest: tuple[int, int]
+    """Row and column of the node nearest to the goal that can be reached."""
+    reached: int
+    """Number of nodes that were reached."""
+
+
+def cheapest_way(
+    weight: NDArray[np.float32], *, start: tuple[int, int], goal: tuple[int, int]
+) -> Way:
+    """The cheapest way between two nodes of a grid in 16 directions.
+
+    A step costs its length times the mean weight of the nodes that it joins and, for a knight's
+    step, of the two between them. No step leads over or diagonally past a node of infinite weight.
+
+    Args:
+        weight: At least 1, infinite where there is no passing, shape [rows, columns].
+        start: Row and column.
+        goal: Row and column.
+    """
+    columns = weight.shape[1]
+    first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
+    parent, cost, nearest, reached = _search(weight, first, last, MOVES)
+    near = (int(nearest) // columns, int(nearest) % columns)
+    if not np.isfinite(cost):
+        return Way(np.zeros((0, 2), np.int64), np.inf, near, int(reached))
+    nodes = [last]
+    while nodes[-1] != first:
+        nodes.append(int(parent[nodes[-1]]))
+    flat = np.array(nodes[::-1])
+    return Way(np.stack([flat // columns, flat % columns], -1), float(cost), near, int(reached))
+
+
+@kernel
+def _search(weight, start, goal, moves):  # type: ignore[no-untyped-def]
+    """Parents, cost of the goal, the reached node nearest to it, and how many were reached."""
+    columns = weight.shape[1]
+    best = np.full(weight.size, np.inf)
+    parent = np.full(weight.size, -1, np.int32)
+    settled = np.zeros(weight.size, np.bool_)
+    keys, nodes = np.empty(1024), np.empty(1024, np.int32)
+    target = goal // columns, goal % columns
+    nearest, least, reached = start, np.inf, 0
+    if not np.isfinite(weight[start // columns, start % columns]):
+        return parent, np.inf, nearest, reached
+    best[start] = 0.0
+    size = _push(keys, nodes, 0, 0.0, start)
+    while size:
+        node = nodes[0]
+        size = _pop(keys, nodes, size)
+        if settled[node]:
+            continue
+        settled[node] = True
+        reached += 1
+        ahead = np.hypot(node // columns - target[0], node % columns - target[1])
+        if ahead < least:
+            nearest, least = node, ahead
+        if node == goal:
+            break
+        if size + len(moves) > len(keys):
+            keys = np.concatenate((keys, np.empty(size)))
+            nodes = np.concatenate((nodes, np.empty(size, np.int32)))
+        size = _relax(weight, moves, node, target, best, parent, keys, nodes, size)
+    return parent, best[goal], nearest, reached
+
+
+@inner
+def _relax(weight, moves, node, target, best, parent, keys, nodes, size):  # type: ignore[no-untyped-def]
+    """Put the nodes that are cheaper by way of this one into the heap; returns its new size."""
+    rows, columns = weight.shape
+    j, i = node // columns, node % columns
+    for move in range(len(moves)):
+        down, right = moves[move, 0], moves[move, 1]
+        row, column = j + down, i + right
+        if row < 0 or column < 0 or row >= rows or column >= columns:
+            continue
+        other = row * columns + column
+        # Weights are at least 1: most nodes around are settled for less than the bare length.
+        length = np.sqrt(down * down + right * right)
+        if best[node] + length * 0.25 * (3.0 + weight[row, column]) >= best[other]:
+            continue
+        total = best[node] + _step_cost(weight, j, i, down, right)
+        if total < best[other]:
+            best[other], parent[other] = total, node
+            ahead = np.hypot(row - target[0], column - target[1])
+            size = _push(keys, nodes, size, total + ahead, other)
+    return size
+
+
+@inner
+def _step_cost(weight, j, i, down, right):  # type: ignore[no-untyped-def]
+    """Length times mean weight of a step; infinite where it is barred."""
+    ends = np.float64(weight[j, i]) + weight[j + down, i + right]
+    if down == 0 or right == 0:
+        return 0.5 * ends
+    if abs(down) == abs(right):
+        beside = np.float64(weight[j + down, i]) + weight[j, i + right]
+        return np.sqrt(2.0) * 0.5 * ends if np.isfinite(beside) else np.inf
+    half_down, half_right = int(down / 2), int(right / 2)
+    rest_down, rest_right = down - half_down, right - half_right
+    between = np.float64(weight[j + half_down, i + half_right])
+    between += weight[j + rest_down, i + rest_right]
+    return np.sqrt(5.0) * 0.25 * (ends + between)
+
+
+@inner
+def _push(keys, nodes, size, key, node):  # type: ignore[no-untyped-def]
+    """Put a node into the heap; returns its new size."""
+    at = size
+    while at > 0:
+        above = (at - 1) // 2
+        if keys[above] <= key:
+            break
+        keys[at], nodes[at] = keys[above], nodes[above]
+        at = above
+    keys[at], nodes[at] = key, node
+    return size + 1
+
+
+@inner
+def _pop(keys, nodes, size):  # type: ignore[no-untyped-def]
+    """Take the first node out of the heap; returns its new size."""
+    size -= 1
+    key, node = keys[size], nodes[size]
+    at = 0
+    while True:
+        below = 2 * at + 1
+        if below >= size:
+            break
+        if below + 1 < size and keys[below + 1] < keys[below]:
+            below += 1
+        if keys[below] >= key:
+            break
+        keys[at], nodes[at] = keys[below], nodes[below]
+        at = below
+    keys[at], nodes[at] = key, node
+    return size

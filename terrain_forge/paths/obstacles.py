@@ -1,0 +1,142 @@
+"""What the rover cannot pass: rocks that are too high for it, and their outlines in plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.kernels import kernel
+from terrain_forge.records import Record
+from terrain_forge.rocks.resting.outline import edges, exposed_points, extent
+from terrain_forge.rovers.description import Rover
+from terrain_forge.world import RockField, RockLibrary, rotations
+
+Array = NDArray[np.float64]
+
+STEP_PER_WHEEL = 0.8
+"""Height of a step that a rover on rockers climbs, over the diameter of its smallest wheel. In the
+validation drive MORPHEUS climbs steps across its whole width up to one diameter at a friction of
+0.7; the rest is margin."""
+DIRECTIONS = 64
+"""Directions in which outlines are known: gaps are told at most 0.12 % of a rock's radius short."""
+_ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+UNITS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+"""Unit vectors of the directions, shape [2, directions]."""
+
+
+def highest_step(rover: Rover) -> float:
+    """Height of the highest step or rock that a rover goes over [m].
+
+    The rover's own limit, where it has one; else its wheels must climb it and its body clear it.
+    """
+    if rover.step_limit is not None:
+        return rover.step_limit
+    smallest = min(wheel.radius for wheel in rover.wheels)
+    return min(rover.clearance, STEP_PER_WHEEL * 2.0 * smallest)
+
+
+def half_diagonal(rover: Rover) -> float:
+    """Radius of the circle in which the rover can turn on the spot [m]."""
+    return 0.5 * math.hypot(rover.length, rover.width)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Obstacles(Record):
+    """Rocks higher than the rover goes over, with the convex outlines of what is above ground."""
+
+    id: NDArray[np.int32]
+    """Ids of the rocks, shape [obstacles]."""
+    centre: Array
+    """East and north of their centres of mass [m], shape [obstacles, 2]."""
+    height: Array
+    """Their heights above the ground [m], shape [obstacles]."""
+    support: Array
+    """How far each outline reaches from the centre in each of `DIRECTIONS` directions, counter-
+    clockwise from east [m], shape [obstacles, directions]."""
+
+    def __post_init__(self) -> None:
+        count = len(self.id)
+        self.freeze("id", np.int32, ("obstacles",))
+        self.freeze("centre", np.float64, (count, 2))
+        self.freeze("height", np.float64, (count,))
+        self.freeze("support", np.float64, (count, DIRECTIONS))
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def distances(self, point: Array) -> Array:
+        """Distance of a point, shape [2], to each outline [m], negative within it."""
+        offset = np.asarray(point, np.float64) - self.centre
+        result: Array = np.max(offset @ UNITS - self.support, axis=1, initial=-np.inf)
+        return result
+
+    def gaps(self, number: int, position: Array, heading: Array, rover: Rover) -> Array:
+        """Gap between one outline and the rover's own rectangle at poses [m], shape [poses].
+
+        By separating axes in the outline's directions: negative where they overlap, too small by
+        at most 3 % of the rover's half diagonal near its corners.
+
+        Args:
+            number: which obstacle.
+            position: east and north of base_link [m], shape [poses, 2].
+            heading: counter-clockwise from east [rad], shape [poses].
+            rover: gives length and width over its wheels.
+        """
+        offset = position - self.centre[number]
+        turned = np.subtract.outer(heading, _ANGLES)
+        along, across = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+        reach = 0.5 * (rover.length * along + rover.width * across)
+        result: Array = np.max(offset @ UNITS - reach - self.support[number], axis=1)
+        return result
+
+    def beside(
+        self, position: Array, heading: Array, rover: Rover, farthest: float
+    ) -> Iterator[tuple[int, NDArray[np.intp], Array]]:
+        """Obstacles near a track: which, the poses near it, and the rover's gaps to it there [m].
+
+        Args:
+            position: east and north of base_link [m], shape [poses, 2].
+            heading: counter-clockwise from east [rad], shape [poses].
+            rover: who drives.
+            farthest: gap up to which poses are near [m].
+        """
+        from scipy.spatial import cKDTree
+
+        reach = self.support.max(axis=1) + half_diagonal(rover) + farthest
+        track = cKDTree(position)
+        for number in range(len(self)):
+            near = track.query_ball_point(self.centre[number], reach[number], return_sorted=True)
+            if near:
+                poses = np.array(near)
+                yield number, poses, self.gaps(number, position[poses], heading[poses], rover)
+
+
+def find_obstacles(rocks: RockField, library: RockLibrary, rover: Rover) -> Obstacles:
+    """The rocks that stand higher above the ground than the rover goes over."""
+    high = rocks.select(rocks.solid & (rocks.height > highest_step(rover)))
+    turns, buried = rotations(high), high.buried_fraction
+    support = np.empty((len(high), DIRECTIONS))
+    for shape in np.unique(high.prototype):
+        mesh, rows = library.prototypes[shape].meshes[0], np.flatnonzero(high.prototype == shape)
+        _fill_supports(mesh.vertices, edges(mesh), rows, turns, buried, UNITS, support)
+    support *= high.scale[:, None]
+    return Obstacles(id=high.id, centre=high.position[:, :2], height=high.height, support=support)
+
+
+@kernel
+def _fill_supports(vertices, edges, rows, turns, buried, units, support):  # type: ignore[no-untyped-def]
+    """Reach of the exposed part of some rocks of one shape in each direction [mean axes]."""
+    for rock in rows:
+        up = turns[rock, 2, 0], turns[rock, 2, 1], turns[rock, 2, 2]
+        low, high = extent(vertices, up)
+        level = low + buried[rock] * (high - low)
+        points = exposed_points(vertices, edges, turns[rock], up, level)
+        for d in range(units.shape[1]):
+            reach = -np.inf
+            for p in range(len(points)):
+                reach = max(reach, points[p, 0] * units[0, d] + points[p, 1] * units[1, d])
+            support[rock, d] = reach

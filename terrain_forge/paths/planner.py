@@ -1,0 +1,236 @@
+"""Planned paths: the cheapest way over what the rover can pass, made smooth and checked."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.errors import RecipeError
+from terrain_forge.paths.curves import Curve, Key, trace_spline
+from terrain_forge.paths.lattice import Way, cheapest_way
+from terrain_forge.paths.obstacles import Obstacles, half_diagonal
+from terrain_forge.paths.plan import as_route
+from terrain_forge.paths.route import Route
+from terrain_forge.paths.smoothing import bend, straighten
+from terrain_forge.paths.spec import PathSpec, Planned
+from terrain_forge.paths.traversability import IMPASSABLE, UNKNOWN, Traversability
+from terrain_forge.rovers.description import Rover
+
+Array = NDArray[np.float64]
+Weight = NDArray[np.float32]
+Place = tuple[float, float]
+Stop = tuple[str, Place]
+
+DISLIKE = 9.0
+"""How much dearer than smooth level ground a node of almost full cost is, in units of the former;
+grows with the square of the cost."""
+MOST_NODES = 1100
+"""Rows or columns of the grid that is searched first; larger ones are coarsened."""
+LINE_STEP = 0.25
+"""Distance of the points of the line that is smoothed [m]."""
+_KNOTS = (4, 2, 1)
+"""Every how many of them the spline goes through; more of them where it would touch something."""
+
+
+def plan_path(
+    spec: PathSpec,
+    route: Planned,
+    *,
+    field: Traversability,
+    rover: Rover,
+    key: Key = ("paths",),
+) -> Route:
+    """The planned route of a path on a finished world.
+
+    Args:
+        spec: The path as the recipe has it.
+        route: Its start, its goal, and what it passes on the way.
+        field: What ground and rocks mean to the rover.
+        rover: Who drives.
+        key: Where the path stands in the recipe.
+
+    Raises:
+        RecipeError: if a place is blocked, by what; if there is no way; or if the way is too narrow
+            for the rover where it turns.
+    """
+    key = (*key, "route")
+    stops = [("start_m", route.start_m), *(("via_m", place) for place in route.via_m)]
+    stops.append(("goal_m", route.goal_m))
+    needed = field.half_width + route.margin_m
+    turning = max(needed, half_diagonal(rover))
+    for name, place in stops:
+        reason = blocked_by(field, place, needed if name == "via_m" else turning)
+        if reason:
+            raise RecipeError(f"({place[0]:g}, {place[1]:g}) m: {reason}", key=(*key, name))
+    curve, touched = _curve(*_line(field, stops, needed, key), field, rover, key)
+    if touched:
+        # Where the rover's corners would touch, there may be a way on which it can even turn.
+        with suppress(RecipeError):
+            curve, touched = _curve(*_line(field, stops, turning, key), field, rover, key)
+    if touched:
+        raise RecipeError(
+            f"the only way is too narrow for the rover, which touches {touched}; a larger margin_m "
+            "makes it keep off",
+            key=(*key, "margin_m"),
+        )
+    return as_route(curve, spec=spec, key=key)
+
+
+def _line(
+    field: Traversability, stops: list[Stop], needed: float, key: Key
+) -> tuple[Array, NDArray[np.bool_]]:
+    """A line through all stops, east and north [m], and which of its points are stops."""
+    weight = node_weights(field, needed)
+    legs = [
+        _leg(field, weight, (begin, end), (*key, name))
+        for (_, begin), (name, end) in pairwise(stops)
+    ]
+    line = np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])])
+    fixed = np.zeros(len(line), np.bool_)
+    fixed[np.cumsum([len(leg) - 1 for leg in legs])] = True
+    return _place(field, bend(weight, _nodes(field, line), fixed)), fixed
+
+
+def node_weights(field: Traversability, needed: float) -> Weight:
+    """Cost of a metre at each node, from 1; infinite where the rover's centre must not be.
+
+    Args:
+        field: What ground and rocks mean to the rover.
+        needed: Least clearance [m].
+    """
+    passable = (field.cost >= 0.0) & (field.cost < IMPASSABLE) & (field.clearance >= needed)
+    weight = np.where(passable, 1.0 + DISLIKE * field.cost**2, np.inf)
+    return weight.astype(np.float32)
+
+
+def blocked_by(field: Traversability, place: Place, needed: float) -> str:
+    """Why the rover cannot be at a place [m] with so much clearance [m]; empty if it can."""
+    row, column = field.node(place)
+    rows, columns = field.cost.shape
+    inside = 0 <= row < rows and 0 <= column < columns
+    if not inside or field.cost[row, column] == UNKNOWN:
+        return "the rover would stand out over the border of the terrain"
+    node = _place(field, np.array([(column, row)]))[0]
+    away = np.minimum(*(field.obstacles.distances(point) for point in (np.array(place), node)))
+    if len(away) and away.min() < needed:
+        n = int(np.argmin(away))
+        x, y = field.obstacles.centre[n]
+        gap = f"{away[n]:.2f} m from" if away[n] > 0.0 else "inside"
+        return (
+            f"{gap} rock {field.obstacles.id[n]} at ({x:.2f}, {y:.2f}) m, "
+            f"{field.obstacles.height[n]:.2f} m high; the rover needs {needed:.2f} m beside rocks "
+            f"above {field.highest_step:.2f} m"
+        )
+    if field.clearance[row, column] < needed:
+        return (
+            f"{field.clearance[row, column]:.2f} m from a step above {field.highest_step:.2f} m in "
+            f"the ground; the rover needs {needed:.2f} m"
+        )
+    slope, steepest = math.degrees(field.slope[row, column]), math.degrees(field.steepest)
+    if field.cost[row, column] >= IMPASSABLE:
+        return f"the ground slopes by {slope:.1f}°, the rover may be driven on {steepest:.1f}°"
+    return ""
+
+
+def _leg(field: Traversability, weight: Weight, ends: tuple[Place, Place], key: Key) -> Array:
+    """A line between two places, east and north [m], shape [points, 2]."""
+    way, stride = _way(field, weight, ends)
+    if not len(way.nodes):
+        x, y = _place(field, np.array([way.nearest[::-1]]) * stride)[0]
+        area = way.reached * (stride * field.spacing) ** 2
+        raise RecipeError(
+            f"no way leads from ({ends[0][0]:g}, {ends[0][1]:g}) m to ({ends[1][0]:g}, "
+            f"{ends[1][1]:g}) m: the rover can reach {area:.4g} m², nearest at ({x:.2f}, {y:.2f}) "
+            f"m; it goes over steps and rocks up to {field.highest_step:.2f} m and slopes up to "
+            f"{math.degrees(field.steepest):.0f}°",
+            key=key,
+        )
+    if len(way.nodes) == 1:
+        return np.array(ends)
+    coarse = _coarsened(weight, stride)
+    line = straighten(coarse, way.nodes, step=LINE_STEP / (stride * field.spacing))
+    points = _place(field, line * stride)
+    points[0], points[-1] = ends
+    return points
+
+
+def _way(field: Traversability, weight: Weight, ends: tuple[Place, Place]) -> tuple[Way, int]:
+    """The cheapest way on the coarsest grid that has one, and that grid's stride [nodes]."""
+    stride = max(math.ceil(max(weight.shape) / MOST_NODES), 1)
+    while True:
+        coarse = _coarsened(weight, stride)
+        start, goal = (_coarse_node(field.node(place), coarse.shape, stride) for place in ends)
+        way = cheapest_way(coarse, start=start, goal=goal)
+        if len(way.nodes) or stride == 1:
+            return way, stride
+        stride = max(stride // 2, 1)
+
+
+def _coarse_node(node: tuple[int, int], shape: tuple[int, ...], stride: int) -> tuple[int, int]:
+    row, column = (min(round(n / stride), size - 1) for n, size in zip(node, shape, strict=True))
+    return row, column
+
+
+def _coarsened(weight: Weight, stride: int) -> Weight:
+    """Every so manieth node, with the largest weight of the square around it that is its own."""
+    if stride == 1:
+        return weight
+    from scipy.ndimage import maximum_filter
+
+    return np.asarray(maximum_filter(weight, size=2 * (stride // 2) + 1))[::stride, ::stride]
+
+
+def _place(field: Traversability, nodes: Array) -> Array:
+    """East and north [m] of columns and rows, shape [n, 2]."""
+    return np.asarray(field.origin) + field.spacing * nodes
+
+
+def _nodes(field: Traversability, points: Array) -> Array:
+    """Columns and rows of east and north [m], shape [n, 2]."""
+    nodes: Array = (points - np.asarray(field.origin)) / field.spacing
+    return nodes
+
+
+def _curve(
+    line: Array, fixed: NDArray[np.bool_], field: Traversability, rover: Rover, key: Key
+) -> tuple[Curve, str]:
+    """The smooth curve along a line, through its fixed points, and the obstacle that it touches.
+
+    Through as few of the line's points as it takes to touch none.
+    """
+    if len(line) == 2:
+        line = np.stack([line[0], line.mean(axis=0), line[1]])
+        fixed = np.array([False, False, True])
+    for every in _KNOTS:
+        curve = trace_spline(line[_knots(fixed, every)], closed=False, key=key)
+        touched = _first_touch(curve, field.obstacles, rover)
+        if not touched:
+            break
+    return curve, touched
+
+
+def _knots(fixed: NDArray[np.bool_], every: int) -> NDArray[np.intp]:
+    """Every so manieth point, those that are fixed, and none close to these."""
+    chosen = np.zeros(len(fixed), np.bool_)
+    chosen[::every] = True
+    stays = np.append(0, np.flatnonzero(fixed))
+    for n in stays.tolist():
+        chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
+    chosen[stays] = True
+    return np.flatnonzero(chosen)
+
+
+def _first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
+    """The obstacle that the rover's rectangle touches first along a curve; empty for none."""
+    first, found = len(curve.position), ""
+    for n, poses, gaps in obstacles.beside(curve.position, curve.heading, rover, 0.0):
+        at = int(poses[np.argmax(gaps < 0.0)])
+        if gaps.min() < 0.0 and at < first:
+            (x, y), high = obstacles.centre[n], obstacles.height[n]
+            first = at
+            found = f"rock {obstacles.id[n]} at ({x:.2f}, {y:.2f}) m, {high:.2f} m high"
+    return found

@@ -1,0 +1,146 @@
+"""Traversability as truth: slope, steps and cost for the recipe's rover, as GeoTIFF and ROS map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.frames import image_rows
+from terrain_forge.motion import Trajectory
+from terrain_forge.paths.surroundings import Surroundings, survey_path
+from terrain_forge.paths.traversability import (
+    IMPASSABLE,
+    UNKNOWN,
+    Traversability,
+    traversability,
+)
+from terrain_forge.world import World, merge
+from terrain_forge.writers.geotiff import write_geotiff
+from terrain_forge.writers.table import Column, write_table
+
+OCCUPIED, FREE = 0.65, 0.196
+"""Thresholds of darkness as map_saver writes them: above the first a cell is occupied, below the
+second it is free."""
+BLACK, GREY, WHITE = 0, 205, 254
+"""Pixels of occupied, unknown and free cells, as map_saver writes them."""
+RAW_UNKNOWN = 255
+"""Pixel of an unknown cell in mode `raw`, where 0 to 100 are costs."""
+_FINEST = {"slope": 2.0**-8, "step": 2.0**-13, "cost": 2.0**-10}
+"""What the rasters' values are rounded to [deg, m, 1], since noise does not compress."""
+
+
+def write_traversability(world: World, truth: Path) -> list[Path]:
+    """Write the rasters, the map and what each path meets into the folder `truth`.
+
+    Slope [deg], step [m] and cost (0 to 1, where the rover cannot be) are GeoTIFFs of the ground's
+    nodes, -1 where the border is too near. A window whose site goes on beyond it does not know the
+    cost within reach of what may stand there.
+
+    Returns:
+        The files; none for a rover without wheels.
+    """
+    if not world.rover.wheels:
+        return []
+    field = rate_world(world)
+    rasters = {
+        "slope": (np.where(field.slope < 0.0, field.slope, np.degrees(field.slope)), "deg",
+                  "slope of the plane under the rover's footprint"),
+        "step": (field.step, "m", "step of ground and rocks within a wheel's reach"),
+        "cost": (field.cost, "", "cost for the rover's centre, 1 where it cannot be"),
+    }  # fmt: skip
+    files = []
+    for name, (grid, units, description) in rasters.items():
+        files.append(truth / f"{name}.tif")
+        finest = np.float32(_FINEST[name])
+        write_geotiff(
+            files[-1], np.rint(grid / finest) * finest, world_ground=world.ground,
+            site=world.site, units=units, nodata=UNKNOWN, description=description,
+        )  # fmt: skip
+    files += write_map(field, truth / "map")
+    return files + write_surroundings(world, field, truth / "paths")
+
+
+def rate_world(world: World) -> Traversability:
+    """What a world's ground and rocks mean to its rover."""
+    part, whole = world.window, world.site.window
+    return traversability(
+        ground=world.ground,
+        rocks=merge(world.field, world.neighbours),
+        library=world.library,
+        rover=world.rover,
+        cut_sides=(
+            part.column > 0,
+            part.row > 0,
+            part.column + part.columns < whole.columns,
+            part.row + part.rows < whole.rows,
+        ),
+    )
+
+
+def write_map(field: Traversability, folder: Path) -> list[Path]:
+    """Write two maps as Nav2's and ROS 1's map_server read them; returns their files.
+
+    map.yaml tells free, occupied and unknown cells (mode `trinary`), cost.yaml costs of 0 to 100
+    and unknown cells (mode `raw`). One cell per node, the first image row north.
+    """
+    folder.mkdir(exist_ok=True)
+    unknown, barred = field.cost < 0.0, field.cost >= IMPASSABLE
+    cells = np.select([unknown, barred], [GREY, BLACK], WHITE)
+    costs = np.where(unknown, RAW_UNKNOWN, np.rint(100.0 * field.cost))
+    return [
+        *_write_occupancy(cells, field, folder / "map.pgm", mode="trinary"),
+        *_write_occupancy(costs, field, folder / "cost.pgm", mode="raw"),
+    ]
+
+
+def _write_occupancy(
+    cells: NDArray[Any], field: Traversability, image: Path, *, mode: str
+) -> list[Path]:
+    pixels: NDArray[np.uint8] = image_rows(cells.astype(np.uint8))
+    rows, columns = pixels.shape
+    west, south = (edge - 0.5 * field.spacing for edge in field.origin)
+    text = image.with_suffix(".yaml")
+    image.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())
+    text.write_text(
+        f"image: {image.name}\nmode: {mode}\nresolution: {field.spacing!r}\n"
+        f"origin: [{west!r}, {south!r}, 0.0]\nnegate: 0\n"
+        f"occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n",
+        encoding="utf-8",
+    )
+    return [image, text]
+
+
+def write_surroundings(world: World, field: Traversability, folder: Path) -> list[Path]:
+    """Write NAME.csv for each path: what the rover meets at its samples; returns the files.
+
+    Columns: time, place, tilt of the ground, step under the wheels, clearance of the rover's centre
+    and gap of its rectangle to what it does not go over (at most a little more than it needs), and
+    cost.
+    """
+    if world.trajectories:
+        folder.mkdir(exist_ok=True)
+    files = []
+    for path in world.trajectories:
+        met = survey_path(path, ground=world.ground, obstacles=field.obstacles, rover=world.rover)
+        files.append(folder / f"{path.name}.csv")
+        write_table(files[-1], _columns(path, met, field))
+    return files
+
+
+def _columns(path: Trajectory, met: Surroundings, field: Traversability) -> list[Column]:
+    place = path.position[met.sample, :2]
+    column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
+    figures = {
+        "time_s": path.time[met.sample],
+        "x_m": place[:, 0],
+        "y_m": place[:, 1],
+        "tilt_deg": np.degrees(met.tilt),
+        "step_m": met.step,
+        "clearance_m": field.clearance[row, column],
+        "gap_m": met.gap,
+        "cost": field.cost[row, column],
+    }
+    return [Column(name=name, values=values, form="%.4f") for name, values in figures.items()]
