@@ -1,15 +1,18 @@
-"""Following a path with a skid-steered rover: pure pursuit (Coulter 1992, CMU-RI-TR-92-01)."""
+"""Following a path with a skid-steered rover: pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
+
+A skid-steered rover turns slower than its wheels' rates say, since they must slip sideways; by how
+much depends on rover and ground, and is learned on the way (Martínez et al. 2005,
+doi:10.1177/0278364905058239, call it the instantaneous centres of rotation of the treads).
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.motion import Trajectory
-from terrain_forge.records import Record
+from terrain_forge.driving.planar_path import PlanarPath, wrap
 from terrain_forge.rovers.description import Rover
 
 Array = NDArray[np.float64]
@@ -17,78 +20,43 @@ Array = NDArray[np.float64]
 LOOKAHEAD = 1.0
 """Distance along the path of the point that is steered for [m]."""
 SKID_GAIN = 2.0
-"""Commanded over wanted turn rate: skidding wheels turn at about half the kinematic rate."""
+"""Commanded over real turn rate before anything is known of the rover."""
 TURN_RATE = 0.4
 """Largest wanted turn rate [rad/s]; tighter arcs are driven slower, and spot turns at this rate."""
+RIM_ACCELERATION = 0.25
+"""Largest change of a rim's commanded speed [m/s²]; stiff servos answer faster ones by blows."""
 _SPOT_BEGIN, _SPOT_END = math.radians(60.0), math.radians(10.0)
-_BACKWARD, _FORWARD = 0.5, 1.5
+_CORNER_REACHED, _CORNER_TURNED = 0.03, math.radians(4.0)
+_CREEPING = 0.05
+_LOWEST_GAIN, _HIGHEST_GAIN = 1.0, 4.0
+_MEMORY = 10.0
+_PRIOR_RATE = 0.1
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlanarPath(Record):
-    """A path in the plane as a polyline of segments that have a length."""
+class SkidGain:
+    """What the rover's turn rate is, against that of its wheels, by least squares on the way.
 
-    position: Array
-    """Points, east and north [m], shape [points, 2]."""
-    distance: Array
-    """Length along the path [m], from 0, strictly increasing, shape [points]."""
-    speed: float
-    """Mean speed [m/s]."""
+    The rover's turn rate is that of its wheels over the gain, and noise of the rough ground; looks
+    fade within ten seconds, and the first guess weighs as much as a turn rate of the wheels of
+    0.1 rad/s does. (The reverse fit, wheels over rover, would take the noise for skill.)
+    """
 
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, ("points", 2))
-        self.freeze("distance", np.float64, (len(self.position),))
-
-    @staticmethod
-    def of(trajectory: Trajectory) -> PlanarPath:
-        """The trajectory's ground track.
-
-        Raises:
-            ValueError: if the trajectory does not move.
-        """
-        points = trajectory.position[:, :2]
-        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        moved = np.concatenate([[True], steps > 1e-9])
-        if moved.sum() < 2:
-            raise ValueError(f"path {trajectory.name!r} does not move")
-        distance = np.concatenate([[0.0], np.cumsum(steps)])[moved]
-        duration = float(trajectory.time[-1] - trajectory.time[0])
-        return PlanarPath(
-            position=points[moved], distance=distance, speed=float(distance[-1]) / duration
-        )
+    def __init__(self, first: float = SKID_GAIN) -> None:
+        self._first = first
+        self._product = self._square = 0.0
 
     @property
-    def length(self) -> float:
-        """Length [m]."""
-        return float(self.distance[-1])
+    def value(self) -> float:
+        """Turn rate of the wheels over that of the rover."""
+        weight = _PRIOR_RATE**2
+        part = (self._product + weight / self._first) / (self._square + weight)
+        return 1.0 / min(max(part, 1.0 / _HIGHEST_GAIN), 1.0 / _LOWEST_GAIN)
 
-    def nearest(self, point: Array, *, near: float) -> tuple[float, float, float]:
-        """Where the path passes a point: distance along [m], offset to the left [m], heading [rad].
-
-        Looks only around the distance `near`, so that a path may cross or close itself.
-        """
-        first = max(int(np.searchsorted(self.distance, near - _BACKWARD)) - 1, 0)
-        last = int(np.searchsorted(self.distance, near + _FORWARD)) + 1
-        points, along = self.position[first : last + 1], self.distance[first : last + 1]
-        steps, lengths = np.diff(points, axis=0), np.diff(along)
-        units = steps / np.linalg.norm(steps, axis=1)[:, None]
-        offsets = point - points[:-1]
-        on = np.clip((offsets * units).sum(1), 0.0, lengths)
-        misses = offsets - on[:, None] * units
-        best = int(np.argmin((misses**2).sum(1)))
-        unit, miss = units[best], misses[best]
-        side = math.copysign(1.0, unit[0] * miss[1] - unit[1] * miss[0])
-        heading = math.atan2(unit[1], unit[0])
-        return float(along[best] + on[best]), side * math.hypot(*miss), heading
-
-    def point(self, distance: float) -> Array:
-        """The point at a distance along the path [m], shape [2]; straight on beyond the end."""
-        if distance > self.length:
-            end = self.position[-1]
-            unit = (end - self.position[-2]) / np.linalg.norm(end - self.position[-2])
-            return np.asarray(end + (distance - self.length) * unit)
-        columns = self.position.T
-        return np.array([np.interp(distance, self.distance, column) for column in columns])
+    def note(self, *, wheels: float, rover: float, time: float) -> None:
+        """Learn from turn rates [rad/s] that lasted for a time [s]."""
+        part = -math.expm1(-time / _MEMORY)
+        self._product += part * (wheels * rover - self._product)
+        self._square += part * (wheels * wheels - self._square)
 
 
 class PurePursuit:
@@ -103,34 +71,81 @@ class PurePursuit:
         self.heading_error = 0.0
         """Heading minus the path's, wrapped [rad]."""
         self._turning = False
+        self._at_corner = False
+        self._corner = 0
 
     def command(self, position: Array, yaw: float) -> tuple[float, float]:
         """Wanted speed [m/s] and turn rate [rad/s] at a place, shape [2] [m], and a yaw [rad]."""
         path = self.path
-        self.progress, self.offset, heading = path.nearest(position, near=self.progress)
+        leg = path.leg(self._corner)
+        self.progress, self.offset, heading = path.nearest(position, near=self.progress, leg=leg)
         self.heading_error = wrap(yaw - heading)
-        to_target = path.point(self.progress + LOOKAHEAD) - position
+        if self._corner < len(path.corners) and self.progress > leg[1] - _CORNER_REACHED:
+            self._at_corner = True
+        if self._at_corner:
+            return self._turn_corner(yaw, leg[1])
+        to_target = path.point(self.progress + LOOKAHEAD, end=leg[1]) - position
         bearing = wrap(math.atan2(to_target[1], to_target[0]) - yaw)
         self._turning = abs(bearing) > (_SPOT_END if self._turning else _SPOT_BEGIN)
         if self._turning:
             return 0.0, math.copysign(TURN_RATE, bearing)
         curvature = 2.0 * math.sin(bearing) / math.hypot(*to_target)
-        speed = min(path.speed, TURN_RATE / max(abs(curvature), 1e-9))
+        sharpest = max(abs(curvature), path.bend(self.progress, end=leg[1]), 1e-9)
+        speed = min(path.speed, TURN_RATE / sharpest, self._stopping_speed(leg[1]))
         return speed, speed * curvature
 
+    def _stopping_speed(self, end: float) -> float:
+        """Speed from which the rover can still stop at the next corner; no limit without one."""
+        if self._corner == len(self.path.corners):
+            return math.inf
+        return max(math.sqrt(RIM_ACCELERATION * max(end - self.progress, 0.0)), _CREEPING)
 
-def wheel_rates(rover: Rover, speed: float, turn_rate: float) -> Array:
+    def _turn_corner(self, yaw: float, corner: float) -> tuple[float, float]:
+        """Turn on the spot to where the path leaves the corner, then begin the next leg."""
+        missing = wrap(self.path.heading(corner + 1e-6) - yaw)
+        if abs(missing) > _CORNER_TURNED:
+            return 0.0, math.copysign(TURN_RATE, missing)
+        self._at_corner = False
+        self._corner += 1
+        self.progress = corner
+        return 0.0, 0.0
+
+
+def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = SKID_GAIN) -> Array:
     """Rates of the rover's wheels [rad/s] for a speed and a turn rate, shape [wheels].
 
     Slowed together where the fastest would exceed the rover's speed limit.
+
+    Args:
+        rover: the rover.
+        speed: wanted speed [m/s].
+        turn_rate: wanted turn rate, left positive [rad/s].
+        gain: turn rate of the wheels over that of the rover, which skids.
     """
     sides = np.array([wheel.centre[1] for wheel in rover.wheels])
     radii = np.array([wheel.radius for wheel in rover.wheels])
-    speeds = speed - SKID_GAIN * turn_rate * sides
+    speeds = speed - gain * turn_rate * sides
     excess = max(float(np.abs(speeds).max()) / rover.speed_limit, 1.0)
     return np.asarray(speeds / excess / radii)
 
 
-def wrap(angle: float) -> float:
-    """The angle in (-π, π] [rad]."""
-    return math.pi - (math.pi - angle) % (2 * math.pi)
+def eased(rover: Rover, wanted: Array, before: Array, *, time: float) -> Array:
+    """Wheel rates [rad/s] as near to the wanted ones as the rims' acceleration allows in a time.
+
+    All wheels change by the same part, so that the rover keeps its arc.
+    """
+    radii = np.array([wheel.radius for wheel in rover.wheels])
+    change = wanted - before
+    excess = float(np.abs(change * radii).max()) / (RIM_ACCELERATION * time)
+    return np.asarray(before + change / max(excess, 1.0))
+
+
+def wheels_turn_rate(rover: Rover, rates: Array) -> float:
+    """Turn rate that wheels of these rates [rad/s] would make if none slipped [rad/s].
+
+    The least-squares slope of the rims' speeds over the wheels' distance to the left.
+    """
+    sides = np.array([wheel.centre[1] for wheel in rover.wheels])
+    radii = np.array([wheel.radius for wheel in rover.wheels])
+    sides = sides - sides.mean()
+    return float(-(sides @ (rates * radii)) / (sides @ sides))

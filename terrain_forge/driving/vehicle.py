@@ -1,13 +1,16 @@
-"""The rover in a loaded MuJoCo scene: its parts, how it is set down, what it touches."""
+"""The rover in a loaded MuJoCo scene: its parts, how it is set down, what it does and touches."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.driving.audit import EnergyAudit
+from terrain_forge.driving.result import longitudinal_slip
 from terrain_forge.errors import SimulationError
 from terrain_forge.rovers.description import Rover
 
@@ -18,6 +21,22 @@ _PAIR_LIMIT = 50
 _SETTLE_TIME = 1.5
 _HIGHEST_LIFT, _LIFT_STEP = 0.3, 0.02
 _FARTHEST_SETTLING = 0.5
+_AT_LIMIT = 0.999
+_EARTH_GRAVITY = 9.80665
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelStates:
+    """What the wheels do at one moment; each of shape [wheels], forwards positive."""
+
+    rate: Array
+    """Rates about their axles, relative to what carries them [rad/s]."""
+    torque: Array
+    """Torques of their motors [N m]."""
+    slip: Array
+    """Longitudinal slip, -1 to 1."""
+    moves: NDArray[np.bool_]
+    """Whether they move fast enough to have a slip."""
 
 
 class Vehicle:
@@ -30,26 +49,68 @@ class Vehicle:
     def __init__(self, model: Any, rover: Rover) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
-        self._body = self._find(mujoco.mjtObj.mjOBJ_BODY, rover.links[0].name)
+        self.rover = rover
+        if not rover.wheels:
+            raise SimulationError(f"the rover {rover.name!r} has no wheels, it cannot drive")
+        body, joint, actuator = (
+            getattr(mujoco.mjtObj, f"mjOBJ_{kind}") for kind in ("BODY", "JOINT", "ACTUATOR")
+        )
+        self._body = self._find(body, rover.links[0].name)
         self._qpos = int(model.jnt_qposadr[model.body_jntadr[self._body]])
-        self._motors = [
-            self._find(mujoco.mjtObj.mjOBJ_ACTUATOR, wheel.link) for wheel in rover.wheels
-        ]
-        self._rocks = _rock_names(model)
+        names = [wheel.link for wheel in rover.wheels]
+        self._motors = np.array([self._find(actuator, name) for name in names])
+        self._wheel_bodies = np.array([self._find(body, name) for name in names])
+        self._axles = np.array([self._find(joint, name) for name in names])
+        self._dofs = model.jnt_dofadr[self._axles]
+        self._radii = np.array([wheel.radius for wheel in rover.wheels])
+        self.joints = tuple(link.name for link in rover.links if link.joint == "passive")
+        """Names of the passive joints."""
+        found = [self._find(joint, name) for name in self.joints]
+        self._angles = model.jnt_qposadr[np.array(found, dtype=np.int64)]
+        axes = {link.name: link.axis for link in rover.links}
+        # Forwards is a turn about the left; an axle may point to either side.
+        self._sides = np.array([1.0 if axes[name][1] > 0.0 else -1.0 for name in names])
+        self._torque_limits = model.actuator_forcerange[self._motors, 1]
+        self._activations = model.actuator_actadr[self._motors]
+        if (self._activations < 0).any():
+            raise SimulationError(
+                "the rover's motors are those of an older export: export it again"
+            )
+        self._stiffness = model.actuator_gainprm[self._motors, 0]
+        self._damping = -model.actuator_biasprm[self._motors, 2]
+        self._name_geoms()
+        self._set_flags()
+
+    def _name_geoms(self) -> None:
+        model = self.model
+        self._rocks = rock_names(model)
         self._is_rock = np.array([bool(name) for name in self._rocks])
         self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
+        self._is_wheel = np.isin(model.geom_bodyid, self._wheel_bodies)
+
+    def _set_flags(self) -> None:
+        flags = [mujoco.mjtEnableBit.mjENBL_ENERGY]
         # Stepping only what is awake: rocks then cost next to nothing.
         if hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"):
-            model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+            flags.append(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        for flag in flags:
+            self.model.opt.enableflags |= int(flag)
 
     def _find(self, kind: Any, name: str) -> int:
         index = mujoco.mj_name2id(self.model, kind, name)
         if index < 0:
-            raise SimulationError(f"the scene has no {kind.name[6:].lower()} named {name!r}")
+            raise SimulationError(
+                f"the scene does not hold the rover {self.rover.name!r}: it has no "
+                f"{kind.name[6:].lower()} named {name!r}"
+            )
         return int(index)
 
     def set_down(self, position: Array, quaternion: Array) -> None:
         """Put base_link at a pose, raise it until it is free, let it settle with wheels locked.
+
+        Args:
+            position: origin of base_link [m], shape [3].
+            quaternion: its rotation (w, x, y, z), shape [4].
 
         Raises:
             SimulationError: if it is not free within 0.3 m above, or does not stay there.
@@ -58,26 +119,85 @@ class Vehicle:
         mujoco.mj_resetData(self.model, data)
         data.qpos[self._qpos : self._qpos + 7] = (*position, *quaternion)
         mujoco.mj_forward(self.model, data)
-        while self._is_in_something():
+        while inside := self._what_it_is_in():
             data.qpos[self._qpos + 2] += _LIFT_STEP
             if data.qpos[self._qpos + 2] > position[2] + _HIGHEST_LIFT:
-                raise SimulationError(f"the rover's start at {_place(position)} is not free")
+                raise SimulationError(
+                    f"the rover's start at {_place(position)} is not free: it lies in {inside}"
+                )
             mujoco.mj_forward(self.model, data)
         data.ctrl[self._motors] = 0.0
         mujoco.mj_step(self.model, data, round(_SETTLE_TIME / self.model.opt.timestep))
         if not np.linalg.norm(self.position - position) < _FARTHEST_SETTLING:
             raise SimulationError(f"the rover does not stand at its start, {_place(position)}")
         data.time = 0.0
+        self._begin_audit()
 
-    def _is_in_something(self) -> bool:
-        """Whether a part of the rover reaches into the ground or a rock."""
-        own = self._is_rover[self.data.contact.geom].any(axis=1)
-        return bool((self.data.contact.dist[own] < 0.0).any())
+    def _begin_audit(self) -> None:
+        data = self.data
+        lift = self.rover.mass * _EARTH_GRAVITY * float(self._radii.mean())
+        self.audit = EnergyAudit(reference=lift, energy=float(data.energy.sum()))
+        self._rates = data.actuator_velocity[self._motors]
+        self._forces = data.actuator_force[self._motors]
+        self.saturated_steps = self.steps = 0
+
+    def _what_it_is_in(self) -> str:
+        """The rocks that a part of the rover reaches into, or else the ground; empty if neither."""
+        contact = self.data.contact
+        own = self._is_rover[contact.geom].any(axis=1) & (contact.dist < 0.0)
+        touched = contact.geom[own]
+        others = np.where(self._is_rover[touched[:, 0]], touched[:, 1], touched[:, 0])
+        names = sorted({self._rocks[geom] for geom in others.tolist()})
+        return ", ".join(name or "the ground" for name in names)
 
     def step(self, wheel_rates: Array, count: int) -> None:
-        """Command the wheels [rad/s] and take so many time steps."""
-        self.data.ctrl[self._motors] = wheel_rates
-        mujoco.mj_step(self.model, self.data, count)
+        """Command the wheels, forwards positive [rad/s], and take so many time steps.
+
+        The command is reached by even changes over these steps.
+        """
+        data, model = self.data, self.model
+        before, after = data.ctrl[self._motors], self._sides * wheel_rates
+        parts = np.linspace(0.0, 1.0, count + 1)[:, None]
+        commands = before + parts * (after - before)
+        rates, forces = np.empty((2, count, len(self._motors)))
+        for n in range(count):
+            data.ctrl[self._motors] = commands[n + 1]
+            mujoco.mj_step(model, data)
+            # MuJoCo now shows rates and forces as they were when the step began.
+            rates[n] = data.actuator_velocity[self._motors]
+            forces[n] = data.actuator_force[self._motors]
+        self._audit(np.vstack([self._forces, forces[:-1]]), np.vstack([self._rates, rates]))
+        self._rates, self._forces = rates[-1], forces[-1]
+        self._forget_unreachable()
+        at_limit = np.abs(data.actuator_force[self._motors]) >= _AT_LIMIT * self._torque_limits
+        self.saturated_steps += bool(at_limit.any())
+        self.steps += 1
+
+    def _forget_unreachable(self) -> None:
+        """Keep the angles that the servos follow within the reach of the motors' torques.
+
+        They run ahead of wheels that are held, which would spin to catch up once they are free.
+        """
+        data, motors = self.data, self._motors
+        held = data.actuator_length[motors] + self._damping * self._rates / self._stiffness
+        reach = self._torque_limits / self._stiffness
+        angles = data.act[self._activations]
+        data.act[self._activations] = np.clip(angles, held - reach, held + reach)
+
+    def _audit(self, forces: Array, rates: Array) -> None:
+        """Note the work of the servos over steps, by the force as each began and the rates around.
+
+        The implicit integrator applies the damping that belongs to the rate at a step's end, unless
+        the motor is at its limit, which then acts throughout.
+        """
+        limited = np.abs(forces) >= _AT_LIMIT * self._torque_limits
+        change = np.where(limited, 0.0, self._damping * np.diff(rates, axis=0))
+        work = 0.5 * self.model.opt.timestep * (forces - change) * (rates[:-1] + rates[1:])
+        self.audit.add(
+            driving=float(work.sum(where=work > 0.0)),
+            braking=float(work.sum(where=work < 0.0)),
+            energy=float(self.data.energy.sum()),
+        )
 
     @property
     def position(self) -> Array:
@@ -94,9 +214,42 @@ class Vehicle:
         """Rotation matrix of base_link, shape [3, 3]."""
         return np.array(self.data.xmat[self._body]).reshape(3, 3)
 
-    def rock_forces(self) -> dict[str, float]:
-        """Rocks that the rover touches now, with the largest normal force at each [N]."""
-        data, forces = self.data, dict[str, float]()
+    @property
+    def turn_rate(self) -> float:
+        """Turn rate of base_link about the vertical [rad/s]."""
+        return float(self.data.cvel[self._body, 2])
+
+    @property
+    def joint_angles(self) -> Array:
+        """Angles of the passive joints [rad], shape [joints]."""
+        return np.array(self.data.qpos[self._angles])
+
+    @property
+    def wheel_rates(self) -> Array:
+        """Rates of the wheels about their axles, forwards positive [rad/s], shape [wheels]."""
+        return np.asarray(self._sides * self.data.qvel[self._dofs])
+
+    def wheel_states(self) -> WheelStates:
+        """What the wheels do now."""
+        data = self.data
+        turning = data.cvel[self._wheel_bodies, :3]
+        arm = data.xpos[self._wheel_bodies] - data.subtree_com[self._body]
+        moving = data.cvel[self._wheel_bodies, 3:] + _cross(turning, arm)
+        left = data.xaxis[self._axles] * self._sides[:, None]
+        forward = _cross(left, self.rotation[None, :, 2])
+        forward /= np.linalg.norm(forward, axis=1, keepdims=True)
+        rim = (turning * left).sum(1) * self._radii
+        slip, moves = longitudinal_slip(rim, (moving * forward).sum(1))
+        return WheelStates(
+            rate=self.wheel_rates,
+            torque=self._sides * data.actuator_force[self._motors],
+            slip=slip,
+            moves=moves,
+        )
+
+    def rock_forces(self) -> dict[str, tuple[float, bool]]:
+        """Rocks that the rover touches now: largest normal force [N], whether its body touches."""
+        data, forces = self.data, dict[str, tuple[float, bool]]()
         pairs = data.contact.geom
         touched = self._is_rover[pairs].any(axis=1) & self._is_rock[pairs].any(axis=1)
         wrench = np.zeros(6)
@@ -104,7 +257,9 @@ class Vehicle:
             one, other = data.contact.geom[contact]
             name = self._rocks[one] or self._rocks[other]
             mujoco.mj_contactForce(self.model, data, int(contact), wrench)
-            forces[name] = max(forces.get(name, 0.0), float(wrench[0]))
+            force, by_body = forces.get(name, (0.0, False))
+            by_wheel = self._is_wheel[one] or self._is_wheel[other]
+            forces[name] = max(force, float(wrench[0])), bool(by_body or not by_wheel)
         return forces
 
     def fault(self) -> str:
@@ -115,22 +270,28 @@ class Vehicle:
                 return "contacts were dropped (MuJoCo's memory is full)"
         bad = ("BADQPOS", "BADQVEL", "BADQACC")
         if any(data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{b}")].number for b in bad):
-            return "the simulation became unstable"
+            return "the simulation became unstable (a number is not finite or far too large)"
         if not np.isfinite(data.qpos).all():
-            return "the simulation became unstable"
+            return "the simulation became unstable (a position is not finite)"
         if data.ncon >= _PAIR_LIMIT:
             own = data.contact.geom[self._is_rover[data.contact.geom].any(axis=1)]
             _, counts = np.unique(own, axis=0, return_counts=True)
             if counts.max(initial=0) >= _PAIR_LIMIT:
                 return f"contacts were dropped (a pair of geoms has {_PAIR_LIMIT})"
-        return ""
+        return self.audit.fault()
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """Cross products of rows; NumPy's own takes five times as long for a few."""
+    (a, b, c), (x, y, z) = one.T, other.T
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
 def _place(position: Array) -> str:
     return "({:.2f}, {:.2f}, {:.2f}) m".format(*position)
 
 
-def _rock_names(model: Any) -> list[str]:
+def rock_names(model: Any) -> list[str]:
     """The rock that each geom is part of, `rock_<id>`; empty for other geoms."""
     names = [model.geom(n).name for n in range(model.ngeom)]
     return ["_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names]
