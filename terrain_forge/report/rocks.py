@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ from terrain_forge.report.style import (
     facts,
     join,
     paragraph,
-    picture,
+    photograph,
+    plot,
     signed,
     table,
     thousands,
@@ -47,13 +47,8 @@ def rocks_section(world: World, proof: dict[str, Any], truth: Path) -> list[Html
         return [paragraph("This world has no rocks.")]
     parts = []
     if (truth / "size_frequency.png").is_file():
-        parts.append(
-            picture(
-                (truth / "size_frequency.png").read_bytes(),
-                media_type="image/png",
-                description="Cumulative number and cover of rocks over diameter",
-            )
-        )
+        proven = "Cumulative number and cover of rocks over diameter"
+        parts.append(plot(truth / "size_frequency.png", description=proven))
     if proof:
         rows = [*proof["populations"], *proof["lists"]]
         if len(proof["populations"]) > 1:
@@ -170,27 +165,19 @@ def _note(proof: dict[str, Any]) -> str:
 
 def _sheet(world: World) -> Html:
     """Some of the library's shapes, each family once before any comes twice."""
-    from PIL import Image
-
     from terrain_forge.rocks.shapes.contact_sheet import SIZES, render_contact_sheet
 
     shapes = _chosen(world.library.prototypes)
     width, height = _SHEET
     pixels = render_contact_sheet(shapes, body=world.site.body, width=width, height=height)
-    buffer = BytesIO()
-    Image.fromarray(pixels[_FIRST_ROW:_LAST_ROW]).save(buffer, "JPEG", quality=88)
     sizes = ", ".join(f"{size:g}" for size in SIZES)
     families = ", ".join(shape.family for shape in shapes)
     caption = (
         f"{len(shapes)} of the library's {len(world.library.prototypes)} shapes at {sizes} m, in "
         f"coarser levels of detail towards the front; from the left: {families}."
     )
-    return picture(
-        buffer.getvalue(),
-        media_type="image/jpeg",
-        description="Rock shapes of this world's library",
-        caption=caption,
-    )
+    shown = pixels[_FIRST_ROW:_LAST_ROW]
+    return photograph(shown, "Rock shapes of this world's library", caption)
 
 
 def _chosen(prototypes: tuple[RockPrototype, ...]) -> list[RockPrototype]:

@@ -1,11 +1,23 @@
-"""The look of the report page and the pieces of HTML that it is made of."""
+"""The pieces of HTML that the report page is made of; bundle/page.css is their look."""
 
 from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from html import escape
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+ANIMATED = (".gif", ".webp")
+"""File names of animated pictures end so."""
+LARGEST_ANIMATION = 5_000_000
+"""Bytes of an animated picture that the page takes in; a larger one stays beside it."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +41,10 @@ def join(parts: Sequence[Html]) -> Html:
     return Html("\n".join(part.text for part in parts if part.text))
 
 
-def section(title: str, *parts: Html) -> Html:
-    """A headed part of the page."""
-    return Html(f"<section><h2>{escape(title)}</h2>\n{join(parts).text}\n</section>")
+def section(title: str, *parts: Html, anchor: str) -> Html:
+    """A headed part of the page, which links to `anchor` lead to."""
+    heading = f"<h2>{escape(title)}</h2>"
+    return Html(f'<section id="{anchor}">{heading}\n{join(parts).text}\n</section>')
 
 
 def paragraph(text: Cell, kind: str = "") -> Html:
@@ -45,7 +58,9 @@ def facts(rows: Sequence[tuple[str, Cell]]) -> Html:
     return Html(f'<dl class="facts">{"".join(items)}</dl>')
 
 
-def table(headings: Sequence[str], rows: Sequence[Sequence[Cell]], *, figures: str) -> Html:
+def table(
+    headings: Sequence[str], rows: Sequence[Sequence[Cell]], *, figures: str, kind: str = ""
+) -> Html:
     """A table; `figures` has a letter per column: `l` for words, `r` for numbers."""
     kinds = ["num" if letter == "r" else "txt" for letter in figures]
     head = "".join(
@@ -59,14 +74,64 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Cell]], *, figures: s
         for row in rows
     )
     whole = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
-    return Html(f'<div class="wide">{whole}</div>')
+    return Html(f'<div class="{f"wide {kind}".strip()}" tabindex="0">{whole}</div>')
 
 
 def picture(image: bytes, *, media_type: str, description: str, caption: Cell = "") -> Html:
     """An image within the page."""
-    source = f"data:{media_type};base64,{b64encode(image).decode()}"
+    shown = f'<img src="{source(image, media_type)}" alt="{escape(description)}">'
+    return _figure(shown, caption)
+
+
+def photograph(pixels: NDArray[np.uint8], description: str, caption: Cell = "") -> Html:
+    """A picture as JPEG, a tenth of its PNG; pixels as sRGB, shape [height, width, 3]."""
+    return picture(jpeg(pixels), media_type="image/jpeg", description=description, caption=caption)
+
+
+def plot(path: Path, *, description: str, caption: Cell = "") -> Html:
+    """A plot (PNG), which a phone scrolls rather than shrinks, or an animated picture (GIF, WebP).
+
+    Who wants no motion sees the first of its pictures.
+    """
+    content, words = path.read_bytes(), escape(description)
+    if path.suffix not in ANIMATED:
+        shown = f'<img src="{source(content, "image/png")}" alt="{words}">'
+        return _figure(f'<div class="plot" tabindex="0">{shown}</div>', caption)
+    if len(content) > LARGEST_ANIMATION:
+        return paragraph(f"{description}: {path.parent.name}/{path.name}, beside this page.")
+    still = source(_first_picture(path), "image/jpeg")
+    moving = source(content, f"image/{path.suffix[1:]}")
+    shown = (
+        f'<picture><source media="(prefers-reduced-motion: reduce)" srcset="{still}">'
+        f'<img src="{moving}" alt="{words}"></picture>'
+    )
+    return _figure(shown, caption)
+
+
+def _figure(shown: str, caption: Cell) -> Html:
     below = f"<figcaption>{html(caption)}</figcaption>" if caption else ""
-    return Html(f'<figure><img src="{source}" alt="{escape(description)}">{below}</figure>')
+    return Html(f"<figure>{shown}{below}</figure>")
+
+
+def source(content: bytes, media_type: str) -> str:
+    """A file as an address that holds all of it."""
+    return f"data:{media_type};base64,{b64encode(content).decode()}"
+
+
+def jpeg(pixels: NDArray[np.uint8], quality: int = 88) -> bytes:
+    """An sRGB image, shape [height, width, 3], as JPEG."""
+    from PIL import Image
+
+    buffer = BytesIO()
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()
+
+
+def _first_picture(path: Path) -> bytes:
+    from PIL import Image
+
+    with Image.open(path) as animation:
+        return jpeg(np.asarray(animation.convert("RGB")))
 
 
 def thousands(number: int) -> str:
@@ -116,62 +181,37 @@ def _anchor(place: int, places: int) -> str:
     return "start" if place == 0 else "end" if place == places - 1 else "middle"
 
 
-def page(title: str, *, accent: str, body: Html) -> str:
-    """The whole document; it needs nothing but itself."""
-    style = STYLE.replace("ACCENT", accent)
+def page(title: str, *, accent: str, body: Html, scripts: Sequence[str]) -> str:
+    """The whole document; it needs nothing but itself.
+
+    Its policy keeps a browser from loading anything else and from running any other script.
+
+    Args:
+        title: What a browser's tab says.
+        accent: A colour of the page, as `#rrggbb`.
+        body: What the page shows, the scripts among it.
+        scripts: Those scripts, to the letter.
+    """
+    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts) or "'none'"
+    policy = (
+        f"default-src 'none'; img-src data: blob:; connect-src blob:; "
+        f"style-src 'unsafe-inline'; script-src {allowed}"
+    )
     return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<!DOCTYPE html>\n<html lang="en" style="--ground: {accent}">\n<head>\n'
+        '<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{style}</style>\n</head>\n"
+        '<meta name="color-scheme" content="light dark">\n'
+        f"<title>{escape(title)}</title>\n<style>{part('page.css')}</style>\n</head>\n"
         f"<body>\n{body.text}\n</body>\n</html>\n"
     )
 
 
-STYLE = """
-:root { --ink: #26211d; --soft: #6d645b; --line: #e3dcd3; --paper: #fbf9f6; --card: #fff;
-  --accent: ACCENT; --good: #2f7a3f; --bad: #b3261e; }
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--paper); color: var(--ink); line-height: 1.5;
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
-header, section, footer { max-width: 1080px; margin: 0 auto; padding: 0 20px; }
-header { padding-top: 36px; }
-h1 { margin: 0; font-size: 2.2rem; letter-spacing: -.02em; line-height: 1.15;
-  overflow-wrap: anywhere; }
-h2 { font-size: 1.2rem; margin: 44px 0 14px; padding-bottom: 6px;
-  border-bottom: 2px solid var(--accent); }
-h3 { font-size: 1rem; margin: 22px 0 6px; }
-p { margin: 8px 0; }
-.lead { color: var(--soft); font-size: 1.05rem; margin: 8px 0 18px; }
-.note { color: var(--soft); font-size: .9rem; }
-figure { margin: 0 0 12px; }
-img { display: block; width: 100%; height: auto; border-radius: 8px; }
-figcaption { color: var(--soft); font-size: .88rem; margin-top: 6px; }
-.pair { display: grid; gap: 28px; align-items: start;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr)); }
-.facts { display: grid; gap: 0 28px; margin: 0;
-  grid-template-columns: repeat(auto-fill, minmax(min(100%, 300px), 1fr)); }
-.facts div { display: flex; justify-content: space-between; gap: 14px; padding: 7px 0;
-  border-bottom: 1px solid var(--line); }
-dt { color: var(--soft); white-space: nowrap; }
-dd { margin: 0; text-align: right; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: .9rem; }
-th { font-weight: 600; color: var(--soft); }
-th, td { padding: 7px 10px 7px 0; border-bottom: 1px solid var(--line); vertical-align: baseline; }
-.txt { text-align: left; }
-.num { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-.chip { display: inline-block; padding: 0 8px; border-radius: 99px; font-size: .82rem;
-  font-weight: 600; white-space: nowrap; border: 1px solid currentColor; }
-.good { color: var(--good); } .bad { color: var(--bad); } .open { color: var(--soft); }
-pre { background: #2a2521; color: #f3ede5; padding: 12px 14px; border-radius: 8px; overflow-x: auto;
-  font-size: .86rem; margin: 6px 0 14px; }
-code { font-family: ui-monospace, SFMono-Regular, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
-.bars { display: block; width: 100%; height: auto; margin: 10px 0; }
-.bars rect { fill: var(--accent); } .bars line { stroke: var(--soft); }
-.bars text { fill: var(--soft); font-size: 14px; }
-footer { color: var(--soft); font-size: .88rem; margin-top: 52px; padding-bottom: 40px; }
-@media (max-width: 520px) { h1 { font-size: 1.7rem; } header { padding-top: 22px; } }
-@media print { body { background: #fff; font-size: 11px; } section { break-inside: auto; }
-  figure, tr, pre, .facts div { break-inside: avoid; } h2 { break-after: avoid; margin-top: 24px; }
-  pre { background: #fff; color: #000; border: 1px solid #999; white-space: pre-wrap; } }
-"""
+def part(name: str) -> str:
+    """A file of the page's bundle: its style, its script, the library that draws in 3-D."""
+    return (files("terrain_forge.report") / "bundle" / name).read_text(encoding="utf-8")
+
+
+def _digest(script: str) -> str:
+    return b64encode(sha256(script.encode()).digest()).decode()

@@ -1,0 +1,99 @@
+"""The rocks of the 3-D view: the largest ones, as instances of their shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.colour import linear_from_srgb
+from terrain_forge.frames import xyzw
+from terrain_forge.report.model.relief import Relief
+from terrain_forge.report.style import jpeg
+from terrain_forge.rock_surface import surface
+from terrain_forge.world import RockField, World
+from terrain_forge.writers.glb import Gltf
+from terrain_forge.writers.rock_texture import rock_texture
+
+INSTANCING = "EXT_mesh_gpu_instancing"
+MOST = 5000
+"""Rocks that the view shows as bodies; the picture of the ground shows all."""
+
+_FINEST, _FINE = 16, 400
+
+
+def shown_rocks(field: RockField) -> RockField:
+    """The largest rocks, the largest first."""
+    return field.select(np.argsort(-field.diameter, kind="stable")[:MOST])
+
+
+def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, Any]]:
+    """Add the shown rocks; yields a node for each shape, level of detail and population.
+
+    Rocks rise and sink with the coarser ground beneath them.
+
+    Args:
+        world: The world.
+        relief: The shown ground.
+        gltf: The asset.
+    """
+    rocks = shown_rocks(world.field)
+    plan = rocks.position[:, :2]
+    lift = relief.height_at(plan) - world.ground.height_at(plan[:, 0], plan[:, 1])
+    position = rocks.position + lift[:, None] * (0.0, 0.0, 1.0)
+    shape = cache(lambda prototype, level: _add_shape(world, prototype, level, gltf))
+    look = cache(lambda population: _add_look(world, population, gltf))
+    kinds = np.stack([rocks.prototype, _levels(world, rocks), rocks.population], axis=-1)
+    for prototype, level, population in np.unique(kinds, axis=0).tolist():
+        rows = np.all(kinds == (prototype, level, population), axis=1)
+        primitive = {**shape(prototype, level), "material": look(population)}
+        size = np.repeat(rocks.scale[rows, None], 3, axis=1)
+        places = {
+            "TRANSLATION": gltf.add_samples(position[rows].astype(np.float32)),
+            "ROTATION": gltf.add_samples(xyzw(rocks.quaternion[rows]).astype(np.float32)),
+            "SCALE": gltf.add_samples(size.astype(np.float32)),
+        }
+        mesh = gltf.add("meshes", {"primitives": [primitive]})
+        yield {"mesh": mesh, "extensions": {INSTANCING: {"attributes": places}}}
+
+
+def _levels(world: World, rocks: RockField) -> NDArray[np.int64]:
+    """Level of detail of each rock, the largest first."""
+    wanted = np.full(len(rocks), 2)
+    wanted[:_FINE], wanted[:_FINEST] = 1, 0
+    coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
+    result: NDArray[np.int64] = np.minimum(wanted, coarsest[rocks.prototype])
+    return result
+
+
+def _add_shape(world: World, prototype: int, level: int, gltf: Gltf) -> dict[str, Any]:
+    shape = surface(world.library.prototypes[prototype], level)
+    coordinates = shape.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
+    attributes = {
+        "POSITION": gltf.add_vertices(shape.vertices.astype(np.float32), bounded=True),
+        "NORMAL": gltf.add_vertices(shape.normals.astype(np.float32)),
+        "TEXCOORD_0": gltf.add_vertices(coordinates.astype(np.float32)),
+    }
+    return {"attributes": attributes, "indices": gltf.add_indices(shape.faces)}
+
+
+def _add_look(world: World, population: int, gltf: Gltf) -> int:
+    pixels = jpeg(rock_texture(world, population))
+    texture = gltf.add_texture(pixels, tiles=True, media_type="image/jpeg")
+    look = {
+        "baseColorTexture": {"index": texture},
+        "metallicFactor": 0.0,
+        "roughnessFactor": 1.0,
+    }
+    name = world.field.populations[population]
+    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look})
+
+
+def picture_gain(picture: NDArray[np.uint8], world: World) -> float:
+    """How much brighter the picture of the ground is than its colours, in linear light."""
+    shown = linear_from_srgb(picture[::8, ::8] / 255.0).mean()
+    own = linear_from_srgb(world.appearance.ground_rgb[::8, ::8] / 255.0).mean()
+    return float(shown / max(own, 1e-6))

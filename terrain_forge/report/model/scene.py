@@ -1,0 +1,141 @@
+"""The model of the 3-D view, from a built world to the bytes of a GLB."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.colour import linear_from_srgb
+from terrain_forge.frames import quaternion_from_rpy, xyzw
+from terrain_forge.ground_mesh import grid_faces
+from terrain_forge.report.lines import Line
+from terrain_forge.report.model.overlays import Overlay
+from terrain_forge.report.model.relief import Relief, coarsen
+from terrain_forge.report.model.rocks import INSTANCING, rock_nodes
+from terrain_forge.report.model.rover import rover_nodes
+from terrain_forge.report.style import jpeg
+from terrain_forge.world import World
+from terrain_forge.writers.glb import Gltf
+
+_UNLIT = "KHR_materials_unlit"
+_HALF = 0.5**0.5
+_Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
+"""Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
+_LINE_STRIP = 3
+_LINE_HEIGHT = 0.12
+_QUALITY = 82
+
+
+def page_model(
+    world: World,
+    *,
+    picture: NDArray[np.uint8],
+    overlays: Sequence[Overlay],
+    lines: Sequence[Line],
+) -> bytes:
+    """The GLB: ground of at most 257² nodes, the largest rocks, lines, the rover at its start.
+
+    The children of its one root are named `ground`, `rocks`, `rover` and `lines`. The ground has
+    the picture, which is the first material; those of the overlays, which nothing wears, follow.
+
+    Args:
+        world: The world.
+        picture: The world from above, sRGB, north up, shape [height, width, 3].
+        overlays: What else the ground can be painted with.
+        lines: Paths and tracks, which are laid a little above the ground.
+    """
+    relief = coarsen(world.ground)
+    with TemporaryDirectory() as folder, (Path(folder) / "arrays").open("w+b") as binary:
+        gltf = Gltf(binary)
+        tree = _Tree(world.site.name)
+        tree.add("ground", [_ground(gltf, relief, picture)])
+        for overlay in overlays:
+            _add_painted(gltf, overlay.name, overlay.pixels)
+        tree.add("rocks", rock_nodes(world, relief, gltf))
+        tree.add("lines", [_line(gltf, relief, line) for line in lines])
+        tree.add("rover", rover_nodes(world.rover, gltf), **_start(world, relief))
+        path = Path(folder) / "world.glb"
+        used = [_UNLIT, *([INSTANCING] if len(world.field) else [])]
+        gltf.write(
+            path,
+            nodes=map(json.dumps, tree.nodes),
+            asset={"version": "2.0", "generator": "terrain-forge"},
+            extensionsUsed=used,
+            scene=0,
+            scenes=[{"nodes": [0]}],
+        )
+        return path.read_bytes()
+
+
+class _Tree:
+    """Nodes under one root that stands upright in glTF's frame."""
+
+    def __init__(self, name: str) -> None:
+        self.nodes: list[dict[str, Any]] = [
+            {"name": name, "rotation": _Z_UP_TO_Y_UP, "children": []}
+        ]
+
+    def add(self, name: str, children: Any, **place: Any) -> None:
+        """Add a named group of nodes."""
+        group = len(self.nodes)
+        self.nodes[0]["children"].append(group)
+        self.nodes.append({"name": name, **place})
+        self.nodes += children
+        if len(self.nodes) > group + 1:
+            self.nodes[group]["children"] = list(range(group + 1, len(self.nodes)))
+
+
+def _ground(gltf: Gltf, relief: Relief, picture: NDArray[np.uint8]) -> dict[str, Any]:
+    attributes = {
+        "POSITION": gltf.add_vertices(relief.vertices(), bounded=True),
+        "TEXCOORD_0": gltf.add_vertices(relief.texture_coordinates()),
+    }
+    primitive = {
+        "attributes": attributes,
+        "indices": gltf.add_indices(grid_faces(*relief.unit.shape)),
+        "material": _add_painted(gltf, "Picture", picture),
+    }
+    return {"mesh": gltf.add("meshes", {"primitives": [primitive]})}
+
+
+def _add_painted(gltf: Gltf, name: str, pixels: NDArray[np.uint8]) -> int:
+    """Add a material that shows an image as it is."""
+    texture = gltf.add_texture(jpeg(pixels, _QUALITY), tiles=False, media_type="image/jpeg")
+    look = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    unlit: dict[str, Any] = {"extensions": {_UNLIT: {}}}
+    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look, **unlit})
+
+
+def _line(gltf: Gltf, relief: Relief, line: Line) -> dict[str, Any]:
+    heights = relief.height_at(line.points) + _LINE_HEIGHT
+    points = np.column_stack([line.points, heights]).astype(np.float32)
+    rgb = np.frombuffer(bytes.fromhex(line.colour[1:]), np.uint8) / 255.0
+    colour = [*linear_from_srgb(rgb).tolist(), 1.0]
+    look = {"pbrMetallicRoughness": {"baseColorFactor": colour}, "extensions": {_UNLIT: {}}}
+    primitive = {
+        "attributes": {"POSITION": gltf.add_vertices(points, bounded=True)},
+        "material": gltf.add("materials", {"name": line.name, **look}),
+        "mode": _LINE_STRIP,
+    }
+    mesh = gltf.add("meshes", {"primitives": [primitive]})
+    return {"name": line.name, "mesh": mesh, "extras": {"driven": line.driven}}
+
+
+def _start(world: World, relief: Relief) -> dict[str, Any]:
+    """Where the rover stands: at the start of the first path, or else amid the ground."""
+    if world.trajectories:
+        position, rpy = world.trajectories[0].position[0].copy(), world.trajectories[0].rpy[0]
+    else:
+        west, south, east, north = world.ground.bounds
+        position, rpy = np.array([0.5 * (west + east), 0.5 * (south + north), 0.0]), np.zeros(3)
+        position[2] = world.ground.height_at(position[0], position[1])
+    own = world.ground.height_at(position[0], position[1])
+    position[2] += relief.height_at(position[None, :2])[0] - own
+    turn = xyzw(quaternion_from_rpy(rpy))
+    return {"translation": position.tolist(), "rotation": turn.tolist()}

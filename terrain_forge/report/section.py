@@ -1,0 +1,99 @@
+"""What the page's sections are made from, and what they are.
+
+A section is one function, from what was built to a `Section`, or to None where there is nothing to
+say; `page.SECTIONS` is the list of them in the page's order.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.report.style import ANIMATED, Html
+from terrain_forge.world import World
+
+MAP_PIXELS = 1024
+"""Pixels along the longer side of the picture from above."""
+
+Content = dict[str, Any]
+"""What a JSON file says."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A headed part of the page, to which the page's own list of contents leads."""
+
+    title: str
+    """Its heading."""
+    html: tuple[Html, ...]
+    """Its parts, one below the other."""
+
+    @property
+    def anchor(self) -> str:
+        """Its name within the page."""
+        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+
+
+@dataclass(frozen=True)
+class Built:
+    """A world and its built folder, in which any file may be missing."""
+
+    world: World
+    """The world."""
+    directory: Path
+    """The built folder."""
+    above: NDArray[np.uint8] | None = None
+    """The picture from above, where it was taken already."""
+
+    def json(self, path: str) -> Content:
+        """The content of a JSON file of the folder, empty where it was not written."""
+        file = self.directory / path
+        if not file.is_file():
+            return {}
+        content: Content = json.loads(file.read_text(encoding="utf-8"))
+        return content
+
+    @cached_property
+    def validation(self) -> Content:
+        """Content of validation/report.json, empty where the world was not validated."""
+        return self.json("validation/report.json")
+
+    @cached_property
+    def recipe(self) -> Content:
+        """The recipe as it was resolved."""
+        content: Content = json.loads(self.world.site.recipe_json)
+        return content
+
+    def pictures(self, *names: str) -> list[Path]:
+        """The validation's pictures whose names begin so, in the order of their names."""
+        found = sorted((self.directory / "validation").glob("*"))
+        return [
+            path
+            for path in found
+            if path.suffix in (".png", *ANIMATED) and path.stem.startswith(names)
+        ]
+
+    @cached_property
+    def map(self) -> NDArray[np.uint8]:
+        """The world from above without its paths, sRGB, north up, shape [height, width, 3]."""
+        return take_map(self.world) if self.above is None else self.above
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """How far the ground goes from west to east and from south to north [m]."""
+        west, south, east, north = self.world.ground.bounds
+        return east - west, north - south
+
+
+def take_map(world: World) -> NDArray[np.uint8]:
+    """The picture from above that the page shows; see `Built.map`."""
+    from terrain_forge.preview import render_from_above
+
+    return render_from_above(world, MAP_PIXELS)
