@@ -1,8 +1,9 @@
 """Measures the ground alone: `python benchmarks/terrain.py [-n RUNS]`.
 
-Prints, for grids of 1025² and 4000² nodes with detail of eight octaves below a DTM, the median wall
-and processor time of warm runs, and the peak memory that the ground adds, as a multiple of its
-float32 grid. Nothing is asserted: read the table.
+Prints, for grids of 1025² and 4000² nodes with detail of eight octaves below a DTM, without and
+with thousands of craters, and of nine octaves on a flat site with craters, the median wall and
+processor time of warm runs, and the peak memory that the ground adds, as a multiple of its float32
+grid. Nothing is asserted: read the table.
 """
 
 from __future__ import annotations
@@ -18,12 +19,18 @@ import time
 import numpy as np
 
 import terrain_forge as tf
-from terrain_forge.dtm.spec import ArrayDtm
+from terrain_forge.dtm.spec import ArrayDtm, FlatDtm
 from terrain_forge.recipe import TerrainSpec
+from terrain_forge.terrain.cratering.making import make_craters
+from terrain_forge.terrain.cratering.production import Neukum
 from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.terrain.layer import Layer
+from terrain_forge.terrain.layers.craters import CraterLayer
 from terrain_forge.terrain.layers.fractal import Fractal
 
 SPACING = 0.125
+SMALLEST = {1025: 0.5, 4000: 1.4}
+"""Smallest craters [m] on a grid of so many nodes: 5 000 and 10 000 of them and larger ones."""
 POSTING = 12.0
 """With a longest wavelength of twice that: 24, 12, 6, 3, 1.5, 0.75, 0.375, 0.1875 m."""
 
@@ -33,45 +40,62 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", "--runs", type=int, default=5, help="counted runs of each grid")
     parser.add_argument("--nodes", type=int, help="measure one grid here")
+    parser.add_argument("--craters", action="store_true", help="with craters")
+    parser.add_argument("--flat", action="store_true", help="without a DTM")
     arguments = parser.parse_args()
     if arguments.nodes:
-        measure(arguments.nodes, arguments.runs)
+        measure(arguments.nodes, arguments.runs, craters=arguments.craters, flat=arguments.flat)
         return
     print(f"{os.cpu_count()} processors; median of {arguments.runs}")
-    for nodes in (1025, 4000):
-        command = [sys.executable, __file__, "--nodes", str(nodes), "-n", str(arguments.runs)]
-        subprocess.run(command, check=True)
+    for nodes in SMALLEST:
+        for kind in ([], ["--craters"], ["--craters", "--flat"]):
+            command = [sys.executable, __file__, "--nodes", str(nodes), "-n", str(arguments.runs)]
+            subprocess.run([*command, *kind], check=True)
 
 
-def measure(nodes: int, runs: int) -> None:
+def measure(nodes: int, runs: int, *, craters: bool, flat: bool) -> None:
     """Print one line of the table."""
-    site, layer = place(nodes)
-    shape_ground(site=place(200)[0], window=place(200)[0].window, layers=(layer,))
+    site, layers = place(nodes, craters=craters, flat=flat)
+    small, _ = place(nodes, craters=craters, flat=flat, size=200 * SPACING)
+    shape_ground(site=small, window=small.window, layers=layers)
     before = peak()
     rows = []
     for _ in range(runs):
         wall, processor = time.perf_counter(), time.process_time()
-        ground = shape_ground(site=site, window=site.window, layers=(layer,))
+        ground = shape_ground(site=site, window=site.window, layers=layers)
         rows.append((time.perf_counter() - wall, time.process_time() - processor))
     wall, processor = (statistics.median(column) for column in zip(*rows, strict=True))
     memory = (peak() - before) / ground.elevation.nbytes
-    print(f"{nodes}²: {wall:.2f} s wall, {processor:.2f} s processor, {memory:.1f} × float32 grid")
+    last = layers[-1]
+    made = isinstance(last, CraterLayer)
+    number = len(make_craters(last, site=site, area=site.bounds)) if made else 0
+    print(
+        f"{nodes}²{', flat' if flat else ''}, {number} craters: {wall:.2f} s wall, "
+        f"{processor:.2f} s processor, {memory:.1f} × float32 grid"
+    )
 
 
-def place(nodes: int) -> tuple[tf.Site, Fractal]:
-    """A site of so many nodes a side over an array of posts."""
-    size = (nodes - 1) * SPACING
+def place(
+    nodes: int, *, craters: bool, flat: bool, size: float | None = None
+) -> tuple[tf.Site, tuple[Layer, ...]]:
+    """A site of so many nodes a side, or of another size [m], over an array of posts."""
+    size = size or (nodes - 1) * SPACING
     posts = max(int(size / POSTING) + 16, 64)
     random = np.random.default_rng(1)
     heights = random.normal(size=(posts, posts)).cumsum(axis=0).cumsum(axis=1) / 20.0
-    layer = Fractal()
+    layers: tuple[Layer, ...] = (Fractal(longest_wavelength_m=2.0 * POSTING),)
+    if craters:
+        law = Neukum(age_ga=3.5)
+        layers += (CraterLayer(production=law, diameter_m=(SMALLEST[nodes], 60.0)),)
     recipe = tf.Recipe(
         name="benchmark",
-        body="mars",
-        dtm=ArrayDtm(posting_m=POSTING, size_m=(size, size)),
-        terrain=TerrainSpec(spacing_m=SPACING, layers=(layer,)),
+        body="moon",
+        dtm=FlatDtm(size_m=(size, size))
+        if flat
+        else ArrayDtm(posting_m=POSTING, size_m=(size, size)),
+        terrain=TerrainSpec(spacing_m=SPACING, layers=layers),
     )
-    return tf.plan(recipe, heights=heights), layer
+    return tf.plan(recipe, heights=None if flat else heights), layers
 
 
 def peak() -> int:

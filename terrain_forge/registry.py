@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -46,7 +47,7 @@ class Exporter(Protocol):
 
 def exporter_names() -> list[str]:
     """Names of the exporters that are installed, working or not."""
-    return sorted({point.name for point in entry_points(group=EXPORTERS)})
+    return sorted(plugins(EXPORTERS))
 
 
 def exporter(name: str) -> Exporter:
@@ -55,7 +56,7 @@ def exporter(name: str) -> Exporter:
     Raises:
         RecipeError: if none has it, or if it cannot be imported; lists those that are installed.
     """
-    found = {point.name: point for point in entry_points(group=EXPORTERS)}
+    found = plugins(EXPORTERS)
     if name not in found:
         raise RecipeError(f"unknown exporter {name!r}, installed: {', '.join(sorted(found))}")
     module = _load(found[name])
@@ -64,12 +65,54 @@ def exporter(name: str) -> Exporter:
     return cast(Exporter, module)
 
 
+@cache
+def plugins(group: str) -> dict[str, EntryPoint]:
+    """The entry points of a group by their names, of which each has one.
+
+    Where several packages give one name, ours has it, or else the first by its module's name; the
+    others are skipped with a warning.
+    """
+    found: dict[str, EntryPoint] = {}
+    for point in sorted(set(entry_points(group=group)), key=_precedence):
+        first = found.setdefault(point.name, point)
+        if first.value != point.value:
+            _log.warning(
+                "%s %r of %s is skipped: %s has that name",
+                group.rpartition(".")[2].removesuffix("s"), point.name, point.value, first.value,
+            )  # fmt: skip
+    return found
+
+
+def require_room(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:
+    """Let an exporter refuse a world of that size before it is made, if it knows a limit.
+
+    Args:
+        exporter: The exporter.
+        options: Its options.
+        nodes: Nodes of the ground.
+        rocks: Expected number of rocks.
+
+    Raises:
+        ExportError: if the format cannot hold such a world.
+    """
+    check = getattr(exporter, "require_room", None)
+    if check is not None:
+        check(options, nodes=nodes, rocks=rocks)
+
+
+def _precedence(point: EntryPoint) -> tuple[bool, str]:
+    return not point.value.startswith("terrain_forge."), point.value
+
+
 def _load(point: EntryPoint) -> ModuleType | None:
     try:
         module = point.load()
         missing = [part for part in ("Options", "export") if not hasattr(module, part)]
+        if not missing and not is_dataclass(module.Options):
+            missing = ["dataclass Options"]
     except Exception as error:  # whatever a foreign package raises must not break ours
-        _log.warning("exporter %r (%s) is skipped: %s", point.name, point.value, error)
+        why = " ".join(str(error).split()) or type(error).__name__
+        _log.warning("exporter %r (%s) is skipped: %s", point.name, point.value, why)
         return None
     if missing:
         _log.warning("exporter %r (%s) is skipped: has no %s", point.name, point.value, missing[0])

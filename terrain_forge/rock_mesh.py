@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 # A face goes only where it is this fraction of the rock's diameter under the ground.
 _BURIED_MARGIN = 0.05
+# Rocks that become one mesh; a renderer culls such meshes, an engine finds its way in each.
+_PART = 8192
 
 
 def outline_error(mesh: Mesh, reference: Mesh) -> float:
@@ -55,17 +57,14 @@ def fixed_losses(field: RockField) -> tuple[str, ...]:
 def coarse_shape(prototype: RockPrototype, tolerance: float) -> Mesh:
     """The shape of fewest faces whose outline is the finest mesh's within `tolerance` [mean axes].
 
-    Chosen from the coarser levels of detail and, where one hull stands for the whole rock, that
-    hull; where none is so close, the closest of them.
+    Chosen from the levels of detail and, where one hull stands for the whole rock, that hull; the
+    finest mesh itself where nothing else is so close.
     """
     finest, coarser = prototype.meshes[0], prototype.meshes[1:]
     hull = prototype.hulls if len(prototype.hulls) == 1 else ()
     candidates: list[Mesh] = sorted([*coarser, *hull], key=lambda mesh: len(mesh.faces))
-    errors = [outline_error(mesh, finest) for mesh in candidates]
-    fitting = (n for n, error in enumerate(errors) if error <= tolerance)
-    if not candidates:
-        return finest
-    return candidates[next(fitting, int(np.argmin(errors)))]
+    fitting = (mesh for mesh in candidates if outline_error(mesh, finest) <= tolerance)
+    return next(fitting, finest)
 
 
 def merge_rocks(
@@ -96,6 +95,20 @@ def merge_rocks(
         (ground.elevation, ground.origin[0], ground.origin[1], ground.spacing),
     )
     return vertices[:used_vertices], faces[:used_faces]
+
+
+def merge_in_parts(
+    field: RockField, shapes: Sequence[Mesh], ground: Heightfield
+) -> Iterator[tuple[Array, NDArray[np.int32]]]:
+    """`merge_rocks` of so many rocks at a time that memory does not grow with their number.
+
+    Parts without a face above the ground are left out.
+    """
+    for first in range(0, len(field), _PART):
+        rows = np.arange(first, min(first + _PART, len(field)))
+        vertices, faces = merge_rocks(field.select(rows), shapes, ground)
+        if len(faces):
+            yield vertices, faces
 
 
 def _fibonacci_sphere(count: int) -> Array:

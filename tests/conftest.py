@@ -1,11 +1,20 @@
+from functools import partial
+
 import pytest
 
 from tests import worlds
+from tests.gazebo import compile_program
 
 
 @pytest.fixture(scope="session")
 def small_world():
     return worlds.world()
+
+
+@pytest.fixture(scope="session")
+def build(tmp_path_factory):
+    """Compiles one of the small programs of tests/consumers, or skips the test."""
+    return partial(compile_program, tmp_path_factory.mktemp("consumers"))
 
 
 @pytest.fixture(scope="session", autouse=True)

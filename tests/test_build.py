@@ -208,7 +208,7 @@ def test_export_and_validate_a_built_folder(built, tmp_path):
     assert digest(out) == before
     done = run("export", out, "--only", "blend")
     assert done.returncode == 2
-    assert "mjcf, sdf, usd" in done.stderr
+    assert "mjcf, rover, sdf, usd" in done.stderr
     assert digest(out) == before
 
 

@@ -36,6 +36,7 @@ from terrain_forge.terrain.cratering.production import (
 )
 from terrain_forge.terrain.ground import shape_ground
 from terrain_forge.terrain.layers.craters import CraterLayer
+from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
 from terrain_forge.validation.craters import crater_checks
 from tests import worlds
@@ -371,6 +372,18 @@ def test_smaller_craters_leave_the_larger_alone():
     np.testing.assert_array_equal(many.select(rows).age, few.age)
 
 
+@pytest.mark.parametrize("limits", [(2.7, 60.0), (5.5, 60.0), (2.0, 21.0), (5.5, 21.0)])
+def test_limits_of_size_are_a_cut(limits):
+    """Also within an octave: who is left keeps address, place, size and age."""
+    place = moon()
+    some = everywhere(layer(diameter_m=limits), place)
+    every = everywhere(layer(diameter_m=(2.0, 60.0)), place)
+    inside = (every.diameter >= limits[0]) & (every.diameter <= limits[1])
+    assert 10 < inside.sum() < len(every)
+    for name in ("id", "xy", "diameter", "age", "wear"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(every.select(inside), name))
+
+
 def test_layers_of_other_names_are_others():
     place = moon()
     one, other = everywhere(layer(), place), everywhere(layer(name="secondaries"), place)
@@ -508,6 +521,32 @@ def test_young_ejecta_are_bright():
     assert layer(ejecta_contrast=0.0).brightness(site=place, window=part) is None
 
 
+def test_production_of_the_users_table(tmp_path):
+    """Counts of one's own, from a file as from lists, and hashed as an input."""
+    lines = "diameter_m,number_per_km2\n2,15000\n8,900\n60,4\n"
+    (tmp_path / "counts.csv").write_text(lines)
+    from_file = layer(production=CraterTable(file="counts.csv", age_ga=3.5))
+    lists = CraterTable(diameters_m=(2, 8, 60), numbers_per_km2=(15000, 900, 4), age_ga=3.5)
+    site = plan(recipe(from_file), folder=tmp_path)
+    assert [name for name, _ in site.inputs] == ["counts.csv"]
+    given = plan(recipe(layer(production=lists)))
+    assert site.recipe.terrain == given.recipe.terrain
+    (spec,) = site.recipe.terrain.layers
+    found = everywhere(spec, site)
+    assert np.array_equal(found.xy, everywhere(spec, given).xy)
+    wanted = population_of(spec, site=site).number(np.array([2.0, 8.0, 60.0])) * 1e6
+    assert wanted[:2] - wanted[2] == pytest.approx([14996.0, 896.0])
+    for text, match in (
+        ("2,15000\n8,30000\n", "numbers fall"),
+        ("2,15000\n", "two diameters"),
+        ("2,0\n8,-1\n", "must be above 0"),
+    ):
+        (tmp_path / "counts.csv").write_text("diameter_m,number_per_km2\n" + text)
+        with pytest.raises(DataError, match=match) as error:
+            plan(recipe(from_file), folder=tmp_path)
+        assert error.value.key == ("terrain", "layers", 0, "production", "file")
+
+
 # Truth
 
 
@@ -552,6 +591,27 @@ def test_truth_lists_the_craters(tmp_path):
         assert row["diameter_m"] == known[name]["diameter_m"]
 
 
+def test_truth_tells_which_craters_were_masked_out(tmp_path):
+    """West of the middle the mask is black: the ground is level there and the table says so."""
+    from PIL import Image as Picture
+
+    black_and_white = np.repeat([0, 255], 100).astype(np.uint8)
+    Picture.fromarray(np.tile(black_and_white, (160, 1))).save(tmp_path / "mask.png")
+    spec = CraterLayer(
+        production=Neukum(age_ga=3.5), diameter_m=(2.0, 30.0), mask=Mask(image="mask.png")
+    )
+    site = plan(recipe(spec), folder=tmp_path)
+    for window in (site.window, Window(column=30, row=20, columns=120, rows=90)):
+        world = realise(site, window)
+        rows = list(csv.DictReader(write_craters(world, tmp_path)[0].read_text().splitlines()))
+        weight = np.array([float(row["mask_weight"]) for row in rows])
+        east = np.array([float(row["x_m"]) for row in rows])
+        assert set(weight[east < -5.0]) == {0.0}
+        assert set(weight[east > 5.0]) == {1.0}
+        assert not world.ground.elevation[:, world.ground.east < -5.0].any()
+        assert world.ground.elevation[:, world.ground.east > 5.0].any()
+
+
 def test_nothing_is_written_where_no_craters_are_made(tmp_path):
     world = realise(plan(recipe()))
     assert write_craters(world, tmp_path) == []
@@ -577,6 +637,22 @@ def test_proof_of_the_numbers(tmp_path):
     assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown.text
     assert shown.text.count("<td") == 4 * 5
     assert report["cumulative"]["expected"][0] == pytest.approx(report["number"]["expected"])
+
+
+def test_numbers_count_from_the_smallest(tmp_path):
+    """Also where that lies within an octave."""
+    import json
+
+    spec = layer(diameter_m=(2.7, 21.0))
+    world = realise(plan(recipe(spec, name="counts")))
+    (tmp_path / "truth").mkdir()
+    _, counts = write_craters(world, tmp_path / "truth")
+    (report,) = json.loads(counts.read_text())["layers"]
+    wanted = 100.0 * 80.0 * population_of(spec, site=world.site).density(2.7, 21.0)
+    assert report["number"]["expected"] == pytest.approx(wanted)
+    assert report["cumulative"]["diameter_m"] == [2.7, 4.0, 8.0, 16.0]
+    assert report["cumulative"]["expected"][0] == pytest.approx(wanted)
+    assert abs(report["number"]["z"]) < norm.isf(0.5 * ALPHA)
 
 
 # What cannot be
@@ -635,6 +711,7 @@ def test_a_dtm_shows_large_craters_itself():
     [
         ("x_m,y_m\n1,2\n", "no column 'diameter_m'"),
         ("x_m,y_m,diameter_m\n1,2,1.5\n", "diameter_m of crater 1 is 1.5, allowed: 2 to 10583"),
+        ("x_m,y_m,diameter_m\n1,2,11000\n", "complex craters, which begin at 10583 m on Moon"),
         ("x_m,y_m,diameter_m,age_ga\n1,2,9,1\n1,2,9,5\n", "age_ga of crater 2 is 5, allowed"),
         ("x_m,diameter_m\n900,9\n", "x_m and y_m, or lon_deg and lat_deg; found x_m"),
         ("x_m,y_m,diameter_m\n900,2,9\n", "no crater reaches the site, which ends at ±50, ±40 m"),
@@ -646,6 +723,28 @@ def test_lists_that_cannot_be(text, match, tmp_path):
     with pytest.raises(DataError, match=match) as caught:
         plan(recipe(CraterLayer(file="mine.csv")), folder=tmp_path)
     assert caught.value.key == ("terrain", "layers", 0, "file")
+
+
+def test_fields_of_a_list_may_be_left_empty(tmp_path):
+    """They are then as if there were no such column."""
+    texts = {
+        "full": "x_m,y_m,diameter_m,age_ga,depth_to_diameter\n1,2,9,,\n-20,5,12,0.5,0.08\n",
+        "less": "x_m,y_m,diameter_m\n1,2,9\n-20,5,12\n",
+    }
+    found = {}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+        spec = CraterLayer(file=f"{name}.csv")
+        craters = everywhere(spec, plan(recipe(spec), folder=tmp_path))
+        found[name] = craters.select(np.argsort(craters.diameter))
+    for measure in ("diameter", "age", "fresh_depth", "fresh_rim", "fresh_ejecta", "wear"):
+        one, other = (getattr(found[name], measure) for name in texts)
+        assert one[0] == other[0]
+    assert found["full"].age.tolist() == [0.0, 0.5]
+    assert found["full"].fresh_depth[1] == pytest.approx(0.96)
+    (tmp_path / "bad.csv").write_text("x_m,y_m,diameter_m,age_ga\n1,,9,\n")
+    with pytest.raises(DataError, match="line 2: y_m must be a number, found ''"):
+        plan(recipe(CraterLayer(file="bad.csv")), folder=tmp_path)
 
 
 def test_lists_by_longitude_and_latitude(tmp_path):

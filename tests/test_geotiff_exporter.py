@@ -3,6 +3,7 @@ import pytest
 import rasterio
 from terrain_forge.exporters.geotiff import Options, export
 
+from terrain_forge.errors import RecipeError
 from terrain_forge.world import rotations
 from tests.surfaces import top_under
 
@@ -88,8 +89,10 @@ def test_heights_above_the_datum(small_world, tmp_path):
 
 
 def test_only_the_products_that_were_asked_for(small_world, tmp_path):
-    rasters = exported(small_world, tmp_path / "geotiff", products=("slope", "rock_id", "slope"))
+    rasters = exported(small_world, tmp_path / "geotiff", products=("slope", "rock_id"))
     assert sorted(rasters) == ["rock_id", "slope"]
+    with pytest.raises(RecipeError, match="slope is named twice"):
+        Options(products=("slope", "rock_id", "slope"))
 
 
 def test_cloud_optimized(small_world, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation, Slerp
 from terrain_forge.exporters.glb import Options, export
+from terrain_forge.exporters.glb.node_text import rock_nodes
 
 from terrain_forge.errors import ExportError
 from terrain_forge.frames import xyzw
@@ -282,3 +283,39 @@ def test_khronos_validator_finds_nothing(glb):
     run = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
     issues = json.loads(run.stdout)
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+def test_nodes_are_json_as_python_writes_it(small_world):
+    """Whatever the numbers: whole, negative, tiny, far away."""
+    field = small_world.field
+    random = np.random.default_rng(8)
+    position = random.normal(0.0, 1.0, (len(field), 3)) * 10.0 ** random.integers(-8, 5, (40, 3))
+    position[0], position[1] = (0.0, -0.0, 1.0), (-4e-8, 123456.0, -7.0)
+    rocks = field.replace(
+        position=position, id=(7 ** np.arange(20, dtype=np.int64)).repeat(2) % 2**31
+    )
+    meshes = np.arange(40) * 999
+    nodes = json.loads(f"[{rock_nodes(rocks, meshes)}]")
+    assert [node["name"] for node in nodes] == [f"rock_{rock}" for rock in rocks.id]
+    assert [node["mesh"] for node in nodes] == meshes.tolist()
+    assert np.abs([node["translation"] for node in nodes] - position).max() <= 0.51e-7
+    turns = np.array([node["rotation"] for node in nodes])
+    assert np.abs(turns - np.roll(field.quaternion, -1, axis=1)).max() <= 0.51e-7
+    assert np.abs([node["scale"] for node in nodes] - field.scale[:, None]).max() <= 0.51e-7
+
+
+def test_many_merged_rocks_become_several_meshes(small_world, tmp_path, monkeypatch):
+    """So that memory does not grow with their number; together they are the same."""
+    files = []
+    for part in (1000, 7):
+        monkeypatch.setattr("terrain_forge.rock_mesh._PART", part)
+        (tmp_path / str(part)).mkdir()
+        export(small_world, tmp_path / str(part), options=Options(instances_min_m=9.0))
+        files.append(trimesh.load(tmp_path / str(part) / "world.glb", process=False))
+    one, many = (
+        {name: mesh for name, mesh in file.geometry.items() if name.startswith("rocks")}
+        for file in files
+    )
+    assert len(one) == 2
+    assert len(many) > 4
+    assert sum(len(m.faces) for m in many.values()) == sum(len(m.faces) for m in one.values())

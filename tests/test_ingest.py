@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import resource
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rasterio
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rasterio.transform import Affine
 from rasterio.windows import Window as RasterWindow
 
+from terrain_forge import inputs
 from terrain_forge.bodies import MARS, MOON
 from terrain_forge.dtm.describe import describe, ground_steps, site_facts
 from terrain_forge.dtm.projection import (
@@ -28,6 +34,8 @@ from terrain_forge.dtm.repair import destair
 from terrain_forge.dtm.spec import Centre, RasterDtm
 from terrain_forge.dtm.survey import survey
 from terrain_forge.errors import DataError
+from terrain_forge.pipeline import plan as planned
+from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain.ground import shape_ground
 from terrain_forge.writers.geotiff import write_geotiff
 from tests import worlds
@@ -144,6 +152,50 @@ def test_undeclared_mark_of_no_data_is_refused(tmp_path):
     assert plan(tmp_path, replace(SPEC, nodata=-32768.0))[0].dtm.filled == 15
 
 
+@pytest.mark.parametrize(
+    ("mark", "dtype", "scale"),
+    [(0.0, "float32", 1.0), (-1e10, "float32", 1.0), (-99999.9, "float64", 1.0),
+     (0.0, "uint16", 0.01), (65535.0, "uint16", 0.01)],
+)  # fmt: skip
+def test_any_number_far_from_all_others_is_asked_about(tmp_path, mark, dtype, scale):
+    heights = (rough() + 300.0) / scale
+    heights[148:152, 190:195] = mark
+    write_raster(tmp_path, heights.astype(dtype), scale=scale)
+    with pytest.raises(DataError, match=r"20 samples of the value .*dtm.nodata"):
+        plan(tmp_path)
+    assert plan(tmp_path, replace(SPEC, nodata=mark))[0].dtm.filled == 20
+
+
+def test_a_block_that_somebody_has_put_there_is_no_mark(tmp_path):
+    heights = rough().astype("float32")
+    heights[140:160, 190:210] = heights.max() + 2.0
+    write_raster(tmp_path, heights)
+    assert np.ptp(plan(tmp_path)[1].elevation) > 2.0
+
+
+def test_radii_are_known_where_most_of_a_raster_is_empty(tmp_path):
+    radii = np.full((1200, 1600), -9999.0)
+    radii[560:700, 700:840] = 1737400.0 - 1900.0 + rough((140, 140))
+    grid = Affine(1.0, 0.0, 900.0, 0.0, -1.0, 500.0)
+    write_raster(tmp_path, radii, crs=MOON_EQC, transform=grid, nodata=-9999.0)
+    spec = replace(SPEC, size_m=(60.0, 60.0), centre=Centre(offset_m=(-30.0, -30.0)))
+    assert plan(tmp_path, spec, body=MOON)[0].datum_height == pytest.approx(-1900.0, abs=20.0)
+
+
+def test_heights_as_large_as_the_body_are_refused(tmp_path):
+    """Numbers of an unknown unit, or radii of another body's size."""
+    write_raster(tmp_path, (1e6 + rough()).astype("float64"))
+    with pytest.raises(DataError, match=r"1e\+06 m from the datum, mars's radius is 3.39e\+06 m"):
+        plan(tmp_path)
+
+
+def test_a_scale_of_zero_is_refused(tmp_path):
+    write_raster(tmp_path, np.ones((300, 400), np.int16), scale=0.0)
+    with pytest.raises(DataError, match=r"scale in dtm\.tif is 0"):
+        plan(tmp_path)
+    assert plan(tmp_path, replace(SPEC, height_scale=2.0))[0].datum_height == pytest.approx(2.0)
+
+
 def test_deep_ground_is_no_mark(tmp_path):
     """-9999 among its neighbours is a height: LOLA's integers pass through it."""
     heights = (np.mgrid[0:300, 0:400][1] - 10199).astype("int16")
@@ -251,6 +303,92 @@ def test_a_dtm_of_twenty_gigabytes_costs_its_crop(tmp_path):
     assert site.dtm.heights.shape == (256, 256)
     assert grown < 400_000  # KiB, of 20 million
     assert "in the pieces looked at" in text
+
+
+def sparse(path, *, size, written, offset):
+    """A tiled raster of metres of which only a piece was ever written."""
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, dtype="float32", crs=EQC, height=size, width=size,
+        transform=Affine(1.0, 0.0, -0.5 * size, 0.0, -1.0, 0.5 * size), tiled=True,
+        blockxsize=256, blockysize=256, SPARSE_OK=True, BIGTIFF="YES", nodata=0.0,
+    ) as file:  # fmt: skip
+        file.write(written, 1, window=RasterWindow(offset, offset, *written.shape[::-1]))
+
+
+def test_planning_on_a_huge_raster_needs_little(tmp_path):
+    """160 GB of heights, planned after a small raster in a process of its own."""
+    heights = 5.0 + rough((1024, 1024)).astype("float32")
+    sparse(tmp_path / "huge.tif", size=200_000, written=heights, offset=99_488)
+    sparse(tmp_path / "small.tif", size=1024, written=heights, offset=0)
+    program = (
+        "import resource, terrain_forge as tf\n"
+        "from terrain_forge.dtm.spec import RasterDtm\n"
+        "from terrain_forge.recipe import TerrainSpec\n"
+        "for name in ('small.tif', 'huge.tif'):\n"
+        "    dtm = RasterDtm(source=name, size_m=(100.0, 60.0))\n"
+        "    terrain = TerrainSpec(spacing_m=0.5)\n"
+        "    tf.plan(tf.Recipe(name='a', body='mars', exports=(), dtm=dtm, terrain=terrain))\n"
+        "    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    before, after = (int(line) for line in done.stdout.split())
+    assert after - before < 250_000  # KiB
+
+
+def test_large_inputs_are_told_by_a_part_of_them(tmp_path, monkeypatch):
+    heights = 5.0 + rough((1024, 1024)).astype("float32")
+    sparse(tmp_path / "dtm.tif", size=4096, written=heights, offset=1536)
+    recipe = Recipe(
+        name="part", body="mars", dtm=SPEC, terrain=TerrainSpec(spacing_m=1.0), exports=()
+    )
+    small = dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"]
+    assert small == hashlib.sha256((tmp_path / "dtm.tif").read_bytes()).hexdigest()
+    monkeypatch.setattr(inputs, "WHOLE_BYTES", 2**20)
+    first = dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"]
+    assert first.startswith("pieces:")
+    assert dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"] == first
+    with rasterio.open(tmp_path / "dtm.tif", "r+") as file:
+        middle = RasterWindow(2048, 2048, 1, 1)
+        file.write(file.read(1, window=middle) + 1.0, 1, window=middle)
+    assert dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"] != first
+
+
+def test_pieces_of_a_large_file_reach_from_end_to_end(tmp_path):
+    path = tmp_path / "large.bin"
+    with path.open("wb") as file:
+        file.truncate(inputs.WHOLE_BYTES + 12_345)  # takes no space
+    empty = inputs.fingerprint(path)
+    for place in (0, path.stat().st_size - 1):
+        with path.open("r+b") as file:
+            file.seek(place)
+            file.write(b"x")
+        changed = inputs.fingerprint(path)
+        assert changed != empty
+        empty = changed
+    assert inputs.fingerprint(path, used=b"1") != inputs.fingerprint(path)
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    quantum=st.floats(1e-3, 50.0),
+    slope=st.floats(0.0, 3.0),
+    jump=st.integers(0, 60),
+    shape=st.tuples(st.integers(3, 60), st.integers(3, 60)),
+)
+def test_destaired_heights_stay_within_half_a_step(seed, quantum, slope, jump, shape):
+    """Whatever the ground: smooth, steep, noisy, with cliffs."""
+    random = np.random.default_rng(seed)
+    row, column = np.mgrid[0 : shape[0], 0 : shape[1]]
+    steps = slope * column + random.normal(0.0, random.uniform(0.0, 3.0), shape) - 0.2 * row
+    steps += jump * (column > shape[1] // 2)
+    heights = np.round(steps) * quantum - 4000.0
+    smooth = destair(heights, quantum)
+    assert np.abs(smooth - heights).max() <= 0.5 * quantum * (1.0 + 1e-9) + 1e-9
+    level = destair(np.full(shape, 7.0 * quantum), quantum)
+    assert np.allclose(level, 7.0 * quantum, rtol=0.0, atol=1e-9 * quantum)
 
 
 def test_context_moves_off_the_edge(tmp_path):

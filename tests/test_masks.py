@@ -56,6 +56,22 @@ def raised(mask, *, site=None):
     return both.elevation - ramp
 
 
+@dataclass(frozen=True, kw_only=True)
+class Broken(Layer):
+    """A layer of somebody who divides by zero."""
+
+    kind: Literal["broken"] = "broken"
+
+    def relief(self, *, site, window, elevation):
+        return np.full_like(elevation, np.nan)
+
+
+def test_layer_that_is_not_finite_is_named():
+    site = worlds.site()
+    with pytest.raises(ValueError, match=r"terrain.layers\[1\] \(Broken\) makes heights that"):
+        shape_ground(site=site, window=site.window, layers=(Ramp(), Broken(), Step()))
+
+
 def route(points, name="way"):
     points = np.array(points, float)
     steps = np.hypot(*np.diff(points, axis=0).T)

@@ -7,13 +7,15 @@ import trimesh
 from PIL import Image
 from terrain_forge.exporters.mesh import Options, export
 
-from terrain_forge.errors import ExportError
+from terrain_forge.errors import ExportError, RecipeError
 from terrain_forge.ground_mesh import grid_faces
 from terrain_forge.world import rotations
 from terrain_forge.writers.mesh import write_obj_faces
 from terrain_forge.writers.obj_grid import write_obj_grid_faces
 from tests.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
+
+TILES = {"merged": {}, "tiled": {"tiles": "tiled", "tile_cells": 48}}
 
 
 def exported(world, directory, **options):
@@ -58,9 +60,8 @@ def obj_objects(path):
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])
 @pytest.mark.parametrize("tiles", ["merged", "tiled"])
 def test_the_ground_reads_back(small_world, tmp_path, form, tiles):
-    directory = exported(
-        small_world, tmp_path / "mesh", format=form, tiles=tiles, tile_cells=48, rocks="none"
-    )
+    options = TILES[tiles] | {"format": form, "rocks": "none"}
+    directory = exported(small_world, tmp_path / "mesh", **options)
     files = sorted(directory.glob(f"*.{form}"))
     names = ["world"] if tiles == "merged" else [f"tile_{n:03}" for n in range(4)]
     assert [path.stem for path in files] == names
@@ -148,8 +149,8 @@ def test_materials_lead_to_files(small_world, tmp_path):
 @pytest.mark.parametrize("tiles", ["merged", "tiled"])
 def test_the_texture_lies_the_right_way(small_world, tmp_path, tiles):
     world = speckled(small_world)
-    options = {"tiles": tiles, "tile_cells": 48, "texture_pixels": PIXELS}
-    directory = exported(world, tmp_path / "mesh", rocks="none", **options)
+    options = TILES[tiles] | {"texture_pixels": PIXELS, "rocks": "none"}
+    directory = exported(world, tmp_path / "mesh", **options)
     found = sorted(directory.glob("*.obj"))
     assert len(found) == (1 if tiles == "merged" else 4)
     for path in found:
@@ -194,14 +195,49 @@ def test_a_bare_world(small_world, tmp_path, form):
     assert sum(len(faces) for _, _, faces in objects(directory / f"world.{form}")) == 2 * 96 * 64
 
 
-@pytest.mark.parametrize("form", ["stl", "ply"])
-def test_formats_without_objects(small_world, tmp_path, form):
-    with pytest.raises(ExportError, match=f"{form} has no objects; choose format: obj"):
-        exported(small_world, tmp_path / "mesh", format=form, rocks="objects")
+WRONG = {
+    "rocks": [({"format": "stl", "rocks": "objects"}, "stl has no objects; choose format: obj")],
+    "texture_pixels": [({"format": "ply", "texture_pixels": 64}, "ply has no textures")],
+    "finest_min_m": [
+        ({"rocks": "none", "finest_min_m": 1.0}, "for rocks: merged, here none"),
+        ({"rocks": "objects", "finest_min_m": 1.0}, "for rocks: merged, here objects"),
+    ],
+    "outline_error": [({"rocks": "none", "outline_error": 0.1}, "for rocks: merged, here none")],
+    "tile_cells": [({"rocks": "none", "tile_cells": 64}, "choose tiles: tiled")],
+}
+
+
+@pytest.mark.parametrize("option", WRONG)
+def test_options_without_effect_are_refused(option):
+    for options, words in WRONG[option]:
+        with pytest.raises(RecipeError, match=words) as caught:
+            Options(**options)
+        assert caught.value.key == (option,)
+
+
+def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
+    field = small_world.field
+    row = np.arange(len(field))
+    solid = row % 3 > 0
+    world = small_world.replace(field=field.replace(solid=solid, loose=solid & (row % 4 == 1)))
+    said = {}
+    for rocks in ("merged", "objects", "none"):
+        (tmp_path / rocks).mkdir()
+        said[rocks] = " ".join(export(world, tmp_path / rocks, options=Options(rocks=rocks)).losses)
+    for words in ("for the eye alone", "loose rocks stand still"):
+        assert words in said["merged"]
+        assert words in said["objects"]
+        assert words not in said["none"]
+    assert "The 40 rocks are left out." in said["none"]
+    assert "40 rocks are merged" in said["merged"]
+    assert "merged" not in said["objects"] + said["none"]
+    bare = world.replace(field=field.select(row < 0))
+    (tmp_path / "bare").mkdir()
+    assert "rock" not in " ".join(export(bare, tmp_path / "bare", options=Options()).losses)
 
 
 def test_a_ground_too_large_for_one_mesh(small_world, tmp_path, monkeypatch):
     monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.export"), "_MOST_NODES", 6000)
-    with pytest.raises(ExportError, match=r"97 × 65 nodes.*choose tiles: tiled"):
+    with pytest.raises(ExportError, match=r"6305 nodes.*choose tiles: tiled"):
         exported(small_world, tmp_path / "merged")
     exported(small_world, tmp_path / "tiled", tiles="tiled", tile_cells=48)

@@ -14,7 +14,7 @@ from terrain_forge.ground_mesh import (
     grid_vertices,
 )
 from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import coarse_shape, merge_rocks, outline_error
+from terrain_forge.rock_mesh import coarse_shape, merge_in_parts, merge_rocks, outline_error
 from terrain_forge.world import Heightfield
 from terrain_forge.writers.image import encode_png, write_png
 from terrain_forge.writers.mesh import (
@@ -266,7 +266,7 @@ def test_the_coarse_shape_is_the_smallest_that_fits(small_world):
     )
     assert coarse_shape(levels, 0.05) is levels.meshes[1]
     assert coarse_shape(levels, 0.5) is levels.meshes[2]
-    assert coarse_shape(levels, 0.001) is levels.meshes[1]  # none fits: the closest
+    assert coarse_shape(levels, 0.001) is levels.meshes[0]  # none fits but itself
 
 
 def test_names_stay_apart_and_plain():
@@ -291,3 +291,27 @@ def test_names_stay_apart_and_plain():
     assert file_name("gale-long") == "gale-long"
     assert identifier("gale_long") == "gale_long"
     assert identifier("gale-long").replace("_", "").isalnum()
+
+
+def test_rocks_in_parts_are_the_rocks_at_once(small_world, monkeypatch):
+    field, shapes = small_world.field, [p.meshes[0] for p in small_world.library.prototypes]
+    whole, every = merge_rocks(field, shapes, small_world.ground)
+    monkeypatch.setattr("terrain_forge.rock_mesh._PART", 7)
+    parts = list(merge_in_parts(field, shapes, small_world.ground))
+    assert len(parts) == 6
+    assert np.array_equal(np.concatenate([vertices for vertices, _ in parts]), whole)
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    faces = [part + start for (_, part), start in zip(parts, first, strict=False)]
+    assert np.array_equal(np.concatenate(faces), every)
+    below = small_world.ground.replace(elevation=small_world.ground.elevation + 100)
+    assert list(merge_in_parts(field, shapes, below)) == []
+
+
+def test_vertex_normals_are_weighted_by_area():
+    vertices = np.array([(0, 0, 0), (2, 0, 0), (0, 1, 0), (0, 0, 3), (9, 9, 9)], float)
+    faces = np.array([(0, 1, 2), (0, 3, 1)])  # areas 1 towards +z, 3 towards +y
+    normals = vertex_normals(vertices, faces)
+    assert normals[0] == pytest.approx((0, 6 / np.hypot(6, 2), 2 / np.hypot(6, 2)))
+    assert normals[2] == pytest.approx((0, 0, 1))
+    assert normals[3] == pytest.approx((0, 1, 0))
+    assert normals[4] == pytest.approx((0, 0, 1))  # belongs to no face

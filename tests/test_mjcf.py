@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 from terrain_forge.exporters import mjcf
+from terrain_forge.exporters.mjcf import Options
 from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
@@ -316,9 +317,42 @@ def test_too_many_wide_rocks_or_geoms_are_refused_with_a_way_out(loosened, tmp_p
     with pytest.raises(ExportError, match=r"height fields, at most 5.*split_ground: false"):
         export(loosened, tmp_path)
     export(loosened, tmp_path, split_ground=False)
-    monkeypatch.setattr(sys.modules["terrain_forge.exporters.mjcf.export"], "_MOST_GEOMS", 30)
-    with pytest.raises(ExportError, match=r"40 rocks make \d+ geoms.*at most 30.*diameter_m"):
+    room = sys.modules["terrain_forge.exporters.mjcf.room"]
+    monkeypatch.setattr(room, "MOST_GEOMS", 30)
+    with pytest.raises(ExportError, match=r"40 rocks make \d+ geoms to touch.*at most.*diameter_m"):
         export(loosened, tmp_path)
+
+
+def test_the_advice_against_too_many_geoms_helps(loosened, tmp_path, monkeypatch):
+    """A larger visual_min_m is named where it is enough, and only there."""
+    room = sys.modules["terrain_forge.exporters.mjcf.room"]
+    field = loosened.field
+    least = room.count_geoms(loosened, Options(visual_min_m=99.0))
+    assert least == (40, field.loose.sum())
+    most = room.count_geoms(loosened, Options(visual_min_m=0.0))
+    assert most == (field.solid.sum(), 40)
+    monkeypatch.setattr(room, "MOST_GEOMS", sum(least))
+    with pytest.raises(ExportError, match=r"choose a larger visual_min_m, here 0$"):
+        export(loosened, tmp_path, visual_min_m=0.0)
+    export(loosened, tmp_path, visual_min_m=99.0)
+    monkeypatch.setattr(room, "MOST_GEOMS", sum(least) - 1)
+    with pytest.raises(ExportError, match=r"size_m.*the format usd") as caught:
+        export(loosened, tmp_path, visual_min_m=0.0)
+    assert "visual_min_m" not in str(caught.value)
+
+
+def test_exact_scales_are_refused_and_told_by_what_they_cost(world, tmp_path, monkeypatch):
+    room = sys.modules["terrain_forge.exporters.mjcf.room"]
+    losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
+    monkeypatch.setattr(losses, "_MANY_MESHES", 10)
+    options = Options(exact_scale=True)
+    told = " ".join(losses.list_losses(world, options))
+    assert f"{sum(room.count_geoms(world, options))} meshes: MuJoCo takes about 0 s" in told
+    assert "to load" not in " ".join(losses.list_losses(world, Options()))
+    monkeypatch.setattr(room, "MOST_MESHES", 20)
+    with pytest.raises(ExportError, match=r"exact_scale: true makes some .* leave it out"):
+        export(world, tmp_path, exact_scale=True)
+    export(world, tmp_path)
 
 
 def test_the_track_moves_the_mocap_body_along_the_path(world, exported):
@@ -504,3 +538,15 @@ def test_a_steep_ground_keeps_its_heights(world, tmp_path):
 def test_exporting_imports_no_simulator():
     code = "import sys, terrain_forge.exporters.mjcf; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_loose_rocks_that_are_slower_than_real_time_are_told(world):
+    """81 of them take 2.03 ms of a step of 2 ms."""
+    losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
+    field = world.field.select(np.zeros(81, np.int64))
+    for count, step, sleep, told in ((81, 2, False, True), (81, 2, True, False),
+                                     (80, 2, False, False), (41, 1, False, True)):  # fmt: skip
+        loose = field.replace(id=np.arange(81), loose=np.arange(81) < count)
+        options = Options(timestep_s=0.001 * step, sleep=sleep)
+        found = " ".join(losses.list_losses(world.replace(field=loose), options))
+        assert ("slower than real time" in found) == told

@@ -25,10 +25,18 @@ exports: EXPORTS
 BROKEN = {
     "broken-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n",
     "broken-1.0.dist-info/entry_points.txt": "[terrain_forge.exporters]\n"
-    "broken = broken_plugin\nempty = empty_plugin\n"
-    "[terrain_forge.layers]\nbroken = broken_plugin\n",
+    "broken = broken_plugin\nempty = empty_plugin\nloud = loud_plugin\nusd = other_usd\n"
+    "[terrain_forge.layers]\nbroken = broken_plugin\nloud = loud_plugin\ntwin = twin_layer\n",
     "broken_plugin.py": "import a_module_that_nobody_has\n",
     "empty_plugin.py": "Options = None\n",
+    "loud_plugin.py": "raise RuntimeError('a' * 3 + '\\n' + 'b' * 3)\n",
+    "other_usd.py": "Options = None\n",
+    "twin_layer.py": "from dataclasses import dataclass\n"
+    "from typing import Literal\n"
+    "from terrain_forge.terrain.layer import Layer\n"
+    "@dataclass(frozen=True, kw_only=True)\n"
+    "class Twin(Layer):\n"
+    "    kind: Literal['craters'] = 'craters'\n",
 }
 
 
@@ -89,9 +97,10 @@ def test_options_and_losses(installed, tmp_path):
 WRONG = {
     "{xyz: {every: 0}}": ["option 'every' of xyz", "greater than or equal to 1"],
     "{xyz: {evry: 2}}": ["no option 'evry'", "every, separator"],
-    "[xzy]": ["unknown exporter 'xzy'", "installed: broken, drake, empty, geotiff"],
+    "[xzy]": ["unknown exporter 'xzy'", "installed: broken, drake, empty, geotiff, glb, loud"],
     "[broken]": ["exporter 'broken' is installed but broken"],
     "[empty]": ["exporter 'empty' is installed but broken"],
+    "[loud]": ["exporter 'loud' is installed but broken"],
 }
 
 
@@ -119,6 +128,10 @@ def test_wrong_exports_are_refused(installed, tmp_path):
         "layer 'broken' (broken_plugin) is skipped: No module named",
         "exporter 'broken' (broken_plugin) is skipped: No module named",
         "exporter 'empty' (empty_plugin) is skipped: has no export",
+        "exporter 'loud' (loud_plugin) is skipped: aaa bbb\n",
+        "layer 'loud' (loud_plugin) is skipped: aaa bbb\n",
+        "layer 'craters' of twin_layer is skipped: terrain_forge.terrain.layers.craters has that",
+        "exporter 'usd' of other_usd is skipped: terrain_forge.exporters.usd has that name\n",
     ):
         assert done.stderr.count(warning) == 1
 

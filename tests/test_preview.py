@@ -59,6 +59,31 @@ def test_shadow_falls_away_from_the_sun_and_is_as_long_as_geometry_says(flat_wor
     assert patch(image, 3.0, -2.0) == pytest.approx(lit, rel=0.25)
 
 
+def edge_width(world):
+    """Width [m] over which the end of a wall's shadow brightens from 15 % to 85 % of its range."""
+    wall = np.zeros_like(world.ground.elevation)
+    wall[:, world.ground.east > 5.0] = 0.6
+    lighting = world.lighting.replace(sun_elevation=0.1)
+    image = aerial(world.replace(ground=world.ground.replace(elevation=wall), lighting=lighting))
+    rows = np.r_[30:55, 95:130]  # those that the boulder's shadow does not cross
+    light = (image[rows, 60:160].mean(axis=(0, 2)) / 255.0) ** 2.2  # 6 m west to 4 m east
+    dark, lit = light[60:90].mean(), light[:15].mean()
+    part = (light - dark) / (lit - dark)
+    return 0.1 * np.count_nonzero((part > 0.15) & (part < 0.85))
+
+
+def test_edges_of_shadows_are_as_soft_as_the_sun_is_wide(flat_world):
+    """h·d/sin²(elevation) in all; of a disc, 59 % of that lie between 15 and 85 % of its light."""
+    body = flat_world.site.body
+    point = flat_world.replace(site=flat_world.site.replace(body=body.replace(sun_diameter=0.0)))
+    wide = flat_world.replace(
+        site=flat_world.site.replace(body=body.replace(sun_diameter=2 * body.sun_diameter))
+    )
+    whole = 0.6 * body.sun_diameter / np.sin(0.1) ** 2
+    assert edge_width(point) <= 0.2
+    assert edge_width(wide) == pytest.approx(0.585 * 2 * whole, abs=0.2)
+
+
 def rock_top(world):
     with open_scene(world) as scene:
         return 50.0 - scene.cast([3.0, 2.0, 50.0], [0, 0, -1]).distance[0]

@@ -145,11 +145,13 @@ def test_a_scene_without_its_replay_fails(exported):
     assert [check.passed for check in replay_checks(lost, folder)] == [False, False]
 
 
-@pytest.mark.parametrize(("bits", "flavour"), [(8, "gz"), (16, "classic")])
+@pytest.mark.parametrize(
+    ("release", "flavour"), [("garden", "gz"), (None, "gz"), (None, "classic")]
+)
 def test_a_heightmap_agrees_with_the_ground_and_a_turned_one_does_not(
-    small_world, tmp_path, bits, flavour
+    small_world, tmp_path, release, flavour
 ):
-    options = sdf.Options(ground="heightmap", heightmap_bits=bits, flavour=flavour)
+    options = sdf.Options(ground="heightmap", release=release, flavour=flavour)
     sdf.export(small_world, tmp_path, options=options)
     at = random_points(small_world.ground, 500, 4)[:, :2]
     heightmap = find_heightmap(tmp_path)

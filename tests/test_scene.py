@@ -141,6 +141,21 @@ def test_neighbours_are_part_of_the_scene(small_world):
     np.testing.assert_array_equal(one.distance, other.distance)
 
 
+def test_a_rock_alone_keeps_its_shape(small_world):
+    """Embree forgets which scene the only copy is of."""
+    row = int(np.argmax(small_world.field.prototype))
+    alone = small_world.field.select(np.arange(len(small_world.field)) == row)
+    mesh = small_world.library.prototypes[alone.prototype[0]].meshes[0]
+    vertices = alone.scale[0] * mesh.vertices @ rotations(alone)[0].T + alone.position[0]
+    highest = vertices[np.argmax(vertices[:, 2])]
+    east, north = highest[:2] + 1e-4 * (alone.position[0, :2] - highest[:2])
+    with RayScene(ground=small_world.ground, library=small_world.library, rocks=alone) as scene:
+        hits = scene.cast(np.array([[east, north, 50.0]]), DOWN)
+    assert alone.prototype[0] > 0
+    assert hits.rock[0] == 0
+    assert 50.0 - hits.distance[0] == pytest.approx(highest[2], abs=1e-3)
+
+
 def test_a_far_away_tile_loses_no_precision(small_world):
     offset = np.array([524_288.0, -262_144.0, 0.0])
     ground = small_world.ground

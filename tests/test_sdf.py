@@ -3,7 +3,6 @@ import re
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,12 +22,12 @@ from terrain_forge.motion import Trajectory
 from terrain_forge.paths.interpolation import angles_between, spline_places, turns_between
 from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.scene import grain
 from terrain_forge.world import Heightfield, rotations
+from tests import rovers
+from tests.gazebo import rested
 from tests.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
-
-CONSUMERS = Path(__file__).parent / "consumers"
-PLUGIN = Path("/usr/lib/x86_64-linux-gnu/libignition-physics5-dartsim-plugin.so")
 
 
 def exported(world, directory, **options):
@@ -202,7 +201,9 @@ def test_the_actor_is_the_trajectory_at_whole_milliseconds(small_world, sdf):
     assert actor.get("name") == "arc"
     times, poses = waypoints(actor)
     trajectory = small_world.trajectories[0]
-    assert all(len(time.split(".")[1]) == 3 for time in times)
+    milliseconds = np.array(times, float) * 1000
+    assert np.abs(milliseconds - np.rint(milliseconds)).max() < 1e-9
+    assert (milliseconds.astype(int) == np.rint(milliseconds)).all()  # as gz-sim cuts them
     away = np.abs(np.array(times, float)[:, None] - trajectory.time).min(axis=0)
     assert away.max() < 0.001
     wanted = trajectory.at(np.array(times, float))
@@ -353,6 +354,28 @@ def test_losses_are_named(small_world, tmp_path):
         assert word in losses
 
 
+def test_actors_show_the_meshes_of_a_brought_rover(small_world, tmp_path):
+    rover = rovers.read(rovers.rocker_urdf(tmp_path))
+    directory = exported(small_world.replace(rover=rover), tmp_path / "sdf")
+    link = ET.parse(directory / "scene.sdf").getroot().find("world/actor/link")
+    shown = {visual.get("name"): visual for visual in link.iter("visual")}
+    places, found = rovers.origins(rover), 0
+    for part in rover.links:
+        for number, shape in enumerate(part.shapes):
+            if shape.mesh is None or not shape.visible:
+                continue
+            visual = shown[f"{part.name}_{number}"]
+            pose = np.array(visual.findtext("pose").split(), float)
+            np.testing.assert_allclose(pose[:3], places[part.name] + shape.position, atol=1e-6)
+            np.testing.assert_allclose(pose[3:], shape.rpy, atol=1e-6)
+            file = visual.findtext("geometry/mesh/uri").removeprefix("model://")
+            mesh = trimesh.load(directory / "models" / file, process=False)
+            assert len(mesh.faces) == len(shape.mesh.faces)
+            np.testing.assert_allclose(mesh.bounds[1] - mesh.bounds[0], shape.size, atol=1e-5)
+            found += 1
+    assert found == 4
+
+
 # ---- sensors
 
 
@@ -435,12 +458,16 @@ def read_heightmap(directory):
     shape = collision.find("geometry/heightmap")
     with Image.open(file_of(directory, shape.findtext("uri"))) as image:
         pixels = np.asarray(image)[::-1].astype(float)
-    return numbers(shape.find("size")), numbers(shape.find("pos")), pixels
+    place = "geometry/heightmap/pos" if collision.find("pose") is None else "pose"
+    return numbers(shape.find("size")), numbers(collision.find(place))[:3], pixels
 
 
-@pytest.mark.parametrize(("bits", "flavour"), [(8, "gz"), (16, "gz"), (16, "classic")])
-def test_a_heightmap_is_the_ground_up_to_its_steps(small_world, tmp_path, bits, flavour):
-    options = {"ground": "heightmap", "heightmap_bits": bits, "flavour": flavour}
+@pytest.mark.parametrize(
+    ("bits", "flavour", "release"),
+    [(8, "gz", None), (16, "gz", "garden"), (8, "classic", None)],
+)
+def test_a_heightmap_is_the_ground_up_to_its_steps(small_world, tmp_path, bits, flavour, release):
+    options = {"ground": "heightmap", "flavour": flavour, "release": release}
     directory = exported(small_world, tmp_path / "sdf", **options)
     size, pos, pixels = read_heightmap(directory)
     assert pixels.shape == (129, 129)
@@ -463,7 +490,7 @@ def test_a_square_grid_of_the_right_size_is_kept_node_for_node(small_world, tmp_
     assert not heightmap.resampled
     assert heightmap_error(heightmap, square) <= 0.5 * heightmap.quantum + 1e-6
     (tmp_path / "sdf").mkdir()
-    options = Options(ground="heightmap", flavour="classic")
+    options = Options(ground="heightmap", release="garden")
     losses = " ".join(export(small_world, tmp_path / "sdf", options=options).losses)
     assert "resampled to 129² samples" in losses
     found = make_heightmap(small_world.ground, bits=16)
@@ -478,12 +505,38 @@ def test_a_ground_too_large_for_a_heightmap_is_refused(small_world, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def soil_slope(spacing, finer):
+    """RMS slope along an axis of waves of soil that a texture of so many pixels a node shows.
+
+    Unit noise interpolates gradients from -1 to 1 by a quintic: 0.51, integrated over its cell. The
+    waves are half as long and steeper by the next, down to two pixels.
+    """
+    place = (np.arange(400) + 0.5) / 400
+    fade = place**3 * (place * (place * 6 - 15) + 10)
+    steep = 30 * place**2 * (place - 1) ** 2
+    weights = [(1 - fade, -steep, place), (fade, steep, place - 1)]
+    variance = sum(
+        (((w + rise * away)[:, None] * v) ** 2 + (rise[:, None] * v * other) ** 2).mean() / 3
+        for w, rise, away in weights
+        for v, _, other in weights
+    )
+    total, wave = 0.0, min(grain._SOIL_COARSEST, 1.5 * spacing)
+    weight = (wave / grain._SOIL_COARSEST) ** -0.35
+    while (shown := min(1.0, 0.5 * wave * finer / spacing - 1.0)) > 0.0:
+        total += (grain._SOIL_STEEP * shown * weight) ** 2 * variance
+        wave, weight = 0.48 * wave, weight * grain._SOIL_ROUGHER
+    return np.sqrt(total)
+
+
 def test_normal_maps_show_the_soil_where_it_lies(small_world, tmp_path):
     options = {"tile_cells": 48, "texture_pixels": PIXELS}
     directory = exported(small_world, tmp_path / "sdf", **options)
     folder = directory / "models/by-hand_ground/materials/textures"
     whole = bake_ground(small_world, finer=FINER).normals
-    assert whole[..., :2].std() > 10
+    shown = (whole - 127.75) / 127.5
+    slopes = shown[..., :2] / shown[..., 2:]
+    # Stones add a little to the soil.
+    assert slopes.std() == pytest.approx(soil_slope(small_world.ground.spacing, FINER), rel=0.1)
     for number, (row, column) in enumerate([(0, 0), (0, 48), (48, 0), (48, 48)]):
         with Image.open(folder / f"ground_{number:03}_normals.png") as image:
             normals = np.asarray(image)[::-1].astype(int)
@@ -512,7 +565,7 @@ def test_the_site_is_placed_where_sdf_knows_its_body(small_world, tmp_path):
     assert float(figures["longitude_deg"]) == pytest.approx(137.4, abs=1e-8)
     assert float(figures["surface_axis_equatorial"]) == 3396190
     assert float(figures["elevation"]) == -4500
-    for options in ({}, {"flavour": "classic", "release": "garden"}):
+    for options in ({}, {"flavour": "classic"}):
         unknown = exported(world, tmp_path / f"{len(options)}", **options)
         assert ET.parse(unknown / "world.sdf").getroot().find(".//spherical_coordinates") is None
 
@@ -553,28 +606,6 @@ def test_the_bridge_knows_every_topic_of_the_scene(roving, tmp_path):
 
 
 # ---- the real consumers
-
-
-@pytest.fixture(scope="module")
-def build(tmp_path_factory):
-    """Compiles one of the small consumer programs, or skips the test."""
-    folder = tmp_path_factory.mktemp("consumers")
-
-    def compile_program(name, *packages):
-        if not shutil.which("g++") or not shutil.which("pkg-config"):
-            pytest.skip("g++ or pkg-config is not installed")
-        flags = subprocess.run(
-            ["pkg-config", "--cflags", "--libs", *packages], capture_output=True, text=True
-        )
-        if flags.returncode:
-            pytest.skip(f"not installed: {flags.stderr.splitlines()[0]}")
-        program = folder / name
-        source = CONSUMERS / f"{name}.cc"
-        command = ["g++", "-std=c++17", "-O1", str(source), *flags.stdout.split()]
-        subprocess.run([*command, "-o", str(program)], check=True, capture_output=True)
-        return program
-
-    return compile_program
 
 
 @pytest.mark.consumer
@@ -639,24 +670,6 @@ def rest(build, directory, x, y, height):
     test = directory / "ball.sdf"
     test.write_text(text.replace("</world>", BALL.format(x, y, height, 0.2)))
     return float(rested(build, directory, test, 4)["ball"][2])
-
-
-def rested(build, directory, world, seconds):
-    """Place and quaternion (w, x, y, z) of each model after some time in Gazebo's physics."""
-    if not PLUGIN.exists():
-        pytest.skip("the DART plugin of ign-physics5 is not installed")
-    program = build(
-        "gazebo_rest",
-        *("ignition-physics5", "ignition-physics5-sdf", "ignition-physics5-mesh", "sdformat12"),
-        "ignition-physics5-heightmap",
-        *("ignition-common4-graphics", "ignition-plugin1-loader", "eigen3"),
-        "ignition-math6-eigen3",
-    )
-    command = [program, PLUGIN, world, directory / "models", str(seconds)]
-    run = subprocess.run(command, capture_output=True, text=True)
-    assert run.returncode == 0, run.stdout + run.stderr
-    lines = [line.split() for line in run.stdout.splitlines() if "Dbg" not in line]
-    return {name: np.array(values, float) for name, *values in lines}
 
 
 @pytest.mark.consumer

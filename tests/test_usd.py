@@ -16,10 +16,16 @@ from pxr import (
 )
 from terrain_forge.exporters.usd import Options, export
 
+from terrain_forge.dtm.spec import FlatDtm
 from terrain_forge.errors import ExportError
 from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mesh import Mesh
+from terrain_forge.pipeline import plan, realise
+from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.rock_mesh import outline_error
 from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.terrain.layers.craters import CraterLayer
 from terrain_forge.world import rotations
 from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
@@ -113,9 +119,6 @@ def test_the_ground_reads_back_and_collides_as_it_is(small_world, stage):
         assert prim.HasAPI(UsdPhysics.CollisionAPI)
         approximation = UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get()
         assert approximation == UsdPhysics.Tokens.none
-        material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
-        friction = UsdPhysics.MaterialAPI(material.GetPrim()).GetDynamicFrictionAttr().Get()
-        assert friction == pytest.approx(0.7)
     wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
     assert np.abs(heights - wanted).max() < 1e-5
 
@@ -403,8 +406,41 @@ def test_a_file_that_is_open_is_a_clear_error(small_world, tmp_path):
 def test_losses_are_named(small_world, tmp_path):
     (tmp_path / "usd").mkdir()
     losses = " ".join(export(small_world, tmp_path / "usd", options=Options()).losses)
-    for word in ("fixed", "share one collider", "W/m²", "half-precision", "without a normal map"):
+    for word in ("fixed", "share colliders", "W/m²", "half-precision", "without a normal map"):
         assert word in losses
+
+
+def test_the_outlines_of_small_rocks_are_within_the_option_and_said(small_world, tmp_path):
+    """Drawn and touched: the level is the coarsest that is allowed, its error is in the losses."""
+    shapes = tuple(coarser(shape) for shape in small_world.library.prototypes)
+    world = small_world.replace(library=small_world.library.replace(prototypes=shapes))
+    worst = 100 * max(shape.outline_errors[1] for shape in shapes)
+    for allowed, level in ((0.5, 1), (0.001, 0)):
+        (tmp_path / str(level)).mkdir()
+        options = Options(outline_error=allowed)
+        losses = " ".join(export(world, tmp_path / str(level), options=options).losses)
+        assert losses.count(f"outlines off by up to {worst:.2g} %") == 2 * level
+        assert losses.count("outlines") == 2 * level
+        stage = Usd.Stage.Open(str(tmp_path / str(level) / "world.usda"))
+        targets = [
+            target.name
+            for prim in labelled(stage, "rock")
+            for target in UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()
+        ]
+        small = world.field.diameter < 0.5
+        assert {name[-1] for name in targets} == {"0", str(level)}
+        assert small.any()
+
+
+def coarser(shape):
+    """The shape with a second level of detail whose outline is off by some percent."""
+    finest = shape.meshes[0]
+    mesh = Mesh(vertices=finest.vertices * 1.05, faces=finest.faces)
+    error = outline_error(mesh, finest)
+    hulls = (finest, finest)
+    return shape.replace(
+        meshes=(finest, mesh), uvs=shape.uvs * 2, outline_errors=(0.0, error), hulls=hulls
+    )
 
 
 def test_a_big_world_opens_without_its_tiles(usd):
@@ -445,3 +481,40 @@ def test_the_sky_lights_the_world(small_world, stage):
     sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
     assert np.allclose(sky.GetColorAttr().Get(), small_world.lighting.sky_rgb)
     assert 0 < sky.GetIntensityAttr().Get() < small_world.lighting.irradiance
+
+
+@pytest.fixture(scope="module")
+def cratered(tmp_path_factory):
+    """A level Moon: a fresh crater across two tiles, one at the edge, one worn away."""
+    folder = tmp_path_factory.mktemp("cratered")
+    rows = ["x_m,y_m,diameter_m,age_ga", "1,-2,6,0", "-11.5,3,4,0", "8,4,1.2,3.5"]
+    (folder / "craters.csv").write_text("\n".join(rows) + "\n")
+    recipe = Recipe(
+        name="cratered",
+        body="moon",
+        dtm=FlatDtm(size_m=(24, 16)),
+        terrain=TerrainSpec(spacing_m=0.25, layers=(CraterLayer(file="craters.csv"),)),
+    )
+    world = realise(plan(recipe, folder=folder))
+    return exported(world, folder / "usd", tile_cells=48)
+
+
+def test_the_faces_within_craters_are_labelled(cratered):
+    stage = Usd.Stage.Open(str(cratered / "world.usda"))
+    assert findings(stage) == []
+    fresh = [((1, -2), 3.0), ((-11.5, 3), 2.0)]
+    total = 0
+    for prim in labelled(stage, "ground"):
+        vertices, faces = world_mesh(prim)
+        centres = vertices[faces].mean(axis=1)[:, :2]
+        wanted = np.zeros(len(faces), bool)
+        for centre, radius in fresh:
+            wanted |= np.linalg.norm(centres - centre, axis=1) <= radius
+        subset = UsdGeom.Subset(stage.GetPrimAtPath(prim.GetPath().AppendChild("craters")))
+        found = subset.GetIndicesAttr().Get() if subset else []
+        assert np.array_equal(found, np.flatnonzero(wanted))
+        if subset:
+            labels = UsdSemantics.LabelsAPI(subset.GetPrim(), "class").GetLabelsAttr().Get()
+            assert list(labels) == ["crater"]
+        total += wanted.sum()
+    assert total > 500

@@ -6,9 +6,11 @@ import numpy as np
 import trimesh
 
 from terrain_forge.bodies import MARS
+from terrain_forge.dtm.spec import FlatDtm
 from terrain_forge.frames import quaternion_from_rpy
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
+from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.rovers.description import Rover
 from terrain_forge.site import Roughness, Site
 from terrain_forge.world import (
@@ -31,6 +33,17 @@ def hill(east, north):
     return 0.05 * east - 0.02 * north + bump + 0.03 * np.sin(3.1 * east + 1.7 * north)
 
 
+def _recipe() -> Recipe:
+    """A recipe that makes nothing of what is on the site."""
+    return Recipe(
+        name="by-hand",
+        seed=1,
+        body="mars",
+        dtm=FlatDtm(size_m=SIZE),
+        terrain=TerrainSpec(spacing_m=SPACING),
+    )
+
+
 def site() -> Site:
     """A flat Mars site of 24 × 16 m that nothing was planned for."""
     return Site(
@@ -51,7 +64,7 @@ def site() -> Site:
         meshes=(),
         inputs=(),
         routes=(),
-        recipe_json="{}",
+        recipe_json=recipe_json(_recipe()),
     )
 
 

@@ -13,9 +13,10 @@ from terrain_forge.world import World
 from terrain_forge.writers.mtl import MattMaterial, write_mtl
 from terrain_forge.writers.naming import file_name
 
-from ..sdf.markup import Lines, element, write_document
+from ..sdf.markup import Lines, element, world_name, write_document
 from .geometry import MATERIALS
 from .ground import ground_link
+from .load import parsing_losses, require_parsable
 from .options import Options
 from .rocks import fixed_rocks, is_single, loose_rocks
 from .shapes import write_looks, write_shapes
@@ -32,7 +33,12 @@ _PACKAGE = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
-    """Write world.sdf, its meshes and textures, and a package.xml for package:// URIs."""
+    """Write world.sdf, its meshes and textures, and a package.xml for package:// URIs.
+
+    Raises:
+        ExportError: if the rocks are too many for Drake's parser.
+    """
+    require_parsable(world, options)
     folder = directory / "assets"
     folder.mkdir()
     shapes = world.library.prototypes
@@ -43,7 +49,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     write_shapes(world, single, folder)
     write_mtl(folder / MATERIALS, [*looks, *write_looks(world, single, folder)])
     name = file_name(world.site.name)
-    body = element("world", *models, name=name, **_NAMESPACE)
+    body = element("world", *models, name=world_name(name), **_NAMESPACE)
     write_document(directory / "world.sdf", _SDF_VERSION, body)
     package = _PACKAGE.format(name=name)
     (directory / "package.xml").write_text(package, encoding="utf-8", newline="\n")
@@ -79,6 +85,8 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
         f"([0, 0, {-world.site.body.gravity:g}]).",
         "The ground collides as it is with bodies of hydroelastic contact alone: in point contact "
         "Drake takes a mesh for its convex hull.",
+        "Drake mixes the friction of two things that touch, 2ab / (a + b): the surface's is what "
+        "counts only for a wheel that has the same.",
         texture_loss(world.ground, options.texture_pixels, normals=False),
     ]
     if world.trajectories:
@@ -95,4 +103,4 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
             f"{small} rocks below {options.individual_min_m:g} m are merged per tile and show no "
             f"texture, their outline off by up to {100 * error:.1f} % of their size."
         )
-    return tuple(losses)
+    return (*losses, *parsing_losses(world, options))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from terrain_forge.frames import image_rows
+from terrain_forge.friction import world_grip
 from terrain_forge.ground_mesh import (
     grid_faces,
     grid_normals,
@@ -34,5 +35,6 @@ def ground_link(tile: World, whole: World, folder: Path, *, name: str, options: 
     texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
     write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
-    touch = rigid(f"{name}_collision", uri, options.friction)
+    grip = world_grip(whole.site.body.name, options)
+    touch = rigid(f"{name}_collision", uri, grip.ground)
     return element("link", visual(f"{name}_visual", uri), touch, name=name)

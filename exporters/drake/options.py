@@ -27,8 +27,11 @@ class Options(Spec):
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
-    friction: NotNegative = 0.7
-    """Coulomb friction of ground and rocks."""
+    surface: Literal["regolith", "bedrock"] = "regolith"
+    """What the ground is: its friction is that of the world's body (docs/driving.md)."""
+    friction: NotNegative | None = None
+    """Coulomb friction of ground and fixed rocks; without it each has its own, by body and
+    surface. Loose rocks keep what they were settled with."""
     loose_modulus_pa: Positive = 1.0e8
     """Hydroelastic modulus of loose rocks [Pa]: how hard they are. The ground and the fixed rocks
     are rigid."""

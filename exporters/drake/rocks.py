@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.frames import rpy_from_quaternion
+from terrain_forge.friction import world_grip
 from terrain_forge.mesh import Mesh
 from terrain_forge.rock_bodies import inertias
 from terrain_forge.rock_mesh import merge_rocks
+from terrain_forge.rocks.resting.contact import loose_contact
 from terrain_forge.world import RockField, World
 from terrain_forge.writers.mesh import vertex_normals, write_obj
 
@@ -42,13 +44,14 @@ def fixed_rocks(
     """
     fixed = tile.field.select(~tile.field.loose)
     single = is_single(fixed, options)
-    parts = [*_single_rocks(fixed.select(single), folder, options)]
+    friction = world_grip(whole.site.body.name, options).rock
+    parts = [*_single_rocks(fixed.select(single), folder, friction)]
     small = fixed.select(~single)
     groups = np.unique(np.stack([small.population, small.solid], axis=-1), axis=0)
     for population, solid in groups.tolist():
         rocks = small.select((small.population == population) & (small.solid == solid))
         path = folder / f"rocks_{number:03}_{population}{'' if solid else '_seen'}.obj"
-        parts += _merged_rocks(rocks, coarse, whole, path, options)
+        parts += _merged_rocks(rocks, coarse, whole, path, friction)
     if not parts:
         return []
     link = element("link", *parts, name="rocks")
@@ -79,13 +82,13 @@ def _hulls(
         yield compliant(
             f"collision_{part}",
             f"{folder.name}/{hull_file(prototype, part)}",
-            options.friction,
+            loose_contact(float(field.diameter[row])).sliding,
             scale=float(field.scale[row]),
             modulus=options.loose_modulus_pa,
         )
 
 
-def _single_rocks(rocks: RockField, folder: Path, options: Options) -> Iterator[Lines]:
+def _single_rocks(rocks: RockField, folder: Path, friction: float) -> Iterator[Lines]:
     """A visual, and for what can be touched a collision, of each rock's finest mesh."""
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)])
     for row, identity in enumerate(rocks.id.tolist()):
@@ -94,11 +97,11 @@ def _single_rocks(rocks: RockField, folder: Path, options: Options) -> Iterator[
         yield visual(f"rock_{identity}_visual", uri, pose=pose, scale=scale)
         if rocks.solid[row]:
             name = f"rock_{identity}_collision"
-            yield rigid(name, uri, options.friction, pose=pose, scale=scale)
+            yield rigid(name, uri, friction, pose=pose, scale=scale)
 
 
 def _merged_rocks(
-    rocks: RockField, coarse: list[Mesh], whole: World, path: Path, options: Options
+    rocks: RockField, coarse: list[Mesh], whole: World, path: Path, friction: float
 ) -> Iterator[Lines]:
     """Write rocks of one population, all to be touched or none; yields what shows and stops."""
     vertices, faces = merge_rocks(rocks, coarse, whole.ground)
@@ -110,7 +113,7 @@ def _merged_rocks(
     uri = f"{path.parent.name}/{path.name}"
     yield visual(f"{path.stem}_visual", uri)
     if rocks.solid[0]:
-        yield rigid(f"{path.stem}_collision", uri, options.friction)
+        yield rigid(f"{path.stem}_collision", uri, friction)
 
 
 def _shape_uri(field: RockField, row: int, folder: Path) -> str:

@@ -17,9 +17,8 @@ from .products import Products
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write each product as PRODUCT.tif, on the ground's nodes and in the site's local CRS."""
     products = Products(world, above_datum=options.heights == "datum")
-    chosen = tuple(dict.fromkeys(options.products))
     largest = 0.0
-    for product in chosen:
+    for product in options.products:
         raster = products.raster(product)
         write_geotiff(
             directory / f"{product}.tif",
@@ -33,7 +32,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         )
         if raster.units == "m":
             largest = max(largest, float(np.abs(raster.grid).max()))
-    files = tuple(Path(f"{product}.tif") for product in sorted(chosen))
+    files = tuple(Path(f"{product}.tif") for product in sorted(options.products))
     return ExportReport(files=files, losses=_losses(world, options, largest))
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import MinLen
 
+from terrain_forge.errors import RecipeError
 from terrain_forge.specs import Spec
 
 Product = Literal["elevation", "surface_with_rocks", "rock_id", "slope", "hillshade", "orthoimage"]
@@ -31,3 +32,8 @@ class Options(Spec):
     the plane that levelling took away are added."""
     cloud_optimized: bool = False
     """Write cloud-optimised GeoTIFFs (COG), with blocks and overviews."""
+
+    def __post_init__(self) -> None:
+        for number, product in enumerate(self.products):
+            if product in self.products[:number]:
+                raise RecipeError(f"{product} is named twice", key=("products",))

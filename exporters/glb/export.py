@@ -21,11 +21,13 @@ from terrain_forge.writers.glb import LARGEST_FILE, Gltf
 from .ground import TRANSFORM, SharedParts, ground_tile
 from .options import Options
 from .paths import animate, path_node
-from .rocks import merged_materials, merged_rocks, rock_meshes, rock_nodes
+from .rocks import merged_materials, merged_rocks, node_texts, rock_meshes
 from .sun import LIGHTS, sun_light, sun_node
 
-_BYTES_PER_NODE, _BYTES_OF_TANGENT = 24, 16
-"""Of a node of the ground: its position and normal, and its tangent where there is a normal map."""
+_BYTES_PER_NODE = 24
+"""Of a node of the ground at least: its position and normal."""
+_BYTES_PER_ROCK = 140
+"""Of a rock at least: its node as text."""
 _HALF = 0.5**0.5
 _Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
 """Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
@@ -37,7 +39,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     Raises:
         ExportError: if the world does not fit into the 4 GiB of a GLB.
     """
-    _require_room(world)
+    rows, columns = world.ground.shape
+    require_room(options, nodes=rows * columns, rocks=len(world.field))
     shapes = world.library.prototypes
     coarse = np.array([level_of_detail(shape, options.outline_error) for shape in shapes])
     with TemporaryFile(dir=directory) as binary:
@@ -49,7 +52,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
         levels = np.where(fine, 0, coarse[single.prototype])
-        rocks = rock_nodes(single, rock_meshes(world, single, gltf, levels))
+        rocks = node_texts(single, rock_meshes(world, single, gltf, levels))
         fixed = [*paths, sun_node(world.lighting), *tiles]
         root = {
             "name": world.site.name,
@@ -87,14 +90,17 @@ def _tiles(
     return nodes
 
 
-def _require_room(world: World) -> None:
-    """Refuse a ground that cannot fit, before anything is written."""
-    rows, columns = world.ground.shape
-    each = _BYTES_PER_NODE + (_BYTES_OF_TANGENT if world.appearance.detail else 0)
-    if rows * columns * each > LARGEST_FILE:
+def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+    """Refuse, before the world is made, a ground or rocks that cannot fit into a file.
+
+    Raises:
+        ExportError: if they cannot.
+    """
+    del options
+    if nodes * _BYTES_PER_NODE + rocks * _BYTES_PER_ROCK > LARGEST_FILE:
         raise ExportError(
-            f"the ground's {columns} × {rows} nodes do not fit into the 4 GiB of a GLB: choose a "
-            "smaller area, a coarser spacing_m, or the format usd"
+            f"the ground's {nodes:.4g} nodes and {rocks:.4g} rocks do not fit into the 4 GiB of a "
+            "GLB: choose a smaller area, a coarser spacing_m, or the format usd"
         )
 
 

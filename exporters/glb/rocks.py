@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import xyzw
 from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import merge_rocks
+from terrain_forge.rock_mesh import merge_in_parts
 from terrain_forge.rock_surface import surface
 from terrain_forge.world import RockField, World
 from terrain_forge.writers.glb import Gltf
@@ -22,11 +20,8 @@ from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 
 from .ground import tile_corner
 from .material import matt
+from .node_text import rock_nodes
 
-_NODE = (
-    '{"name":"rock_%d","mesh":%d,"translation":[%.9g,%.9g,%.9g],'
-    '"rotation":[%.9g,%.9g,%.9g,%.9g],"scale":[%.9g,%.9g,%.9g]}'
-)
 _BLOCK = 4096
 
 
@@ -56,24 +51,17 @@ def rock_meshes(
     return np.array(meshes, np.int64)[kind_of_rock.reshape(-1)]
 
 
-def rock_nodes(rocks: RockField, meshes: NDArray[np.int64]) -> Iterator[str]:
+def node_texts(rocks: RockField, meshes: NDArray[np.int64]) -> Iterator[str]:
     """The rocks' nodes as JSON, many to a text."""
-    size = np.repeat(rocks.scale[:, None], 3, axis=1)
-    places = np.hstack([rocks.position, xyzw(rocks.quaternion), size])
     for first in range(0, len(rocks), _BLOCK):
-        part = slice(first, first + _BLOCK)
-        # Python's own numbers format faster than NumPy's.
-        table = zip(
-            rocks.id[part].tolist(), meshes[part].tolist(), places[part].tolist(), strict=True
-        )
-        values = [(identity, mesh, *place) for identity, mesh, place in table]
-        yield ",".join([_NODE] * len(values)) % tuple(chain.from_iterable(values))
+        rows = np.arange(first, min(first + _BLOCK, len(rocks)))
+        yield rock_nodes(rocks.select(rows), meshes[rows])
 
 
 def merged_rocks(
     tile: World, whole: World, gltf: Gltf, *, name: str, shapes: list[Mesh], materials: list[int]
 ) -> list[dict[str, Any]]:
-    """Add the meshes of one tile's rocks, one per population; returns their nodes.
+    """Add the meshes of one tile's rocks, one or a few per population; returns their nodes.
 
     Args:
         tile: The tile, whose field holds the rocks to be merged alone.
@@ -87,22 +75,24 @@ def merged_rocks(
     nodes = []
     for population in np.unique(tile.field.population).tolist():
         rocks = tile.field.select(tile.field.population == population)
-        vertices, faces = merge_rocks(rocks, shapes, whole.ground)
-        if not len(faces):
-            continue
-        attributes = {
-            "POSITION": gltf.add_vertices((vertices - corner).astype(np.float32), bounded=True),
-            "NORMAL": gltf.add_vertices(vertex_normals(vertices, faces).astype(np.float32)),
-        }
-        primitive = {
-            "attributes": attributes,
-            "indices": gltf.add_indices(faces),
-            "material": materials[population],
-        }
-        full = f"{name}_{rocks.populations[population]}"
-        mesh = gltf.add("meshes", {"name": full, "primitives": [primitive]})
-        nodes.append({"name": full, "mesh": mesh, "translation": corner.tolist()})
+        parts = merge_in_parts(rocks, shapes, whole.ground)
+        for number, (vertices, faces) in enumerate(parts):
+            full = f"{name}_{rocks.populations[population]}{f'_{number}' if number else ''}"
+            mesh = _add_merged(vertices - corner, faces, gltf, full, materials[population])
+            nodes.append({"name": full, "mesh": mesh, "translation": corner.tolist()})
     return nodes
+
+
+def _add_merged(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], gltf: Gltf, name: str, material: int
+) -> int:
+    attributes = {
+        "POSITION": gltf.add_vertices(vertices.astype(np.float32), bounded=True),
+        "NORMAL": gltf.add_vertices(vertex_normals(vertices, faces).astype(np.float32)),
+    }
+    indices = gltf.add_indices(faces)
+    primitive = {"attributes": attributes, "indices": indices, "material": material}
+    return gltf.add("meshes", {"name": name, "primitives": [primitive]})
 
 
 def merged_materials(world: World, gltf: Gltf) -> list[int]:

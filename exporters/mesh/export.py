@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.errors import ExportError
 from terrain_forge.ground_texture import texture_loss
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_surface import level_of_detail
-from terrain_forge.world import World
+from terrain_forge.world import RockPrototype, World
 from terrain_forge.writers.mtl import MattMaterial
 
 from .obj import write_materials, write_obj_part
@@ -28,10 +29,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write the world as plain meshes: world.obj (stl, ply), or tile_000.obj and so on.
 
     Raises:
-        ExportError: if the format has no objects but is asked for them, or if the ground has more
-            nodes than one mesh can hold.
+        ExportError: if the ground has more nodes than one mesh can hold.
     """
-    _require_possible(world, options)
+    rows, columns = world.ground.shape
+    require_room(options, nodes=rows * columns, rocks=len(world.field))
     detail = [level_of_detail(p, options.outline_error) for p in world.library.prototypes]
     rocks = options.rocks != "none"
     grounds: list[MattMaterial] = []
@@ -67,45 +68,62 @@ def _parts(world: World, detail: list[int], options: Options) -> Iterator[Part]:
         yield part(f"tile_{number:03}", tile)
 
 
-def _require_possible(world: World, options: Options) -> None:
-    if options.rocks == "objects" and options.format != "obj":
+def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+    """Refuse a ground of more nodes than one mesh holds.
+
+    Raises:
+        ExportError: if it has.
+    """
+    del rocks  # half of the indices are left to them
+    if options.tiles == "merged" and nodes > _MOST_NODES:
         raise ExportError(
-            f"rocks: objects: {options.format} has no objects; choose format: obj, or rocks: merged"
-        )
-    rows, columns = world.ground.shape
-    if options.tiles == "merged" and rows * columns > _MOST_NODES:
-        raise ExportError(
-            f"tiles: merged: the ground has {columns} × {rows} nodes, one mesh holds {_MOST_NODES} "
+            f"tiles: merged: the ground has {nodes:.4g} nodes, one mesh holds {_MOST_NODES} "
             "at most; choose tiles: tiled"
         )
 
 
 def _losses(world: World, detail: list[int], options: Options) -> tuple[str, ...]:
     """What a plain mesh, or this export of one, does not say."""
-    losses = ["A mesh knows no physics, light, place or paths: all rocks stand still."]
-    unfelt = len(world.field) - int(world.field.solid.sum())
-    if unfelt:
-        losses.append(f"{unfelt} rocks that are there for the eye alone are in it like the others.")
-    if options.format == "obj":
-        losses.append("Coordinates are rounded to 1 µm.")
-        losses.append(texture_loss(world.ground, options.texture_pixels, normals=False))
-    else:
-        largest = np.float32(max(map(abs, world.ground.bounds)))
-        losses.append(
-            f"Coordinates are float32: rounded by up to {500 * np.spacing(largest):.2g} mm."
-        )
-    losses += {"stl": ["STL has no colours."], "ply": ["PLY has colours, no textures."]}.get(
-        options.format, []
+    return (
+        "A mesh knows no physics, light, place or paths.",
+        *_format_losses(world, options),
+        *(_rock_losses(world, detail, options) if len(world.field) else ()),
     )
+
+
+def _format_losses(world: World, options: Options) -> Iterator[str]:
+    if options.format == "obj":
+        yield "Coordinates are rounded to 1 µm."
+        yield texture_loss(world.ground, options.texture_pixels, normals=False)
+        return
+    largest = np.float32(max(map(abs, world.ground.bounds)))
+    yield f"Coordinates are float32: rounded by up to {500 * np.spacing(largest):.2g} mm."
+    yield {"stl": "STL has no colours.", "ply": "PLY has colours, no textures."}[options.format]
+
+
+def _rock_losses(world: World, detail: list[int], options: Options) -> Iterator[str]:
+    field = world.field
     if options.rocks == "none":
-        losses.append(f"The {len(world.field)} rocks are left out.")
-    elif options.rocks == "merged":
-        losses.append(f"{len(world.field)} rocks are merged, without names and textures.")
-        shapes = zip(world.library.prototypes, detail, strict=True)
-        error = max((shape.outline_errors[level] for shape, level in shapes), default=0.0)
-        if error and np.any(world.field.diameter < options.finest_min_m):
-            losses.append(
-                f"The outlines of rocks below {options.finest_min_m:g} m are off by up to "
-                f"{100 * error:.1f} % of their size."
+        yield f"The {len(field)} rocks are left out."
+        return
+    if field.loose.any():
+        yield f"{int(field.loose.sum())} loose rocks stand still, as the others do."
+    unfelt = len(field) - int(field.solid.sum())
+    if unfelt:
+        yield f"{unfelt} rocks that are there for the eye alone are in it like the others."
+    if options.rocks == "merged":
+        yield f"{len(field)} rocks are merged, without names and textures."
+        small = field.diameter < options.finest_min_m
+        error = _outline_error(world.library.prototypes, detail, field.prototype[small])
+        if error:
+            yield (
+                f"The outlines of {int(small.sum())} rocks below {options.finest_min_m:g} m are "
+                f"off by up to {100 * error:.1f} % of their size."
             )
-    return tuple(losses)
+
+
+def _outline_error(
+    shapes: tuple[RockPrototype, ...], detail: list[int], used: NDArray[np.int32]
+) -> float:
+    """The largest error of the outlines of the shapes that are used [mean axes]."""
+    return max((shapes[n].outline_errors[detail[n]] for n in np.unique(used)), default=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import BinaryIO
@@ -48,18 +49,24 @@ def write_obj_part(part: Part, directory: Path, *, options: Options) -> MattMate
         The material of the part's ground, for `write_materials`.
     """
     ground = f"ground{part.name.removeprefix('world').removeprefix('tile')}"
-    finer = finest_texture(part.whole.ground, options.texture_pixels)
-    texture = bake_ground(part.world, finer=finer)
-    write_png(directory / f"{ground}.png", image_rows(texture.rgb))
-    with (directory / f"{part.name}.obj").open("wb") as file:
-        file.write(f"# terrain-forge: metres, z up\nmtllib {MATERIALS}\n".encode())
-        body = _Body(file)
-        _write_ground(body, part, ground)
-        if options.rocks == "objects":
-            _write_single_rocks(body, part.world)
-        elif options.rocks == "merged":
-            _write_merged_rocks(body, part)
+    # Beside each other: kernels, compression and files leave Python's lock to the other thread.
+    with ThreadPoolExecutor(1) as pool:
+        texture = pool.submit(_write_texture, part, directory / f"{ground}.png", options)
+        with (directory / f"{part.name}.obj").open("wb") as file:
+            file.write(f"# terrain-forge: metres, z up\nmtllib {MATERIALS}\n".encode())
+            body = _Body(file)
+            _write_ground(body, part, ground)
+            if options.rocks == "objects":
+                _write_single_rocks(body, part.world)
+            elif options.rocks == "merged":
+                _write_merged_rocks(body, part)
+        texture.result()
     return MattMaterial(name=ground, texture=f"{ground}.png")
+
+
+def _write_texture(part: Part, path: Path, options: Options) -> None:
+    finer = finest_texture(part.whole.ground, options.texture_pixels)
+    write_png(path, image_rows(bake_ground(part.world, finer=finer).rgb))
 
 
 def write_materials(

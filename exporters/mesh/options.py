@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
+from terrain_forge.errors import RecipeError
 from terrain_forge.specs import NotNegative, Spec
 
 
@@ -22,7 +23,7 @@ class Options(Spec):
     tiles: Literal["merged", "tiled"] = "merged"
     """`merged` writes one file, as ray casters want it; `tiled` one per tile."""
     tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 256
-    """Cells of the ground's grid per tile, each way."""
+    """Cells of the ground's grid per tile, each way; within one file too, rocks are merged so."""
     rocks: Literal["merged", "objects", "none"] = "merged"
     """`merged` joins a tile's rocks, without their faces that lie wholly under the ground;
     `objects` keeps each whole rock as an object of its own, `rock_ID`, with its texture (`obj`
@@ -35,3 +36,23 @@ class Options(Spec):
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least (`obj` alone)."""
+
+    def __post_init__(self) -> None:
+        if self.rocks == "objects" and self.format != "obj":
+            raise RecipeError(
+                f"{self.format} has no objects; choose format: obj, or rocks: merged",
+                key=("rocks",),
+            )
+        if self.format != "obj":
+            self._require_default("texture_pixels", f"{self.format} has no textures")
+        if self.rocks != "merged":
+            for name in ("finest_min_m", "outline_error"):
+                self._require_default(name, f"it is for rocks: merged, here {self.rocks}")
+        if self.rocks != "merged" and self.tiles == "merged":
+            self._require_default("tile_cells", "there are no tiles; choose tiles: tiled")
+
+    def _require_default(self, name: str, why: str) -> None:
+        """Refuse a value that would change nothing."""
+        default = next(field.default for field in fields(self) if field.name == name)
+        if getattr(self, name) != default:
+            raise RecipeError(f"has no effect: {why}", key=(name,))

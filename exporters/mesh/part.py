@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rock_mesh import merge_rocks
+from terrain_forge.rock_mesh import merge_in_parts
 from terrain_forge.world import Heightfield, World
 
 _BAND_NODES = 1 << 16
@@ -48,7 +48,8 @@ class Part:
             for population, large in groups.tolist():
                 rocks = tile.field.select((tile.field.population == population) & (fine == large))
                 shapes = finest if large else coarse
-                yield population, *merge_rocks(rocks, shapes, self.whole.ground)
+                for vertices, faces in merge_in_parts(rocks, shapes, self.whole.ground):
+                    yield population, vertices, faces
 
 
 def node_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:

@@ -2,5 +2,6 @@
 
 from .export import export
 from .options import Options
+from .room import require_room
 
-__all__ = ["Options", "export"]
+__all__ = ["Options", "export", "require_room"]

@@ -7,14 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
 from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.friction import Grip, world_grip
 from terrain_forge.ground_texture import finest_texture
 from terrain_forge.registry import ExportReport
 from terrain_forge.world import World
 from terrain_forge.writers.naming import file_name
+from terrain_forge.writers.rover_meshes import write_rover_meshes
 
 from .blocks import split_ground, wide_rocks
+from .contact import SOLIMP, SOLREF, SURFACE_PRIORITY, sliding
 from .ground import GroundPart, ground_block, ground_part
 from .looks import rock_classes, rock_looks, texture_files
 from .loose import loose_rocks
@@ -23,14 +25,20 @@ from .meshes import write_hulls, write_shapes
 from .options import Options
 from .replay import path_sites, path_table, replay_body
 from .rocks import fixed_rocks, has_own_shape, mesh_assets
-from .rover import rover_actuators, rover_body, rover_classes, rover_sensors
+from .room import require_counts
+from .rover import (
+    rover_actuators,
+    rover_assets,
+    rover_body,
+    rover_classes,
+    rover_equalities,
+    rover_sensors,
+)
 from .xml import element
 
 Array = NDArray[np.float64]
 _LARGEST_FIELD = 4096
 """Cells of a height field each way; larger grounds become several."""
-_MOST_GEOMS = 250_000
-"""Geoms that an export may have: MuJoCo steps 100,000 some 300 times a second."""
 _SCENE_EXTENT = 8.0
 """What the viewer of `scene.xml` opens with, around the rover [m]."""
 _MEMORY, _MEMORY_PER_ROCK, _MEMORY_PER_CONTACT = 64 * 2**20, 64 * 2**10, 8 * 2**10
@@ -45,7 +53,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     Raises:
         ExportError: if the world has too many rocks, or too many wide loose ones.
     """
-    _check_size(world, options)
+    require_counts(world, options)
     tiles = list(world.tiles(cells=_LARGEST_FIELD))
     grounds = _grounds(world, tiles, options)
     shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
@@ -66,20 +74,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     meshes = [
         *write_hulls(world.library, directory),
         *write_shapes(world.library, shapes, directory),
+        *(f"assets/{name}" for name in write_rover_meshes(world.rover, directory / "assets")),
     ]
     written = tuple(map(Path, (*files, *meshes)))
     return ExportReport(files=written, losses=list_losses(world, options))
-
-
-def _check_size(world: World, options: Options) -> None:
-    """Refuse more geoms than MuJoCo steps at any useful rate."""
-    parts = np.array([len(shape.hulls) for shape in world.library.prototypes])
-    geoms = int(parts[world.field.prototype].sum() + has_own_shape(world.field, options).sum())
-    if geoms > _MOST_GEOMS:
-        raise ExportError(
-            f"{len(world.field)} rocks make {geoms} geoms, MuJoCo steps at most {_MOST_GEOMS}: "
-            "choose a smaller size_m, a larger smallest diameter_m, or a larger visual_min_m"
-        )
 
 
 def _grounds(world: World, tiles: list[World], options: Options) -> list[GroundPart]:
@@ -113,7 +111,8 @@ def _world_xml(
         bodies += loose_rocks(world.library, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
-    static = [*_static(options), *rock_classes(world, textured=textured)]
+    grip = world_grip(world.site.body.name, options)
+    static = [*_static(grip), *rock_classes(world, textured=textured, friction=grip.rock)]
     parts = [
         *_settings(world, options, shown=_extent(world)),
         *_memory(world),
@@ -161,16 +160,12 @@ def _settings(world: World, options: Options, *, shown: float) -> list[str]:
     return [compiler, option, element("visual", visual)]
 
 
-def _static(options: Options) -> list[str]:
+def _static(grip: Grip) -> list[str]:
     """Defaults of ground and rocks: they meet what moves, never each other."""
     contact = element(
-        "geom",
-        contype=0,
-        conaffinity=1,
-        condim=3,
-        friction=(options.friction, 0.005, 0.0001),
-        solref=(0.02, 1.0),
-    )
+        "geom", contype=0, conaffinity=1, condim=3, priority=SURFACE_PRIORITY,
+        friction=sliding(grip.ground), solref=SOLREF, solimp=SOLIMP,
+    )  # fmt: skip
     # Blocks are touched and hidden, the ground above them is seen and not touched.
     fields = {
         "ground": {"group": 0},
@@ -221,7 +216,9 @@ def _scene_xml(world: World, options: Options) -> str:
     if world.rover.links:
         bodies.append(rover_body(world.rover, position, quaternion))
         parts += [
-            element("default", rover_classes(options.friction)),
+            element("default", rover_classes(world_grip(world.site.body.name, options).ground)),
+            element("asset", rover_assets(world.rover, "assets")),
+            element("equality", rover_equalities(world.rover)),
             element("actuator", rover_actuators(world.rover)),
             element("sensor", rover_sensors(world.rover)),
         ]

@@ -10,6 +10,7 @@ from terrain_forge.world import World
 from terrain_forge.writers.image import encode_png
 from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 
+from .contact import LOOSE_PRIORITY, sliding
 from .xml import element
 
 _MATT = {"specular": 0.0, "shininess": 0.0}
@@ -42,7 +43,7 @@ def texture_file(population: int) -> str:
     return f"assets/rock_{population}.png"
 
 
-def rock_classes(world: World, *, textured: bool) -> list[str]:
+def rock_classes(world: World, *, textured: bool, friction: float) -> list[str]:
     """Default classes, so that a rock's line holds only what is its own.
 
     Per population `rock_<n>` is seen and touched, `seen_<n>` seen alone, `shape_<n>` too, with its
@@ -55,7 +56,7 @@ def rock_classes(world: World, *, textured: bool) -> list[str]:
         classes.append(_class(f"seen_{n}", material=f"rock_{n}", **picture))
         if textured:
             classes.append(_class(f"shape_{n}", material=f"shape_{n}", **picture))
-    rock = element("geom", type="mesh", group=_ROCK_GROUP)
+    rock = element("geom", type="mesh", group=_ROCK_GROUP, friction=sliding(friction))
     return [element("default", [rock, *classes], class_="rock")]
 
 
@@ -67,6 +68,7 @@ def _loose_class() -> str:
         group=_HIDDEN_GROUP,
         contype=1,
         conaffinity=1,
+        priority=LOOSE_PRIORITY,
         condim=contact.condim,
         solref=np.array(contact.solref),
     )

@@ -10,9 +10,15 @@ from .blocks import CELLS, wide_rocks
 from .meshes import drawn_level
 from .options import Options
 from .rocks import SCALE_ERROR, has_own_shape
+from .room import BYTES_PER_MESH, SECONDS_PER_MESH, count_geoms
 
 _WHEEL_CELLS = 10
 """A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
+_MANY_MESHES = 5000
+"""Beyond so many, loading them takes seconds."""
+SECONDS_PER_LOOSE = 25e-6
+"""What a loose rock that lies on the ground takes of each step [s], with 5 contacts as they have
+on average: 5.5 ms for 221 of them (MuJoCo 3.17, one core)."""
 
 
 def list_losses(world: World, options: Options) -> tuple[str, ...]:
@@ -23,6 +29,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         *collision_losses(world.library.prototypes),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
+        *world.rover.notes,
         "The Sun is a light without size or irradiance in physical units.",
         "A lidar is a bare site; its figures are not part of the model.",
     )
@@ -37,6 +44,13 @@ def _rock_losses(world: World, options: Options) -> list[str]:
         losses.append(
             f"The sizes of {rounded} fixed rocks are rounded by at most {SCALE_ERROR:.0%}; "
             "`exact_scale: true` keeps them."
+        )
+    meshes = sum(count_geoms(world, options)) if options.exact_scale else 0
+    if meshes > _MANY_MESHES:
+        losses.append(
+            f"`exact_scale: true` makes {meshes} meshes: MuJoCo takes about "
+            f"{meshes * SECONDS_PER_MESH:.0f} s and {meshes * BYTES_PER_MESH / 1e9:.1f} GB to load "
+            "them."
         )
     if by_hull:
         losses.append(f"{by_hull} rocks are drawn by their convex collision hulls, in one colour.")
@@ -62,6 +76,13 @@ def _contact_losses(world: World, options: Options) -> list[str]:
         losses.append(
             f"{wide} loose rocks are wider than {CELLS} cells: MuJoCo may drop contacts of those "
             "that lie flat, which then tip over; `split_ground: true` keeps them."
+        )
+    busy = SECONDS_PER_LOOSE * int(world.field.loose.sum())
+    if busy > options.timestep_s and not options.sleep:
+        losses.append(
+            f"{int(world.field.loose.sum())} loose rocks take about {1000 * busy:.1f} ms of each "
+            f"step of {1000 * options.timestep_s:g} ms, slower than real time; with `sleep: true` "
+            "those that lie still cost nothing in versions of MuJoCo that know it."
         )
     spacing = world.ground.spacing
     if any(wheel.width > _WHEEL_CELLS * spacing for wheel in world.rover.wheels):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Interval
 
@@ -16,8 +16,11 @@ class Options(Spec):
 
     timestep_s: Annotated[float, Interval(gt=0, le=0.01)] = 0.002
     """Time step of the simulation."""
-    friction: Positive = 0.7
-    """Coefficient of sliding friction between the rover and both ground and rocks."""
+    surface: Literal["regolith", "bedrock"] = "regolith"
+    """What the ground is: its friction is that of the world's body (docs/driving.md)."""
+    friction: Positive | None = None
+    """Coefficient of sliding friction between the rover and both ground and rocks; without it each
+    has its own, by body and surface."""
     exact_scale: bool = False
     """Whether each rock gets its exact size. MuJoCo stores a mesh per size, so by default sizes are
     rounded to steps that change no rock by more than 1 %, which loads many times faster."""
@@ -32,5 +35,5 @@ class Options(Spec):
     cells. MuJoCo keeps 50 contacts with each field and drops the others, and a rock that lies flat
     on many cells of one field tips over."""
     sleep: bool = False
-    """Whether to set MuJoCo's `sleep` flag, which makes worlds of many rocks step up to three times
-    faster; only versions of MuJoCo that know it can load the files then."""
+    """Whether to set MuJoCo's `sleep` flag: loose rocks that lie still then cost next to nothing of
+    a step, not 25 µs each; only versions of MuJoCo that know it can load the files then."""

@@ -8,12 +8,16 @@ from terrain_forge.frames import Array
 from terrain_forge.motion import Trajectory
 from terrain_forge.paths.interpolation import sample_times, spline_places
 from terrain_forge.rovers.description import Rover, Shape
+from terrain_forge.writers.rover_meshes import rover_mesh
 
 from . import material
 from .markup import Lines, element, numbers
+from .model import Model, mesh
 
 
-def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str, sensors: list[Lines]) -> Lines:
+def replay_actor(
+    trajectory: Trajectory, rover: Rover, *, name: str, model: Model, sensors: list[Lines]
+) -> Lines:
     """An actor that moves `base_link` along the trajectory, looking like the rover at rest.
 
     Angles are continuous: Gazebo interpolates them as plain numbers, and a wrapped yaw would make
@@ -23,11 +27,12 @@ def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str, sensors: li
         trajectory: The path.
         rover: Who drives.
         name: Name of the actor.
+        model: Whose `meshes` are those of the rover (`write_rover_meshes`).
         sensors: What it carries, in the frame of base_link.
     """
     times, poses = waypoints(trajectory)
     stops = [
-        f"<waypoint><time>{time:.3f}</time><pose>{pose}</pose></waypoint>"
+        f"<waypoint><time>{_time_text(time)}</time><pose>{pose}</pose></waypoint>"
         for time, pose in zip(times.tolist(), map(_pose_text, poses.tolist()), strict=True)
     ]
     path = element("trajectory", stops, id="0", type="drive", tension="0")
@@ -38,15 +43,16 @@ def replay_actor(trajectory: Trajectory, rover: Rover, *, name: str, sensors: li
         element("auto_start", "true"),
         path,
     )
-    link = element("link", *_visuals(rover), *sensors, name="base_link")
+    link = element("link", *_visuals(rover, model), *sensors, name="base_link")
     return element("actor", script, link, name=name)
 
 
 def waypoints(trajectory: Trajectory) -> tuple[Array, Array]:
     """The trajectory at its sample times, moved to whole milliseconds.
 
-    gz-sim cuts times to milliseconds, so the poses are those of the moved times. Where Gazebo's
-    spline would leave the path there are more of them than samples.
+    gz-sim cuts times to milliseconds, so the poses are those of the moved times, and a time whose
+    product with 1000 is a hair below its whole number is the next larger one. Where Gazebo's spline
+    would leave the path there are more of them than samples.
 
     Returns:
         Times [s], shape [n], and x, y, z [m], roll, pitch, yaw [rad, continuous], shape [n, 6].
@@ -55,33 +61,40 @@ def waypoints(trajectory: Trajectory) -> tuple[Array, Array]:
     wanted = sample_times(trajectory, spline_places)
     milliseconds = np.unique(np.minimum(np.rint(wanted * 1000), last))
     times = milliseconds / 1000
+    times = np.where(np.floor(times * 1000) < milliseconds, np.nextafter(times, np.inf), times)
     poses = trajectory.at(times)
     return times, np.hstack([poses.position, poses.rpy])
+
+
+def _time_text(time: float) -> str:
+    text = f"{time:.3f}"
+    return text if float(text) == time else repr(time)
 
 
 def _pose_text(pose: list[float]) -> str:
     return " ".join(f"{value + 0.0:.7f}" for value in pose)
 
 
-def _visuals(rover: Rover) -> list[Lines]:
+def _visuals(rover: Rover, model: Model) -> list[Lines]:
     if not any(link.shapes for link in rover.links):
         box = element("geometry", element("box", element("size", "1 1 1")))
         look = material.plain((0.8, 0.8, 0.8))
         return [element("visual", element("pose", "0 0 0.5 0 0 0"), box, look, name="box")]
     origins: dict[str, Array] = {}
     visuals = []
-    for link in rover.links:
+    for index, link in enumerate(rover.links):
         origins[link.name] = origins.get(link.parent, np.zeros(3)) + link.origin
         for number, shape in enumerate(link.shapes):
+            if not shape.visible:
+                continue
             name = f"{link.name}_{number}"
-            visuals.append(_visual(shape, origins[link.name], name))
+            pose = element("pose", numbers([*(origins[link.name] + shape.position), *shape.rpy]))
+            if shape.kind == "mesh":
+                solid = mesh(model.uri(f"meshes/{rover_mesh(index, number)}"))
+            else:
+                solid = element("geometry", _solid(shape))
+            visuals.append(element("visual", pose, solid, material.plain(shape.rgb), name=name))
     return visuals
-
-
-def _visual(shape: Shape, origin: Array, name: str) -> Lines:
-    pose = element("pose", numbers([*(origin + shape.position), *shape.rpy]))
-    look = material.plain(shape.rgb)
-    return element("visual", pose, element("geometry", _solid(shape)), look, name=name)
 
 
 def _solid(shape: Shape) -> Lines:

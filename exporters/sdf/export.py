@@ -5,15 +5,19 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from terrain_forge.errors import ExportError
+from terrain_forge.friction import world_grip
 from terrain_forge.mesh import Mesh
 from terrain_forge.registry import ExportReport
 from terrain_forge.rock_mesh import coarse_shape
 from terrain_forge.world import World
 from terrain_forge.writers.naming import file_name
+from terrain_forge.writers.rover_meshes import write_rover_meshes
 
 from . import ground, rocks
 from .actor import replay_actor
 from .heightmap import Heightmap, make_heightmap, write_heightmap
+from .load import require_loadable
 from .loose import loose_rocks
 from .losses import list_losses
 from .markup import Lines
@@ -23,9 +27,6 @@ from .ros import write_package
 from .scenery import write_world
 from .sensors import rig_sensors
 
-_VERSIONS = {"fortress": "1.9", "garden": "1.10"}
-_CLASSIC_VERSION = "1.6"
-
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write world.sdf, scene.sdf (with a replay of each trajectory) and their models.
@@ -33,16 +34,22 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     The models' names begin with the world's, so that several worlds can share one resource path.
 
     Raises:
-        ExportError: if the ground is too large for a heightmap.
+        ExportError: if the ground is too large for a heightmap, the rocks are too many elements, or
+            a path is named like a model.
     """
+    require_loadable(world, options)
     heightmap = None
     if options.ground == "heightmap":
-        heightmap = make_heightmap(world.ground, bits=options.heightmap_bits)
+        heightmap = make_heightmap(world.ground, bits=options.grey_bits)
     name = file_name(world.site.name)
-    models = [_model(directory, f"{name}_{part}", options) for part in ("ground", "rocks")]
+    *models, rover_model = (
+        _model(directory, f"{name}_{part}", options) for part in ("ground", "rocks", "rover")
+    )
     coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]
     _write_models(world, *models, coarse=coarse, heightmap=heightmap, options=options)
-    actors = _actors(world, options)
+    loose_names = {f"rock_{rock}" for rock in world.field.id[world.field.loose].tolist()}
+    taken = loose_names | {model.name for model in models}
+    actors = _actors(world, options, rover_model=rover_model, taken=taken)
     loose = loose_rocks(world, models[1])
     sensing = bool(options.sensors and actors and world.rover.sensors)
     for file, movers, sees in (("world", loose, False), ("scene", loose + actors, sensing)):
@@ -61,21 +68,32 @@ def _model(directory: Path, name: str, options: Options) -> Model:
         folder=directory / "models" / name,
         name=name,
         flavour=options.flavour,
-        version=_VERSIONS[options.release] if options.flavour == "gz" else _CLASSIC_VERSION,
+        version=options.version,
     )
 
 
-def _actors(world: World, options: Options) -> list[Lines]:
-    """A replay of each trajectory, by the name of its path."""
+def _actors(world: World, options: Options, *, rover_model: Model, taken: set[str]) -> list[Lines]:
+    """A replay of each trajectory, by the name of its path, which no model may have.
+
+    The rover's meshes, which the actors show, go into the folder of `rover_model`.
+    """
+    if world.trajectories:
+        write_rover_meshes(world.rover, rover_model.folder / "meshes")
     west, south, east, north = world.ground.bounds
     actors = []
     for trajectory in world.trajectories:
         name = file_name(trajectory.name)
+        if name in taken:
+            raise ExportError(
+                f"path {trajectory.name!r}: a model of the scene is called so; choose another name"
+            )
         sensors: list[Lines] = []
         if options.sensors:
             reach = max(east - west, north - south)
             sensors = rig_sensors(world.rover, actor=name, flavour=options.flavour, reach=reach)
-        actors.append(replay_actor(trajectory, world.rover, name=name, sensors=sensors))
+        actors.append(
+            replay_actor(trajectory, world.rover, name=name, model=rover_model, sensors=sensors)
+        )
     return actors
 
 
@@ -93,7 +111,7 @@ def _write_models(
     parts: list[Lines] = []
     links: list[Lines] = []
     if heightmap:
-        friction = options.friction
+        friction = world_grip(world.site.body.name, options).ground
         parts.append(write_heightmap(heightmap, world.ground, ground_model, friction=friction))
     for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
         names.append(f"ground_{number:03}")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from io import BytesIO
 
 from terrain_forge.frames import image_rows
+from terrain_forge.friction import world_grip
 from terrain_forge.ground_mesh import (
     grid_faces,
     grid_normals,
@@ -53,7 +54,7 @@ def write_tile(
     visual = element("visual", geometry, look, name=f"{name}_visual")
     if options.ground == "heightmap":
         return [visual]
-    touch = surface(options.friction)
+    touch = surface(world_grip(whole.site.body.name, options).ground)
     return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
 
 

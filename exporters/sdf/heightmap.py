@@ -21,6 +21,8 @@ LARGEST = 4097
 """Samples each way that this export goes up to."""
 _ROWS = 256
 """Rows that are looked at together."""
+_MOVED = 1e-6
+"""What a heightmap may be off its place [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,40 +99,48 @@ def write_heightmap(
     """Write the image; returns the collision.
 
     gz-physics spreads the samples over size · (samples - 1) / samples, so that its size is more
-    than the ground's; Classic's ODE takes the size as it is.
+    than the ground's, and takes the place from the collision's pose alone: gz-sim leaves `pos` out.
+    Classic's ODE takes the size as it is and of the place only the z of `pos`.
+
+    Raises:
+        ExportError: if Classic would move the heightmap.
     """
-    write_png(model.path(IMAGE), image_rows(heightmap.pixels))
     west, south, east, north = ground.bounds
-    samples = len(heightmap.pixels)
-    grown = samples / (samples - 1) if model.flavour == "gz" else 1.0
+    samples, classic = len(heightmap.pixels), model.flavour == "classic"
+    middle = (west + east) / 2, (south + north) / 2
+    if classic and max(map(abs, middle)) > _MOVED:
+        raise ExportError(
+            f"Gazebo Classic puts a heightmap's middle at the origin, the ground's is at "
+            f"{middle[0]:g}, {middle[1]:g} m; choose `ground: mesh`"
+        )
+    write_png(model.path(IMAGE), image_rows(heightmap.pixels))
+    grown = 1.0 if classic else samples / (samples - 1)
     shape = element(
         "heightmap",
         element("uri", model.uri(IMAGE)),
         element("size", numbers([(east - west) * grown, (north - south) * grown, heightmap.span])),
-        element("pos", numbers([(west + east) / 2, (south + north) / 2, heightmap.lowest])),
+        element("pos", numbers([0, 0, heightmap.lowest if classic else 0])),
         element("sampling", "1"),
     )
+    pose = [] if classic else element("pose", numbers([*middle, heightmap.lowest, 0, 0, 0]))
     body = element("geometry", shape)
-    return element("collision", body, surface(friction), name="ground_heightmap")
+    return element("collision", pose, body, surface(friction), name="ground_heightmap")
 
 
-def heightmap_losses(heightmap: Heightmap, ground: Heightfield, *, version: str) -> list[str]:
+def heightmap_losses(heightmap: Heightmap, ground: Heightfield) -> list[str]:
     """What the heightmap does not say of the ground."""
     bits = 8 * heightmap.pixels.dtype.itemsize
     samples = len(heightmap.pixels)
     kind = "at the ground's own nodes"
     if heightmap.resampled:
         kind = f"resampled to {samples}² samples (a square of 2^n cells would not be)"
-    losses = [
+    return [
         f"The ground's collision is a heightmap of {bits} bits {kind}: steps of "
         f"{1000 * heightmap.quantum:.3g} mm, nodes off by up to "
         f"{1000 * heightmap_error(heightmap, ground):.3g} mm.",
         "Engines may cut a heightmap's cells the other way, which is off by up to "
         f"{1000 * cut_error(ground):.3g} mm in their middle.",
     ]
-    if version == "1.9" and bits == 16:
-        losses.append("Gazebo Fortress misreads heightmaps of 16 bits: `heightmap_bits: 8` there.")
-    return losses
 
 
 def _resample(ground: Heightfield, samples: int) -> Array:

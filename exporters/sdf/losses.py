@@ -9,6 +9,7 @@ from terrain_forge.world import World
 
 from . import rocks
 from .heightmap import Heightmap, heightmap_losses
+from .load import loading_losses, stepping_losses
 from .options import Options
 from .scenery import knows_surface
 
@@ -35,10 +36,19 @@ def list_losses(
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
     ]
+    losses.append(
+        "Gazebo takes the smaller friction of two things that touch: a wheel keeps its own where "
+        "the surface grips better."
+    )
     if heightmap:
-        losses += heightmap_losses(heightmap, world.ground, version=version)
+        losses += heightmap_losses(heightmap, world.ground)
     normals = options.flavour == "gz" and options.normal_maps
     losses.append(texture_loss(world.ground, options.texture_pixels, normals=normals))
+    if options.flavour == "classic":
+        losses.append(
+            "Gazebo Classic shows no normal maps: its shader for them asks for tangents, which its "
+            "mesh loader does not make."
+        )
     if world.field.loose.any():
         losses.append("Loose rocks have no rolling friction, which SDF does not know.")
     if world.site.georeferenced and not knows_surface(world.site, version):
@@ -47,6 +57,8 @@ def list_losses(
         )
     losses += _actor_losses(world, options)
     losses += _merged_losses(world, coarse, options)
+    losses += loading_losses(world, options)
+    losses += stepping_losses(world)
     return (*losses, *collision_losses(world.library.prototypes))
 
 
@@ -54,6 +66,11 @@ def _actor_losses(world: World, options: Options) -> list[str]:
     if not world.trajectories:
         return []
     losses = ["Actors replay the path without colliding."]
+    if options.version == "1.9":
+        losses.append(
+            "Early Gazebo Fortress leaves out the links of actors, so that neither the rover nor "
+            "its sensors are there; gz-sim has them since its pull request 1947."
+        )
     kinds = {sensor.kind for sensor in world.rover.sensors}
     if not options.sensors:
         losses.append("Actors carry no sensors.")

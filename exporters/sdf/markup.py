@@ -24,6 +24,11 @@ def _allowed(text: str) -> str:
     return text if text.isprintable() else "".join(filter(str.isprintable, text))
 
 
+def world_name(name: str) -> str:
+    """The name of a `<world>`: SDF keeps `world` for itself."""
+    return "the_world" if name == "world" else name
+
+
 def numbers(values: Iterable[float]) -> str:
     """Numbers in nine significant digits, which hold a float32 exactly, separated by blanks."""
     return " ".join(f"{value + 0.0:.9g}" for value in values)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
+from terrain_forge.errors import RecipeError
 from terrain_forge.specs import NotNegative, Spec
+
+CLASSIC_VERSION = "1.6"
+"""The SDF that Gazebo 9 to 11 read."""
+_VERSIONS = {"fortress": "1.9", "garden": "1.10"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,9 +23,10 @@ class Options(Spec):
     """The exporter, where the export's folder has another name."""
     flavour: Literal["gz", "classic"] = "gz"
     """`gz` writes SDF for Gazebo Fortress and later, `classic` SDF 1.6 for Gazebo 9 to 11."""
-    release: Literal["fortress", "garden"] = "fortress"
+    release: Literal["fortress", "garden"] | None = None
     """The oldest gz-sim that shall read a `gz` world: `fortress` writes SDF 1.9, `garden` SDF 1.10,
-    which knows other bodies than the Earth and so holds the site's longitude and latitude."""
+    which knows other bodies than the Earth and so holds the site's longitude and latitude. By
+    default `fortress`."""
     individual_min_m: NotNegative = 0.5
     """Rocks of at least this exposed diameter are visuals and collisions of their own, which share
     their shapes' meshes; smaller ones are merged into one mesh per tile and population, since each
@@ -32,18 +38,54 @@ class Options(Spec):
     ground: Literal["mesh", "heightmap"] = "mesh"
     """What the ground collides as: `mesh` is exact; `heightmap` is an image on a square grid, which
     is quicker to load and less exact. It is seen as a mesh either way."""
-    heightmap_bits: Literal[8, 16] = 16
-    """Bits of a heightmap's pixels. Fortress reads 8 right and misreads 16."""
+    heightmap_bits: Literal[8, 16] | None = None
+    """Bits of a heightmap's pixels, by default as many as its readers take: 16 for `garden`, else
+    8, which are steps of the ground's range / 255. Fortress and Classic misread 16."""
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     normal_maps: bool = True
     """Whether the ground's textures get normal maps of soil and small stones; `gz` only, Classic
     has none."""
-    friction: NotNegative = 0.7
-    """Coulomb friction of ground and rocks."""
+    surface: Literal["regolith", "bedrock"] = "regolith"
+    """What the ground is: its friction is that of the world's body (docs/driving.md)."""
+    friction: NotNegative | None = None
+    """Coulomb friction of ground and fixed rocks; without it each has its own, by body and
+    surface. Loose rocks keep what they were settled with."""
     sensors: bool = True
     """Whether the actors of scene.sdf carry the rover's cameras, lidar and IMU."""
     ros_package: bool = False
     """Whether the folder is a ROS 2 package too: package.xml, CMakeLists.txt, launch file, the
     configuration of the bridge to Gazebo's topics, and a note on how to start it."""
+
+    @property
+    def version(self) -> str:
+        """Version of SDF."""
+        return (
+            CLASSIC_VERSION if self.flavour == "classic" else _VERSIONS[self.release or "fortress"]
+        )
+
+    @property
+    def grey_bits(self) -> int:
+        """Bits of a heightmap's pixels."""
+        return self.heightmap_bits or (16 if self.release == "garden" else 8)
+
+    def __post_init__(self) -> None:
+        if self.flavour == "classic":
+            self._require_default("release", "it is of gz-sim, here the flavour is classic")
+        if self.ground == "mesh":
+            self._require_default(
+                "heightmap_bits", "the ground is a mesh; choose ground: heightmap"
+            )
+        if self.grey_bits == 16 and self.release != "garden":
+            raise RecipeError(
+                "16 bits are misread by Gazebo Fortress (as heights of 0 to 1 m) and by Classic; "
+                "choose heightmap_bits: 8, or for newer ones release: garden",
+                key=("heightmap_bits",),
+            )
+
+    def _require_default(self, name: str, why: str) -> None:
+        """Refuse a value that would change nothing."""
+        default = next(field.default for field in fields(self) if field.name == name)
+        if getattr(self, name) != default:
+            raise RecipeError(f"has no effect: {why}", key=(name,))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.colour import srgb_from_linear
 from terrain_forge.frames import rpy_from_quaternion
+from terrain_forge.friction import world_grip
 from terrain_forge.mesh import Mesh
 from terrain_forge.rock_mesh import merge_rocks
 from terrain_forge.world import RockField, World
@@ -40,8 +41,9 @@ def write_tile(
         options: The export's options.
     """
     single = is_single(tile.field, options)
+    friction = world_grip(whole.site.body.name, options).rock
     parts: list[Lines] = [
-        _single_rocks(whole, tile.field.select(single & ~tile.field.loose), model, options)
+        _single_rocks(whole, tile.field.select(single & ~tile.field.loose), model, friction)
     ]
     small = tile.field.select(~single)
     groups = np.unique(np.stack([small.population, ~small.solid], axis=-1), axis=0)
@@ -50,7 +52,7 @@ def write_tile(
         rocks = small.select((small.population == population) & (small.solid == (not unseen)))
         _write_merged(rocks, coarse, whole, model, f"meshes/{name}.stl")
         look = _plain(whole, population)
-        parts += _merged_rocks(model, name, look, None if unseen else options.friction)
+        parts += _merged_rocks(model, name, look, None if unseen else friction)
     return element("link", *parts, name=f"rocks_{number:03}")
 
 
@@ -100,10 +102,10 @@ def _write_shapes(world: World, model: Model, prototypes: list[int]) -> None:
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
 
 
-def _single_rocks(world: World, rocks: RockField, model: Model, options: Options) -> Lines:
+def _single_rocks(world: World, rocks: RockField, model: Model, friction: float) -> Lines:
     """A visual and the convex collisions of each rock, a line each, named by the rock's id."""
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)]).tolist()
-    touch = "".join(surface(options.friction))
+    touch = "".join(surface(friction))
     populations = range(len(rocks.populations))
     looks = ["".join(material.textured(model, texture_file(number))) for number in populations]
     hulls = [len(shape.hulls) for shape in world.library.prototypes]

@@ -138,9 +138,13 @@ own topics (`gz topic -l`); plugins of gazebo_ros_pkgs, added to them, publish t
 
 
 def write_package(world: World, directory: Path, *, options: Options) -> None:
-    """Write package.xml, CMakeLists.txt, launch file, README.md and, for gz-sim, the bridge."""
+    """Write package.xml, CMakeLists.txt, launch file, README.md and, for gz-sim, the bridge.
+
+    The package is named after the world and the folder, so that one workspace can hold several
+    exports of a world.
+    """
     flavour, title = options.flavour, world.site.name
-    package = identifier(title).lower()
+    package = f"{identifier(title)}_{identifier(directory.absolute().name)}".lower()
     gz = flavour == "gz"
     depends = ("ros_gz_sim", "ros_gz_bridge") if gz else ("gazebo_ros",)
     names = {

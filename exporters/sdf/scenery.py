@@ -8,12 +8,12 @@ from pathlib import Path
 from terrain_forge.dtm.projection import ellipsoid
 from terrain_forge.site import Site
 from terrain_forge.world import Lighting, World
+from terrain_forge.writers.naming import file_name
 
-from .markup import Lines, element, numbers, write_document
+from .load import STEP
+from .markup import Lines, element, numbers, world_name, write_document
 from .model import Model
 
-_STEP = 0.002
-"""Time step of the physics [s]."""
 _SYSTEMS = {
     "physics": "Physics",
     "user-commands": "UserCommands",
@@ -50,15 +50,21 @@ def write_world(
         element("gravity", numbers([0, 0, -world.site.body.gravity])),
         element("magnetic_field", "0 0 0"),
         *([_spherical_coordinates(world.site)] if located else []),
-        _physics(flavour),
+        _physics(flavour, name=_free("default_physics", world)),
         *(_systems() if sensing and flavour == "gz" else []),
         _scene(world.lighting),
-        _sun(world.lighting),
+        _sun(world.lighting, name=_free("sun", world)),
         *(element("include", element("uri", f"model://{model.name}")) for model in models),
         *movers,
-        name=name,
+        name=world_name(name),
     )
     write_document(path, version, body)
+
+
+def _free(name: str, world: World) -> str:
+    """A name that no actor has, which have those of their paths: siblings share one name space."""
+    taken = {file_name(trajectory.name) for trajectory in world.trajectories}
+    return f"{name}.1" if name in taken else name
 
 
 def knows_surface(site: Site, version: str) -> bool:
@@ -98,21 +104,21 @@ def _systems() -> list[Lines]:
     ]
 
 
-def _physics(flavour: str) -> Lines:
+def _physics(flavour: str, *, name: str) -> Lines:
     timing = [
-        element("max_step_size", numbers([_STEP])),
+        element("max_step_size", numbers([STEP])),
         element("real_time_factor", "1"),
-        element("real_time_update_rate", numbers([1 / _STEP])),
+        element("real_time_update_rate", numbers([1 / STEP])),
     ]
     if flavour == "classic":
-        return element("physics", *timing, name="default_physics", default="true", type="ode")
+        return element("physics", *timing, name=name, default="true", type="ode")
     # With DART's bullet detector no mesh meets another one: loose rocks would fall into the ground.
     dart = element(
         "dart",
         element("solver", element("solver_type", "dantzig")),
         element("collision_detector", "ode"),
     )
-    return element("physics", *timing, dart, name="default_physics", default="true", type="dart")
+    return element("physics", *timing, dart, name=name, default="true", type="dart")
 
 
 def _scene(lighting: Lighting) -> Lines:
@@ -127,7 +133,7 @@ def _scene(lighting: Lighting) -> Lines:
     )
 
 
-def _sun(lighting: Lighting) -> Lines:
+def _sun(lighting: Lighting, *, name: str) -> Lines:
     return element(
         "light",
         element("cast_shadows", "true"),
@@ -135,6 +141,6 @@ def _sun(lighting: Lighting) -> Lines:
         element("diffuse", "1 1 1 1"),
         element("specular", "0.1 0.1 0.1 1"),
         element("direction", numbers(-lighting.towards_sun)),
-        name="sun",
+        name=name,
         type="directional",
     )

@@ -8,6 +8,7 @@ import numpy as np
 from pxr import Sdf, UsdGeom, UsdPhysics, Vt
 
 from terrain_forge.frames import image_rows
+from terrain_forge.friction import world_grip
 from terrain_forge.ground_mesh import (
     grid_faces,
     grid_normals,
@@ -15,9 +16,11 @@ from terrain_forge.ground_mesh import (
     grid_vertices,
 )
 from terrain_forge.ground_texture import bake_ground, detail_placement, finest_texture
+from terrain_forge.terrain.cratering.craters import Craters
 from terrain_forge.world import GroundDetail, World
 from terrain_forge.writers.image import write_png
 
+from .craters import label_craters
 from .layer import define_mesh, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
@@ -30,7 +33,15 @@ def write_detail(detail: GroundDetail, assets: Path) -> None:
     write_png(assets / _DETAIL, image_rows(detail.normals))
 
 
-def write_ground(tile: World, whole: World, assets: Path, *, name: str, options: Options) -> None:
+def write_ground(
+    tile: World,
+    whole: World,
+    assets: Path,
+    *,
+    name: str,
+    craters: list[Craters],
+    options: Options,
+) -> None:
     """Write `assets`/NAME.usdc and its texture NAME.png for one tile of the world."""
     stage = new_stage(assets / f"{name}.usdc", name)
     ground = tile.ground
@@ -42,10 +53,12 @@ def write_ground(tile: World, whole: World, assets: Path, *, name: str, options:
     _texture_coordinates(mesh, ground.shape)
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
+    label_craters(mesh, ground, craters)
     texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
     write_png(assets / f"{name}.png", image_rows(texture.rgb))
     path = f"/{name}/Looks/regolith"
-    look = define_textured(stage, path, f"./{name}.png", options.friction, wrap="clamp")
+    grip = world_grip(tile.site.body.name, options)
+    look = define_textured(stage, path, f"./{name}.png", grip.ground, wrap="clamp")
     if detail := tile.appearance.detail:
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{_DETAIL}", scale=scale, offset=offset)

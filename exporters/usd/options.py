@@ -20,11 +20,15 @@ class Options(Spec):
     """Rocks of at least this exposed diameter get a convex collider of their own; the smaller ones
     share one static collider mesh per tile."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.02
-    """Largest error of a shared collider's outline, as a fraction of the rock's size."""
+    """Largest error of a smaller rock's outline, drawn and touched, as a fraction of its size: how
+    coarse it may be; with 0 each is the finest mesh of its shape."""
     tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 512
     """Cells of the ground's grid per mesh and payload, each way."""
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
-    friction: NotNegative = 0.7
-    """Coulomb friction of ground and rocks."""
+    surface: Literal["regolith", "bedrock"] = "regolith"
+    """What the ground is: its friction is that of the world's body (docs/driving.md)."""
+    friction: NotNegative | None = None
+    """Coulomb friction of ground and fixed rocks; without it each has its own, by body and
+    surface. Loose rocks keep what they were settled with."""

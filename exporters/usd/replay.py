@@ -15,7 +15,7 @@ from terrain_forge.rovers.description import Link, Rover, Shape
 from terrain_forge.world import World
 from terrain_forge.writers.naming import identifier
 
-from .layer import gf_quaternion, label, new_layer, save, set_conventions
+from .layer import define_mesh, gf_quaternion, label, new_layer, save, set_conventions
 from .rig import define_rig
 from .scenery import ROOT
 
@@ -80,12 +80,15 @@ def _define_link(stage: Usd.Stage, path: str, link: Link, origin: Array) -> None
     frame = UsdGeom.Xform.Define(stage, path)
     frame.AddTranslateOp().Set(Gf.Vec3d(*origin.tolist()))
     for number, shape in enumerate(link.shapes):
-        _define_shape(stage, f"{path}/shape_{number}", shape)
+        if shape.visible:
+            _define_shape(stage, f"{path}/shape_{number}", shape)
 
 
 def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
     solid: UsdGeom.Gprim
-    if shape.kind == "box":
+    if shape.mesh is not None:
+        solid = define_mesh(stage, path, shape.mesh.vertices, shape.mesh.faces)
+    elif shape.kind == "box":
         solid = UsdGeom.Cube.Define(stage, path)
         solid.CreateSizeAttr(1.0)
     elif shape.kind == "sphere":
@@ -100,6 +103,8 @@ def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
     solid.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(shape.rpy)))
     if shape.kind == "box":
         solid.AddScaleOp().Set(Gf.Vec3f(*shape.size))
-    solid.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0)))
+    if shape.mesh is None:
+        extent = UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0))
+        solid.CreateExtentAttr(extent)
     colour = linear_from_srgb(shape.rgb).tolist()
     solid.CreateDisplayColorAttr([Gf.Vec3f(*colour)])

@@ -9,11 +9,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.frames import xyzw
+from terrain_forge.friction import world_grip
 from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import merge_rocks
+from terrain_forge.rock_mesh import merge_in_parts
 from terrain_forge.world import RockField, World
 from terrain_forge.writers.image import write_png
 from terrain_forge.writers.rock_texture import rock_texture
@@ -28,7 +30,14 @@ from .specs import specify_place
 
 
 def write_rocks(
-    tile: World, whole: World, assets: Path, *, name: str, coarse: list[Mesh], options: Options
+    tile: World,
+    whole: World,
+    assets: Path,
+    *,
+    name: str,
+    coarse: list[Mesh],
+    levels: NDArray[np.int64],
+    options: Options,
 ) -> None:
     """Write `assets`/NAME.usdc for one tile of the world.
 
@@ -38,12 +47,14 @@ def write_rocks(
         assets: The folder.
         name: Name of the file and of its root prim.
         coarse: The mesh that stands for each prototype among the merged colliders.
+        levels: Level of detail by which each prototype is drawn where rocks are small.
         options: The export's options.
     """
     stage = new_stage(assets / f"{name}.usdc", name, kind=Kind.Tokens.component)
-    looks = _define_looks(stage, name, tile.field, options)
+    grip = world_grip(whole.site.body.name, options)
+    looks = _define_looks(stage, name, tile.field, grip.rock)
     fixed, loose = (tile.field.select(tile.field.loose == is_loose) for is_loose in (False, True))
-    _define_visuals(stage, name, fixed, whole, looks, options)
+    _define_visuals(stage, name, fixed, whole, looks, levels=levels, options=options)
     colliders = UsdGeom.Xform.Define(stage, f"/{name}/colliders")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
     if looks:
@@ -71,7 +82,7 @@ def _texture_file(population: int) -> str:
 
 
 def _define_looks(
-    stage: Usd.Stage, name: str, field: RockField, options: Options
+    stage: Usd.Stage, name: str, field: RockField, friction: float
 ) -> dict[int, UsdShade.Material]:
     """The material of each population that occurs."""
     return {
@@ -79,7 +90,7 @@ def _define_looks(
             stage,
             f"/{name}/Looks/rock_{n}",
             f"./{_texture_file(n)}",
-            options.friction,
+            friction,
             wrap="repeat",
         )
         for n in np.unique(field.population).tolist()
@@ -92,22 +103,23 @@ def _define_visuals(
     fixed: RockField,
     whole: World,
     looks: dict[int, UsdShade.Material],
+    *,
+    levels: NDArray[np.int64],
     options: Options,
 ) -> None:
     for population in np.unique(fixed.population).tolist():
         rocks = fixed.select(fixed.population == population)
         # The finest level of detail where the camera may come close enough to tell.
-        detail = np.where(rocks.diameter >= options.collider_min_m, 0, 1)
+        level = np.where(rocks.diameter >= options.collider_min_m, 0, levels[rocks.prototype])
         path = f"/{name}/visual_{population}"
-        _define_instancer(stage, path, rocks, whole, detail)
+        _define_instancer(stage, path, rocks, whole, level)
         bind(stage.GetPrimAtPath(path), looks[population])
 
 
 def _define_instancer(
-    stage: Usd.Stage, path: str, rocks: RockField, whole: World, detail: np.ndarray
+    stage: Usd.Stage, path: str, rocks: RockField, whole: World, level: NDArray[np.int64]
 ) -> None:
     shapes = whole.library.prototypes
-    level = np.minimum(detail, [len(shapes[n].meshes) - 1 for n in rocks.prototype.tolist()])
     pairs, index = np.unique(
         np.stack([rocks.prototype, level], axis=-1), axis=0, return_inverse=True
     )
@@ -128,7 +140,7 @@ def _define_instancer(
     instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(box.astype(np.float32)))
 
 
-def _define_prototypes(stage: Usd.Stage, path: str, pairs: np.ndarray) -> list[Sdf.Path]:
+def _define_prototypes(stage: Usd.Stage, path: str, pairs: NDArray[np.int64]) -> list[Sdf.Path]:
     targets = []
     for prototype, level in pairs.tolist():
         source = library.visual_path(prototype, level)
@@ -141,11 +153,9 @@ def _define_prototypes(stage: Usd.Stage, path: str, pairs: np.ndarray) -> list[S
 def _define_merged(
     stage: Usd.Stage, path: str, rocks: RockField, whole: World, coarse: list[Mesh]
 ) -> None:
-    if not len(rocks):
-        return
-    vertices, faces = merge_rocks(rocks, coarse, whole.ground)
-    mesh = define_mesh(stage, path, vertices, faces)
-    make_collider(mesh, UsdPhysics.Tokens.none)
+    for number, (vertices, faces) in enumerate(merge_in_parts(rocks, coarse, whole.ground)):
+        mesh = define_mesh(stage, f"{path}_{number}" if number else path, vertices, faces)
+        make_collider(mesh, UsdPhysics.Tokens.none)
 
 
 def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField) -> None:

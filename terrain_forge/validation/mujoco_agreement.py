@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 ROCKS = 200
 """How many rocks are looked at."""
 ROCK_LIMIT = 0.01
-"""A rock's top may be off by this part of its diameter."""
+"""A rock's top may be off by this part of its size, to which sizes are rounded: of its exposed
+diameter, or of its mean axis where most of it is buried."""
 MASS_LIMIT = 1e-6
 """A loose rock's mass and moments of inertia may be off by this part of them."""
 _UPWARD = 0.3  # least cosine to the vertical of a face that a ray is sent down to
@@ -80,12 +81,12 @@ def sample_model(world: World, folder: Path) -> Any:
     Raises:
         SimulationError: if MuJoCo cannot load it.
     """
-    root = ElementTree.parse(folder / "world.xml").getroot()
+    wanted = {f"rock_{world.field.id[row]}" for row in _sampled_rows(world)}
+    parser = ElementTree.XMLParser(target=_SampledTree(wanted))
+    root = ElementTree.parse(folder / "world.xml", parser).getroot()
     body, asset = root.find("worldbody"), root.find("asset")
     if body is None or asset is None:
         raise SimulationError(f"{folder / 'world.xml'} has no ground")
-    wanted = {f"rock_{world.field.id[row]}" for row in _sampled_rows(world)}
-    body[:] = [e for e in body if _rock_of(e.get("name", "")) in {"", *wanted}]
     used = {geom.get("mesh") for geom in body.iter("geom")}
     asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
     names = {str(item.get("file")) for item in asset if item.get("file")}
@@ -95,6 +96,30 @@ def sample_model(world: World, folder: Path) -> Any:
         return mujoco.MjModel.from_xml_string(text, files)
     except ValueError as error:
         raise SimulationError(f"{folder / 'world.xml'}: MuJoCo cannot load it: {error}") from None
+
+
+class _SampledTree(ElementTree.TreeBuilder):
+    """Builds the tree of a file without the rocks that are not looked at, which would fill it."""
+
+    def __init__(self, wanted: set[str]) -> None:
+        super().__init__()
+        self._wanted = wanted
+        self._left_out = 0
+
+    def start(self, tag: str, attributes: dict[str, str], /) -> Any:
+        """Open an element, unless it is of a rock that is left out or within one."""
+        rock = _rock_of(attributes.get("name", "")) if tag in ("body", "geom") else ""
+        if self._left_out or (rock and rock not in self._wanted):
+            self._left_out += 1
+            return None
+        return super().start(tag, attributes)
+
+    def end(self, tag: str, /) -> Any:
+        """Close an element."""
+        if self._left_out:
+            self._left_out -= 1
+            return None
+        return super().end(tag)
 
 
 def _rock_of(geom: str) -> str:
@@ -131,8 +156,9 @@ def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
             continue  # another rock hangs over it, which is not this check's business
         if not own:
             return [failed(f"{name}: rocks", f"{rock} is not where it should be")]
-        worst = max(worst, abs(height - top) / float(world.field.diameter[row]))
-    note = f"largest difference of tops in diameters, {len(rows)} rocks"
+        size = max(float(world.field.diameter[row]), float(world.field.scale[row]))
+        worst = max(worst, abs(height - top) / size)
+    note = f"largest difference of tops in sizes, {len(rows)} rocks"
     return [at_most(f"{name}: rocks", worst, ROCK_LIMIT, note=note)]
 
 

@@ -87,12 +87,16 @@ def _usd_replays(world: World, scene: Path) -> Iterator[Deviation]:
 
 def _usd_deviation(trajectory: Trajectory, prim: Any, *, rate: float) -> Deviation:
     """Of a prim's `xformOp:translate` and `xformOp:orient`, as usd-core interpolates them."""
+    from pxr import Vt
+
     translate, orient = (prim.GetAttribute(f"xformOp:{name}") for name in ("translate", "orient"))
     codes = np.array(translate.GetTimeSamples())
     asked = times_between(codes / rate)
-    places = np.array([translate.Get(code) for code in (asked * rate).tolist()])
-    turns = [orient.Get(code) for code in (asked * rate).tolist()]
-    quaternion = np.array([(turn.GetReal(), *turn.GetImaginary()) for turn in turns])
+    codes_between = (asked * rate).tolist()
+    # USD's own arrays become NumPy's twenty times as fast as lists of its values do.
+    places = np.array(Vt.Vec3dArray([translate.Get(code) for code in codes_between]))
+    turns = np.array(Vt.QuatfArray([orient.Get(code) for code in codes_between]), np.float64)
+    quaternion = np.roll(turns, 1, axis=1)  # its memory holds x, y, z, w
     wanted = trajectory.at(asked)
     return Deviation(
         position=float(np.linalg.norm(places - wanted.position, axis=1).max()),

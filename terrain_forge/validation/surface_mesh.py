@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from terrain_forge.kernels import inlined, kernel
 from terrain_forge.mesh import Mesh
 
 Array = NDArray[np.float64]
 
+_LINE_FEED = 10
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attributes", "<u2")])
 
 
@@ -23,7 +24,7 @@ def read_mesh(path: Path) -> Mesh:
     """
     content = np.fromfile(path, dtype=np.uint8)
     if path.suffix.lower() == ".obj":
-        vertices, faces = _read_obj(content)
+        vertices, faces = _read_obj(content, np.count_nonzero(content == _LINE_FEED) + 1)
         return Mesh(vertices=vertices, faces=faces)
     if path.suffix.lower() == ".stl":
         corners = content[84:].view(_STL_RECORD)["corners"].reshape(-1, 3)
@@ -39,7 +40,7 @@ def heights_on(mesh: Mesh, points: Array) -> Array:
     return np.where(np.isfinite(heights), heights, np.nan)
 
 
-@njit(cache=True)
+@kernel
 def _raise_to_faces(vertices, faces, points, order, heights):  # type: ignore[no-untyped-def]
     """Raise each height to that of the faces there; points ascend in x, `order` is their place."""
     for face in range(len(faces)):
@@ -62,7 +63,7 @@ def _raise_to_faces(vertices, faces, points, order, heights):  # type: ignore[no
             n += 1
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _first_from(points, x):  # type: ignore[no-untyped-def]
     """The first of the points, ascending in x, that is not west of `x`."""
     low, high = 0, len(points)
@@ -75,10 +76,9 @@ def _first_from(points, x):  # type: ignore[no-untyped-def]
     return low
 
 
-@njit(cache=True)
-def _read_obj(text):  # type: ignore[no-untyped-def]
-    """Vertices and triangles of an OBJ's `v` and `f` lines."""
-    room = np.sum(text == 10) + 1
+@kernel
+def _read_obj(text, room):  # type: ignore[no-untyped-def]
+    """Vertices and triangles of an OBJ's `v` and `f` lines, of which there is room for some."""
     vertices, faces = np.empty((room, 3)), np.empty((room, 3), dtype=np.int32)
     vertex_count, face_count, at = 0, 0, 0
     while at < len(text) - 1:
@@ -100,7 +100,7 @@ def _read_obj(text):  # type: ignore[no-untyped-def]
     return vertices[:vertex_count], faces[:face_count]
 
 
-@njit(cache=True)
+@inlined
 def _read_number(text, at):  # type: ignore[no-untyped-def]
     """The decimal number after blanks, and where the next word begins."""
     while text[at] == 32:

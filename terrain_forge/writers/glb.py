@@ -58,10 +58,10 @@ class Gltf:
         """Add an accessor of an animation's times (`bounded`) or values, shape [samples, n]."""
         return self._add_array(values, {}, bounded=bounded)
 
-    def add_texture(self, png: bytes, *, tiles: bool) -> int:
-        """Add a PNG image as a texture that repeats itself or ends at its edges."""
-        view = self._add_view(png, {})
-        image = self.add("images", {"bufferView": view, "mimeType": "image/png"})
+    def add_texture(self, content: bytes, *, tiles: bool, media_type: str = "image/png") -> int:
+        """Add an image, PNG or JPEG, as a texture that repeats itself or ends at its edges."""
+        view = self._add_view(content, {})
+        image = self.add("images", {"bufferView": view, "mimeType": media_type})
         wrap = 10497 if tiles else 33071
         linear, trilinear = 9729, 9987
         filters = {"magFilter": linear, "minFilter": trilinear, "wrapS": wrap, "wrapT": wrap}

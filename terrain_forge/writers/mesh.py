@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.kernels import inner, kernel
+from terrain_forge.writers.digits import put_integer, put_number
 
 Floats = NDArray[np.float64] | NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -134,53 +135,10 @@ def write_stl_faces(file: BinaryIO, vertices: Floats, faces: Indices) -> None:
 
 def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
     """Unit normals of the vertices of a mesh, the faces weighted by area, shape [vertices, 3]."""
-    corners = np.asarray(vertices, np.float64)[faces]
-    weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros((len(vertices), 3))
-    for corner in range(3):
-        for axis in range(3):
-            summed = np.bincount(faces[:, corner], weighted[:, axis], minlength=len(vertices))
-            normals[:, axis] += summed
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals[length[:, 0] == 0] = (0, 0, 1)
-    unit: NDArray[np.float64] = normals / np.where(length > 0, length, 1)
-    return unit
-
-
-@inner
-def _put_integer(text, at, number):  # type: ignore[no-untyped-def]
-    """Write a positive integer in decimal; returns where the text goes on."""
-    width = 1
-    power = 10
-    while number >= power:
-        width += 1
-        power *= 10
-    for place in range(width):
-        text[at + width - 1 - place] = 48 + number % 10
-        number //= 10
-    return at + width
-
-
-@inner
-def _put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def]
-    """Write a number rounded to so many decimals (unit = 10**decimals), without trailing zeros."""
-    scaled = np.int64(np.rint(abs(value) * unit))
-    if value < 0 and scaled > 0:
-        text[at] = 45
-        at += 1
-    whole = scaled // unit
-    fraction = scaled - whole * unit
-    at = _put_integer(text, at, whole)
-    if fraction == 0:
-        return at
-    while fraction % 10 == 0:
-        fraction //= 10
-        decimals -= 1
-    text[at] = 46
-    for place in range(decimals):
-        text[at + decimals - place] = 48 + fraction % 10
-        fraction //= 10
-    return at + decimals + 1
+    points = np.array(vertices, np.float64, order="C")
+    _add_normals(normals, points, np.array(faces, np.int32, order="C"))
+    return normals
 
 
 @kernel
@@ -193,7 +151,7 @@ def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
             at += 1
         for column in range(values.shape[1]):
             text[at] = 32
-            at = _put_number(text, at + 1, values[row, column], decimals, unit)
+            at = put_number(text, at + 1, values[row, column], decimals, unit)
         text[at] = 10
         at += 1
     return at
@@ -218,12 +176,12 @@ def _put_faces(text, faces, texture_faces):  # type: ignore[no-untyped-def]
             index = np.int64(faces[face, corner]) + 1
             text[at] = 32
             start = at + 1
-            at = _put_integer(text, start, index)
+            at = put_integer(text, start, index)
             width = at - start
             text[at] = 47
             at += 1
             if textured:
-                at = _put_integer(text, at, np.int64(texture_faces[face, corner]) + 1)
+                at = put_integer(text, at, np.int64(texture_faces[face, corner]) + 1)
             text[at] = 47
             at = _repeat(text, at + 1, start, width)
         text[at] = 10
@@ -248,3 +206,35 @@ def _fill_stl(records, vertices, faces):  # type: ignore[no-untyped-def]
         for half in range(24):
             records[face, half] = halves[half]
         records[face, 24] = 0
+
+
+@kernel
+def _add_normals(normals, vertices, faces):  # type: ignore[no-untyped-def]
+    """Sum the faces' normals, of the length of their areas, at their corners; make them units."""
+    for face in range(len(faces)):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        ux, uy, uz = (
+            vertices[b, 0] - vertices[a, 0],
+            vertices[b, 1] - vertices[a, 1],
+            vertices[b, 2] - vertices[a, 2],
+        )
+        vx, vy, vz = (
+            vertices[c, 0] - vertices[a, 0],
+            vertices[c, 1] - vertices[a, 1],
+            vertices[c, 2] - vertices[a, 2],
+        )
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        for corner in range(3):
+            vertex = faces[face, corner]
+            normals[vertex, 0] += nx
+            normals[vertex, 1] += ny
+            normals[vertex, 2] += nz
+    for vertex in range(len(normals)):
+        x, y, z = normals[vertex, 0], normals[vertex, 1], normals[vertex, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            normals[vertex, 0] = x / length
+            normals[vertex, 1] = y / length
+            normals[vertex, 2] = z / length
+        else:
+            normals[vertex, 2] = 1.0

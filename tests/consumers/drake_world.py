@@ -1,9 +1,9 @@
 """Drake as a consumer: load a world strictly, ask it for geometry, drop balls on it.
 
 Reads JSON from standard input: world [path], gravity [m/s²], balls [[x, y, z], …] of radius 0.2 m
-on vertical sliders, seconds, points [[x, y, z], …]. Writes JSON: heights where the balls end, the
-free bodies' masses, inertias and poses at the start, and the points' signed distances to each
-geometry.
+on vertical sliders, rovers [paths], seconds, points [[x, y, z], …]. Writes JSON: heights where the
+balls end, places where the free bodies end, their masses, inertias and poses at the start, and the
+points' signed distances to each geometry.
 """
 
 import json
@@ -50,6 +50,9 @@ parser.SetStrictParsing()
 models = parser.AddModels(order["world"])
 for n, (x, y, z) in enumerate(order.get("balls", ())):
     parser.AddModelsFromString(BALL.format(n=n, x=x, y=y, z=z), "sdf")
+# Files of others may say what Drake does not know, which strict parsing would refuse.
+for path in order.get("rovers", ()):
+    Parser(plant).AddModels(path)
 plant.mutable_gravity_field().set_gravity_vector([0, 0, -order["gravity"]])
 plant.Finalize()
 diagram = builder.Build()
@@ -84,10 +87,15 @@ ends = [
     plant.EvalBodyPoseInWorld(own, plant.GetBodyByName("ball", plant.GetModelInstanceByName(name)))
     for name in (f"ball_{n}" for n in range(len(order.get("balls", ()))))
 ]
+places = {
+    plant.GetModelInstanceName(body.model_instance()): plant.EvalBodyPoseInWorld(own, body)
+    for body in map(plant.get_body, plant.GetFloatingBaseBodies())
+}
 answer = {
     "models": [plant.GetModelInstanceName(model) for model in models],
     "complaints": complaints.texts,
     "balls": [pose.translation()[2] for pose in ends],
+    "places": {name: pose.translation().tolist() for name, pose in places.items()},
     "free": free,
     "distances": distances,
 }

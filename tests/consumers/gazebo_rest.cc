@@ -35,10 +35,9 @@ bool AttachHeightmap(const LinkPtr &link, const sdf::Collision &collision, const
   const auto *shape = collision.Geom()->HeightmapShape();
   ignition::common::ImageHeightmap data;
   if (data.Load(path) != 0) return false;
-  ignition::math::Pose3d pose = collision.RawPose();
-  pose.Pos() += shape->Position();
-  link->AttachHeightmapShape(collision.Name(), data, math::convert(pose), math::convert(shape->Size()),
-                             shape->Sampling());
+  // gz-sim hands over the collision's pose alone, whatever the heightmap's <pos> says.
+  link->AttachHeightmapShape(collision.Name(), data, math::convert(collision.RawPose()),
+                             math::convert(shape->Size()), shape->Sampling());
   return true;
 }
 

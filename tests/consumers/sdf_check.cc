@@ -1,5 +1,6 @@
 // Loads an SDF world with libsdformat, treating every warning and unknown element as an error.
-// Usage: sdf_check WORLD MODELS. Prints what the world holds; exit status 1 on any finding.
+// Usage: sdf_check WORLD MODELS. Prints what the world holds and the most memory that was taken; exit status 1 on any finding.
+#include <fstream>
 #include <iostream>
 #include <string>
 
@@ -28,5 +29,8 @@ int main(int argc, char **argv) {
                 << actor->TrajectoryByIndex(0)->WaypointCount() << "\n";
     }
   }
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (word == "VmHWM:" && status >> word) std::cout << "kilobytes " << word << "\n";
   return errors.empty() && root.WorldCount() == 1 ? 0 : 1;
 }

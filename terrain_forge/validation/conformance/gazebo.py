@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from terrain_forge.validation.conformance.consumer import PROBES, Consumer, NotR
 from terrain_forge.validation.conformance.probe import read_answer, resting_balls
 from terrain_forge.validation.conformance.reading import Reading
 from terrain_forge.validation.conformance.sample import SETTLING, Sample
+from terrain_forge.validation.heightmap_agreement import find_heightmap, is_deep
 from terrain_forge.validation.surface_mesh import heights_on
 
 _SOURCE = PROBES / "gazebo_probe.cc"
@@ -26,6 +28,8 @@ _PACKAGES = (
     *("ignition-physics5-heightmap", "ignition-common4-graphics", "ignition-plugin1-loader"),
     *("eigen3", "ignition-math6-eigen3"),
 )
+_NEWEST = (1, 9)
+"""The newest SDF that libsdformat 12 knows."""
 _PLUGIN = "ignition-physics5-dartsim-plugin"
 _BALL = """<model name="probe_ball_{n}"><pose>{x:.9g} {y:.9g} {z:.9g} 0 0 0</pose><link name="ball">
 <inertial><mass>1</mass><inertia><ixx>{i:.9g}</ixx><iyy>{i:.9g}</iyy><izz>{i:.9g}</izz></inertia>
@@ -58,15 +62,43 @@ def read_sdf(sample: Sample, folder: Path, scratch: Path) -> Reading:
             ]
             text = run(command, log=scratch / f"{name}.log")
             answers.append(read_answer(sample, text, binary))
-        balls, engine = _rest(sample, program, folder, Path(temporary))
+        unlike = _unlike(folder)
+        balls, engine = (
+            (None, "no engine") if unlike else _rest(sample, program, folder, Path(temporary))
+        )
     world, scene = answers
+    findings = dict.fromkeys((*(world.findings or ()), *(scene.findings or ())))
+    newer = _newer(folder) if findings else ""
     return replace(
         _with_heightmap(sample, world),
         consumer=f"{world.consumer}, {engine}",
         tracks=scene.tracks,
         balls=balls,
-        findings=tuple(dict.fromkeys((*(world.findings or ()), *(scene.findings or ())))),
+        reasons={"balls": unlike, "findings": newer},
+        findings=None if newer else tuple(findings),
     )
+
+
+def _newer(folder: Path) -> str:
+    """Why libsdformat's complaints are none of an export's, empty if they are."""
+    version = ElementTree.parse(folder / "world.sdf").getroot().get("version", "")
+    if tuple(map(int, version.split("."))) <= _NEWEST:
+        return ""
+    known = ".".join(map(str, _NEWEST))
+    return f"libsdformat 12 knows SDF up to {known}, the file is {version}"
+
+
+def _unlike(folder: Path) -> str:
+    """Why Fortress' engine cannot stand for the one that an export is for, empty if it can."""
+    collision = find_heightmap(folder)
+    if collision is None:
+        return ""
+    if (folder / "world.sdf").read_text(encoding="utf-8").find('<sdf version="1.6">') >= 0:
+        return "Classic's engine, which places heightmaps in its own way, is not run"
+    uri = collision.findtext("geometry/heightmap/uri", "")
+    if is_deep(folder / "models" / uri.split("//")[1]):
+        return "Fortress takes heightmaps of 16 bits for 0 to 1 m high"
+    return ""
 
 
 def _rest(
@@ -95,7 +127,7 @@ def _with_heightmap(sample: Sample, reading: Reading) -> Reading:
     """
     if not reading.quantum:
         return reading
-    ground, points = sample.world.ground, sample.points
+    ground, points = sample.world.ground, np.concatenate([sample.points, _under_balls(sample)])
     (mesh,) = reading.ground
     west, south, east, north = ground.bounds
     nodes = np.clip(mesh.vertices[:, :2], (west, south), (east, north))
@@ -106,6 +138,15 @@ def _with_heightmap(sample: Sample, reading: Reading) -> Reading:
     wanted = ground.height_at(points[:, 0], points[:, 1])
     besides = max(float(np.nanmax(np.abs(heights_on(c, points) - wanted))) for c in cuts)
     return replace(reading, besides=besides)
+
+
+def _under_balls(sample: Sample) -> np.ndarray:
+    """Points that the balls may touch, shape [n, 2] [m]."""
+    west, south, east, north = sample.world.ground.bounds
+    line = np.linspace(-1.0, 1.0, 21) * sample.balls.radius
+    offsets = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    points = (sample.balls.xy[:, None, :] + offsets).reshape(-1, 2)
+    return np.clip(points, (west, south), (east, north))
 
 
 @cache

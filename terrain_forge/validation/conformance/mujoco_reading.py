@@ -25,6 +25,7 @@ from terrain_forge.validation.conformance.reading import (
     bodies,
 )
 from terrain_forge.validation.conformance.sample import SETTLING, Sample
+from terrain_forge.validation.conformance.tracks import table_columns, track_of
 from terrain_forge.validation.mujoco_agreement import ground_heights
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ def read_mjcf(sample: Sample, folder: Path, scratch: Path) -> Reading:
         balls=_rest(sample, folder / "world.xml"),
         findings=_warnings(data),
     )
-    return replace(reading, tracks=tuple(_beads(sample, folder / "scene.xml")))
+    return replace(reading, tracks=tuple(_tracks(sample, folder)))
 
 
 def _load(path: Path) -> Any:
@@ -146,20 +147,22 @@ def _rest(sample: Sample, path: Path) -> Array:
     return np.array([data.body(name).xpos[2] for name in names])
 
 
-def _beads(sample: Sample, path: Path) -> Iterator[Track]:
-    """The sites along the paths in scene.xml, where the world has paths."""
-    if not sample.world.trajectories or not path.is_file():
+def _tracks(sample: Sample, folder: Path) -> Iterator[Track]:
+    """The sites along the paths in scene.xml, and the tracks that move its mocap body."""
+    scene = folder / "scene.xml"
+    if not sample.world.trajectories or not scene.is_file():
         return
-    root = ElementTree.parse(path).getroot()
+    root = ElementTree.parse(scene).getroot()
     places: dict[str, list[list[float]]] = {}
     for site in root.iter("site"):
-        name = _BEAD.fullmatch(site.get("name", ""))
-        if name:
-            places.setdefault(name[1], []).append([*map(float, site.get("pos", "").split())])
-    for trajectory in sample.world.trajectories:
-        if trajectory.name in places:
-            position = np.array(places[trajectory.name])
-            yield Track(name=trajectory.name, time=None, position=position, quaternion=None)
+        bead = _BEAD.fullmatch(site.get("name", ""))
+        if bead:
+            places.setdefault(bead[1], []).append([*map(float, site.get("pos", "").split())])
+    for name, position in places.items():
+        yield Track(name=name, time=None, position=np.array(position), quaternion=None)
+    if any(body.get("mocap") == "true" for body in root.iter("body")):
+        for path in sorted((folder / "paths").glob("*.csv")):
+            yield track_of(path.stem, table_columns(path))
 
 
 MUJOCO = Consumer(name="MuJoCo", kinds=("mjcf",), read=read_mjcf)

@@ -2,7 +2,7 @@
 
 A probe prints a line per fact, its parts split by tabs: `consumer` text; `finding` text; `gravity`
 x y z; `mesh` vertices faces, whose float64 positions and int32 corners follow each other in a
-binary file; `heightmap` span and number of levels of a mesh that is one; `shape` kind model name
+binary file; `heightmap` span and largest grey level of a mesh that is one; `shape` kind model name
 mesh matrix; `body` model mass inertia matrix; `waypoint` path time position quaternion; `ball`
 height. A matrix is the twelve upper numbers of a homogeneous one, row by row; kinds are `touched`
 and `seen`.
@@ -84,9 +84,9 @@ def resting_balls(text: str) -> Array | None:
 
 
 def _quantum(heightmap: list[str]) -> float:
-    """The step of a heightmap's heights [m]: it has 8 bits, or 16."""
-    span, levels = float(heightmap[0]), int(heightmap[1])
-    return span / (255 if levels <= 256 else 65535)
+    """The step of a heightmap's heights [m]."""
+    span, largest = map(float, heightmap)
+    return span / largest
 
 
 def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +21,11 @@ from terrain_forge.validation.conformance.newton import NEWTON_MJCF, NEWTON_USD
 from terrain_forge.validation.conformance.rasters import GDAL
 from terrain_forge.validation.conformance.reading import Reading
 from terrain_forge.validation.conformance.sample import Sample, draw_sample
+from terrain_forge.validation.conformance.tracks import PATHS
 from terrain_forge.validation.conformance.usd_reading import OPENUSD
 from terrain_forge.world import World
 
-CONSUMERS = (MUJOCO, NEWTON_MJCF, OPENUSD, NEWTON_USD, GAZEBO, DRAKE, GLB, MESHES, GDAL)
+CONSUMERS = (*(MUJOCO, NEWTON_MJCF, OPENUSD, NEWTON_USD, GAZEBO, DRAKE, GLB, MESHES, GDAL, PATHS),)
 """All consumers, those of a format one after another."""
 
 _log = logging.getLogger(__name__)
@@ -38,11 +39,19 @@ _FILES = {
     "geotiff": ("*.tif",),
 }
 """What tells a format's folder, the first that fits."""
-_DRAWN_LEVELS = {"mjcf": 1, "usd": 1}
-"""Levels of detail by which formats draw rocks that are small, or all of them."""
+_SCALE_ERRORS = {"mjcf": 0.01}
+"""What formats round the sizes of rocks by, at the most."""
+_DRAWN_LEVELS = {"mjcf": 1}
+"""Levels of detail by which formats draw rocks, whatever their options."""
 
 
-def conformance(world: World, directory: Path, *, points: int) -> list[Entry]:
+def conformance(
+    world: World,
+    directory: Path,
+    *,
+    points: int,
+    progress: Callable[[float], None] | None = None,
+) -> list[Entry]:
     """Measure every export in a built folder through its consumers.
 
     What a consumer has to say besides is kept in `directory`/validation/consumers.
@@ -51,12 +60,16 @@ def conformance(world: World, directory: Path, *, points: int) -> list[Entry]:
         world: The world.
         directory: Its built folder.
         points: Random points at which the ground is compared.
+        progress: Told the share of the exports that are done, 0 to 1.
     """
     sample = draw_sample(world, points=points)
     scratch = directory / "validation" / "consumers"
     entries: list[Entry] = []
     rests: list[NDArray[np.float64]] = []
-    for export in exports_in(world, directory):
+    exports = list(exports_in(world, directory))
+    for number, export in enumerate(exports):
+        if progress:
+            progress(number / len(exports))
         for consumer in CONSUMERS:
             if export.kind in consumer.kinds:
                 own = scratch / export.folder
@@ -69,7 +82,7 @@ def conformance(world: World, directory: Path, *, points: int) -> list[Entry]:
 
 
 def exports_in(world: World, directory: Path) -> Iterator[Export]:
-    """The exports that lie in a built folder, by name."""
+    """The exports that lie in a built folder, by name, and its paths where it has any."""
     orders = {order.folder: order for order in export_orders(world.site.recipe)}
     folders = [*sorted(directory.glob("*/")), *sorted(directory.glob("validation/mjcf/"))]
     for folder in folders:
@@ -82,8 +95,11 @@ def exports_in(world: World, directory: Path) -> Iterator[Export]:
                 folder=name,
                 kind=kind,
                 outline_error=float(error),
+                scale_error=_SCALE_ERRORS.get(kind, 0.0),
                 drawn_level=_DRAWN_LEVELS.get(kind, 0),
             )
+    if world.trajectories:
+        yield Export(folder="paths", kind="paths", outline_error=0.0)
 
 
 def _kind(folder: Path) -> str:

@@ -9,10 +9,10 @@
 #include <fstream>
 #include <iostream>
 #include <map>
-#include <set>
 #include <string>
 #include <vector>
 
+#include <ignition/common/Image.hh>
 #include <ignition/common/ImageHeightmap.hh>
 #include <ignition/common/MeshManager.hh>
 #include <ignition/common/SubMesh.hh>
@@ -44,6 +44,7 @@ struct Features
                            physics::CollisionDetector> {};
 
 static std::string models;
+static bool classic = false;  // whether the file was written for Gazebo Classic
 
 std::string Resolve(const std::string &uri) {
   const std::string scheme = "model://";
@@ -88,29 +89,35 @@ class Meshes {
     return numbers_[uri] = Write(points, corners);
   }
 
-  // The number of a mesh that is the heightmap's grid as DART spreads it.
+  // The number of a mesh that is the heightmap's grid, in the frame of its collision.
   int Of(const sdf::Heightmap &map) {
     common::ImageHeightmap image;
-    if (image.Load(Resolve(map.Uri())) != 0) {
+    const auto path = Resolve(map.Uri());
+    if (image.Load(path) != 0) {
       std::cout << "finding\tno heightmap in " << map.Uri() << "\n";
       return -1;
     }
+    // Fortress takes the brightest pixel of 16 bits for 0; newer ones read it, and it is 1 here.
+    const bool deep = common::Image(path).BPP() == 16;
+    const double brightest = deep ? 1.0 : std::max(1e-12f, image.MaxElevation());
     const int across = static_cast<int>(image.Width());
     const auto size = map.Size();
-    const math::Vector3d step(size.X() / across, size.Y() / across,
-                              size.Z() / std::max(1e-12f, image.MaxElevation()));
+    // DART spreads the samples over less than the size, and gz-sim leaves out <pos>; Gazebo
+    // Classic's ODE spreads them over all of it, and of <pos> takes z.
+    const double spread = classic ? across - 1 : across;
+    const math::Vector3d step(size.X() / spread, size.Y() / spread, size.Z() / brightest);
+    const double lifted = classic ? map.Position().Z() : 0.0;
     std::vector<float> heights;
     image.FillHeightMap(1, across, size, step, false, heights);
-    const std::set<float> levels(heights.begin(), heights.end());
-    std::cout << "heightmap\t" << size.Z() << "\t" << levels.size() << "\n";
+    std::cout << "heightmap\t" << size.Z() << "\t" << (deep ? 65535 : 255) << "\n";
     std::vector<double> points;
     std::vector<int32_t> corners;
-    // The first row of an image is the northern one. A pixel is `step` wide, as in ign-physics.
+    // The first row of an image is the northern one.
     for (int j = 0; j < across; ++j)
       for (int i = 0; i < across; ++i) {
-        points.push_back(map.Position().X() + (i - 0.5 * (across - 1)) * step.X());
-        points.push_back(map.Position().Y() + (0.5 * (across - 1) - j) * step.Y());
-        points.push_back(map.Position().Z() + heights[j * across + i]);
+        points.push_back((i - 0.5 * (across - 1)) * step.X());
+        points.push_back((0.5 * (across - 1) - j) * step.Y());
+        points.push_back(lifted + heights[j * across + i]);
       }
     for (int j = 0; j + 1 < across; ++j)
       for (int i = 0; i + 1 < across; ++i) {
@@ -209,6 +216,7 @@ int Read(const std::string &path, const std::string &binary) {
     return 0;
   }
   const auto *world = root.WorldByIndex(0);
+  classic = world->Element()->OriginalVersion() == "1.6";
   const auto gravity = world->Gravity();
   std::cout << "gravity\t" << gravity.X() << "\t" << gravity.Y() << "\t" << gravity.Z() << "\n";
   Meshes meshes(binary);
@@ -236,10 +244,8 @@ void Attach(const WorldPtr &world, const sdf::Model &model) {
       } else if (const auto *map = collision->Geom()->HeightmapShape()) {
         common::ImageHeightmap image;
         if (image.Load(Resolve(map->Uri())) != 0) continue;
-        auto place = pose;
-        place.translation() += math::eigen3::convert(map->Position());
-        body->AttachHeightmapShape(collision->Name(), image, place,
-                                   math::eigen3::convert(map->Size()), 1);
+        body->AttachHeightmapShape(collision->Name(), image, pose,
+                                   math::eigen3::convert(map->Size()), map->Sampling());
       }
     }
   }
@@ -253,7 +259,11 @@ int Rest(const std::string &path, const std::string &plugin, double seconds) {
     sdf::ParserConfig config;
     config.AddURIPath("model://", models);
     sdf::Root root;
-    if (!root.Load(path, config).empty() || root.WorldCount() != 1) return 1;
+    const auto errors = root.Load(path, config);  // those of newer SDF do not hinder it
+    if (root.WorldCount() != 1) {
+      for (const auto &error : errors) std::cerr << error.Message() << "\n";
+      return 1;
+    }
     const auto *description = root.WorldByIndex(0);
     // As gz-sim does: an empty world, the detector that the file asks for, then the models.
     sdf::World empty = *description;
