@@ -127,7 +127,7 @@ def _bake(  # type: ignore[no-untyped-def]
             u = x - i
             east, north = origin[0] + place_x * spacing, origin[1] + place_y * spacing
             bright, _shade, rise_x, rise_y = ground_grain(
-                key, CLAST_SHARE, 0.0, 0.0, east, north, pixel
+                key, CLAST_SHARE, 0.0, 0.0, east, north, spacing, pixel
             )
             for channel in range(3):
                 south = linear[colours[j, i, channel]] * (1.0 - u)

@@ -21,6 +21,7 @@ def read_table(
     *,
     needed: tuple[str, ...],
     optional: tuple[str, ...] = (),
+    blanks: tuple[tuple[str, float], ...] = (),
     most: int,
     key: Key,
 ) -> Table:
@@ -31,6 +32,7 @@ def read_table(
         folder: what it is relative to.
         needed: columns that must be there.
         optional: columns that may be there; others are refused, lest a misspelt one is lost.
+        blanks: columns whose fields may be empty, and what the table holds there.
         most: rows that it may have.
         key: where in the recipe the file is named.
 
@@ -55,7 +57,10 @@ def read_table(
     _require_columns(file, columns, needed, optional, key)
     values = _all_numbers([line for _, line in lines[1:]], len(columns))
     if values is None:
-        rows = [_numbers(f"{file}, line {n}", _fields(line), columns, key) for n, line in lines[1:]]
+        rows = [
+            _numbers(f"{file}, line {n}", _fields(line), columns, dict(blanks), key)
+            for n, line in lines[1:]
+        ]
         values = np.array(rows)
     return Table(path=file, columns=columns, values=values)
 
@@ -92,11 +97,16 @@ def _require_columns(
             raise DataError(f"{file} has two columns {name!r}", key=key)
 
 
-def _numbers(where: str, row: list[str], columns: tuple[str, ...], key: Key) -> list[float]:
+def _numbers(
+    where: str, row: list[str], columns: tuple[str, ...], blanks: dict[str, float], key: Key
+) -> list[float]:
     if len(row) != len(columns):
         raise DataError(f"{where}: {len(row)} fields, expected {len(columns)}", key=key)
     numbers = []
     for name, field in zip(columns, row, strict=True):
+        if not field and name in blanks:
+            numbers.append(blanks[name])
+            continue
         try:
             number = float(field)
         except ValueError:

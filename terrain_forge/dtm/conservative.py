@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 
 FAR = 16
 """Reach of the inverse filter [pixels] for the DTM: means are kept to a ten-millionth of bends."""
-NEAR = 8
-"""The same for detail, whose means are small: they are kept to a thousandth of themselves."""
+NEAR = 10
+"""The same for detail, whose means are small: they are kept to a ten-thousandth of themselves."""
 STENCIL = 2
 """Pixels beyond its own whose coefficients a node no larger than a pixel depends on."""
 

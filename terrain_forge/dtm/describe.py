@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.projection import geographic_crs, local_crs, scale_error, transform
+from terrain_forge.dtm.projection import geographic_crs, scale_error, transform
 from terrain_forge.dtm.quality import assess
-from terrain_forge.dtm.raster import Raster
+from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.dtm.roughness import COARSE_POSTING
 from terrain_forge.errors import DataError
 from terrain_forge.site import Site
@@ -92,7 +92,7 @@ class _Values:
 
     def range_text(self, raster: Raster) -> str:
         if not self.heights.size:
-            return "no valid sample"
+            return f"no valid sample{self.looked_at}"
         low, high = self.heights.min(), self.heights.max()
         unit = "m" if raster.vertical.known else "(no vertical scale: raw numbers)"
         return f"{low:.8g} to {high:.8g} {unit}{self.looked_at}"
@@ -133,25 +133,6 @@ def _pieces(shape: tuple[int, int], whole: bool) -> list[tuple[slice, slice]]:
         for row in dict.fromkeys(starts[0])
         for column in dict.fromkeys(starts[1])
     ]
-
-
-def ground_steps(raster: Raster) -> tuple[float, float] | None:
-    """Distance of samples along columns and rows on the ground at the raster's middle [m]."""
-    if not raster.to_pixel:
-        return None
-    a, b, _, d, e, _ = raster.to_pixel
-    inverse = np.linalg.inv([[a, b], [d, e]])
-    if not raster.crs:
-        across, down = np.linalg.norm(inverse, axis=0)
-        return float(across), float(down)
-    x, y = raster.middle
-    steps = np.array([x, y]) + np.stack([np.zeros(2), inverse[:, 0], inverse[:, 1]])
-    geographic = geographic_crs(raster.crs)
-    lon, lat = transform(raster.crs, geographic, steps[:, 0], steps[:, 1])
-    local = local_crs(raster.crs, float(lon[0]), float(lat[0]))
-    east, north = transform(geographic, local, lon, lat)
-    across, down = np.hypot(east[1:] - east[0], north[1:] - north[0])
-    return float(across), float(down)
 
 
 def _posting_text(raster: Raster) -> str:
@@ -197,7 +178,11 @@ def _meaning(raster: Raster) -> str:
 def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[str]:
     found = []
     if not values.heights.size:
-        found.append("no valid sample: nothing can be built from it")
+        found.append(
+            "no valid sample: nothing can be built from it"
+            if values.whole
+            else "no valid sample in the pieces looked at: most of it is empty"
+        )
     if not raster.to_pixel:
         found.append("without georeference: give its size on the ground as dtm.extent_m")
     if not raster.vertical.known:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.dtm.patch import DtmPatch
-from terrain_forge.dtm.projection import transform
+from terrain_forge.dtm.projection import pole_distance, transform
+from terrain_forge.errors import DataError
 
 if TYPE_CHECKING:
     from terrain_forge.site import Site, Window
@@ -18,7 +19,11 @@ Array = NDArray[np.float64]
 
 ANCHOR_CELLS = 32
 """Nodes between the anchors at which the projection is computed exactly. Between them it is
-linear: at 0.25 m, off by less than (8 m)²/(8 R), a hundred-thousandth of a millimetre of ground."""
+linear: at 0.25 m, off by less than (8 m)²/(8 R), a hundred-thousandth of a millimetre of ground; R
+is the body's radius, or in a map of longitudes the distance to the pole."""
+
+_OFF = 0.1
+"""Part of a posting that nodes may lie off between anchors."""
 
 
 class Georeferenced(Protocol):
@@ -109,6 +114,24 @@ def node_places(site: Site, nodes: Nodes, raster: Georeferenced | None = None) -
         row_index=row_index,
         row_part=row_part,
     )
+
+
+def require_straight(site: Site) -> None:
+    """Refuse a site so near to a pole that its DTM's meridians bend between anchors.
+
+    Raises:
+        DataError: tells the distance that is needed.
+    """
+    if site.dtm is None or not site.dtm.wrap[0]:
+        return
+    away = pole_distance(site.crs, site.size)
+    needed = (ANCHOR_CELLS * site.spacing) ** 2 / (8.0 * _OFF * site.dtm.posting)
+    if away < needed:
+        raise DataError(
+            f"the site lies {away:.3g} m from a pole, and a DTM that is a map of longitudes is "
+            f"bent there: at this spacing it needs {needed:.3g} m; take a polar product",
+            key=("dtm", "centre"),
+        )
 
 
 def _anchors(first: int, count: int) -> tuple[Array, NDArray[np.int64], Array]:

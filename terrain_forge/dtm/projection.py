@@ -30,7 +30,11 @@ def ellipsoid(crs: str) -> tuple[float, float]:
 
     match = re.search(r'(?:SPHEROID|ELLIPSOID)\["[^"]*",\s*([\d.eE+]+),\s*([\d.eE+]+)', crs)
     if match is None:
-        raise DataError("the CRS names no ellipsoid")
+        raise DataError(
+            f"the coordinates of the raster lie on no body ({crs[:40]}…): give it a CRS of the "
+            "body, or none and its size on the ground as dtm.extent_m",
+            key=("dtm", "source"),
+        )
     major, inverse_flattening = float(match[1]), float(match[2])
     return major, major * (1.0 - 1.0 / inverse_flattening) if inverse_flattening else major
 
@@ -63,6 +67,37 @@ def meridian_period(crs: str) -> float:
         return 0.0
     scale = np.cos(np.radians(float(values.get("lat_ts", 0.0))))
     return float(2.0 * np.pi * ellipsoid(crs)[0] * scale)
+
+
+def wrap_around(crs: str, local: str, middle: float) -> tuple[float, float]:
+    """Period of x in a CRS, and the x of a site's centre that is nearest to `middle`.
+
+    Coordinates of the site that are brought within half a period of it have no seam in them, even
+    where the CRS has one there.
+
+    Args:
+        crs: the source's.
+        local: the site's, centred on it.
+        middle: x of the source's middle.
+    """
+    period = meridian_period(crs)
+    if not period:
+        return 0.0, 0.0
+    x = float(transform(local, crs, np.zeros(1), np.zeros(1))[0][0])
+    return period, x + period * round((middle - x) / period)
+
+
+def pole_distance(local: str, size: tuple[float, float]) -> float:
+    """Distance of a site from the nearer pole [m]; 0 if it holds it.
+
+    Args:
+        local: WKT of the site's CRS.
+        size: its extent east and north [m].
+    """
+    lat = np.array([-90.0, 90.0])
+    east, north = transform(geographic_crs(local), local, np.zeros(2), lat)
+    beyond = np.abs([east, north]) - 0.5 * np.array(size)[:, None]
+    return float(np.hypot(*np.maximum(beyond, 0.0)).min())
 
 
 def geographic_crs(crs: str) -> str:

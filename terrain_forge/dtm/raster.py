@@ -11,13 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.bodies import Body
-from terrain_forge.dtm.projection import datum_radius, ellipsoid, geographic_crs, transform
+from terrain_forge.dtm.projection import (
+    datum_radius,
+    ellipsoid,
+    geographic_crs,
+    local_crs,
+    meridian_period,
+    transform,
+)
 from terrain_forge.dtm.spec import RasterDtm
-from terrain_forge.dtm.vertical import Vertical, read_vertical, require_no_sentinel
+from terrain_forge.dtm.vertical import (
+    Vertical,
+    read_vertical,
+    require_heights,
+    require_no_sentinel,
+)
 from terrain_forge.errors import DataError
 
 Array = NDArray[np.float64]
 
+_CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
 
 
@@ -27,6 +40,8 @@ class Raster:
 
     dataset: Any
     """The rasterio dataset."""
+    body: Body
+    """What it is a part of."""
     path: Path
     """The file."""
     band: int
@@ -60,6 +75,15 @@ class Raster:
         return self.dataset.height, self.dataset.width
 
     @property
+    def goes_round(self) -> bool:
+        """Whether its columns go all around the body, so that the first follows the last."""
+        period = meridian_period(self.crs) if self.crs else 0.0
+        if not period:
+            return False
+        across, down = period * self.to_pixel[0], period * self.to_pixel[3]
+        return bool(max(abs(abs(across) - self.shape[1]), abs(down)) < 0.01)
+
+    @property
     def middle(self) -> tuple[float, float]:
         """Coordinates x, y of the raster's middle."""
         rows, columns = self.shape
@@ -72,18 +96,38 @@ class Raster:
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Heights above the datum [m] of a piece, and which of them are valid.
 
+        Columns of a raster that goes round may lie beyond its edges.
+
         Raises:
-            DataError: if strict, for values that look like an undeclared mark of no data.
+            DataError: if strict, for values that look like an undeclared mark of no data or like no
+            heights at all.
         """
+        width = self.shape[1]
+        turns = range(columns.start // width, (columns.stop - 1) // width + 1)
+        spans = [
+            slice(max(columns.start - n * width, 0), min(columns.stop - n * width, width))
+            for n in turns
+        ]
+        parts = [self._read_values(rows, span) for span in spans]
+        values, valid = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+        heights = np.where(valid, self.heights(values), 0.0)
+        if strict:
+            require_no_sentinel(values[valid], self.source, cliff=self._cliff())
+            require_heights(heights, self.source, self.body)
+        return heights, valid
+
+    def _read_values(self, rows: slice, columns: slice) -> tuple[Array, NDArray[np.bool_]]:
+        """The file's own numbers, and which of them are data."""
         from rasterio.windows import Window as RasterWindow
 
         window = RasterWindow.from_slices(rows, columns)
         values = self.dataset.read(self.band, window=window).astype(np.float64)
-        valid = self.valid(values, self.dataset.read_masks(self.band, window=window))
-        if strict:
-            require_no_sentinel(values[valid], self.source)
-        heights = self.heights(values)
-        return np.where(valid, heights, 0.0), valid
+        return values, self.valid(values, self.dataset.read_masks(self.band, window=window))
+
+    def _cliff(self) -> float:
+        """Difference of neighbours that no ground has [units of the file]."""
+        steps = ground_steps(self)
+        return _CLIFF * max(steps) / abs(self.vertical.scale) if steps else np.inf
 
     def valid(self, values: Array, mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Which values are data, by the file's mask, the recipe, and being finite."""
@@ -131,6 +175,7 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     _require_body(crs, body, spec)
     return Raster(
         dataset=dataset,
+        body=body,
         path=path,
         band=spec.band,
         vertical=read_vertical(dataset, spec, _datum(dataset, crs, body), body),
@@ -139,6 +184,25 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
         nodata=spec.nodata,
         nodata_range=spec.nodata_range,
     )
+
+
+def ground_steps(raster: Raster) -> tuple[float, float] | None:
+    """Distance of samples along columns and rows on the ground at the raster's middle [m]."""
+    if not raster.to_pixel:
+        return None
+    a, b, _, d, e, _ = raster.to_pixel
+    inverse = np.linalg.inv([[a, b], [d, e]])
+    if not raster.crs:
+        across, down = np.linalg.norm(inverse, axis=0)
+        return float(across), float(down)
+    x, y = raster.middle
+    steps = np.array([x, y]) + np.stack([np.zeros(2), inverse[:, 0], inverse[:, 1]])
+    geographic = geographic_crs(raster.crs)
+    lon, lat = transform(raster.crs, geographic, steps[:, 0], steps[:, 1])
+    local = local_crs(raster.crs, float(lon[0]), float(lat[0]))
+    east, north = transform(geographic, local, lon, lat)
+    across, down = np.hypot(east[1:] - east[0], north[1:] - north[0])
+    return float(across), float(down)
 
 
 def _datum(dataset: Any, crs: str, body: Body) -> float:

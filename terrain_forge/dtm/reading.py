@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from terrain_forge.dtm.conservative import FAR, STENCIL
 from terrain_forge.dtm.lattice import patch_pixels, patch_points
 from terrain_forge.dtm.patch import DtmPatch
-from terrain_forge.dtm.projection import meridian_period
+from terrain_forge.dtm.projection import meridian_period, pole_distance, wrap_around
 from terrain_forge.dtm.quality import planar_posts
-from terrain_forge.dtm.raster import Raster
+from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.dtm.repair import FILL_METHOD, destair, farthest_filled, fill_holes
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.errors import DataError
@@ -34,10 +34,12 @@ def read_patch(
     Raises:
         DataError: if the site reaches beyond the raster, or over holes that are too wide to fill.
     """
-    whole = _whole(raster, to_pixel)
+    _require_off_pole(raster, spec, crs)
+    whole = _whole(raster, crs, to_pixel)
     column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
     _require_inside(raster, spec, column, row)
-    columns, rows = _span(column, raster.shape[1]), _span(row, raster.shape[0])
+    columns = _span(column, raster.shape[1], goes_round=raster.goes_round)
+    rows = _span(row, raster.shape[0])
     heights, valid = raster.read(rows, columns)
     a, b, c, d, e, f = to_pixel
     patch = whole.replace(
@@ -60,8 +62,22 @@ def read_patch(
     ), valid & ~planar
 
 
-def _whole(raster: Raster, to_pixel: tuple[float, ...]) -> DtmPatch:
-    wrap = (meridian_period(raster.crs), raster.middle[0]) if raster.crs else (0.0, 0.0)
+def _require_off_pole(raster: Raster, spec: RasterDtm, crs: str) -> None:
+    """Refuse a site whose samples lie around a pole where the raster has no way around it."""
+    if not raster.crs or not meridian_period(raster.crs):
+        return
+    steps, away = ground_steps(raster), pole_distance(crs, spec.size_m)
+    needed = _MARGIN * steps[1] if steps else 0.0
+    if away < needed:
+        raise DataError(
+            f"the site lies {away:.3g} m from a pole, where {spec.source}, a map of longitudes, "
+            f"needs {needed:.3g} m of ground around: take a polar product",
+            key=("dtm", "centre"),
+        )
+
+
+def _whole(raster: Raster, crs: str, to_pixel: tuple[float, ...]) -> DtmPatch:
+    wrap = wrap_around(raster.crs, crs, raster.middle[0]) if raster.crs else (0.0, 0.0)
     return DtmPatch(
         heights=np.zeros((1, 1)),
         to_pixel=to_pixel,
@@ -82,8 +98,9 @@ def _outline(size: tuple[float, float]) -> tuple[Array, Array]:
 def _require_inside(raster: Raster, spec: RasterDtm, column: Array, row: Array) -> None:
     rows, columns = raster.shape
     slack = 0.5 + 1e-6
-    low = min(column.min(), row.min())
-    if low < -slack or column.max() > columns - 1 + slack or row.max() > rows - 1 + slack:
+    beside = column.min() < -slack or column.max() > columns - 1 + slack
+    above = row.min() < -slack or row.max() > rows - 1 + slack
+    if above or (beside and not raster.goes_round):
         raise DataError(
             f"the site needs columns {column.min():.1f} to {column.max():.1f} and rows "
             f"{row.min():.1f} to {row.max():.1f} of {spec.source}, which has {columns} × {rows}",
@@ -91,13 +108,21 @@ def _require_inside(raster: Raster, spec: RasterDtm, column: Array, row: Array) 
         )
 
 
-def _span(index: Array, length: int) -> slice:
-    """Samples to read along one axis: under the site, the kernel's stencil, and context."""
+def _span(index: Array, length: int, *, goes_round: bool = False) -> slice:
+    """Samples to read along one axis: under the site, the kernel's stencil, and context.
+
+    Beyond the edges, where the axis goes round.
+    """
     low = int(np.floor(index.min())) - _MARGIN
     high = int(np.ceil(index.max())) + _MARGIN + 1
     wanted = max(CONTEXT_POSTS, high - low)
-    start = max(min(low - (wanted - (high - low)) // 2, length - wanted), 0)
-    return slice(start, min(start + wanted, length))
+    if goes_round:
+        wanted = max(min(wanted, length), high - low)
+    start = low - (wanted - (high - low)) // 2
+    if not goes_round:
+        start = max(min(start, length - wanted), 0)
+        wanted = min(wanted, length - start)
+    return slice(start, start + wanted)
 
 
 def _within(index: Array, span: slice) -> NDArray[np.intp]:

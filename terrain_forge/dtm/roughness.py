@@ -19,15 +19,23 @@ Mask = NDArray[np.bool_]
 COARSE_POSTING = 50.0
 """Posting [m] beyond which a DTM says nothing about a rover's site."""
 FEWEST_POSTS = 48
-"""Posts a side below which a fitted exponent would mean nothing."""
+"""Posts a side below which the exponent is called a preset that the DTM has moved."""
 FEWEST_FOR_AMPLITUDE = 24
-"""Posts a side below which not even the amplitude is taken from the DTM."""
+"""Posts a side below which nothing is taken from the DTM."""
 HURST_LIMITS = (0.5, 0.95)
 """Exponents of natural planetary ground between which a fit is kept."""
-BASELINES = (1, 2, 3, 4)
-"""Baselines of the fit, in multiples of the shortest one that the DTM resolves."""
+HURST_PRIOR = (0.75, 0.15)
+"""Mean and scatter of the exponents that are published of sites (0.57, 0.65 and 0.8 at Pathfinder,
+Viking 1 and 2, 0.76 and 0.95 on the lunar maria and highlands), which a fit is weighed against."""
+BASELINES = (1, 2)
+"""Baselines of the fit, in multiples of the shortest one that the DTM resolves: the exponent is
+that of the joint. Natural ground bends: longer baselines tell it too small there."""
 
-_SMOOTH = 1.1  # no rough ground has a larger exponent: what has is smoothed
+_SMOOTHED = 1.3
+"""Exponent from one post to two beyond which a DTM was smoothed: mantled ground and crater walls
+reach 1.26, a Gaussian of one post makes 1.36 and more."""
+_ROUGH = 1.1
+"""Exponent below which smoothing shows no more."""
 _LOCAL_WIDTH = 4.0
 
 
@@ -36,10 +44,12 @@ def fit_roughness(
 ) -> Roughness:
     """Exponent and local RMS deviation of the ground at the shortest baselines that the DTM tells.
 
-    The exponent is that of the second increments over one to four of the shortest resolved
+    The exponent is that of the second increments over one and two of the shortest resolved
     baselines. That is one posting, unless the exponent from there to twice as far exceeds what
-    rough ground can have: then the DTM is smoothed, and the next baseline is tried. The RMS
-    deviation is that of the increments at the same end, around each post.
+    rough ground can have: then the DTM is smoothed, and the next baseline is tried. It is weighed
+    against the exponents that ground has elsewhere by its standard error, so that a small DTM says
+    as much as it knows. The RMS deviation is that of the increments at the same end, around each
+    post.
 
     Args:
         heights: the DTM around the site [m].
@@ -57,14 +67,13 @@ def fit_roughness(
     if not np.min(squares) > 0.0:  # nor where nothing is trusted, which is NaN
         return body_roughness(body, "DTM without relief")
     resolved = _shortest_resolved(squares)
-    if min(heights.shape) < FEWEST_POSTS:
-        hurst, exponent = _limited(body.roughness[0]), None
-        source = f"exponent preset of {body.name} ({size} too small for a fit)"
-    else:
-        fitted = _fit_exponent(heights, trusted, resolved)
-        exponent, hurst = (fitted, _standard_error(heights, trusted, resolved)), _limited(fitted)
-        source = f"exponent {fitted:.2f} ± {exponent[1]:.2f} fitted to the DTM"
+    exponent = _fitted(heights, trusted, resolved)
+    weighed = _weighed(exponent)
+    hurst = _limited(weighed)
+    source = _source(heights.shape, exponent, hurst)
     local = _local_deviation(heights, trusted, hurst, resolved) / posting**hurst
+    # Ground that is smoother than the limit stays so for another octave: its power ends sooner.
+    local *= 0.5 ** max(weighed - hurst, 0.0)
     longest = resolved * BASELINES[-1] * posting
     return Roughness(
         hurst=hurst,
@@ -83,24 +92,63 @@ def body_roughness(body: Body, why: str) -> Roughness:
     return Roughness(hurst=hurst, deviation=deviation, source=f"preset of {body.name} ({why})")
 
 
+def _fitted(heights: Array, trusted: Mask, resolved: int) -> tuple[float, float] | None:
+    """Exponent of the DTM and its standard error; None where it is too small for the baselines."""
+    if not _long_enough(heights, resolved):
+        return None
+    return _fit_exponent(heights, trusted, resolved), _standard_error(heights, trusted, resolved)
+
+
+def _weighed(exponent: tuple[float, float] | None) -> float:
+    """Mean of a fit and of what ground has elsewhere, by the inverse of their variances."""
+    mean, scatter = HURST_PRIOR
+    if exponent is None:
+        return mean
+    fitted, error = exponent
+    weight = scatter**2 / (scatter**2 + error**2)
+    return weight * fitted + (1.0 - weight) * mean
+
+
+def _source(shape: tuple[int, ...], exponent: tuple[float, float] | None, hurst: float) -> str:
+    """Where an exponent comes from, in words."""
+    size = f"DTM of {shape[1]} × {shape[0]} posts"
+    if exponent is None:
+        return f"exponent preset ({size} too small for a fit)"
+    found = f"{exponent[0]:.2f} ± {exponent[1]:.2f}"
+    if min(shape) < FEWEST_POSTS:
+        return f"exponent preset of {HURST_PRIOR[0]:g}, moved to {hurst:.2f} by {found} of a {size}"
+    return f"exponent {found} fitted to the DTM"
+
+
 def _limited(hurst: float) -> float:
     return float(np.clip(hurst, *HURST_LIMITS))
 
 
 def _shortest_resolved(squares: list[float]) -> int:
-    """Shortest baseline [posts] that is not smoothed, of 1, 2 and 4 posts."""
+    """Shortest baseline [posts] that is not smoothed, of 1, 2 and 4 posts.
+
+    Args:
+        squares: mean square increments over 1, 2, 4 and 8 posts.
+    """
+    limit = _SMOOTHED
     for n, lag in enumerate((1, 2)):
         point = squares[n + 1] / squares[n]
         # What averaging over pixels alone takes away, for an exponent in the middle.
         pixel = expected_increment(0.75, 2 * lag) / expected_increment(0.75, lag) / 4.0**0.75
-        if 0.5 * np.log2(point / pixel) <= _SMOOTH:
+        if 0.5 * np.log2(point / pixel) <= limit:
             return lag
+        limit = _ROUGH
     return 4
+
+
+def _long_enough(heights: Array, resolved: int) -> bool:
+    """Whether the fit's baselines go often enough into the shorter side."""
+    return bool(4 * BASELINES[-1] * resolved <= min(heights.shape))
 
 
 def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
     """Exponent of the second increments; what pixels average away depends on it in turn."""
-    lags = [n * resolved for n in BASELINES if 4 * n * resolved < min(heights.shape)]
+    lags = [n * resolved for n in BASELINES]
     logs = np.log([mean_square_increment(heights, lag, trusted) for lag in lags])
     hurst = 0.75
     for _ in range(6):
@@ -118,7 +166,9 @@ def _standard_error(heights: Array, trusted: Mask, resolved: int) -> float:
     found = [
         _fit_exponent(heights[q], trusted[q], resolved)
         for q in quarters
-        if trusted[q].mean() > 0.5 and np.ptp(heights[q][trusted[q]]) > 0.0
+        if trusted[q].mean() > 0.5
+        and np.ptp(heights[q][trusted[q]]) > 0.0
+        and _long_enough(heights[q], resolved)
     ]
     return float(np.std(found, ddof=1) / np.sqrt(len(found))) if len(found) > 1 else 0.5
 

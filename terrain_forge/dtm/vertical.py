@@ -22,6 +22,8 @@ _METRES = {
     **dict.fromkeys(("us survey foot", "us survey feet", "ftus"), 1200.0 / 3937.0),
 }
 _SENTINELS = (-9999.0, -99999.0, -32768.0, -32767.0, 32767.0, 65535.0, 9999.0, 99999.0)
+_FARTHEST = 0.05
+"""Part of a body's radius beyond which no ground lies; Mars reaches 0.0065 of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +66,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         body: whose radius the numbers may lie around.
 
     Raises:
-        DataError: for a height range of a raster that does not hold integers.
+        DataError: for a height range of a raster that does not hold integers, or a scale of 0.
     """
     band = spec.band - 1
     dtype = np.dtype(dataset.dtypes[band])
@@ -75,6 +77,12 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
     else:
         metres = metres_of(unit) or _kilometres(dataset, spec, body)
         scale, offset = dataset.scales[band] * metres, dataset.offsets[band] * metres
+        if scale == 0.0 and spec.height_scale is None:
+            raise DataError(
+                f"the band's scale in {spec.source} is 0, which makes all heights equal: give "
+                "dtm.height_scale",
+                key=("dtm", "source"),
+            )
         declared = (scale, offset) != (1.0, 0.0) or spec.height_scale is not None
         known = declared or dtype.kind != "u" or metres_of(unit) is not None
         scale = scale if spec.height_scale is None else spec.height_scale
@@ -89,27 +97,52 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
     )
 
 
-def require_no_sentinel(values: NDArray[np.float64], source: str) -> None:
+def require_no_sentinel(values: NDArray[np.float64], source: str, *, cliff: float) -> None:
     """Refuse numbers that stand for no data though nobody says so.
 
-    Such are -9999, -32768 and their like, farther from all other values than these are apart.
+    Such are -9999, -32768 and their like, farther from all other values than these are apart; and
+    any other number that occurs several times and stands as far beyond the rest, by a cliff that no
+    ground has.
+
+    Args:
+        values: numbers of the file.
+        source: its name.
+        cliff: difference between neighbours that is no ground's [units of the file].
 
     Raises:
         DataError: naming the value.
     """
-    for sentinel in _SENTINELS:
-        found = values == sentinel
+    ends = [float(values.min()), float(values.max())] if values.size else []
+    for suspect in dict.fromkeys((*_SENTINELS, *ends)):
+        found = values == suspect
         if not found.any() or found.all():
             continue
         others = values[~found]
-        gap = np.abs(others - sentinel).min()
-        if gap > max(others.max() - others.min(), 1.0):
+        gap, width = np.abs(others - suspect).min(), np.ptp(others)
+        listed = suspect in _SENTINELS and gap > max(width, 1.0)
+        if listed or (found.sum() > 1 and width > 0.0 and gap > max(width, cliff)):
             raise DataError(
-                f"{source} holds {found.sum()} samples of the value {sentinel:g} beside values of "
-                f"{others.min():g} to {others.max():g}: if it means no data, give dtm.nodata: "
-                f"{sentinel:g}; if not, what else it is",
+                f"{source} holds {found.sum()} samples of the value {suspect:.10g} beside values "
+                f"of {others.min():g} to {others.max():g}: if it means no data, give dtm.nodata: "
+                f"{suspect:.10g}; if not, what else it is",
                 key=("dtm", "nodata"),
             )
+
+
+def require_heights(heights: NDArray[np.float64], source: str, body: Body) -> None:
+    """Refuse heights that are none: as large as the body itself.
+
+    Raises:
+        DataError: with what they reach.
+    """
+    farthest = float(np.abs(heights).max(initial=0.0))
+    if farthest > _FARTHEST * body.mean_radius:
+        raise DataError(
+            f"{source} has heights of {farthest:.4g} m from the datum, {body.name}'s radius is "
+            f"{body.mean_radius:.4g} m: if these are no data, give dtm.nodata; if another unit, "
+            "dtm.height_scale; if radii, dtm.height_offset_m",
+            key=("dtm", "source"),
+        )
 
 
 def _range(spec: RasterDtm, dtype: np.dtype[Any]) -> tuple[float, float]:
@@ -136,13 +169,22 @@ def _kilometres(dataset: Any, spec: RasterDtm, body: Body) -> float:
 
 
 def _typical(dataset: Any, spec: RasterDtm) -> float:
-    """Median of a few small pieces of the raster; 0 where they hold no data."""
+    """Median of a few small pieces of the raster, of more where these hold no data; 0 for none."""
+    for pieces in (5, 17, 65):
+        found = _sampled(dataset, spec, pieces)
+        if found.size:
+            return float(np.median(found))
+    return 0.0
+
+
+def _sampled(dataset: Any, spec: RasterDtm, pieces: int) -> NDArray[np.float64]:
+    """Valid values of so many pieces each way."""
     from rasterio.windows import Window
 
     size = 8
     values = []
-    for across in (0.1, 0.3, 0.5, 0.7, 0.9):
-        for down in (0.1, 0.5, 0.9):
+    for across in np.linspace(0.1, 0.9, pieces):
+        for down in np.linspace(0.1, 0.9, pieces):
             window = Window(
                 int(across * max(dataset.width - size, 0)),
                 int(down * max(dataset.height - size, 0)),
@@ -155,4 +197,7 @@ def _typical(dataset: Any, spec: RasterDtm) -> float:
     found = np.concatenate(values)
     if spec.nodata is not None:
         found = found[found != spec.nodata]
-    return float(np.median(found)) if found.size else 0.0
+    if spec.nodata_range is not None:
+        low, high = spec.nodata_range
+        found = found[(found < low) | (found > high)]
+    return found

@@ -191,6 +191,8 @@ class EmbreeScene:
             which: index into `scenes` of each copy, shape [copies].
             transforms: to this scene's frame, shape [copies, 3, 4].
         """
+        if len(which) == 1:  # Embree then takes the first scene, whatever the index says
+            scenes, which = [scenes[int(which[0])]], np.zeros(1, np.int32)
         geometry = self._new(_INSTANCES)
         handles = (_pointer * len(scenes))(*(scene.handle for scene in scenes))
         load_library().rtcSetGeometryInstancedScenes(

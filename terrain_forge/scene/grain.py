@@ -16,6 +16,14 @@ _COMPONENT = 1.0 / 32768.0
 CLAST_SHARE = 0.45
 """Share of the cells of small stones that hold one."""
 _CLAST_CELL = 0.16  # size of the cells of the largest small stones [m]
+_SOIL_COARSEST = 0.9
+"""Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
+_SOIL_STEEP = 0.035
+"""Rise of waves of soil so long, over that of unit noise."""
+_SOIL_ROUGHER = 1.28
+"""How much steeper waves of half the length are: slopes grow as L^(H - 1), H about 0.65, so that
+soil is rough to the hand and level to the eye (Helfenstein & Shepard 1999,
+doi:10.1006/icar.1999.6160)."""
 _PRIMES = (
     np.uint64(0x9E3779B185EBCA87),
     np.uint64(0xC2B2AE3D27D4EB4F),
@@ -68,7 +76,7 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
     Returns a value of about -1 to 1 for the albedo, and the rise per metre along x and y.
     """
     value, slope_x, slope_y = 0.0, 0.0, 0.0
-    wavelength, weight, cos, sin = coarsest, 1.0, 1.0, 0.0
+    wavelength, weight, cos, sin = coarsest, (coarsest / _SOIL_COARSEST) ** -0.35, 1.0, 0.0
     for octave in range(12):
         shown = min(1.0, 0.5 * wavelength / footprint - 1.0)
         if shown <= 0.0 or wavelength < 0.002:
@@ -76,13 +84,13 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
         u = (cos * x - sin * y) / wavelength + 0.37 * octave
         v = (sin * x + cos * y) / wavelength + 0.71 * octave
         height, rise_u, rise_v = noise_2d(mix(key, np.uint64(octave)), u, v)
-        steep = 0.16 * shown * weight
+        steep = _SOIL_STEEP * shown * weight
         slope_x += steep * (cos * rise_u + sin * rise_v)
         slope_y += steep * (cos * rise_v - sin * rise_u)
         value += 0.5 * shown * height
         cos, sin = cos * _TURN_COS - sin * _TURN_SIN, sin * _TURN_COS + cos * _TURN_SIN
         wavelength *= 0.48
-        weight *= 1.06
+        weight *= _SOIL_ROUGHER
     return value, slope_x, slope_y
 
 
@@ -116,7 +124,7 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
 
 
 @inner
-def ground_grain(key, share, sun_x, sun_y, east, north, footprint):  # type: ignore[no-untyped-def]
+def ground_grain(key, share, sun_x, sun_y, east, north, spacing, footprint):  # type: ignore[no-untyped-def]
     """Soil and small stones at a place of the world, down to the size of a pixel.
 
     Args:
@@ -126,12 +134,14 @@ def ground_grain(key, share, sun_x, sun_y, east, north, footprint):  # type: ign
         sun_y: north of it.
         east: the place [m].
         north: the place [m].
+        spacing: of the ground's grid [m].
         footprint: size of a pixel on the ground [m].
 
     Returns:
         Brightness, depth of the stones' shadows (0 to 1), rise per metre along east and north.
     """
-    tint, rise_x, rise_y = soil(key, east, north, 0.9, footprint)
+    coarsest = min(_SOIL_COARSEST, 1.5 * spacing)
+    tint, rise_x, rise_y = soil(key, east, north, coarsest, footprint)
     bright, shade = 1.0 + 0.22 * tint, 0.0
     some = share * min(1.5, max(0.2, 1.0 + 1.2 * tint))
     cell = _CLAST_CELL

@@ -13,7 +13,7 @@ from terrain_forge.kernels import inlined, inner, kernel
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.lend import lend
-from terrain_forge.scene.light import Light, Triple, add_sky, add_surface
+from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
 from terrain_forge.scene.packets import (
     ACTIVE,
     FAR,
@@ -122,7 +122,11 @@ def _shade(ray, word, lane, view, towards, land, tracks, stones, point):  # type
 
 @inner
 def _leave(ray, word, lane, point, direction, reach):  # type: ignore[no-untyped-def]
-    """Aim a lane from just above a surface point; returns whether it leads out of the surface."""
+    """Aim a lane from just above a surface point; returns whether it may lead out of the surface.
+
+    Of a rock's triangle that is known. The ground is smoother than its triangles (LIFT): those that
+    the Sun lies behind may still be lit, or the edge of night would run along them.
+    """
     rise = (
         direction[0] * point[FLAT_X] + direction[1] * point[FLAT_Y] + direction[2] * point[FLAT_Z]
     )
@@ -133,19 +137,23 @@ def _leave(ray, word, lane, point, direction, reach):  # type: ignore[no-untyped
         point[Z] + lift * point[FLAT_Z] + point[LIFT],
     )
     set_ray(ray, word, lane, start, direction, 0.0, reach)
-    if rise <= 0.0:
+    out = rise > 0.0 or point[OWNER] < 0.0
+    if not out:
         word[ACTIVE, lane] = 0
-    return rise > 0.0
+    return out
 
 
 @inlined
-def _see_packet(scene, query, view, land, tracks, stones, sun, ray, point, x, y):  # type: ignore[no-untyped-def]
+def _see_packet(  # type: ignore[no-untyped-def]
+    scene, query, view, land, tracks, stones, light, ray, point, left, top, sample
+):
     """Shade what a packet of pixels sees and ask for the Sun.
 
     Returns bit masks of the lanes that see a surface, that are in sunlight, and whose surface was
     seen by their pixel's last sample already.
     """
     word, address = ray.view(np.uint32), ray.ctypes.data
+    x, y = left + _OFFSETS[sample, 0], top + _OFFSETS[sample, 1]
     for lane in range(LANES):
         start, towards = _aim(view, x + lane % _TILE, y + lane // _TILE)
         set_ray(ray, word, lane, start, towards, 0.0, np.inf)
@@ -163,6 +171,8 @@ def _see_packet(scene, query, view, land, tracks, stones, sun, ray, point, x, y)
         known |= beside << lane
         if not beside:
             _shade(ray, word, lane, view, towards, land, tracks, stones, point[lane])
+        column, row = left + lane % _TILE, top + lane // _TILE
+        sun = towards_sun(light, land.key, column, row, sample * (_SAMPLES // view.samples))
         lit |= _leave(ray, word, lane, point[lane], sun, np.inf) << lane
     if lit:
         occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
@@ -195,10 +205,10 @@ def _sample(  # type: ignore[no-untyped-def]
     scene, queries, view, land, tracks, stones, light, ray, point, left, top, sample, image
 ):
     """Add one sample to each pixel of a packet; returns whether all were as the last one was."""
-    x, y = left + _OFFSETS[sample, 0], top + _OFFSETS[sample, 1]
     seen, lit, known = _see_packet(
-        scene, queries[0], view, land, tracks, stones, light.towards_sun, ray, point, x, y
+        scene, queries[0], view, land, tracks, stones, light, ray, point, left, top, sample
     )
+    x, y = left + _OFFSETS[sample, 0], top + _OFFSETS[sample, 1]
     free = 0
     if seen and light.airy:
         free = _see_sky(scene, queries[1], land, ray, point, left, top, sample, seen)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from threading import Lock
 from types import TracebackType
 from typing import Self
 
@@ -22,6 +23,8 @@ GROUND = -1
 """What `Hits.rock` holds where a ray met the ground."""
 MISSED = -2
 """What `Hits.rock` holds where a ray met nothing."""
+
+_FIRST = Lock()  # two threads that make the first scene must not get a device each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +47,8 @@ class RayScene:
     """
 
     def __init__(self, *, ground: Heightfield, library: RockLibrary, rocks: RockField) -> None:
-        _check_engine()
+        with _FIRST:
+            _check_engine()
         self.ground = ground
         """The bare ground."""
         self.rocks = rocks

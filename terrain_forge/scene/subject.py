@@ -92,6 +92,9 @@ def prepare_light(world: World, lighting: Lighting, *, facing: float) -> Light:
         facing: cosine of the angle that level ground is seen under.
     """
     sky = np.asarray(lighting.sky_rgb, dtype=np.float64)
+    radius = 0.5 * world.site.body.sun_diameter
+    sine, cosine = np.sin(lighting.sun_azimuth), np.cos(lighting.sun_azimuth)
+    low, high = np.cos(lighting.sun_elevation), np.sin(lighting.sun_elevation)
     airy = bool(sky.max() > 0.0)
     up = max(float(lighting.towards_sun[2]), 0.05)
     lunar = 0.35 if airy else 0.75
@@ -102,6 +105,8 @@ def prepare_light(world: World, lighting: Lighting, *, facing: float) -> Light:
     albedo = linear_from_srgb(world.appearance.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
     return Light(
         towards_sun=triple(lighting.towards_sun),
+        upwards=triple(radius * np.array([-high * sine, -high * cosine, low])),
+        sideways=triple(radius * np.array([cosine, -sine, 0.0])),
         sun=triple(sun),
         sky=triple(from_sky),
         bounce=triple(0.35 * albedo),

@@ -173,8 +173,9 @@ def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     x, y = point[X], point[Y]
     i, j, u, v = _cell(land, x, y)
     slope_x, slope_y = _round_off(point, land, i, j, u, v)
+    east, north = x + land.shift[0], y + land.shift[1]
     bright, shade, rise_x, rise_y = ground_grain(
-        land.key, land.clast_share, *land.shadow, x + land.shift[0], y + land.shift[1], footprint
+        land.key, land.clast_share, *land.shadow, east, north, land.spacing, footprint
     )
     depth, track_x, track_y = _track(tracks, land, x, y, bright - 1.0, footprint)
     kept = 1.0 - 0.45 * depth
@@ -258,14 +259,21 @@ def _height(land, i, j, u, v):  # type: ignore[no-untyped-def]
 
 
 @inner
+def disc_place(key, column, row, sample, what):  # type: ignore[no-untyped-def]
+    """A place on the unit disc for a pixel; `sample` 0 to 3 stratifies by angle and radius."""
+    draw = cell_hash(key, column, row, what)
+    azimuth = 0.5 * np.pi * (sample + 0.5 + 0.5 * part(draw, 0))
+    ring = (2 * sample + (sample >> 1)) & 3
+    share = (ring + 0.5 + 0.5 * part(draw, 16 + 8 * (sample & 1))) / 4.0
+    radius = np.sqrt(min(max(share, 0.0), 1.0))
+    return radius * np.cos(azimuth), radius * np.sin(azimuth)
+
+
+@inner
 def hemisphere(point, key, column, row, sample):  # type: ignore[no-untyped-def]
     """A direction about the shading normal, density by the cosine; `sample` 0 to 3 stratifies."""
-    draw = cell_hash(key, column, row, 7)
-    azimuth = 0.5 * np.pi * (sample + 0.5 + 0.5 * part(draw, 0))
-    share = (((sample * 2 + 1) & 3) + 0.5 + 0.5 * part(draw, 16 + 8 * (sample & 1))) / 4.0
-    share = min(max(share, 0.0), 1.0)
-    radius = np.sqrt(share)
-    a, b, c = radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1.0 - share)
+    a, b = disc_place(key, column, row, sample, 7)
+    c = np.sqrt(max(0.0, 1.0 - a * a - b * b))
     x, y, z = point[BENT_X], point[BENT_Y], point[BENT_Z]
     # Duff et al. 2017 (JCGT 6(1)): an orthonormal basis without a branch.
     sign = 1.0 if z >= 0.0 else -1.0

@@ -49,7 +49,8 @@ def continue_dtm(*, site: Site, window: Window, noise: Octaves) -> Array:
     stride = max(int(site.dtm.posting / (_SAMPLES * site.spacing)), 1)
     pixels = Pixels.under(site, wanted, NEAR + STENCIL)
     around = pixels.nodes(site, stride)
-    long = noise.wavelengths >= 2.0 * stride * site.spacing * (1.0 - 1e-9)
+    # Samples of every stride-th node do not show shorter waves, whose means are next to nothing.
+    long = (noise.wavelengths >= 2.0 * stride * site.spacing * (1.0 - 1e-9)) | (stride == 1)
     samples = noise_at(site, around, noise, long)
     means = pixels.means(site, around, samples)
     if stride == 1:

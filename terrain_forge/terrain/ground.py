@@ -47,6 +47,18 @@ def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.
     for layer in layers:
         elevation += layer.masked_relief(site=site, window=around, elevation=elevation)
     if not np.isfinite(elevation).all():
-        raise ValueError("the ground holds values that are not finite")
+        raise ValueError(f"{_culprit(site, around, layers)} makes heights that are not finite")
     south, west = window.row - around.row, window.column - around.column
     return elevation[south : south + window.rows + 1, west : west + window.columns + 1]
+
+
+def _culprit(site: Site, window: Window, layers: tuple[Layer, ...]) -> str:
+    """What first makes a height that is not finite."""
+    elevation = dtm_heights(site=site, window=window)
+    if not np.isfinite(elevation).all():
+        return "the DTM"
+    for number, layer in enumerate(layers):
+        elevation += layer.masked_relief(site=site, window=window, elevation=elevation)
+        if not np.isfinite(elevation).all():
+            return f"terrain.layers[{number}] ({type(layer).__name__})"
+    raise AssertionError("all heights are finite")

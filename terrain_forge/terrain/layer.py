@@ -34,6 +34,8 @@ class InputTable:
     """Columns that it must have."""
     optional: tuple[str, ...] = ()
     """Columns that it may have."""
+    blanks: tuple[tuple[str, float], ...] = ()
+    """Columns whose fields may be left empty, and what the table holds there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,18 +124,24 @@ def layer_types() -> tuple[type[Layer], ...]:
     names = [m.name for m in pkgutil.iter_modules(layers.__path__, f"{layers.__name__}.")]
     modules = [import_module(name) for name in names]
     modules += [module for point in entry_points(group=LAYERS) if (module := _load(point))]
-    found = [
-        member
-        for module in modules
-        for member in vars(module).values()
-        if isinstance(member, type) and issubclass(member, Layer) and member is not Layer
-    ]
-    return tuple(sorted(set(found), key=lambda layer: layer.__name__))
+    found: dict[str, type[Layer]] = {}
+    for module in modules:  # ours come first and keep their kinds
+        for member in vars(module).values():
+            if isinstance(member, type) and issubclass(member, Layer) and member is not Layer:
+                kind = getattr(member, "kind", member.__name__)
+                first = found.setdefault(kind, member)
+                if first is not member:
+                    _log.warning(
+                        "layer %r of %s is skipped: %s has that kind",
+                        kind, member.__module__, first.__module__,
+                    )  # fmt: skip
+    return tuple(sorted(found.values(), key=lambda layer: layer.__name__))
 
 
 def _load(point: EntryPoint) -> ModuleType | None:
     try:
         return import_module(point.module)
     except Exception as error:  # whatever a foreign package raises must not break ours
-        _log.warning("layer %r (%s) is skipped: %s", point.name, point.value, error)
+        why = " ".join(str(error).split()) or type(error).__name__
+        _log.warning("layer %r (%s) is skipped: %s", point.name, point.value, why)
         return None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terrain_forge.colour import linear_from_srgb
 from terrain_forge.dtm.kernel import cubic
 from terrain_forge.dtm.lattice import Nodes, Places, node_places, patch_pixels
-from terrain_forge.dtm.projection import ellipsoid, meridian_period
+from terrain_forge.dtm.projection import ellipsoid, wrap_around
 from terrain_forge.dtm.raster import open_dataset
 from terrain_forge.errors import DataError
 from terrain_forge.site import Orthoimage, Site, Window
@@ -113,7 +113,7 @@ def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
         albedo=nothing,
         to_pixel=(a, b, c - 0.5, d, e, f - 0.5),
         crs=crs,
-        wrap=(meridian_period(crs), middle[0]),
+        wrap=wrap_around(crs, site.crs, middle[0]),
     )
 
 

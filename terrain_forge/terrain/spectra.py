@@ -20,16 +20,18 @@ def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Arr
         bins: rings, equally wide in the logarithm; empty ones are left out.
 
     Returns:
-        Wave numbers [1/m] and densities [m⁴].
+        Wave numbers [1/m] and densities [m⁴]; none of a grid of 6 samples a side or less.
     """
     rows, columns = heights.shape
+    low, high = 3.0 / (min(rows, columns) * spacing), 0.5 / spacing
+    if low >= high:
+        return np.empty(0), np.empty(0)
     window = np.hanning(rows)[:, None] * np.hanning(columns)[None, :]
     window /= np.sqrt(np.mean(window**2))
     power = np.abs(np.fft.rfft2((heights - best_plane(heights)) * window)) ** 2
     power *= spacing**2 / heights.size
     north, east = np.fft.fftfreq(rows, spacing), np.fft.rfftfreq(columns, spacing)
     number = np.hypot(north[:, None], east[None, :])
-    low, high = 3.0 / (min(rows, columns) * spacing), 0.5 / spacing
     ring = np.digitize(number.ravel(), np.geomspace(low, high, bins + 1)) - 1
     kept = (ring >= 0) & (ring < bins)
     count = np.bincount(ring[kept], minlength=bins)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.dtm.lattice import Nodes, PixelFrame
 from terrain_forge.dtm.pixels import Pixels
+from terrain_forge.dtm.projection import scale_error
 from terrain_forge.site import Site
 from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
 from terrain_forge.world import Heightfield
@@ -75,6 +76,46 @@ class Curves:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DtmState:
+    """What was read of the DTM and what it needed."""
+
+    samples: tuple[int, int]
+    """Rows and columns of samples, of the site and the context around it."""
+    filled: int
+    """Samples within the site that were holes."""
+    repairs: tuple[str, ...]
+    """What was repaired and how."""
+    planar_fraction: float
+    """Part of the samples that lie in exact planes, as triangles do that fill gaps, 0 to 1."""
+    scale_error: float | None
+    """How far off lengths are at the site's edge, as a fraction; None where not georeferenced."""
+
+    @classmethod
+    def of(cls, site: Site) -> DtmState | None:
+        """That of a site's DTM; None for a flat site."""
+        if site.dtm is None:
+            return None
+        rows, columns = site.dtm.heights.shape
+        return cls(
+            samples=(rows, columns),
+            filled=site.dtm.filled,
+            repairs=site.dtm.repairs,
+            planar_fraction=site.dtm.planar_fraction,
+            scale_error=scale_error(site.crs, site.size) if site.georeferenced else None,
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values for a report."""
+        return {
+            "samples": list(self.samples),
+            "filled_samples": self.filled,
+            "repairs": list(self.repairs),
+            "planar_fraction": self.planar_fraction,
+            "scale_error_at_the_edge": self.scale_error,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
 class TerrainStatistics:
     """The ground beside the DTM that it continues."""
 
@@ -96,6 +137,8 @@ class TerrainStatistics:
     worst_mean: float | None
     """Largest difference of the ground's mean over a pixel from the DTM's post [m]; None where no
     pixel lies wholly in the ground, or the lattice is no finer than half the posting."""
+    state: DtmState | None
+    """What was read of the DTM and what it needed; None for a flat site."""
 
     def as_json(self) -> dict[str, Any]:
         """Plain values for a report."""
@@ -108,6 +151,7 @@ class TerrainStatistics:
             "worst_pixel_mean_m": self.worst_mean,
             "ground": _curves_json(self.ground),
             "dtm": _curves_json(self.dtm) if self.dtm else None,
+            "dtm_state": self.state.as_json() if self.state else None,
         }
 
 
@@ -135,6 +179,7 @@ def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
         fitted=found.exponent,
         spectral=spectral,
         worst_mean=worst_mean(site, ground),
+        state=DtmState.of(site),
     )
 
 

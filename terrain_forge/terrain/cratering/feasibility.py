@@ -14,6 +14,7 @@ from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.fresh import LARGEST_SIMPLE
 from terrain_forge.terrain.cratering.making import (
     FEWEST_NODES,
+    NOT_GIVEN,
     UNRESOLVED,
     listed_places,
     population_of,
@@ -111,17 +112,25 @@ def _check_number(spec: CraterLayer, site: Site, key: Key) -> None:
 
 def _check_list(table: Table, site: Site, key: Key) -> None:
     _check_places(table, site, key)
+    complex_from = LARGEST_SIMPLE[site.body.name]
     limits = {
         "lon_deg": (-180.0, 360.0),
         "lat_deg": (-90.0, 90.0),
-        "diameter_m": (FEWEST_NODES * site.spacing, LARGEST_SIMPLE[site.body.name]),
+        "diameter_m": (FEWEST_NODES * site.spacing, complex_from),
         "age_ga": (0.0, OLDEST),
         "depth_to_diameter": (0.02, 0.3),
     }
     for name in table.columns:
         low, high = limits.get(name, (-np.inf, np.inf))
         values = table.column(name)
-        _require((values >= low) & (values <= high), table, name, f"{low:g} to {high:g}", key)
+        allowed = f"{low:g} to {high:g}"
+        if name == "diameter_m":
+            allowed += (
+                f": at least {FEWEST_NODES:g} spacings, and no complex craters, which begin at "
+                f"{complex_from:g} m on {site.body.name.capitalize()}"
+            )
+        blank = (name == "depth_to_diameter") & (values == NOT_GIVEN)
+        _require((values >= low) & (values <= high) | blank, table, name, allowed, key)
     beyond = np.maximum(np.abs(listed_places(table, site=site)) - 0.5 * np.array(site.size), 0.0)
     if not np.any(np.hypot(*beyond.T) < 0.5 * REACH * table.column("diameter_m")):
         raise DataError(

@@ -27,6 +27,8 @@ FEWEST_NODES = 4.0
 """Spacings that the smallest crater must be wide."""
 UNRESOLVED = 5.0
 """Postings of a DTM up to which it does not show craters itself."""
+NOT_GIVEN = -1.0
+"""What a list holds for a crater whose depth it does not give."""
 _EQUILIBRIUM: dict[str, Equilibrium] = {"moon": "trask", "mars": "hartmann"}
 
 
@@ -97,9 +99,16 @@ def _listed(table: Table, spec: CraterLayer, *, site: Site, key: np.uint64) -> C
         diameter=table.column("diameter_m"),
         age=table.column("age_ga") if "age_ga" in table.columns else np.zeros(rows),
     )
-    own = "depth_to_diameter"
-    ratio = table.column(own) if own in table.columns else None
-    return _shaped(given, spec, site=site, ratio=ratio, listed=True)
+    made = _shaped(given, spec, site=site, ratio=None, listed=True)
+    if "depth_to_diameter" not in table.columns:
+        return made
+    ratio = table.column("depth_to_diameter")
+    own = _shaped(given, spec, site=site, ratio=ratio, listed=True)
+    told = ratio != NOT_GIVEN
+    measures = ("fresh_depth", "fresh_rim", "fresh_ejecta")
+    return made.replace(
+        **{name: np.where(told, getattr(own, name), getattr(made, name)) for name in measures}
+    )
 
 
 def _shaped(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import kernel
+from terrain_forge.kernels import inlined, kernel
 from terrain_forge.seeds import mix, poisson, uniform, zigzag
 from terrain_forge.terrain.cratering.chronology import age_of
 from terrain_forge.terrain.cratering.degradation import REACH
@@ -48,36 +48,49 @@ def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> 
         key: Address of the population.
         area: The ground that is asked about [m].
     """
-    parts = []
-    for octave, low, high in population.octaves:
-        side, reach = _CELL * 2.0**octave, 0.5 * REACH * high
-        grown = np.add(area, (-reach, -reach, reach, reach))
-        first, last = (
-            np.floor(corner / side).astype(np.int64) for corner in (grown[:2], grown[2:])
-        )
-        mean = population.density(low, high) * side**2
-        parts.append(_draw_octave(np.uint64(mix(key, zigzag(octave))), first, last, side, mean))
-    numbers = [len(found) for found, _ in parts]
-    ids, xy = (np.concatenate(column) for column in zip(*parts, strict=True))
-    ends = np.array([population.number(np.array(c[1:])) for c in population.octaves])
-    most, least = (np.repeat(column, numbers) for column in ends.T)
-    diameter, part = _draw_sizes(ids, most, least, *population.table)
+    drawn = [_draw_octave(population, *octave, key=key, area=area) for octave in population.octaves]
+    ids, xy, diameter, part = (np.concatenate(column) for column in zip(*drawn, strict=True))
     chronology, age = population.chronology, population.production.age_ga
     gathered = _uniforms(ids, _AGE) * part * float(chronology.number(age))
     ages = age_of(gathered, age, chronology.burst, chronology.rate, chronology.steady)
-    near = _near(xy, 0.5 * REACH * diameter, np.array(area))
-    return Drawn(id=ids[near], xy=xy[near], diameter=diameter[near], age=ages[near])
+    smallest, largest = population.diameters
+    kept = _near(xy, 0.5 * REACH * diameter, np.array(area))
+    kept &= (diameter >= smallest) & (diameter <= largest)
+    return Drawn(id=ids[kept], xy=xy[kept], diameter=diameter[kept], age=ages[kept])
+
+
+def _draw_octave(
+    population: Population,
+    octave: int,
+    low: float,
+    high: float,
+    *,
+    key: np.uint64,
+    area: Rectangle,
+) -> tuple[NDArray[np.uint64], Array, Array, Array]:
+    """Addresses, places, diameters and parts that are left of an octave's craters."""
+    side = _CELL * 2.0**octave
+    reach = 0.5 * REACH * min(high, population.diameters[1])
+    grown = np.add(area, (-reach, -reach, reach, reach))
+    first, last = (np.floor(corner / side).astype(np.int64) for corner in (grown[:2], grown[2:]))
+    most, least = population.number(np.array([low, high]))
+    table = population.table
+    ids, xy, numbers = _place_octave(
+        np.uint64(mix(key, zigzag(octave))), first, last, side, most, least, table.number
+    )
+    return ids, xy, *_sizes(numbers, *table)
 
 
 def expected_craters(population: Population, area: Rectangle) -> float:
     """Expected number of craters that may show in an area [m]."""
     west, south, east, north = area
-    return sum(
-        population.density(low, high)
-        * (east - west + REACH * high)
-        * (north - south + REACH * high)
-        for _, low, high in population.octaves
-    )
+    smallest, largest = population.diameters
+    total = 0.0
+    for _, low, high in population.octaves:
+        low, high = max(low, smallest), min(high, largest)
+        reached = (east - west + REACH * high) * (north - south + REACH * high)
+        total += population.density(low, high) * reached
+    return total
 
 
 def _near(xy: Array, reach: Array, area: Array) -> NDArray[np.bool_]:
@@ -88,23 +101,38 @@ def _near(xy: Array, reach: Array, area: Array) -> NDArray[np.bool_]:
 
 
 @kernel
-def _draw_octave(key, first, last, side, mean):  # type: ignore[no-untyped-def]
-    """Addresses and places of the craters of a rectangle of cells."""
+def _place_octave(key, first, last, side, most, least, kept):  # type: ignore[no-untyped-def]
+    """Addresses, places and numbers N(≥D) of the craters of a rectangle of cells.
+
+    Those whose number is beyond the ends of `kept`, which falls, are left out.
+    """
+    mean = (most - least) * side * side
     total = 0
     for j in range(first[1], last[1] + 1):
         for i in range(first[0], last[0] + 1):
-            total += _count(mix(mix(key, zigzag(i)), zigzag(j)), mean)
-    address, xy = np.empty(total, dtype=np.uint64), np.empty((total, 2))
+            cell = mix(mix(key, zigzag(i)), zigzag(j))
+            for k in range(_count(cell, mean)):
+                total += kept[-1] <= _number(mix(cell, k + 1), most, least) <= kept[0]
+    address, xy, number = np.empty(total, np.uint64), np.empty((total, 2)), np.empty(total)
     n = 0
     for j in range(first[1], last[1] + 1):
         for i in range(first[0], last[0] + 1):
             cell = mix(mix(key, zigzag(i)), zigzag(j))
             for k in range(_count(cell, mean)):
-                address[n] = mix(cell, k + 1)
-                xy[n, 0] = (i + uniform(mix(address[n], _EAST))) * side
-                xy[n, 1] = (j + uniform(mix(address[n], _NORTH))) * side
-                n += 1
-    return address, xy
+                one = mix(cell, k + 1)
+                wanted = _number(one, most, least)
+                if kept[-1] <= wanted <= kept[0]:
+                    address[n], number[n] = one, wanted
+                    xy[n, 0] = (i + uniform(mix(one, _EAST))) * side
+                    xy[n, 1] = (j + uniform(mix(one, _NORTH))) * side
+                    n += 1
+    return address, xy, number
+
+
+@inlined
+def _number(address, most, least):  # type: ignore[no-untyped-def]
+    """N(≥D) of a crater, evenly drawn."""
+    return most - uniform(mix(address, _SIZE)) * (most - least)
 
 
 @kernel
@@ -118,19 +146,18 @@ def _count(cell, mean):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _draw_sizes(address, most, least, diameter, number, part):  # type: ignore[no-untyped-def]
-    """Diameters by inversion of the table, and the part that is left of each size."""
-    found, left = np.empty(len(address)), np.empty(len(address))
-    for n in range(len(address)):
-        wanted = most[n] - uniform(mix(address[n], _SIZE)) * (most[n] - least[n])
+def _sizes(wanted, diameter, number, part):  # type: ignore[no-untyped-def]
+    """Diameters of numbers N(≥D) by inversion of the table, and the part that is left of each."""
+    found, left = np.empty(len(wanted)), np.empty(len(wanted))
+    for n in range(len(wanted)):
         low, high = 0, len(number) - 1
         while high - low > 1:  # the last diameter whose number is not below the wanted one
             middle = (low + high) // 2
-            if number[middle] >= wanted:
+            if number[middle] >= wanted[n]:
                 low = middle
             else:
                 high = middle
-        share = np.log(number[low] / wanted) / np.log(number[low] / number[high])
+        share = np.log(number[low] / wanted[n]) / np.log(number[low] / number[high])
         share = min(max(share, 0.0), 1.0)
         found[n] = diameter[low] * (diameter[high] / diameter[low]) ** share
         left[n] = part[low] + share * (part[high] - part[low])

@@ -45,7 +45,7 @@ class Population:
     equilibrium: Equilibrium
     """How many there can be."""
     diameters: tuple[float, float]
-    """Smallest and largest diameter [m]."""
+    """Smallest and largest diameter [m]; others would be there, but are left out."""
     diffusivity: float | None = None
     """How fast all craters wear [m²/10⁶ years], if not by their size."""
 
@@ -87,12 +87,12 @@ class Population:
 
     @cached_property
     def table(self) -> SizeTable:
-        """The population at diameters from the smallest to the largest."""
-        low, high = np.log2(self.diameters)
-        inner = np.arange(np.floor(low * _PER_OCTAVE) + 1, np.ceil(high * _PER_OCTAVE))
-        diameter = np.concatenate(
-            [[self.diameters[0]], 2.0 ** (inner / _PER_OCTAVE), [self.diameters[1]]]
-        )
+        """The population from the smallest diameter to the largest, and up to a step beyond.
+
+        Its steps are the same for all limits, so that they do not change a crater's size.
+        """
+        low, high = _PER_OCTAVE * np.log2(self.diameters)
+        diameter = 2.0 ** (np.arange(np.floor(low), np.ceil(high) + 1) / _PER_OCTAVE)
         return SizeTable(diameter, self.number(diameter), self.part(diameter))
 
     def density(self, low: float, high: float) -> float:
@@ -104,14 +104,11 @@ class Population:
     def octaves(self) -> list[tuple[int, float, float]]:
         """Size classes, the largest first: exponent of 2, smallest and largest diameter [m].
 
-        Their borders are powers of 2, so that a class does not depend on the smallest crater.
+        They are whole, from one power of 2 to the next, so that no limit changes their craters.
         """
-        smallest, largest = self.diameters
-        first, last = int(np.floor(np.log2(smallest))), int(np.ceil(np.log2(largest)))
-        classes = [
-            (n, max(2.0**n, smallest), min(2.0 ** (n + 1), largest)) for n in range(first, last)
-        ]
-        return classes[::-1]
+        smallest, largest = np.log2(self.diameters)
+        first, last = int(np.floor(smallest)), int(np.ceil(largest))
+        return [(n, 2.0**n, 2.0 ** (n + 1)) for n in reversed(range(first, last))]
 
 
 def largest_expected(production: Production, equilibrium: Equilibrium, area: float) -> float:

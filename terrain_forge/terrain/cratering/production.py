@@ -211,9 +211,11 @@ class CraterTable(Spec):
     """
 
     kind: Literal["table"] = "table"
-    diameters_m: Annotated[tuple[Positive, ...], MinLen(2)]
+    file: Annotated[str, MinLen(1)] | None = None
+    """CSV with the columns `diameter_m` and `number_per_km2`, instead of the two lists."""
+    diameters_m: tuple[Positive, ...] = ()
     """Rising diameters [m]."""
-    numbers_per_km2: Annotated[tuple[Positive, ...], MinLen(2)]
+    numbers_per_km2: tuple[Positive, ...] = ()
     """Craters of at least these diameters on a square kilometre [1/km²], falling."""
     age_ga: Age
     """Age of the surface [10⁹ years]; it tells how worn the craters are."""
@@ -224,8 +226,14 @@ class CraterTable(Spec):
 
     def __post_init__(self) -> None:
         diameters, numbers = self.diameters_m, self.numbers_per_km2
+        if self.file is not None:
+            if diameters or numbers:
+                raise ValueError("a file, or diameters_m and numbers_per_km2, not both")
+            return
         if len(diameters) != len(numbers):
             raise ValueError(f"{len(diameters)} diameters but {len(numbers)} numbers")
+        if len(diameters) < 2:
+            raise ValueError("a table needs a file, or two diameters and numbers at least")
         if np.any(np.diff(diameters) <= 0.0) or np.any(np.diff(numbers) >= 0.0):
             raise ValueError("diameters must rise from row to row, and numbers fall")
 

@@ -14,7 +14,7 @@ from terrain_forge.specs import FileName, Positive
 from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
 from terrain_forge.terrain.cratering.feasibility import check_craters
-from terrain_forge.terrain.cratering.making import make_craters
+from terrain_forge.terrain.cratering.making import NOT_GIVEN, make_craters
 from terrain_forge.terrain.cratering.production import Production
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import InputTable, Layer
@@ -40,7 +40,7 @@ class CraterLayer(Layer):
     file: Annotated[str, MinLen(1)] | None = None
     """CSV of craters that are placed one by one: `x_m`, `y_m` (east and north of the site's centre)
     or `lon_deg`, `lat_deg`, and `diameter_m`; if wanted `age_ga` (0 without) and
-    `depth_to_diameter` (of the fresh crater, crest to floor)."""
+    `depth_to_diameter` (of the fresh crater, crest to floor). Fields of these two may be empty."""
     depth_to_diameter: Annotated[float, Interval(ge=0.02, le=0.3)] | None = None
     """Depth of the fresh craters over their diameter, crest to floor; by default the body's."""
     ejecta: bool = True
@@ -65,6 +65,7 @@ class CraterLayer(Layer):
                 field="file",
                 needed=("diameter_m",),
                 optional=("x_m", "y_m", "lon_deg", "lat_deg", "age_ga", "depth_to_diameter"),
+                blanks=(("age_ga", 0.0), ("depth_to_diameter", NOT_GIVEN)),
             ),
         )
 

@@ -25,9 +25,14 @@ _STRUCTURE = np.array(
     + [2.211e-02, 4.025e-02, 6.721e-02, 9.614e-02, 1.075e-01, 9.651e-02, 9.301e-02, 9.316e-02]
     + [9.316e-02] * 5
 )
+_ALL = np.arange(-60, 401)  # octaves beyond, shorter and longer, change nothing, up to H = 0.98
 
-
-_SHORTEST = 1.5  # lattice distance of the last octave, in spacings: its waves are somewhat longer
+# Lattice distance of the last octave, in spacings: its waves are somewhat longer. Nodes above a DTM
+# are means over their cells, which show no more; on a flat site they are points.
+_SHORTEST, _SHORTEST_OF_POINTS = 1.5, 0.75
+_FLAT_LONGEST = 32.0  # longest wavelength on a flat site [m] …
+_BASELINES = 8.0  # … and in baselines of the roughness
+_FEWEST_BASELINES = 4.0  # in a longest wavelength, so that longer ones are planes over it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,12 +44,14 @@ class _Preset:
 
 
 # Landing sites: exponents, the middle of their ranges, and RMS deviations at 1 m of Shepard,
-# Seelos, Arvidson & Haldemann, "The Roughness of the Martian Surface"; no deviation is known of
-# Viking 2. Moon: exponents and median slopes at 17 m, 2.0° and 7.5°, of Rosenburg et al. 2011
-# (doi:10.1029/2010JE003716); a median slope is 0.674 of the RMS slope.
+# Seelos, Arvidson & Haldemann, "The Roughness of the Martian Surface"; of Viking 2 they have one
+# profile of 6 m and no deviation: Viking 1's is assumed. Moon: exponents and median slopes at
+# 17 m, 2.0° and 7.5°, of Rosenburg et al. 2011 (doi:10.1029/2010JE003716); a median slope is 0.674
+# of the RMS slope.
 PRESETS = {
     "pathfinder": _Preset(hurst=0.57, deviation=0.0959),
     "viking_1": _Preset(hurst=0.65, deviation=0.0865),
+    "viking_2": _Preset(hurst=0.8, deviation=0.0865),
     "lunar_mare": _Preset(hurst=0.76, deviation=0.102),
     "lunar_highlands": _Preset(hurst=0.95, deviation=0.226),
 }
@@ -76,7 +83,9 @@ class Fractal(Layer):
     """RMS height difference of points 1 m apart [m]; without it the one fitted to the DTM."""
     rms_slope: RmsSlope | None = None
     """The same as an RMS slope: `{slope_deg: 5, baseline_m: 1}`."""
-    preset: Literal["pathfinder", "viking_1", "lunar_mare", "lunar_highlands"] | None = None
+    preset: (
+        Literal["pathfinder", "viking_1", "viking_2", "lunar_mare", "lunar_highlands"] | None
+    ) = None
     """Roughness of a site that was measured, instead of the DTM's."""
     amplitude: Literal["local", "uniform"] | None = None
     """`local`: higher where the DTM around is rougher; `uniform`: the same everywhere. Without it,
@@ -85,25 +94,45 @@ class Fractal(Layer):
     """Whether the means over the DTM's pixels stay as they are. If not, wavelengths that the DTM
     itself tells are added too."""
     longest_wavelength_m: Annotated[float, Interval(gt=0, le=1e6)] | None = None
-    """Longest wavelength [m]; without it twice the DTM's posting, or 32 m on a flat site."""
+    """Longest wavelength [m]; without it twice the DTM's posting, or on a flat site 32 m and at
+    least eight baselines of the RMS slope. There the longest waves are as steep as they would be
+    together with all longer ones, so that the roughness is the one asked for up to a quarter of
+    this length."""
     gain: Annotated[float, Interval(ge=0, le=100)] = 1.0
     """Factor on the heights."""
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Noise octaves from the longest wavelength down to what the spacing can hold."""
-        posting = 16.0 if site.dtm is None else site.dtm.posting
-        longest = self.longest_wavelength_m or 2.0 * posting
-        count = max(int(np.floor(np.log2(longest / (_SHORTEST * site.spacing)) + 1e-9)) + 1, 0)
-        wavelengths = longest * 0.5 ** np.arange(count, dtype=np.float64)
+        wavelengths = self._wavelengths(site)
+        hurst, deviation = self.figures(site)
+        factors = octave_amplitudes(hurst, deviation, wavelengths)
+        if site.dtm is None and len(wavelengths):
+            baseline = min(self._baseline, wavelengths[0] / _FEWEST_BASELINES)
+            factors *= end_factors(hurst, wavelengths, baselines=(baseline, site.spacing))
         noise = Octaves(
             key=stage_key(site.seed, "terrain/fractal"),
             wavelengths=wavelengths,
-            factors=self.gain * octave_amplitudes(*self.figures(site), wavelengths),
+            factors=self.gain * factors,
             variation=self.variation(site),
         )
         if site.dtm is None or not self.keep_means:
             return noise_at(site, Nodes.of(window), noise)
         return continue_dtm(site=site, window=window, noise=noise)
+
+    @property
+    def _baseline(self) -> float:
+        """Baseline of the roughness that is asked for [m]."""
+        return 1.0 if self.rms_slope is None else self.rms_slope.baseline_m
+
+    def _wavelengths(self, site: Site) -> Array:
+        """Lattice distances of the octaves [m], the longest first."""
+        if site.dtm is None:
+            longest, shortest = max(_FLAT_LONGEST, _BASELINES * self._baseline), _SHORTEST_OF_POINTS
+        else:
+            longest, shortest = 2.0 * site.dtm.posting, _SHORTEST
+        longest = self.longest_wavelength_m or longest
+        count = max(int(np.floor(np.log2(longest / (shortest * site.spacing)) + 1e-9)) + 1, 0)
+        return np.asarray(longest * 0.5 ** np.arange(count, dtype=np.float64))
 
     def __post_init__(self) -> None:
         given = [
@@ -146,13 +175,34 @@ def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Arr
     An endless sum of octaves λ with factors a·λ^H has the mean square difference a²·K(H)·L^2H,
     where K is the sum over all octaves of 2^(2Hn)·D(2^-n), averaged over a factor 2 of L.
     """
-    octave = np.arange(-60, 61)
-    phases = np.arange(8) / 8.0
-    sums = [
-        np.sum(2.0 ** (2 * hurst * (octave - p)) * _structure(2.0 ** (p - octave))) for p in phases
-    ]
+    sums = [_sum(hurst, d, _ALL) / d ** (2 * hurst) for d in 2.0 ** (np.arange(8) / 8.0)]
     amplitudes: Array = deviation / np.sqrt(np.mean(sums)) * wavelengths**hurst
     return amplitudes
+
+
+def end_factors(hurst: float, wavelengths: Array, *, baselines: tuple[float, float]) -> Array:
+    """Factors on octaves of which the first and the last stand for all that are missing.
+
+    The longer ones are planes over a baseline much shorter than they, the shorter ones are white
+    to nodes farther apart than they: one octave has the same mean square difference.
+
+    Args:
+        hurst: the exponent of the octaves.
+        wavelengths: their lattice distances [m], the longest first.
+        baselines: over which the first and the last make up for the longer and the shorter [m].
+    """
+    squares = np.ones(len(wavelengths))
+    ends = zip((0, -1), baselines, (_ALL[_ALL > 0], _ALL[_ALL < 0]), strict=True)
+    for end, baseline, missing in ends:
+        away = float(baseline / wavelengths[end])
+        squares[end] += _sum(hurst, away, missing) / _structure(np.array(away))
+    return np.asarray(np.sqrt(squares))
+
+
+def _sum(hurst: float, distance: float, numbers: NDArray[np.int_]) -> float:
+    """Mean square difference, over a distance, of octaves 2^n with the factors 2^(nH)."""
+    wavelengths = 2.0 ** numbers.astype(np.float64)
+    return float(np.sum(wavelengths ** (2.0 * hurst) * _structure(distance / wavelengths)))
 
 
 def _structure(distance: Array) -> Array:
