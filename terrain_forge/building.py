@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.errors import OutputError
+from terrain_forge.limits import require_exports
 from terrain_forge.manifest import NAME, read_manifest, write_manifest
 from terrain_forge.pipeline import Progress, plan, realise, silent
 from terrain_forge.recipe import ExportOrder, Recipe, export_orders
@@ -110,6 +111,7 @@ def build(
     require_ours(out)
     orders = chosen(export_orders(recipe), only)
     site = plan(recipe, folder=folder)
+    require_exports(orders, site)
     world = realise(site, progress=watch)
     return _write_whole(world, out, orders=orders, watch=watch)
 
@@ -163,13 +165,14 @@ def write(
     from terrain_forge.preview import write_preview
     from terrain_forge.truth.bundle import write_truth
 
+    # The picture first: its rays leave Python's lock to the exports.
     tasks: dict[str, Callable[[], Any]] = {
-        f"export {order.folder}": partial(export, world, directory, order) for order in orders
+        "preview": partial(write_preview, world, directory / "preview.png"),
+        **{f"export {order.folder}": partial(export, world, directory, order) for order in orders},
+        "truth": partial(write_truth, world, directory),
+        "path files": partial(write_trajectories, world.trajectories, directory / "paths"),
+        "world": partial(world.save, directory),
     }
-    tasks["truth"] = partial(write_truth, world, directory)
-    tasks["preview"] = partial(write_preview, world, directory / "preview.png")
-    tasks["path files"] = partial(write_trajectories, world.trajectories, directory / "paths")
-    tasks["world"] = partial(world.save, directory)
     results = _side_by_side(tasks, watch)
     return {order.folder: results[f"export {order.folder}"] for order in orders}
 
@@ -204,6 +207,7 @@ def assess(
     altered: dict[str, str],
     watch: Stopwatch,
     every_consumer: bool = False,
+    drives: int | None = None,
 ) -> bool:
     """Validate what lies in the folder, write its report page, timings and manifest.
 
@@ -214,11 +218,13 @@ def assess(
         altered: files that are not as they were built, with the hash that they should have.
         watch: told what is being done.
         every_consumer: whether to open the exports in all consumers, whatever the recipe says.
+        drives: from how many random starts to drive, instead of what the recipe says.
 
     Returns:
         Whether every check passed.
     """
     from terrain_forge.report.page import write_report_page
+    from terrain_forge.report.section import take_map
     from terrain_forge.validation.checks import validate
     from terrain_forge.validation.spec import ValidateSpec
 
@@ -226,16 +232,21 @@ def assess(
     spec = world.site.recipe.validate or ValidateSpec()
     if every_consumer:
         spec = replace(spec, consumers="all")
-    result = validate(
-        world,
-        directory,
-        spec=spec,
-        altered=tuple(altered),
-        progress=partial(watch, "validation"),
-    )
+    if drives:
+        spec = replace(spec, drives=drives)
+    with ThreadPoolExecutor(1) as pool:
+        # The page's largest picture is all rays, which leave Python's lock to the checks.
+        above = pool.submit(take_map, world)
+        result = validate(
+            world,
+            directory,
+            spec=spec,
+            altered=tuple(altered),
+            progress=partial(watch, "validation"),
+        )
     watch.figures.update(result.timings)
     watch("report page")
-    write_report_page(world, directory)
+    write_report_page(world, directory, above=above.result())
     watch("manifest")
     write_manifest(world.site, directory, losses=losses, altered=altered)
     watch.write(directory)
@@ -276,25 +287,29 @@ def require_ours(out: Path) -> None:
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """A temporary sibling folder that takes the target's place when the block ends well.
+    """A temporary folder of the same name that takes the target's place when the block ends well.
 
-    An older target is set aside until then. Leftovers of builds that were killed are cleared away.
+    It lies in a sibling folder. An older target is set aside until then. Leftovers of builds that
+    were killed are cleared away.
     """
     target = target.absolute()
-    fresh = target.with_name(f".{target.name}.new-{os.getpid()}")
+    around = target.with_name(f".{target.name}.new-{os.getpid()}")
+    fresh = around / target.name
     aside = target.with_name(f".{target.name}.old-{os.getpid()}")
     _clear_leftovers(target)
     try:
-        _make(fresh)
+        _make(around)
+        fresh.mkdir()
         yield fresh
         if target.exists():
             target.rename(aside)
         fresh.rename(target)
     except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
+        shutil.rmtree(around, ignore_errors=True)
         if aside.exists() and not target.exists():
             aside.rename(target)
         raise
+    around.rmdir()
     shutil.rmtree(aside, ignore_errors=True)
 
 

@@ -11,7 +11,9 @@ from terrain_forge.dtm.describe import Description, describe, site_facts
 from terrain_forge.dtm.raster import open_raster
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.errors import DataError
-from terrain_forge.limits import expected_nodes, expected_rocks, memory_needed
+from terrain_forge.limits import expected_nodes, memory_needed, require_exports, rocks_of
+from terrain_forge.paths.profile import duration
+from terrain_forge.paths.spec import Planned
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, export_orders
 from terrain_forge.rocks.resting.loose_limits import expected_loose
@@ -47,11 +49,14 @@ def check_recipe(recipe: Recipe, folder: Path) -> Iterator[str]:
     )
     for line in site_facts(site):
         yield f"  {line}"
-    rocks = expected_rocks(site.recipe) + sum(len(table.values) for table in site.tables)
+    rocks = rocks_of(site)
     yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
     for route in site.routes:
-        duration = route.length / route.speed
-        yield f"  path         {route.name}: {route.length:.1f} m, {duration:.0f} s"
+        yield f"  path         {route.name}: {route.length:.1f} m, {duration(route):.0f} s"
+    for path in site.recipe.paths:
+        if isinstance(path.route, Planned):
+            yield f"  path         {path.name}: planned on the finished ground"
+    require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     loose = expected_loose(site.recipe)
     yield f"cost           {cost(expected_nodes(recipe), rocks, loose)}"

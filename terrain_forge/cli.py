@@ -6,6 +6,7 @@ error; 130 interrupted.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import logging
 import os
@@ -25,6 +26,7 @@ from terrain_forge.errors import OutputError, SimulationError, TerrainForgeError
 if TYPE_CHECKING:
     from terrain_forge.recipe_file import RecipeFile
 
+_M_ARENA_MAX = -8
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 
 _OUT = click.argument("out", type=click.Path(path_type=Path))
@@ -35,6 +37,12 @@ _SET = click.option(
     multiple=True,
     metavar="KEY=VALUE",
     help="Change a key of the recipe, such as terrain.spacing_m=0.25; may be given several times.",
+)
+_DRIVES = click.option(
+    "--drives",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="Also drive straight on from N random starts, and tell how many arrive.",
 )
 _SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
@@ -65,8 +73,14 @@ def cli(debug: bool) -> None:
 @_SEED
 @_SET
 @click.option("--only", metavar="FORMATS", help="Write only these exports, such as sdf,mjcf.")
+@_DRIVES
 def build(
-    recipe: Path, out: Path | None, seed: int | None, changes: tuple[str, ...], only: str | None
+    recipe: Path,
+    out: Path | None,
+    seed: int | None,
+    changes: tuple[str, ...],
+    only: str | None,
+    drives: int | None,
 ) -> None:
     """Build a world from RECIPE, check it, and write it to a folder.
 
@@ -74,6 +88,8 @@ def build(
     """
     from terrain_forge import building
 
+    if drives:
+        changes = (*changes, f"validate.drives={drives}")
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
     if out.absolute() in (file.path.absolute(), *file.path.absolute().parents):
@@ -126,7 +142,8 @@ def export(out: Path, only: str) -> None:
 @cli.command()
 @_OUT
 @click.option("--quick", is_flag=True, help="Only what a build checks, no other programs.")
-def validate(out: Path, quick: bool) -> None:
+@_DRIVES
+def validate(out: Path, quick: bool, drives: int | None) -> None:
     """Validate the world built in OUT again, in every program that reads its exports.
 
     Prints the largest error of each over its limit. Programs that are not installed are not run:
@@ -137,7 +154,7 @@ def validate(out: Path, quick: bool) -> None:
     from terrain_forge.validation.conformance.table import report_text
 
     with _Bar(5) as progress:
-        passed = rework.validate(out, every_consumer=not quick, progress=progress)
+        passed = rework.validate(out, every_consumer=not quick, drives=drives, progress=progress)
     if not quick:
         _say(report_text(out / "validation" / "report.json"))
     _say((out / "validation" / "report.json").as_posix())
@@ -146,8 +163,9 @@ def validate(out: Path, quick: bool) -> None:
 
 @cli.command()
 @_OUT
-def view(out: Path) -> None:
-    """Look at the world built in OUT: opens its report page."""
+@click.option("--no-browser", is_flag=True, help="Only print where the page is.")
+def view(out: Path, no_browser: bool) -> None:
+    """Look at the world built in OUT: opens its report page in a browser."""
     from terrain_forge.manifest import read_manifest
 
     read_manifest(out)
@@ -155,10 +173,16 @@ def view(out: Path) -> None:
     if not page.is_file():
         raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")
     _say(str(page))
-    if sys.platform != "linux" or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ:
-        click.launch(page.as_uri())
-    else:
-        _say("there is no display here: open that file in a browser")
+    if not no_browser and not _opened(page):
+        _say("no browser could be opened here: open that file in one")
+
+
+def _opened(page: Path) -> bool:
+    """Whether a browser with a window took the page."""
+    import webbrowser
+
+    display = "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
+    return (display or sys.platform != "linux") and webbrowser.open(page.as_uri())
 
 
 @cli.command()
@@ -242,12 +266,23 @@ class _located:
             raise type(error)(self._file.locate(error)) from None
 
 
+def _share_one_heap() -> None:
+    """Let all threads take memory from one heap, where the C library is glibc (`mallopt`).
+
+    It gives each thread a heap of its own, and what one frees the others cannot use: a tenth of a
+    build's memory.
+    """
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+
+
 def main(arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
     # A polite kill must clean up as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     # A build makes many objects and few cycles, the kernels' compiler above all.
     gc.set_threshold(100_000, 50, 50)
+    _share_one_heap()
     try:
         return int(cli.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
     except click.ClickException as error:

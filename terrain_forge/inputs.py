@@ -4,25 +4,39 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
+from terrain_forge.dtm.patch import DtmPatch
 from terrain_forge.dtm.raster import files_of_raster, read_image, require_file
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.errors import DataError
 from terrain_forge.input_table import read_table
+from terrain_forge.paths.spec import Recorded
 from terrain_forge.recipe import Recipe, recipe_json
 from terrain_forge.rocks.laws.counts import MAX_COUNTED
 from terrain_forge.rocks.laws.law import Key
 from terrain_forge.rocks.laws.tabulated import MAX_ROWS
 from terrain_forge.rocks.scattering.list_table import MAX_LISTED, NEEDED, OPTIONAL, check_list
 from terrain_forge.rocks.size_frequency import Counts, SizeFrequency, Tabulated
+from terrain_forge.rovers.brought import FileRover
 from terrain_forge.site import BroughtMesh, Image, Table
+from terrain_forge.terrain.cratering.production import CraterTable
+from terrain_forge.terrain.layer import Layer
+from terrain_forge.terrain.layers.craters import CraterLayer
+
+WHOLE_BYTES = 256 * 2**20
+"""Size up to which all of an input is hashed [bytes]."""
+
+_PIECES, _PIECE_BYTES = 64, 2**20
 
 
 def resolve_laws(recipe: Recipe, folder: Path) -> Recipe:
-    """The recipe with each size-frequency law written out: its file read, its body's defaults set.
+    """The recipe with each law written out: its file read, its body's defaults set.
+
+    These are the size-frequency laws of the rocks, and productions of craters that are tables.
 
     Raises:
         DataError: for a table that is missing or cannot be read.
@@ -31,7 +45,15 @@ def resolve_laws(recipe: Recipe, folder: Path) -> Recipe:
         replace(population, size_frequency=_resolve(population.size_frequency, recipe, folder, n))
         for n, population in enumerate(recipe.rocks.populations)
     )
-    return replace(recipe, rocks=replace(recipe.rocks, populations=populations))
+    layers = tuple(
+        _with_production(layer, folder, ("terrain", "layers", n, "production", "file"))
+        for n, layer in enumerate(recipe.terrain.layers)
+    )
+    return replace(
+        recipe,
+        rocks=replace(recipe.rocks, populations=populations),
+        terrain=replace(recipe.terrain, layers=layers),
+    )
 
 
 def read_images(recipe: Recipe, folder: Path) -> tuple[Image, ...]:
@@ -95,6 +117,7 @@ def read_layer_tables(recipe: Recipe, folder: Path) -> tuple[Table, ...]:
                 folder,
                 needed=wanted.needed,
                 optional=wanted.optional,
+                blanks=wanted.blanks,
                 most=MAX_LISTED,
                 key=("terrain", "layers", number, wanted.field),
             )
@@ -123,20 +146,51 @@ def read_meshes(recipe: Recipe, folder: Path) -> tuple[BroughtMesh, ...]:
     return tuple(meshes.values())
 
 
-def hash_inputs(recipe: Recipe, folder: Path) -> tuple[tuple[str, str], ...]:
-    """SHA-256 of every input, by its portable name; a label's image counts as an input."""
+def hash_inputs(
+    recipe: Recipe, folder: Path, *, patch: DtmPatch | None = None
+) -> tuple[tuple[str, str], ...]:
+    """`fingerprint` of every input, by its portable name; a label's image counts as an input.
+
+    Args:
+        recipe: what names the inputs.
+        folder: what its paths are relative to.
+        patch: the samples that were read of the DTM.
+    """
     names = portable_names(recipe)
-    hashes = {names[path]: sha256(folder / path) for path in _paths(recipe)}
+    used = patch.heights.tobytes() if patch is not None else b""
+    hashes = {}
+    for path in _paths(recipe):
+        is_dtm = isinstance(recipe.dtm, RasterDtm) and path == recipe.dtm.source
+        hashes[names[path]] = fingerprint(folder / path, used=used if is_dtm else b"")
     if isinstance(recipe.dtm, RasterDtm):
-        source = folder / recipe.dtm.source
-        for other in files_of_raster(source):
+        for other in files_of_raster(folder / recipe.dtm.source):
             name = Path(names[recipe.dtm.source]).with_name(other.name).as_posix()
-            hashes.setdefault(name, sha256(other))
+            hashes.setdefault(name, fingerprint(other, used=used))
     return tuple(hashes.items())
+
+
+def hash_rover(files: tuple[Path, ...], recipe: Recipe) -> tuple[tuple[str, str], ...]:
+    """`fingerprint` of the files that the rover's own file includes, by their place beside it.
+
+    Args:
+        files: the rover's file, then those that were read for it.
+        recipe: what names the rover.
+    """
+    if not isinstance(recipe.rover, FileRover):
+        return ()
+    first, *others = files
+    beside = Path(portable_names(recipe)[recipe.rover.file]).parent.as_posix()
+    names = [f"{beside}/{os.path.relpath(other, first.parent)}" for other in others]
+    return tuple(
+        (os.path.normpath(name), fingerprint(other))
+        for name, other in zip(names, others, strict=True)
+    )
 
 
 def portable_json(recipe: Recipe) -> str:
     """Canonical JSON of a recipe whose absolute paths have become names."""
+    if isinstance(recipe.rover, FileRover):
+        recipe = replace(recipe, rover=recipe.rover.portable())
     text = recipe_json(recipe)
     for path, name in portable_names(recipe).items():
         text = text.replace(json.dumps(path), json.dumps(name))
@@ -150,6 +204,28 @@ def portable_names(recipe: Recipe) -> dict[str, str]:
         name = Path(path).name if Path(path).is_absolute() else path
         names[path] = name if name not in names.values() else f"{len(names)}/{name}"
     return names
+
+
+def fingerprint(path: Path, *, used: bytes = b"") -> str:
+    """SHA-256 of a file, hexadecimal; of one above `WHOLE_BYTES`, `pieces:` and that of a part.
+
+    The part is its size [bytes, decimal], 64 pieces of 1 MiB, evenly spread from its first byte to
+    its last, and what was used of it: a DTM of 20 GB is as quickly told as one of 256 MB.
+
+    Args:
+        path: the file.
+        used: what was read of the file, as little-endian numbers.
+    """
+    size = path.stat().st_size
+    if size <= WHOLE_BYTES:
+        return sha256(path)
+    digest = hashlib.sha256(str(size).encode())
+    with path.open("rb") as file:
+        for n in range(_PIECES):
+            file.seek(n * (size - _PIECE_BYTES) // (_PIECES - 1))
+            digest.update(file.read(_PIECE_BYTES))
+    digest.update(used)
+    return f"pieces:{digest.hexdigest()}"
 
 
 def sha256(path: Path) -> str:
@@ -192,11 +268,17 @@ def _all_paths(recipe: Recipe) -> Iterator[str]:
             yield population.density_image
     for listed in recipe.rocks.lists:
         yield listed.file
+    yield from (path.route.file for path in recipe.paths if isinstance(path.route, Recorded))
+    if isinstance(recipe.rover, FileRover):
+        yield recipe.rover.file
     # Last, so that the names of the others are the same once the laws are resolved.
     for population in recipe.rocks.populations:
         law = population.size_frequency
         if isinstance(law, Counts | Tabulated) and law.file is not None:
             yield law.file
+    for layer in recipe.terrain.layers:
+        if (production := _production_table(layer)) is not None:
+            yield str(production.file)
 
 
 def _resolve(law: SizeFrequency, recipe: Recipe, folder: Path, number: int) -> SizeFrequency:
@@ -212,6 +294,28 @@ def _resolve(law: SizeFrequency, recipe: Recipe, folder: Path, number: int) -> S
         _require_positive(rows, needed, (*key, "file"))
         return replace(law, file=None, diameters_m=diameters, numbers_per_m2=numbers)
     return law
+
+
+def _production_table(layer: Layer) -> CraterTable | None:
+    """The production of a layer of craters that is to be read from a file."""
+    production = layer.production if isinstance(layer, CraterLayer) else None
+    return production if isinstance(production, CraterTable) and production.file else None
+
+
+def _with_production(layer: Layer, folder: Path, key: Key) -> Layer:
+    production = _production_table(layer)
+    if production is None:
+        return layer
+    needed = ("diameter_m", "number_per_km2")
+    rows = read_table(str(production.file), folder, needed=needed, most=MAX_ROWS, key=key)
+    _require_positive(rows, needed, key)
+    diameters, numbers = (tuple(rows.column(name).tolist()) for name in needed)
+    try:
+        law = replace(production, file=None, diameters_m=diameters, numbers_per_km2=numbers)
+    except ValueError as error:
+        raise DataError(f"{production.file}: {error}", key=key) from None
+    assert isinstance(layer, CraterLayer)
+    return replace(layer, production=law)
 
 
 def _read_counts(law: Counts, file: str, folder: Path, key: Key) -> Counts:

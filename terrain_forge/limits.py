@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from itertools import pairwise
+from math import dist
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.errors import ExportError, RecipeError
+from terrain_forge.paths.profile import duration
 from terrain_forge.paths.route import Route
-from terrain_forge.recipe import Recipe
+from terrain_forge.paths.spec import PathSpec, Planned
+from terrain_forge.recipe import ExportOrder, Recipe
+from terrain_forge.registry import require_room
 from terrain_forge.rocks.feasibility import expected_count
+from terrain_forge.site import Site
 
 BYTES = 0.4e9
 """Peak memory of a build without ground and rocks: the libraries (measured, as the next two)."""
@@ -17,6 +24,8 @@ BYTES_PER_ROCK = 4500
 """Peak memory of a build for each rock."""
 MOST_SAMPLES = 2_000_000
 """Samples of one path."""
+NEAREST_STOPS = 0.1
+"""Distance of neighbouring places of a planned path [m]."""
 
 
 def require_paths(recipe: Recipe) -> None:
@@ -34,12 +43,50 @@ def require_paths(recipe: Recipe) -> None:
                 f"{path.shake.cutoff_hz:g} Hz, at most half the rate, {0.5 * path.rate_hz:g} Hz",
                 key=(*key, "shake", "cutoff_hz"),
             )
+        if isinstance(path.route, Planned):
+            _require_plannable(recipe, path, path.route, key)
     driven = driven_path(recipe)
     if driven is not None and driven not in paths:
         known = ", ".join(paths) or "none"
         raise RecipeError(
             f"no path is called {driven!r}, there are: {known}", key=("validate", "drive")
         )
+
+
+def _require_plannable(
+    recipe: Recipe, path: PathSpec, route: Planned, key: tuple[str | int, ...]
+) -> None:
+    """Refuse a planned path that would shape the world, or whose places lie outside or coincide."""
+    if path.corridor is not None and path.corridor.width_m != 0.0:
+        raise RecipeError(
+            f"path {path.name!r} is planned around the rocks, so it cannot keep a corridor free of "
+            "them; leave it out",
+            key=(*key, "corridor"),
+        )
+    for number, layer in enumerate(recipe.terrain.layers):
+        band = layer.mask.route if layer.mask is not None else None
+        if band is not None and band.path == path.name:
+            raise RecipeError(
+                f"path {path.name!r} is planned on the finished ground and cannot shape it",
+                key=("terrain", "layers", number, "mask", "route", "path"),
+            )
+    stops = [("start_m", route.start_m), *(("via_m", place) for place in route.via_m)]
+    stops.append(("goal_m", route.goal_m))
+    east, north = 0.5 * recipe.dtm.size_m[0], 0.5 * recipe.dtm.size_m[1]
+    for name, (x, y) in stops:
+        if abs(x) > east or abs(y) > north:
+            raise RecipeError(
+                f"({x:g}, {y:g}) m lies outside the site, which reaches {east:g} m east and "
+                f"{north:g} m north",
+                key=(*key, "route", name),
+            )
+    for (_, begin), (name, end) in pairwise(stops):
+        if dist(begin, end) < NEAREST_STOPS:
+            raise RecipeError(
+                f"({end[0]:g}, {end[1]:g}) m is {dist(begin, end):.3g} m from the place before it, "
+                f"at least {NEAREST_STOPS:g} m is needed",
+                key=(*key, "route", name),
+            )
 
 
 def driven_path(recipe: Recipe) -> str | None:
@@ -93,6 +140,27 @@ def require_fits(recipe: Recipe, *, listed: int = 0) -> None:
         )
 
 
+def require_exports(orders: Sequence[ExportOrder], site: Site) -> None:
+    """Refuse a world that would be too large for one of its formats, before it is made.
+
+    Raises:
+        ExportError: for the first format that cannot hold it.
+    """
+    nodes, rocks = expected_nodes(site.recipe), rocks_of(site)
+    for order in orders:
+        try:
+            require_room(order.exporter, order.options, nodes=nodes, rocks=rocks)
+        except ExportError as error:
+            raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
+
+
+def rocks_of(site: Site) -> float:
+    """Expected number of rocks of a site, those of the user's own lists with them."""
+    recipe = site.recipe
+    listed = sum(len(site.table(table.file).values) for table in recipe.rocks.lists)
+    return expected_rocks(recipe) + listed
+
+
 def memory_needed(nodes: float, rocks: float) -> float:
     """Estimated peak memory of a build with so many nodes and rocks [bytes]."""
     return BYTES + nodes * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
@@ -100,11 +168,11 @@ def memory_needed(nodes: float, rocks: float) -> float:
 
 def require_samples(route: Route, *, rate: float, key: tuple[str | int, ...]) -> None:
     """Refuse a path of more samples than anybody could use."""
-    samples = route.length / route.speed * rate
-    if samples > MOST_SAMPLES:
+    takes = duration(route)
+    if takes * rate > MOST_SAMPLES:
         raise RecipeError(
-            f"{route.length:.3g} m at {route.speed:g} m/s and {rate:g} Hz are {samples:.3g} "
-            f"samples, at most {MOST_SAMPLES:,}",
+            f"{takes:.3g} s at {rate:g} Hz are {takes * rate:.3g} samples, at most "
+            f"{MOST_SAMPLES:,}",
             key=(*key, "rate_hz"),
         )
 

@@ -55,22 +55,30 @@ def render_map(world: World, size: int = 900) -> NDArray[np.uint8]:
     Raises:
         TerrainForgeError: where Embree is missing.
     """
+    image, camera = render_from_above(world, size), _camera_above(world, size)
+    for number, trajectory in enumerate(world.trajectories):
+        colour = _PATH_COLOURS[number % len(_PATH_COLOURS)]
+        _draw_path(image, camera, trajectory.position, colour)
+    return image
+
+
+def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
+    """What `render_map` shows, without the paths."""
+    north_west = world.lighting.replace(sun_azimuth=np.radians(315.0), sun_elevation=0.5)
+    with open_scene(world) as scene:
+        return take_picture(world, scene, _camera_above(world, size), north_west)
+
+
+def _camera_above(world: World, size: int) -> Camera:
     west, south, east, north = world.ground.bounds
     pixel = max(east - west, north - south) / size
-    camera = map_camera(
+    return map_camera(
         middle=(0.5 * (west + east), 0.5 * (south + north)),
         top=float(world.ground.elevation.max()) + _MAP_HEIGHT,
         pixel=pixel,
         width=max(1, round((east - west) / pixel)),
         height=max(1, round((north - south) / pixel)),
     )
-    north_west = world.lighting.replace(sun_azimuth=np.radians(315.0), sun_elevation=0.5)
-    with open_scene(world) as scene:
-        image = take_picture(world, scene, camera, north_west)
-    for number, trajectory in enumerate(world.trajectories):
-        colour = _PATH_COLOURS[number % len(_PATH_COLOURS)]
-        _draw_path(image, camera, trajectory.position, colour)
-    return image
 
 
 def write_preview(world: World, path: Path) -> None:

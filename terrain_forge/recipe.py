@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from functools import cache
@@ -16,6 +17,7 @@ from terrain_forge.errors import RecipeError
 from terrain_forge.paths.spec import PathSpec
 from terrain_forge.registry import exporter
 from terrain_forge.rocks.populations import RocksSpec
+from terrain_forge.rovers.catalogue import RoverChoice
 from terrain_forge.specs import BY_KIND, FileName, Positive, Spec
 from terrain_forge.terrain.appearance import AppearanceSpec
 from terrain_forge.terrain.layer import Layer, layer_types
@@ -86,8 +88,9 @@ class Recipe(Spec):
     """Paths of the rover."""
     sun: SunSpec = SunSpec()
     """The Sun."""
-    rover: str = "morpheus"
-    """The rover, by name."""
+    rover: RoverChoice = "morpheus"
+    """The rover: a name (`morpheus`, `skid4`), or a mapping of its `kind` with what shall differ;
+    `kind: file` brings your own URDF or MJCF."""
     exports: Annotated[tuple[FileName, ...], MinLen(0)] | dict[FileName, dict[str, Any]] = (
         "sdf",
         "mjcf",
@@ -146,7 +149,7 @@ def recipe_from_json(text: str) -> Recipe:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))
-        found = f"{first['msg']}, found {first['input']!r}"
+        found = f"{first['msg']}, found {reprlib.repr(first['input'])}"
         raise RecipeError(f"{key}: {found}" if key else found) from None
 
 
@@ -154,14 +157,34 @@ def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
     """The recipe's exports with their exporters found and their options checked.
 
     Raises:
-        RecipeError: for an unknown exporter or option, or a folder that the world needs itself.
+        RecipeError: for an unknown exporter or option, a folder that the world needs itself, or one
+            that is another again.
     """
     exports = recipe.exports
     if not isinstance(exports, dict):
         if len(set(exports)) < len(exports):
             raise RecipeError("a format is named twice", key=("exports",))
         exports = {name: {} for name in exports}
-    return tuple(_order(folder, dict(options)) for folder, options in exports.items())
+    orders = tuple(_order(folder, dict(options)) for folder, options in exports.items())
+    for number, order in enumerate(orders):
+        _require_another(order, orders[:number])
+    return orders
+
+
+def _require_another(order: ExportOrder, earlier: tuple[ExportOrder, ...]) -> None:
+    """Refuse a folder that is one before it again, by its name or by all that is in it."""
+    key = ("exports", order.folder)
+    for other in earlier:
+        if other.folder.lower() == order.folder.lower():
+            raise RecipeError(
+                f"a folder before is called {other.folder!r}, which is the same, case aside",
+                key=key,
+            )
+        if (other.kind, other.options) == (order.kind, order.options):
+            raise RecipeError(
+                f"{order.kind} with the same options as {other.folder!r}: one of them is enough",
+                key=key,
+            )
 
 
 def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
@@ -169,13 +192,17 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
     if folder.lower() in RESERVED:
         raise RecipeError(f"{folder!r} is part of every world, choose another name", key=key)
     kind = options.pop("kind", folder)
+    if not isinstance(kind, str):
+        raise RecipeError(f"must be the name of an exporter, found {kind!r}", key=(*key, "kind"))
     try:
         found = exporter(kind)
         checked = TypeAdapter(found.Options).validate_json(json.dumps(options), strict=True)
     except RecipeError as error:
-        raise RecipeError(str(error), key=key) from None
+        raise RecipeError(str(error), key=(*key, *error.key)) from None
     except ValueError as error:
-        raise RecipeError(_option_message(kind, found, error), key=key) from None
+        option = error.errors()[0]["loc"][:1]  # type: ignore[attr-defined]
+        message = _option_message(kind, found, error)
+        raise RecipeError(message, key=(*key, *option)) from None
     return ExportOrder(folder=folder, kind=kind, exporter=found, options=checked)
 
 

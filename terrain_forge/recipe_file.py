@@ -230,8 +230,9 @@ def _message(error: dict[str, Any], key: Key) -> str:
             return "needs a `kind`"
         case "predicate_failed":
             return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
-    text = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return f"must be {text}, found {_shown(found)}"
+        case "value_error":
+            return f"{error['msg'].removeprefix('Value error, ')}, found {_shown(found)}"
+    return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"
 
 
 def _words(expected: str) -> list[str]:
@@ -280,6 +281,6 @@ def _descend(schema: dict[str, Any], node: dict[str, Any], step: str | int) -> d
     for option in node.get("oneOf", []):  # a step into a union is the member's kind
         member = _resolve(schema, option)
         kind = member.get("properties", {}).get("kind", {})
-        if step in (kind.get("const"), kind.get("default")):
+        if step in (kind.get("const"), kind.get("default"), member.get("title")):
             return member
     return node

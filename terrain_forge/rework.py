@@ -6,7 +6,7 @@ from pathlib import Path
 
 from terrain_forge.building import Stopwatch, assess
 from terrain_forge.building import export as export_folder
-from terrain_forge.errors import OutputError
+from terrain_forge.errors import OutputError, RecipeError
 from terrain_forge.manifest import altered_files, read_manifest
 from terrain_forge.pipeline import Progress, silent
 from terrain_forge.recipe import ExportOrder, export_orders
@@ -31,7 +31,7 @@ def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silen
     manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
-    orders = _orders(world, only)
+    orders = _orders(world, out, only)
     renewed = tuple(f"{order.folder}/" for order in orders)
     altered = altered_files(out, manifest, besides=(*ASSESSED, *renewed))
     losses = manifest["losses"]
@@ -41,13 +41,20 @@ def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silen
     return assess(world, out, losses=losses, altered=altered, watch=watch)
 
 
-def validate(out: Path | str, *, every_consumer: bool = True, progress: Progress = silent) -> bool:
+def validate(
+    out: Path | str,
+    *,
+    every_consumer: bool = True,
+    drives: int | None = None,
+    progress: Progress = silent,
+) -> bool:
     """Validate a built world again.
 
     Args:
         out: The built folder.
         every_consumer: Whether to open its exports in all consumers that are installed; else only
             what a build checks is checked.
+        drives: From how many random starts to drive; by default what the recipe says.
         progress: Told what is being done.
 
     Returns:
@@ -61,6 +68,7 @@ def validate(out: Path | str, *, every_consumer: bool = True, progress: Progress
     manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
+    _planned(world, out)
     altered = altered_files(out, manifest, besides=ASSESSED)
     return assess(
         world,
@@ -69,13 +77,29 @@ def validate(out: Path | str, *, every_consumer: bool = True, progress: Progress
         altered=altered,
         watch=watch,
         every_consumer=every_consumer,
+        drives=drives,
     )
 
 
-def _orders(world: World, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:
+def _planned(world: World, out: Path) -> dict[str, ExportOrder]:
+    """The exports of the recipe that a world was built with, by their folders.
+
+    Raises:
+        OutputError: if this version refuses one of them.
+    """
+    try:
+        return {order.folder: order for order in export_orders(world.site.recipe)}
+    except RecipeError as error:
+        what = ": ".join(filter(None, [".".join(map(str, error.key)), str(error)]))
+        raise OutputError(
+            f"{out}: this version refuses the recipe of that world, {what}; build it anew"
+        ) from None
+
+
+def _orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:
     if not only:
         raise OutputError("--only names no format")
-    planned = {order.folder: order for order in export_orders(world.site.recipe)}
+    planned = _planned(world, out)
     further = tuple(name for name in dict.fromkeys(only) if name not in planned)
     recipe = world.site.recipe.__class__(**{**vars(world.site.recipe), "exports": further})
     found = {**planned, **{order.folder: order for order in export_orders(recipe)}}

@@ -13,6 +13,7 @@ from terrain_forge.bodies import Body
 from terrain_forge.dtm.patch import DtmPatch
 from terrain_forge.mesh import Mesh
 from terrain_forge.records import Record
+from terrain_forge.rovers.description import Rover
 
 if TYPE_CHECKING:
     from terrain_forge.paths.route import Route
@@ -51,7 +52,8 @@ class Roughness(Record):
     source: str
     """Where the figures come from, for the report."""
     exponent: tuple[float, float] | None = None
-    """Exponent as it was fitted to the DTM, before it was limited, and its standard error."""
+    """Exponent as it was fitted to the DTM, before it was weighed and limited, and its standard
+    error."""
     resolved: int = 1
     """Shortest baseline that the DTM resolves [posts]."""
     local: NDArray[np.float32] | None = None
@@ -183,9 +185,12 @@ class Site(Record):
     orthoimage: Orthoimage | None = None
     """What the ground's colour is taken from, where the user has a picture of it."""
     inputs: tuple[tuple[str, str], ...]
-    """Input files: path as the recipe writes it (absolute ones: the name only), SHA-256."""
+    """Input files: path as the recipe writes it (absolute ones: the name only), and
+    `inputs.fingerprint`, the SHA-256 of all but the largest."""
     routes: tuple[Route, ...]
     """The recipe's routes, known before terrain and rocks."""
+    brought_rover: Rover | None = None
+    """The rover of the user's own file, read when the site was planned; None for one of ours."""
     clearings: tuple[Clearing, ...] = ()
     """Circles free of rocks: those of the recipe, and the starts of routes without corridor."""
     recipe_json: str

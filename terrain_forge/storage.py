@@ -15,7 +15,7 @@ from terrain_forge.errors import OutputError
 from terrain_forge.records import from_plain, to_plain
 from terrain_forge.world import World
 
-FORMAT = 2
+FORMAT = 4
 
 
 def save_world(world: World, directory: Path) -> list[Path]:
@@ -23,7 +23,11 @@ def save_world(world: World, directory: Path) -> list[Path]:
     folder = directory / "world"
     folder.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, NDArray[Any]] = {}
-    plain = {"format": FORMAT, "world": to_plain(world, arrays, "world")}
+    # A brought rover is the site's and the world's; its meshes are stored once.
+    shared = world.site.brought_rover == world.rover
+    if shared:
+        world = world.replace(site=world.site.replace(brought_rover=None))
+    plain = {"format": FORMAT, "brought": shared, "world": to_plain(world, arrays, "world")}
     text, binary = folder / "world.json", folder / "arrays.npz"
     text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
@@ -43,6 +47,8 @@ def load_world(directory: Path) -> World:
         with np.load(text.with_name("arrays.npz"), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         world = from_plain(plain["world"], arrays)
+        if plain["brought"]:
+            world = world.replace(site=world.site.replace(brought_rover=world.rover))
     except OutputError:
         raise
     except (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError) as error:

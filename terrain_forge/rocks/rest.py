@@ -9,7 +9,7 @@ the plane has the wanted exposed diameter exactly.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -162,7 +162,7 @@ def _sink_deeper(
     Few rocks on the roughest ground need it. They grow, since less of them is exposed.
     """
     rows = np.flatnonzero(lain.buried >= MAX_BURIED)
-    short = _Rocks(**{name: column[rows] for name, column in rocks._asdict().items()})
+    short = _Rocks(**{name: _part(column, rows) for name, column in rocks._asdict().items()})
     deeper = _lay(short, shapes, ground, DEEPEST)
     supports = {
         n: footprint(library.prototypes[n].meshes[0])
@@ -176,6 +176,13 @@ def _sink_deeper(
         if fits(plan, yaw=rocks.yaw[row], support=support, reach=prototype.reach):
             for column, values in zip(lain, deeper, strict=True):
                 column[row] = values[n]
+
+
+def _part(column: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+    """Rows of a column, as read-only as it is: for another type the kernel is compiled again."""
+    part = column[rows]
+    part.flags.writeable = column.flags.writeable
+    return part
 
 
 @kernel
