@@ -15,7 +15,7 @@ from glob import escape
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.errors import OutputError
+from terrain_forge.errors import ExportError, OutputError
 from terrain_forge.limits import require_exports
 from terrain_forge.manifest import NAME, read_manifest, write_manifest
 from terrain_forge.pipeline import Progress, plan, realise, silent
@@ -195,7 +195,10 @@ def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict
 def export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]:
     """Write one export into its folder of `directory`, whole or not at all; returns its losses."""
     with replacing(directory / order.folder) as folder:
-        report = order.exporter.export(world, folder, options=order.options)
+        try:
+            report = order.exporter.export(world, folder, options=order.options)
+        except ExportError as error:
+            raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
     return report.losses
 
 

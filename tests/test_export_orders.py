@@ -76,6 +76,8 @@ TOO_LARGE = {
     "mesh": ({}, 2e9, 0, "choose tiles: tiled"),
     "glb": ({}, 1e9, 0, "the format usd"),
     "mjcf": ({}, 1e4, 1e6, "usd"),
+    "sdf": ({"individual_min_m": 0.0}, 1e4, 45_000, "a larger individual_min_m"),
+    "drake": ({"individual_min_m": 0.0}, 1e4, 45_000, "a larger individual_min_m"),
 }
 
 

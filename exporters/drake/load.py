@@ -71,13 +71,20 @@ class Load:
 
 
 def require_room(options: Options, *, nodes: float, rocks: float) -> None:
-    """Refuse, before the world is made, a ground over which Drake's parser would sit for long.
+    """Refuse, before the world is made, what Drake's parser would sit over for long.
 
     Raises:
-        ExportError: if it is too large.
+        ExportError: if the ground is too large, or rocks of their own too many.
     """
-    del options, rocks  # of rocks, how many are merged or can be touched is known later
     load = Load(faces=int(2 * nodes), single=0, loose=0)
+    if load.bearable and options.individual_min_m == 0.0:  # else the number is known only later
+        load = Load(faces=load.faces, single=int(rocks), loose=0)
+        if not load.bearable:
+            raise ExportError(
+                f"Drake's parser would load {load} ({_allowed()}); a larger individual_min_m "
+                "merges the smaller ones",
+                key=("individual_min_m",),
+            )
     if not load.bearable:
         raise ExportError(
             f"Drake's parser would take {load.seconds:.0f} s and {load.megabytes / 1024:.0f} GB "

@@ -28,6 +28,25 @@ SECONDS_PER_LOOSE = 1e-4
 Fortress' physics with DART on one core."""
 
 
+def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+    """Refuse, before the world is made, more rocks of their own than libsdformat loads.
+
+    How many are above `individual_min_m` is known only then; if all are, they can be told now.
+
+    Raises:
+        ExportError: if there are too many; says what to choose instead.
+    """
+    del nodes
+    megabytes = 2 * PART_MB * rocks  # each is seen and touched
+    if options.individual_min_m == 0.0 and megabytes > MOST_MB:
+        raise ExportError(
+            f"some {rocks:,.0f} rocks are elements of their own: Gazebo's parser would take "
+            f"{megabytes / 1024:.0f} GB to load them, at most {MOST_MB / 1024:.0f} GB are allowed; "
+            "a larger individual_min_m merges the smaller ones",
+            key=("individual_min_m",),
+        )
+
+
 def require_loadable(world: World, options: Options) -> None:
     """Refuse a world that libsdformat would fill the memory with.
 
