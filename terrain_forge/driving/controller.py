@@ -18,7 +18,8 @@ from terrain_forge.rovers.description import Rover
 Array = NDArray[np.float64]
 
 LOOKAHEAD = 1.0
-"""Distance along the path of the point that is steered for [m]."""
+"""Least distance along the path of the point that is steered for [m]."""
+_LOOKAHEAD_LENGTHS = 0.7
 SKID_GAIN = 2.0
 """Commanded over real turn rate before anything is known of the rover."""
 TURN_RATE = 0.4
@@ -62,8 +63,10 @@ class SkidGain:
 class PurePursuit:
     """Steers along a path; remembers how far it has come and whether it turns on the spot."""
 
-    def __init__(self, path: PlanarPath) -> None:
+    def __init__(self, path: PlanarPath, *, lookahead: float = LOOKAHEAD) -> None:
         self.path = path
+        self.lookahead = lookahead
+        """Distance along the path of the point that is steered for [m]."""
         self.progress = 0.0
         """Distance along the path [m]."""
         self.offset = 0.0
@@ -84,7 +87,7 @@ class PurePursuit:
             self._at_corner = True
         if self._at_corner:
             return self._turn_corner(yaw, leg[1])
-        to_target = path.point(self.progress + LOOKAHEAD, end=leg[1]) - position
+        to_target = path.point(self.progress + self.lookahead, end=leg[1]) - position
         bearing = wrap(math.atan2(to_target[1], to_target[0]) - yaw)
         self._turning = abs(bearing) > (_SPOT_END if self._turning else _SPOT_BEGIN)
         if self._turning:
@@ -109,6 +112,11 @@ class PurePursuit:
         self._corner += 1
         self.progress = corner
         return 0.0, 0.0
+
+
+def lookahead_of(rover: Rover) -> float:
+    """How far ahead a rover of this length is steered [m]; a long one that looks near swerves."""
+    return max(LOOKAHEAD, _LOOKAHEAD_LENGTHS * rover.length)
 
 
 def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = SKID_GAIN) -> Array:

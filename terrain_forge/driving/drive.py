@@ -14,6 +14,7 @@ from terrain_forge.driving.controller import (
     PurePursuit,
     SkidGain,
     eased,
+    lookahead_of,
     wheel_rates,
     wheels_turn_rate,
 )
@@ -73,7 +74,8 @@ def drive(
     model = load_scene(scene) if isinstance(scene, Path) else scene
     vehicle = Vehicle(model, rover)
     vehicle.set_down(trajectory.position[0], quaternion_from_rpy(trajectory.rpy[0]))
-    pursuit, skid = PurePursuit(PlanarPath.of(trajectory)), SkidGain()
+    pursuit = PurePursuit(PlanarPath.of(trajectory), lookahead=lookahead_of(rover))
+    skid = SkidGain()
     steps = max(round(1.0 / CONTROL_RATE / model.opt.timestep), 1)
     watch = Watch(trajectory=trajectory, spec=spec, tick=steps * model.opt.timestep)
     rates = np.zeros(len(rover.wheels))
