@@ -223,6 +223,36 @@ def _finish(passed: bool, out: Path) -> None:
     raise click.exceptions.Exit(FAILED_CHECK)
 
 
+class _Interrupt:
+    """Ctrl-C and a polite kill, which clean up alike.
+
+    Python drops what a callback or a finaliser raises, so a build asks again at each stage.
+    """
+
+    def __init__(self) -> None:
+        self._came = False
+
+    def listen(self) -> None:
+        """Take the process's signals; those that it was told to ignore stay ignored."""
+        self._came = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._take)
+
+    def ask(self) -> None:
+        """Raise KeyboardInterrupt where one has come."""
+        if self._came:
+            raise KeyboardInterrupt
+
+    def _take(self, number: int, frame: object) -> None:
+        del number, frame
+        self._came = True
+        raise KeyboardInterrupt
+
+
+_interrupt = _Interrupt()
+
+
 class _Bar:
     """The progress bar over the stages, shown only on a terminal."""
 
@@ -242,6 +272,7 @@ class _Bar:
         return self._advance
 
     def _advance(self, stage: str, share: float) -> None:
+        _interrupt.ask()
         self._begun += stage != self._stage
         self._stage = stage
         self._bar.set_description_str(stage, refresh=False)
@@ -278,8 +309,7 @@ def _share_one_heap() -> None:
 
 def main(arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
-    # A polite kill must clean up as Ctrl-C does.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _interrupt.listen()
     # A build makes many objects and few cycles, the kernels' compiler above all.
     gc.set_threshold(100_000, 50, 50)
     _share_one_heap()

@@ -255,6 +255,31 @@ def test_interruption_leaves_nothing_half(tmp_path, number):
     assert sorted(p.name for p in out.parent.iterdir()) == ["out", "tiny.yaml"]
 
 
+def test_a_dropped_interrupt_is_told_at_the_next_stage(monkeypatch):
+    """Python drops what a finaliser raises."""
+    from terrain_forge import cli
+
+    class Finalised:
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.05)
+
+    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    dropped = []
+    monkeypatch.setattr(sys, "unraisablehook", dropped.append)
+    interrupt = cli._Interrupt()
+    interrupt.listen()
+    try:
+        interrupt.ask()
+        Finalised()
+        assert len(dropped) == 1
+        with pytest.raises(KeyboardInterrupt):
+            interrupt.ask()
+    finally:
+        signal.signal(signal.SIGTERM, before[0])
+        signal.signal(signal.SIGINT, before[1])
+
+
 def test_wrong_input_leaves_nothing(tmp_path):
     path = recipe(tmp_path, TINY.replace("spacing_m", "spacing"))
     done = run("build", path, "-o", tmp_path / "out")
