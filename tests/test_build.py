@@ -229,6 +229,15 @@ def test_second_build_replaces_ours_and_refuses_others(built, tmp_path):
         assert run("build", path, "-o", wrong).returncode == 2
 
 
+@pytest.fixture
+def heeded():
+    """Children heed Ctrl-C, though a shell that starts the tests in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeded")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_interruption_leaves_nothing_half(tmp_path, number):
     path = recipe(tmp_path / "work")

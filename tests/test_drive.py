@@ -7,7 +7,7 @@ from terrain_forge.exporters import mjcf
 
 from terrain_forge.driving.checks import drive_checks
 from terrain_forge.driving.controller import SKID_GAIN, wheel_rates
-from terrain_forge.driving.drive import drive
+from terrain_forge.driving.drive import drive, load_scene
 from terrain_forge.driving.planar_path import PlanarPath, wrap
 from terrain_forge.mesh import Mesh
 from terrain_forge.motion import Trajectory
@@ -363,3 +363,12 @@ def test_a_start_off_the_ground_is_reported(hill, tmp_path):
     result = validate(world, tmp_path, spec=ValidateSpec(drive=ARC, points=10))
     assert result.drive is None
     assert "does not stand at its start" in result.checks[-1].note
+
+
+def test_a_scene_written_anew_within_a_second_is_read_anew(tmp_path):
+    reliefs = []
+    for slope in (0.0, 0.3):
+        world = plain(line((-4, 0), (4, 0)), slope=slope)
+        mjcf.export(world, tmp_path, options=mjcf.Options())
+        reliefs.append(float(np.ptp(load_scene(tmp_path / "scene.xml").hfield_data)))
+    assert reliefs == pytest.approx([0.0, 1.0])

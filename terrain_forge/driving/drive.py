@@ -24,6 +24,7 @@ from terrain_forge.driving.watch import ARRIVAL, Watch
 from terrain_forge.errors import SimulationError
 from terrain_forge.frames import quaternion_from_rpy
 from terrain_forge.motion import Trajectory
+from terrain_forge.mujoco_files import load_model
 from terrain_forge.rovers.description import Rover
 from terrain_forge.validation.spec import DriveSpec
 
@@ -41,10 +42,8 @@ def load_scene(path: Path) -> Any:
     Raises:
         SimulationError: if MuJoCo cannot load it.
     """
-    import mujoco
-
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        return load_model(path)
     except ValueError as error:
         raise SimulationError(f"{path}: MuJoCo cannot load it: {error}") from None
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.errors import DataError
 from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mujoco_files import load_model
 from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
 from terrain_forge.rovers.mesh_files import KEY, hull_of, mesh_solid
 
@@ -26,7 +27,7 @@ def read_mjcf(file: Path) -> Assembly:
         DataError: if MuJoCo cannot load the model, or nothing in it moves.
     """
     try:
-        model = mujoco.MjModel.from_xml_path(str(file))
+        model = load_model(file)
     except ValueError as error:
         why = " ".join(str(error).split())
         raise DataError(f"{file.name}: MuJoCo cannot load it: {why}", key=KEY) from None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.errors import SimulationError
 from terrain_forge.frames import matrix_from_quaternion
+from terrain_forge.mujoco_files import load_model
 from terrain_forge.validation.conformance.consumer import Consumer
 from terrain_forge.validation.conformance.probe import rock_of
 from terrain_forge.validation.conformance.reading import (
@@ -61,10 +62,8 @@ def read_mjcf(sample: Sample, folder: Path, scratch: Path) -> Reading:
 
 
 def _load(path: Path) -> Any:
-    import mujoco
-
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        return load_model(path)
     except ValueError as error:
         raise SimulationError(f"MuJoCo cannot load {path.name}: {error}") from None
 
