@@ -39,7 +39,8 @@ def rock_meshes(
         gltf: The asset.
         levels: Level of detail of each rock, shape [rocks].
     """
-    shape = cache(lambda prototype, level: _add_surface(world, prototype, level, gltf))
+    prototypes = world.library.prototypes
+    shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
     look = cache(lambda population: _add_textured(world, population, gltf))
     kinds = np.stack([rocks.prototype, levels, rocks.population], axis=-1)
     distinct, kind_of_rock = np.unique(kinds, axis=0, return_inverse=True)
@@ -101,18 +102,6 @@ def merged_materials(world: World, gltf: Gltf) -> list[int]:
         gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, number).tolist()))
         for number, name in enumerate(world.field.populations)
     ]
-
-
-def _add_surface(world: World, prototype: int, level: int, gltf: Gltf) -> dict[str, Any]:
-    """Add a prototype's level of detail; returns what is the same in all primitives of it."""
-    shape = surface(world.library.prototypes[prototype], level)
-    coordinates = shape.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
-    attributes = {
-        "POSITION": gltf.add_vertices(shape.vertices.astype(np.float32), bounded=True),
-        "NORMAL": gltf.add_vertices(shape.normals.astype(np.float32)),
-        "TEXCOORD_0": gltf.add_vertices(coordinates.astype(np.float32)),
-    }
-    return {"attributes": attributes, "indices": gltf.add_indices(shape.faces)}
 
 
 def _add_textured(world: World, population: int, gltf: Gltf) -> int:

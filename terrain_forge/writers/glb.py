@@ -10,12 +10,15 @@ import json
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.errors import ExportError
+
+if TYPE_CHECKING:
+    from terrain_forge.rock_surface import Surface
 
 LARGEST_FILE = 2**32 - 1
 """Bytes that a GLB can hold."""
@@ -57,6 +60,16 @@ class Gltf:
     def add_samples(self, values: NDArray[np.float32], *, bounded: bool = False) -> int:
         """Add an accessor of an animation's times (`bounded`) or values, shape [samples, n]."""
         return self._add_array(values, {}, bounded=bounded)
+
+    def add_surface(self, surface: Surface) -> dict[str, Any]:
+        """Add a textured surface; returns what is the same in all primitives of it."""
+        coordinates = surface.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
+        attributes = {
+            "POSITION": self.add_vertices(surface.vertices.astype(np.float32), bounded=True),
+            "NORMAL": self.add_vertices(surface.normals.astype(np.float32)),
+            "TEXCOORD_0": self.add_vertices(coordinates.astype(np.float32)),
+        }
+        return {"attributes": attributes, "indices": self.add_indices(surface.faces)}
 
     def add_texture(self, content: bytes, *, tiles: bool, media_type: str = "image/png") -> int:
         """Add an image, PNG or JPEG, as a texture that repeats itself or ends at its edges."""

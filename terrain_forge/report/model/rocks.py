@@ -44,7 +44,8 @@ def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, A
     plan = rocks.position[:, :2]
     lift = relief.height_at(plan) - world.ground.height_at(plan[:, 0], plan[:, 1])
     position = rocks.position + lift[:, None] * (0.0, 0.0, 1.0)
-    shape = cache(lambda prototype, level: _add_shape(world, prototype, level, gltf))
+    prototypes = world.library.prototypes
+    shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
     look = cache(lambda population: _add_look(world, population, gltf))
     kinds = np.stack([rocks.prototype, _levels(world, rocks), rocks.population], axis=-1)
     for prototype, level, population in np.unique(kinds, axis=0).tolist():
@@ -67,17 +68,6 @@ def _levels(world: World, rocks: RockField) -> NDArray[np.int64]:
     coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
     result: NDArray[np.int64] = np.minimum(wanted, coarsest[rocks.prototype])
     return result
-
-
-def _add_shape(world: World, prototype: int, level: int, gltf: Gltf) -> dict[str, Any]:
-    shape = surface(world.library.prototypes[prototype], level)
-    coordinates = shape.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
-    attributes = {
-        "POSITION": gltf.add_vertices(shape.vertices.astype(np.float32), bounded=True),
-        "NORMAL": gltf.add_vertices(shape.normals.astype(np.float32)),
-        "TEXCOORD_0": gltf.add_vertices(coordinates.astype(np.float32)),
-    }
-    return {"attributes": attributes, "indices": gltf.add_indices(shape.faces)}
 
 
 def _add_look(world: World, population: int, gltf: Gltf) -> int:
