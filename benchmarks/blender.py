@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from exports import made_world
 
-from terrain_forge.registry import exporter
-from terrain_forge.world import World
+from terrain_forge.model import World, exporter
 
 PROBE = Path(__file__).parents[1] / "tests" / "consumers" / "blender_world.py"
 FORMATS: dict[str, tuple[str, dict[str, Any], str]] = {

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import time
 
-from terrain_forge.dtm.spec import FlatDtm
+from terrain_forge.dtm import FlatDtm
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.terrain.cratering.making import make_craters
-from terrain_forge.terrain.cratering.production import Neukum
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layers.craters import CraterLayer
-from terrain_forge.terrain.layers.fractal import Fractal
+from terrain_forge.terrain import CraterLayer, Fractal, Neukum, make_craters, shape_ground
 
 ROUNDS = 3
 

@@ -18,16 +18,11 @@ from typing import Any
 import numpy as np
 from terrain_forge.exporters import mjcf
 
-from terrain_forge.driving.controller import eased
-from terrain_forge.driving.drive import drive, load_scene
-from terrain_forge.driving.vehicle import Vehicle
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.friction import surface_friction
-from terrain_forge.motion import Trajectory
+from terrain_forge.base import quaternion_from_rpy
+from terrain_forge.driving import Vehicle, drive, eased, load_scene
+from terrain_forge.model import Trajectory, World, surface_friction
 from terrain_forge.pipeline import plan, realise
-from terrain_forge.recipe_file import load_recipe
-from terrain_forge.validation.spec import DriveSpec
-from terrain_forge.world import World
+from terrain_forge.recipe import DriveSpec, load_recipe
 
 RECIPE = """schema: 1
 name: rough

@@ -26,13 +26,12 @@ from typing import Any
 import numpy as np
 from run import model, spread
 
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.base import quaternion_from_rpy
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import RockField, World, exporter
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.registry import exporter
-from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.world import RockField, World
+from terrain_forge.terrain import Fractal
 
 SPACING = 0.25
 GROUND = {"side": 2049, "rocks": 0}

@@ -14,12 +14,12 @@ import tempfile
 import time
 from pathlib import Path
 
+from terrain_forge.model import World
 from terrain_forge.pipeline import plan, realise
-from terrain_forge.preview import write_preview
-from terrain_forge.recipe_file import load_recipe
-from terrain_forge.report.page import write_report_page
-from terrain_forge.truth.bundle import write_truth
-from terrain_forge.world import World
+from terrain_forge.recipe import load_recipe
+from terrain_forge.report import write_report_page
+from terrain_forge.scene import write_preview
+from terrain_forge.truth import write_truth
 
 HERE = Path(__file__).parent
 

@@ -24,21 +24,25 @@ from typing import Any
 import numpy as np
 from run import model, spread
 
-from terrain_forge.dtm.spec import FlatDtm
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import Heightfield, RockField, RockLibrary, Site
 from terrain_forge.pipeline import plan
-from terrain_forge.recipe import Recipe, RocksSpec, TerrainSpec
-from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.rest import rest
-from terrain_forge.rocks.scatter import Scattered, margin, scatter
-from terrain_forge.rocks.scattering.overlap import overlapping_pairs
-from terrain_forge.rocks.settle import settle
+from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.rocks import (
+    Clustered,
+    LibrarySpec,
+    PopulationSpec,
+    RocksSpec,
+    Scattered,
+    make_library,
+    overlapping_pairs,
+    rest,
+    rock_margin,
+    scatter,
+    settle,
+)
 from terrain_forge.rocks.size_frequency import Golombek
-from terrain_forge.site import Site
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.world import Heightfield, RockField, RockLibrary
+from terrain_forge.terrain import Fractal, shape_ground
 
 
 class Place:
@@ -69,7 +73,7 @@ class Place:
     @cache  # noqa: B019
     def ground(self) -> Heightfield:
         """Fractal ground under all of them."""
-        around = margin(site=self.site, populations=(self.population,), library=self.library)
+        around = rock_margin(site=self.site, populations=(self.population,), library=self.library)
         window = self.site.padded(self.site.window, around)
         return shape_ground(site=self.site, window=window, layers=(Fractal(),))
 

@@ -19,14 +19,9 @@ import time
 import numpy as np
 
 import terrain_forge as tf
-from terrain_forge.dtm.spec import ArrayDtm, FlatDtm
+from terrain_forge.dtm import ArrayDtm, FlatDtm
 from terrain_forge.recipe import TerrainSpec
-from terrain_forge.terrain.cratering.making import make_craters
-from terrain_forge.terrain.cratering.production import Neukum
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layer import Layer
-from terrain_forge.terrain.layers.craters import CraterLayer
-from terrain_forge.terrain.layers.fractal import Fractal
+from terrain_forge.terrain import CraterLayer, Fractal, Layer, Neukum, make_craters, shape_ground
 
 SPACING = 0.125
 SMALLEST = {1025: 0.5, 4000: 1.4}

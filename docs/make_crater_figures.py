@@ -10,17 +10,20 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.spec import FlatDtm
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import Site
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.site import Site
-from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.terrain.cratering.equilibrium import LIMITS
-from terrain_forge.terrain.cratering.fresh import fresh_shapes
-from terrain_forge.terrain.cratering.making import make_craters, population_of
-from terrain_forge.terrain.cratering.production import Neukum
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layers.craters import CraterLayer
+from terrain_forge.terrain import (
+    LIMITS,
+    CraterLayer,
+    Craters,
+    Neukum,
+    fresh_shapes,
+    make_craters,
+    population_of,
+    shape_ground,
+)
 
 IMAGES = Path(__file__).parent / "images"
 AGES = (0.1, 1.0, 3.5)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from terrain_forge.model import Heightfield
 from terrain_forge.pipeline import plan, realise
-from terrain_forge.preview import render_preview
-from terrain_forge.recipe_file import load_recipe
-from terrain_forge.world import Heightfield
+from terrain_forge.recipe import load_recipe
+from terrain_forge.scene import render_preview
 
 HERE = Path(__file__).parent
 RECIPES = HERE.parent / "recipes"

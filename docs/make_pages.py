@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from terrain_forge.model import exporter, exporter_names
 from terrain_forge.recipe import json_schema
-from terrain_forge.registry import exporter, exporter_names
 
 HERE = Path(__file__).parent
 

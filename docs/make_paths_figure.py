@@ -9,20 +9,28 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.paths.obstacles import UNITS
-from terrain_forge.paths.plan import plan_route
-from terrain_forge.paths.shape_spec import FigureEight, Lawnmower, Loop, Spiral, Triangle
-from terrain_forge.paths.spec import PathSpec, Planned, Polyline, RouteSpec, Spline
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import World
+from terrain_forge.paths import (
+    UNITS,
+    FigureEight,
+    Lawnmower,
+    Loop,
+    PathSpec,
+    Planned,
+    Polyline,
+    RouteSpec,
+    Spiral,
+    Spline,
+    Triangle,
+    plan_route,
+)
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rocks.laws.golombek import Golombek
-from terrain_forge.rocks.library import LibrarySpec
-from terrain_forge.rocks.populations import PopulationSpec, RocksSpec
-from terrain_forge.rovers.catalogue import find_rover
-from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.truth.traversability import rate_world
-from terrain_forge.world import World
+from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
+from terrain_forge.rovers import find_rover
+from terrain_forge.terrain import Fractal
+from terrain_forge.truth import rate_world
 
 IMAGES = Path(__file__).parent / "images"
 POINTS = ((-5.0, -3.0), (0.0, -4.0), (4.0, 0.0), (-1.0, 4.0))

@@ -6,10 +6,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from terrain_forge.bodies import MARS, MOON
-from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.rocks.shapes.contact_sheet import render_contact_sheet
-from terrain_forge.rocks.shapes.families import FAMILIES
+from terrain_forge.model import MARS, MOON
+from terrain_forge.rocks import FAMILIES, LibrarySpec, make_library, render_contact_sheet
 
 IMAGES = Path(__file__).parent / "images"
 SHAPES = 6

@@ -22,11 +22,9 @@ from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
 
 import terrain_forge as tf
-from terrain_forge.dtm.kernel import cubic
-from terrain_forge.dtm.spec import ArrayDtm
+from terrain_forge.dtm import ArrayDtm, cubic
 from terrain_forge.recipe import TerrainSpec
-from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.terrain.spectra import radial_spectrum, rms_deviation
+from terrain_forge.terrain import Fractal, radial_spectrum, rms_deviation
 
 Array = NDArray[np.float64]
 

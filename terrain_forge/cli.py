@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terrain_forge import __version__
-from terrain_forge.errors import OutputError, SimulationError, TerrainForgeError
+from terrain_forge.base import OutputError, SimulationError, TerrainForgeError
 
 if TYPE_CHECKING:
-    from terrain_forge.recipe_file import RecipeFile
+    from terrain_forge.recipe import RecipeFile
 
 _M_ARENA_MAX = -8
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
@@ -86,7 +86,7 @@ def build(
 
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
-    from terrain_forge import building
+    from terrain_forge import pipeline
 
     if drives:
         changes = (*changes, f"validate.drives={drives}")
@@ -96,8 +96,8 @@ def build(
         folder_is_ours = (out / "manifest.json").is_file()
         if folder_is_ours:
             raise click.UsageError(f"{out} would be replaced, and the recipe lies in it")
-    with _Bar(len(building.STAGES)) as progress, _located(file):
-        result = building.build(
+    with _Bar(len(pipeline.STAGES)) as progress, _located(file):
+        result = pipeline.build(
             file.recipe, out, folder=file.folder, only=_names(only), progress=progress
         )
     _say(
@@ -116,14 +116,15 @@ def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
 
     RECIPE may also be a raster file: then only that is described.
     """
-    from terrain_forge.checking import check_raster, check_recipe
+    from terrain_forge import pipeline
+    from terrain_forge.building import check_raster
 
     if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
         _say("\n".join(check_raster(recipe)))
         return
     file = _load(recipe, seed, changes)
     with _located(file):
-        for line in check_recipe(file.recipe, file.folder):
+        for line in pipeline.check(file.recipe, folder=file.folder):
             _say(line)
 
 
@@ -132,10 +133,10 @@ def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
 @click.option("--only", required=True, metavar="FORMATS", help="Formats to write, such as usd.")
 def export(out: Path, only: str) -> None:
     """Write further formats from the world built in OUT."""
-    from terrain_forge import rework
+    from terrain_forge import pipeline
 
     with _Bar(5 + only.count(",") + 1) as progress:
-        passed = rework.export(out, _names(only) or (), progress=progress)
+        passed = pipeline.export(out, _names(only) or (), progress=progress)
     _finish(passed, out)
 
 
@@ -150,11 +151,11 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
     Gazebo's libraries are found by pkg-config, Drake and Newton in this Python or in those that
     TERRAIN_FORGE_DRAKE_PYTHON and TERRAIN_FORGE_NEWTON_PYTHON name.
     """
-    from terrain_forge import rework
-    from terrain_forge.validation.conformance.table import report_text
+    from terrain_forge import pipeline
+    from terrain_forge.validation import report_text
 
     with _Bar(5) as progress:
-        passed = rework.validate(out, every_consumer=not quick, drives=drives, progress=progress)
+        passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=progress)
     if not quick:
         _say(report_text(out / "validation" / "report.json"))
     _say((out / "validation" / "report.json").as_posix())
@@ -166,7 +167,7 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
 @click.option("--no-browser", is_flag=True, help="Only print where the page is.")
 def view(out: Path, no_browser: bool) -> None:
     """Look at the world built in OUT: opens its report page in a browser."""
-    from terrain_forge.manifest import read_manifest
+    from terrain_forge.building import read_manifest
 
     read_manifest(out)
     page = (out / "report.html").absolute()
@@ -189,14 +190,14 @@ def _opened(page: Path) -> bool:
 @click.argument("directory", type=click.Path(path_type=Path), default=Path())
 def init(directory: Path) -> None:
     """Write a first recipe with comments, and the DTM that it uses, into DIRECTORY."""
-    from terrain_forge.starter import write_starter
+    from terrain_forge.recipe import write_starter
 
     recipe = write_starter(directory)
     _say(f"{recipe}: edit it, then run  terrain-forge build {recipe}")
 
 
 def _load(path: Path, seed: int | None, changes: tuple[str, ...]) -> RecipeFile:
-    from terrain_forge.recipe_file import load_recipe
+    from terrain_forge.recipe import load_recipe
 
     return load_recipe(path, changes=changes if seed is None else (*changes, f"seed={seed}"))
 

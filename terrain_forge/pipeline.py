@@ -1,22 +1,46 @@
-"""The pipeline: plan a Site from a recipe, realise a World of a window of it.
+"""The pipeline: plan a Site from a recipe, realise a World of a window of it, build its folder.
 
-    recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ► ground ► rocks ► paths
-
-Writing the World is `build`'s task (terrain_forge/building.py).
+recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ► ground ► rocks ► paths
+└─build─► files ► validation ► page
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.bodies import BODIES
-from terrain_forge.dtm.lattice import require_straight
-from terrain_forge.dtm.survey import survey
-from terrain_forge.inputs import (
+from terrain_forge.base import Progress, Stopwatch, silent
+from terrain_forge.building import (
+    ASSESSED,
+    BuildResult,
+    altered_files,
+    chosen_exports,
+    dtm_lines,
+    re_export_orders,
+    read_manifest,
+    replacing,
+    require_ours,
+    require_readable_recipe,
+    site_lines,
+    write_export,
+    write_files,
+    write_manifest,
+)
+from terrain_forge.dtm import require_straight, survey
+from terrain_forge.model import BODIES, Lighting, Site, Window, World, owned, touches
+from terrain_forge.paths import lay_trajectories, plan_routes
+from terrain_forge.recipe import (
+    ExportOrder,
+    Recipe,
+    ValidateSpec,
+    export_orders,
     hash_inputs,
     hash_rover,
     portable_json,
@@ -25,62 +49,42 @@ from terrain_forge.inputs import (
     read_layer_tables,
     read_meshes,
     read_tables,
-    resolve_laws,
-)
-from terrain_forge.limits import (
-    driven_path,
+    recipe_from_json,
+    recipe_json,
     require_centre,
+    require_exports,
     require_fits,
     require_lattice,
     require_paths,
-    require_samples,
+    resolve_laws,
 )
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.plan import overhang, plan_route, require_inside
-from terrain_forge.paths.planner import plan_path
-from terrain_forge.paths.recorded import read_recorded
-from terrain_forge.paths.route import Route
-from terrain_forge.paths.spec import Planned, Recorded
-from terrain_forge.paths.surroundings import require_free_start
-from terrain_forge.paths.trajectory import lay_trajectory
-from terrain_forge.paths.traversability import traversability
-from terrain_forge.recipe import Recipe, recipe_from_json, recipe_json
-from terrain_forge.rocks.feasibility import check_rocks, largest_rock
-from terrain_forge.rocks.rest import rest
-from terrain_forge.rocks.resting.loose_limits import require_loose
-from terrain_forge.rocks.scatter import Scattered, scatter
-from terrain_forge.rocks.scatter import margin as rock_margin
-from terrain_forge.rocks.scattering.clearings import clearings
-from terrain_forge.rocks.scattering.intensity import require_place
-from terrain_forge.rocks.scattering.layer_craters import with_layer_craters
-from terrain_forge.rocks.settle import settle
-from terrain_forge.rocks.shapes.cache import find_library
-from terrain_forge.rovers.catalogue import require_ground, resolve_rover, rover_of
-from terrain_forge.rovers.description import Rover
-from terrain_forge.site import Site, Window
-from terrain_forge.terrain.appearance import check_appearance, colour_ground, stencil_reach
-from terrain_forge.terrain.detail import ground_detail
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layer import check_layers
-from terrain_forge.terrain.orthoimage import read_orthoimage
-from terrain_forge.world import (
-    Appearance,
-    Heightfield,
-    Lighting,
-    RockField,
-    RockLibrary,
-    World,
-    owned,
-    touches,
+from terrain_forge.rocks import (
+    check_rocks,
+    clearings,
+    find_library,
+    largest_rock,
+    lay_rocks,
+    require_loose,
+    require_place,
+    rock_margin,
+    scatter,
+    with_layer_craters,
+)
+from terrain_forge.rovers import resolve_rover, rover_of
+from terrain_forge.terrain import (
+    check_appearance,
+    check_layers,
+    paint,
+    read_orthoimage,
+    shape_ground,
+    stencil_reach,
 )
 
-Progress = Callable[[str, float], None]
-"""Told the name of each stage as it begins, and the share of it that is done, 0 to 1."""
-
-
-def silent(stage: str, share: float) -> None:
-    """Tell nobody."""
-    del stage, share
+STAGES = (
+    *("plan", "rock library", "ground", "rocks", "paths", "writing"),
+    *("validation", "report page", "manifest"),
+)
+"""Stages of a build."""
 
 
 def plan(
@@ -100,22 +104,22 @@ def plan(
     recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
     body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
     rover = found.rover
-    area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
+    size = recipe.dtm.size_m
     require_paths(recipe)
     require_centre(recipe)
     require_lattice(recipe)
     given, recipe = recipe, resolve_laws(recipe, folder)
-    check_rocks(recipe.rocks, recipe.dtm.size_m)
-    require_loose(recipe)
+    check_rocks(recipe.rocks, size)
+    require_loose(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
     tables = read_tables(recipe, folder)
     require_fits(recipe, listed=sum(len(table.values) for table in tables))
-    routes = _plan_routes(recipe, rover, folder)
+    routes = plan_routes(recipe, rover, folder)
     ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
     site = Site(
         name=recipe.name,
         seed=recipe.seed,
         body=body,
-        size=recipe.dtm.size_m,
+        size=size,
         spacing=recipe.terrain.spacing_m,
         crs=ground.crs,
         lonlat=ground.lonlat,
@@ -123,7 +127,7 @@ def plan(
         slope=ground.slope,
         dtm=ground.dtm,
         roughness=ground.roughness,
-        largest_rock=largest_rock(recipe.rocks, area, tables),
+        largest_rock=largest_rock(recipe.rocks, size[0] * size[1], tables),
         images=read_images(recipe, folder),
         tables=(*tables, *read_layer_tables(recipe, folder)),
         meshes=read_meshes(recipe, folder),
@@ -136,7 +140,7 @@ def plan(
     require_straight(site)
     check_layers(site.recipe.terrain.layers, site)
     check_appearance(recipe.terrain.appearance, site)
-    site = with_layer_craters(_with_orthoimage(site, recipe, folder))
+    site = _with_found_craters(_with_orthoimage(site, recipe, folder))
     require_place(site.recipe.rocks.populations, site)
     return site
 
@@ -149,27 +153,15 @@ def _with_orthoimage(site: Site, recipe: Recipe, folder: Path) -> Site:
     return site.replace(orthoimage=read_orthoimage(spec, name=name, site=site, folder=folder))
 
 
-def _plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]:
-    """The routes that are known before the ground."""
-    driven = driven_path(recipe)
-    if driven is not None or not isinstance(recipe.rover, str):
-        require_ground(rover, spacing=recipe.terrain.spacing_m)
-    return tuple(
-        _plan_path(recipe, number, rover, folder, driven=path.name == driven)
-        for number, path in enumerate(recipe.paths)
-        if not isinstance(path.route, Planned)
-    )
-
-
-def _plan_path(recipe: Recipe, number: int, rover: Rover, folder: Path, *, driven: bool) -> Route:
-    path, key = recipe.paths[number], ("paths", number)
-    recorded = None
-    if isinstance(path.route, Recorded):
-        recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
-    route = plan_route(path, rover=rover, driven=driven, recorded=recorded, key=key)
-    require_inside(route, size=recipe.dtm.size_m, rover=rover, key=key)
-    require_samples(route, rate=path.rate_hz, key=key)
-    return route
+def _with_found_craters(site: Site) -> Site:
+    """The site whose recipe names the craters of a layer that rocks lie around."""
+    recipe, populations = site.recipe, with_layer_craters(site)
+    if populations == recipe.rocks.populations:
+        return site
+    recipe = replace(recipe, rocks=replace(recipe.rocks, populations=populations))
+    check_rocks(recipe.rocks, site.size)
+    require_fits(recipe)
+    return site.replace(recipe_json=recipe_json(recipe))
 
 
 def realise(site: Site, window: Window | None = None, *, progress: Progress = silent) -> World:
@@ -206,7 +198,13 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         window=window,
         ground=land,
     )
-    rocks = _lay_rocks(site, scattered, library, land, progress)
+    rocks = lay_rocks(
+        scattered,
+        site=site,
+        library=library,
+        ground=land,
+        progress=partial(progress, "loose rocks"),
+    )
     own = owned(rocks, ground, site.bounds)
     progress("paths", 0.0)
     rover = rover_of(site)
@@ -214,92 +212,15 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         site=site,
         window=window,
         ground=ground,
-        appearance=_paint(site, window, land),
+        appearance=paint(site, window, land),
         library=library,
         field=rocks.select(own),
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
-        trajectories=_lay_trajectories(site, window, ground, rocks, library, rover),
+        trajectories=lay_trajectories(site, window, ground, rocks, library, rover),
         rover=rover,
         lighting=_light(site),
         unplaced=scattered.unplaced,
     )
-
-
-def _lay_rocks(
-    site: Site,
-    scattered: Scattered,
-    library: RockLibrary,
-    land: Heightfield,
-    progress: Progress,
-) -> RockField:
-    groups = site.recipe.rocks.groups
-    density = np.array([group.density_kg_m3 or site.body.rock_density for group in groups])
-    laid = rest(scattered=scattered, library=library, ground=land, density=density)
-    return settle(
-        rocks=laid,
-        library=library,
-        ground=land,
-        gravity=site.body.gravity,
-        progress=lambda share: progress("loose rocks", share),
-    )
-
-
-def _paint(site: Site, window: Window, land: Heightfield) -> Appearance:
-    terrain, rocks = site.recipe.terrain, site.recipe.rocks
-    spec = terrain.appearance
-    colours = [group.rgb or site.body.rock_rgb for group in rocks.groups]
-    return Appearance(
-        ground_rgb=colour_ground(
-            site=site, window=window, ground=land, spec=spec, layers=terrain.layers
-        ),
-        rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
-        detail=ground_detail(spec.detail, site),
-    )
-
-
-def _lay_trajectories(
-    site: Site,
-    window: Window,
-    ground: Heightfield,
-    rocks: RockField,
-    library: RockLibrary,
-    rover: Rover,
-) -> tuple[Trajectory, ...]:
-    routes = {route.name: route for route in site.routes}
-    if window == site.window:
-        routes |= _plan_on_ground(site, ground, rocks, library, rover)
-    driven, laid = driven_path(site.recipe), []
-    for number, spec in enumerate(site.recipe.paths):
-        route = routes.get(spec.name)
-        if route is None or overhang(route, bounds=ground.bounds, rover=rover)[0] > 0.0:
-            continue
-        path = lay_trajectory(route, spec=spec, ground=ground, rover=rover, seed=site.seed)
-        if spec.name == driven:
-            key = ("paths", number)
-            require_free_start(path, rocks=rocks, library=library, rover=rover, key=key)
-        laid.append(path)
-    return tuple(laid)
-
-
-def _plan_on_ground(
-    site: Site, ground: Heightfield, rocks: RockField, library: RockLibrary, rover: Rover
-) -> dict[str, Route]:
-    """The planned routes, by name, over the whole site."""
-    wanted = [
-        (("paths", number), spec, spec.route)
-        for number, spec in enumerate(site.recipe.paths)
-        if isinstance(spec.route, Planned)
-    ]
-    if not wanted:
-        return {}
-    field = traversability(ground=ground, rocks=rocks, library=library, rover=rover)
-    routes = {}
-    for key, spec, planned in wanted:
-        route = plan_path(spec, planned, field=field, rover=rover, key=key)
-        require_inside(route, size=site.size, rover=rover, key=key)
-        require_samples(route, rate=spec.rate_hz, key=key)
-        routes[route.name] = route
-    return routes
 
 
 def _light(site: Site) -> Lighting:
@@ -310,3 +231,201 @@ def _light(site: Site) -> Lighting:
         irradiance=site.body.solar_irradiance,
         sky_rgb=site.body.sky_rgb,
     )
+
+
+def build(
+    recipe: Recipe,
+    out: Path | str | None = None,
+    *,
+    folder: Path | str = ".",
+    only: tuple[str, ...] | None = None,
+    progress: Progress = silent,
+) -> BuildResult:
+    """Make a recipe's world and write all of it.
+
+    Args:
+        recipe: what to make.
+        out: output folder; by default the recipe's name in the current folder. An older world
+            of ours is replaced when the new one is whole.
+        folder: what the recipe's paths are relative to.
+        only: folders of the exports to write; by default all of the recipe.
+        progress: called with each stage as it begins, and how far it is.
+
+    Raises:
+        RecipeError, DataError, ExportError: the recipe cannot be built; nothing is written.
+        OutputError: `out` exists and is not ours.
+    """
+    watch = Stopwatch(progress)
+    watch("plan")
+    out = Path(out or recipe.name)
+    require_ours(out)
+    orders = chosen_exports(export_orders(recipe), only)
+    site = plan(recipe, folder=folder)
+    require_exports(orders, site)
+    world = realise(site, progress=watch)
+    return _write_whole(world, out, orders=orders, watch=watch)
+
+
+def write_world(
+    world: World,
+    out: Path | str,
+    *,
+    exports: tuple[str, ...] | dict[str, dict[str, Any]] | None = None,
+    progress: Progress = silent,
+) -> BuildResult:
+    """Write a world that was made or changed in Python as `build` writes a recipe's.
+
+    The manifest names the recipe that the world began with; edits are in the saved world alone.
+
+    Args:
+        world: The world.
+        out: Output folder; an older world of ours is replaced when the new one is whole.
+        exports: Formats to write, as a recipe's `exports`; by default those of the world's recipe.
+        progress: Called with each stage as it begins, and how far it is.
+
+    Raises:
+        RecipeError, ExportError: for an unknown exporter or option, or a world that a format cannot
+            hold; nothing is written.
+        OutputError: `out` exists and is not ours.
+    """
+    recipe = world.site.recipe
+    orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
+    require_ours(Path(out))
+    return _write_whole(world, Path(out), orders=orders, watch=Stopwatch(progress))
+
+
+def _write_whole(
+    world: World, out: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
+) -> BuildResult:
+    with replacing(out) as directory:
+        losses = write_files(world, directory, orders=orders, watch=watch)
+        passed = _assess(world, directory, losses=losses, altered={}, watch=watch)
+    return BuildResult(directory=out, world=world, passed=passed, losses=losses)
+
+
+def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silent) -> bool:
+    """Write further formats from a built world, then validate; returns whether all checks passed.
+
+    A name is a folder of the recipe's exports, with its options, or else an exporter, with
+    defaults.
+
+    Raises:
+        OutputError: if the folder is not a world of ours.
+        RecipeError: for an unknown exporter.
+    """
+    out = Path(out)
+    watch = Stopwatch(progress)
+    manifest = read_manifest(out)
+    watch("load")
+    world = World.load(out)
+    orders = re_export_orders(world, out, only)
+    renewed = tuple(f"{order.folder}/" for order in orders)
+    altered = altered_files(out, manifest, besides=(*ASSESSED, *renewed))
+    losses = manifest["losses"]
+    for order in orders:
+        watch(f"export {order.folder}")
+        losses[order.folder] = write_export(world, out, order)
+    return _assess(world, out, losses=losses, altered=altered, watch=watch)
+
+
+def validate(
+    out: Path | str,
+    *,
+    every_consumer: bool = True,
+    drives: int | None = None,
+    progress: Progress = silent,
+) -> bool:
+    """Validate a built world again.
+
+    Args:
+        out: The built folder.
+        every_consumer: Whether to open its exports in all consumers that are installed; else only
+            what a build checks is checked.
+        drives: From how many random starts to drive; by default what the recipe says.
+        progress: Called with what is being done.
+
+    Returns:
+        Whether all checks passed; a consumer that was not run neither passes nor fails.
+
+    Raises:
+        OutputError: if the folder is not a world of ours.
+    """
+    out = Path(out)
+    watch = Stopwatch(progress)
+    manifest = read_manifest(out)
+    watch("load")
+    world = World.load(out)
+    require_readable_recipe(world, out)
+    altered = altered_files(out, manifest, besides=ASSESSED)
+    return _assess(
+        world,
+        out,
+        losses=manifest["losses"],
+        altered=altered,
+        watch=watch,
+        every_consumer=every_consumer,
+        drives=drives,
+    )
+
+
+def _assess(
+    world: World,
+    directory: Path,
+    *,
+    losses: dict[str, tuple[str, ...]],
+    altered: dict[str, str],
+    watch: Stopwatch,
+    every_consumer: bool = False,
+    drives: int | None = None,
+) -> bool:
+    """Validate what lies in the folder, write its report page, timings and manifest.
+
+    Args:
+        world: the world.
+        directory: the output folder.
+        losses: what each export cannot say, by its folder.
+        altered: files that are not as they were built, with the hash that they should have.
+        watch: called with what is being done.
+        every_consumer: whether to open the exports in all consumers, whatever the recipe says.
+        drives: from how many random starts to drive, instead of what the recipe says.
+
+    Returns:
+        Whether every check passed.
+    """
+    from terrain_forge.report import take_map, write_report_page
+    from terrain_forge.validation import validate as validate_world
+
+    watch("validation")
+    spec = world.site.recipe.validate or ValidateSpec()
+    if every_consumer:
+        spec = replace(spec, consumers="all")
+    if drives:
+        spec = replace(spec, drives=drives)
+    with ThreadPoolExecutor(1) as pool:
+        # The page's largest picture is all rays, which leave Python's lock to the checks.
+        above = pool.submit(take_map, world)
+        result = validate_world(
+            world,
+            directory,
+            spec=spec,
+            altered=tuple(altered),
+            progress=partial(watch, "validation"),
+        )
+    watch.figures.update(result.timings)
+    watch("report page")
+    write_report_page(world, directory, above=above.result())
+    watch("manifest")
+    write_manifest(world.site, directory, losses=losses, altered=altered)
+    watch.write(directory)
+    return result.passed
+
+
+def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
+    """Lines that say what a recipe will make; the DTM comes first, even where it cannot serve.
+
+    Raises:
+        RecipeError, DataError: if the recipe cannot be built.
+    """
+    yield from dtm_lines(recipe, Path(folder))
+    orders = export_orders(recipe)
+    yield from site_lines(plan(recipe, folder=folder), orders)

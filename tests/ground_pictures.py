@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.world import GroundDetail
+from terrain_forge.model import GroundDetail
 
 FINER = 4
 """Pixels per node of `PIXELS` along the 97 nodes of the small world."""

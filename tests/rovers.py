@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from terrain_forge.rovers.brought import FileRover
-from terrain_forge.rovers.catalogue import resolve_rover
+from terrain_forge.rovers import FileRover, resolve_rover
 
 _BOX = (
     '<inertial><origin xyz="{at}" rpy="0 0 {yaw}"/><mass value="{mass}"/><inertia ixx="0.3" '
@@ -183,7 +182,7 @@ def on_the_flat(rover, folder):
     import mujoco
     from terrain_forge.exporters.rover.mjcf import write_mjcf
 
-    from terrain_forge.writers.rover_meshes import write_rover_meshes
+    from terrain_forge.geometry import write_rover_meshes
 
     folder.mkdir(parents=True, exist_ok=True)
     write_rover_meshes(rover, folder / "meshes")

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scatter import scatter
+from terrain_forge.model import Heightfield, Image, Table
+from terrain_forge.rocks import Clustered, PopulationSpec, scatter
 from terrain_forge.rocks.size_frequency import PowerLaw
-from terrain_forge.site import Image, Table
-from terrain_forge.world import Heightfield
 from tests import worlds
 
 LIBRARY = worlds.library()

@@ -9,24 +9,25 @@ from PIL import Image as Picture
 from rasterio.crs import CRS
 from rasterio.transform import Affine
 
-from terrain_forge.colour import linear_from_srgb
-from terrain_forge.dtm.projection import transform
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.ground_mesh import grid_texture_coordinates
-from terrain_forge.ground_texture import bake_ground, finest_texture
+from terrain_forge.base import DataError, RecipeError, linear_from_srgb
+from terrain_forge.dtm import FlatDtm, transform
+from terrain_forge.geometry import bake_ground, finest_texture, grid_texture_coordinates
+from terrain_forge.model import GroundDetail, Window
+from terrain_forge.model.storage import load_world, save_world
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.site import Window
-from terrain_forge.storage import load_world, save_world
-from terrain_forge.terrain.appearance import AppearanceSpec, colour_ground, stencil_reach
-from terrain_forge.terrain.detail import DetailSpec, ground_detail
-from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.terrain import (
+    AppearanceSpec,
+    colour_ground,
+    ground_detail,
+    shape_ground,
+    stencil_reach,
+)
+from terrain_forge.terrain.detail import DetailSpec
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
 from terrain_forge.terrain.masks import HeightBand, Mask
 from terrain_forge.terrain.orthoimage import OrthoimageSpec
 from terrain_forge.terrain.regolith import REGOLITHS
-from terrain_forge.world import GroundDetail
 from tests import worlds
 
 MARS_RADIUS = 3396190.0

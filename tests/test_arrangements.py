@@ -5,18 +5,24 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.stats import chi2, norm
 
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.rocks.arrangement import AroundCraters, Clustered, Crater, crowding
-from terrain_forge.rocks.feasibility import check_rocks
-from terrain_forge.rocks.populations import PopulationSpec, RockListSpec, RocksSpec
-from terrain_forge.rocks.rest import rest
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.model import Clearing, Heightfield, Window, rotations
+from terrain_forge.rocks import (
+    Clustered,
+    PopulationSpec,
+    RockListSpec,
+    RocksSpec,
+    check_rocks,
+    expected,
+    make_intensity,
+    rest,
+    weights,
+)
+from terrain_forge.rocks.arrangement import AroundCraters, Crater, crowding
 from terrain_forge.rocks.resting.outline import bounds
-from terrain_forge.rocks.scattering.expectation import expected
-from terrain_forge.rocks.scattering.intensity import crater_bounds, make_intensity, weights
+from terrain_forge.rocks.scattering.intensity import crater_bounds
 from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
 from terrain_forge.rocks.size_frequency import Golombek
-from terrain_forge.site import Clearing, Window
-from terrain_forge.world import Heightfield, rotations
 from tests.scattering import CLUSTERED, LIBRARY, image, listed, rough, run, sand, site
 
 COLUMNS = ("id", "population", "prototype", "xy", "yaw", "buried", "diameter", "loose", "solid")

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.registry import exporter
+from terrain_forge.model import Mesh, exporter
 from terrain_forge.rocks.resting.outline import bounds
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terrain_forge.registry import exporter
+from terrain_forge.model import exporter
 from tests.surfaces import random_points
 
 PROBE = Path(__file__).parent / "consumers" / "blender_world.py"

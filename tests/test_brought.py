@@ -7,15 +7,20 @@ import numpy as np
 import pytest
 import trimesh
 
-from terrain_forge.errors import DataError
-from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.library import LibrarySpec, MeshSpec, make_library
-from terrain_forge.rocks.shapes.brought import read_rock_mesh
-from terrain_forge.rocks.shapes.cache import _write, cache_folder, find_library, library_key
+from terrain_forge.base import DataError
+from terrain_forge.model import BroughtMesh, Mesh
+from terrain_forge.rocks import (
+    LibrarySpec,
+    cache_folder,
+    find_library,
+    make_library,
+    read_rock_mesh,
+)
+from terrain_forge.rocks.library import MeshSpec
+from terrain_forge.rocks.shapes.cache import _write, library_key
 from terrain_forge.rocks.shapes.carving import levels_of_detail
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.site import BroughtMesh
 
 KEY = ("rocks", "library", "meshes", 0, "file")
 

@@ -17,9 +17,9 @@ import pytest
 import rasterio
 
 from terrain_forge import World, load_recipe, plan, realise
-from terrain_forge.recipe_file import RecipeFile
-from terrain_forge.site import Window
-from terrain_forge.truth.rasters import rock_rasters
+from terrain_forge.model import Window
+from terrain_forge.recipe import RecipeFile
+from terrain_forge.truth import rock_rasters
 
 ROOT = Path(__file__).parents[1]
 TINY = """

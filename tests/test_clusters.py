@@ -6,14 +6,11 @@ from scipy.spatial import cKDTree
 from scipy.special import erf
 from scipy.stats import chi2, kstest, norm, t
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.base import RecipeError, stage_key
+from terrain_forge.model import Window
+from terrain_forge.rocks import Clustered, PopulationSpec, expected
 from terrain_forge.rocks.scattering.clusters import parents
-from terrain_forge.rocks.scattering.expectation import expected
 from terrain_forge.rocks.size_frequency import Golombek
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Window
 from tests.scattering import CLUSTERED, image, run, sand, site
 
 

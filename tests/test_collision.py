@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import RecipeError
+from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.collision import certify, collision_parts, unite
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.simplification import simplify

@@ -5,8 +5,8 @@ import pytest
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR
 
 from terrain_forge.dtm.projection import body_crs, local_crs
-from terrain_forge.paths.files import write_trajectories
-from terrain_forge.registry import exporter
+from terrain_forge.model import Heightfield, exporter
+from terrain_forge.paths import write_trajectories
 from terrain_forge.validation.conformance.consumer import NotRun, python_with
 from terrain_forge.validation.conformance.drake import DRAKE
 from terrain_forge.validation.conformance.gazebo import GAZEBO
@@ -21,7 +21,6 @@ from terrain_forge.validation.conformance.table import table_text
 from terrain_forge.validation.conformance.tracks import PATHS
 from terrain_forge.validation.conformance.usd_reading import OPENUSD
 from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
-from terrain_forge.world import Heightfield
 from tests import worlds
 
 STEP = 2 * np.log1p(SCALE_ERROR)

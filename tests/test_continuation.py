@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terrain_forge.bodies import MARS, MOON
-from terrain_forge.dtm.gridify import dtm_heights
+from terrain_forge.dtm import ArrayDtm, dtm_heights, survey
 from terrain_forge.dtm.increments import expected_increment, mean_square_increment
-from terrain_forge.dtm.patch import DtmPatch
 from terrain_forge.dtm.roughness import HURST_PRIOR, fit_roughness
-from terrain_forge.dtm.spec import ArrayDtm
-from terrain_forge.dtm.survey import survey
-from terrain_forge.site import Roughness, Window
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layers.fractal import PRESETS, Fractal, RmsSlope
-from terrain_forge.terrain.spectra import radial_spectrum, rms_deviation, spectral_exponent
-from terrain_forge.terrain.statistics import terrain_statistics
+from terrain_forge.model import MARS, MOON, DtmPatch, Roughness, Window
+from terrain_forge.terrain import (
+    Fractal,
+    radial_spectrum,
+    rms_deviation,
+    shape_ground,
+    terrain_statistics,
+)
+from terrain_forge.terrain.layers.fractal import PRESETS, RmsSlope
+from terrain_forge.terrain.spectra import spectral_exponent
 from tests import worlds
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -300,7 +301,7 @@ def test_two_amplitudes_are_one_too_many():
 def test_statistics_are_plain_and_compare():
     posts = natural_surface(64, 0.7, seed=8)
     site, heights = continued(posts, factor=4)
-    from terrain_forge.world import Heightfield
+    from terrain_forge.model import Heightfield
 
     ground = Heightfield(
         elevation=(heights - site.datum_height).astype(np.float32),
@@ -339,7 +340,7 @@ def test_report_tells_what_the_dtm_needed():
 
 
 def test_figure_is_drawn_with_equal_bytes(tmp_path):
-    from terrain_forge.terrain.evidence import write_terrain_figure
+    from terrain_forge.terrain import write_terrain_figure
 
     site, _ = continued(natural_surface(40, 0.7, seed=8), factor=4)
     ground = shape_ground(site=site, window=site.window, layers=(Fractal(),))
@@ -372,7 +373,7 @@ def decimated(heights, seed):
 
 
 def read(source, corner, size, scale=1.0):
-    from terrain_forge.dtm.raster import open_dataset
+    from terrain_forge.dtm import open_dataset
 
     with open_dataset(source) as file:
         heights = file.read(1).astype(float) * scale

@@ -8,34 +8,33 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, norm, poisson
 
-from terrain_forge.bodies import MOON
-from terrain_forge.dtm.spec import ArrayDtm, FlatDtm
-from terrain_forge.errors import DataError, RecipeError
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.dtm import ArrayDtm, FlatDtm
+from terrain_forge.model import MOON, Table, Window
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
 from terrain_forge.report.craters import craters_section
 from terrain_forge.report.style import join
+from terrain_forge.rocks import PopulationSpec, RocksSpec
 from terrain_forge.rocks.arrangement import AroundCraters
-from terrain_forge.rocks.populations import PopulationSpec, RocksSpec
 from terrain_forge.rocks.size_frequency import Golombek
-from terrain_forge.site import Table, Window
+from terrain_forge.terrain import (
+    LIMITS,
+    CraterLayer,
+    CraterTable,
+    Neukum,
+    fresh_shapes,
+    make_craters,
+    population_of,
+    shape_ground,
+)
 from terrain_forge.terrain.cratering import profile
 from terrain_forge.terrain.cratering.chronology import MARS, age_of
 from terrain_forge.terrain.cratering.chronology import MOON as MOON_AGES
 from terrain_forge.terrain.cratering.degradation import diffusivity, worn_shapes
-from terrain_forge.terrain.cratering.equilibrium import LIMITS
-from terrain_forge.terrain.cratering.fresh import ejecta_thickness, fresh_shapes
-from terrain_forge.terrain.cratering.making import make_craters, population_of
+from terrain_forge.terrain.cratering.fresh import ejecta_thickness
 from terrain_forge.terrain.cratering.placement import expected_craters
-from terrain_forge.terrain.cratering.production import (
-    CraterPowerLaw,
-    CraterTable,
-    HartmannDaubar,
-    Ivanov,
-    Neukum,
-)
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layers.craters import CraterLayer
+from terrain_forge.terrain.cratering.production import CraterPowerLaw, HartmannDaubar, Ivanov
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
 from terrain_forge.validation.craters import crater_checks

@@ -12,7 +12,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.drake import Options, export
 
-from terrain_forge.world import rotations
+from terrain_forge.model import rotations
 from tests.ground_pictures import PIXELS, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 

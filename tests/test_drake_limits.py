@@ -7,7 +7,7 @@ import pytest
 from terrain_forge.exporters.drake import Options, export, require_room
 from terrain_forge.exporters.drake.load import parsing, parsing_losses, require_parsable
 
-from terrain_forge.errors import ExportError
+from terrain_forge.base import ExportError
 from tests.rovers_sdf import HUB, WHEEL, four_wheeler
 from tests.test_drake import ask
 

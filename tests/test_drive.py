@@ -5,19 +5,18 @@ import numpy as np
 import pytest
 from terrain_forge.exporters import mjcf
 
+from terrain_forge.driving import drive, load_scene
 from terrain_forge.driving.checks import drive_checks
 from terrain_forge.driving.controller import SKID_GAIN, wheel_rates
-from terrain_forge.driving.drive import drive, load_scene
 from terrain_forge.driving.planar_path import PlanarPath, wrap
-from terrain_forge.mesh import Mesh
-from terrain_forge.motion import Trajectory
-from terrain_forge.rocks.scattering.overlap import overlapping_pairs
+from terrain_forge.model import Mesh, Trajectory
+from terrain_forge.recipe import DriveSpec, ValidateSpec
+from terrain_forge.rocks import overlapping_pairs
 from terrain_forge.rovers.morpheus import morpheus
+from terrain_forge.validation import validate
 from terrain_forge.validation.agreement import ground_agreement, random_points
-from terrain_forge.validation.checks import validate
-from terrain_forge.validation.spec import DriveSpec, ValidateSpec
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
-from terrain_forge.writers.mesh import write_obj, write_stl
+from terrain_forge.writers import write_obj, write_stl
 from tests import worlds
 
 ARC = DriveSpec(path="arc", film=False)
@@ -266,7 +265,7 @@ def test_agreement_finds_a_ground_that_is_off(hill, tmp_path):
 
 @pytest.mark.parametrize("target", ["sdf", "usd"])
 def test_agreement_reads_the_other_formats(hill, tmp_path, target):
-    from terrain_forge.registry import exporter
+    from terrain_forge.model import exporter
 
     (tmp_path / target).mkdir()
     module = exporter(target)

@@ -5,17 +5,17 @@ import math
 import numpy as np
 import pytest
 
+from terrain_forge.driving import eased
 from terrain_forge.driving.controller import (
     RIM_ACCELERATION,
     TURN_RATE,
     PurePursuit,
     SkidGain,
-    eased,
     wheel_rates,
     wheels_turn_rate,
 )
 from terrain_forge.driving.planar_path import PlanarPath
-from terrain_forge.motion import Trajectory
+from terrain_forge.model import Trajectory
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.rovers.skid4 import skid4
 from tests.test_drive import drive_through, line, path, plain

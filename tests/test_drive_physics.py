@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from terrain_forge.exporters import mjcf
 
-from terrain_forge.bodies import MARS, MOON
+from terrain_forge.base import SimulationError, quaternion_from_rpy
+from terrain_forge.driving import Vehicle, drive, load_scene
 from terrain_forge.driving.audit import EnergyAudit
-from terrain_forge.driving.drive import drive, load_scene
 from terrain_forge.driving.result import longitudinal_slip
-from terrain_forge.driving.vehicle import Vehicle
-from terrain_forge.errors import SimulationError
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.friction import FRICTIONS, surface_friction
+from terrain_forge.model import MARS, MOON, surface_friction
+from terrain_forge.model.friction import FRICTIONS
+from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers.morpheus import morpheus
-from terrain_forge.validation.spec import DriveSpec
 from tests import worlds
 from tests.test_drive import boulder_at, drive_through, line, plain
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from terrain_forge.building import build
+from terrain_forge.building.writing import build
 from terrain_forge.recipe import recipe_from_json
 
 TOUR = {"kind": "polyline", "points_m": [[-3, -1], [1, -1], [1, 1]]}

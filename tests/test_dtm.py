@@ -10,17 +10,21 @@ import pytest
 import rasterio
 from rasterio.transform import Affine
 
-from terrain_forge.bodies import MARS, MOON
-from terrain_forge.dtm.describe import describe
-from terrain_forge.dtm.kernel import cubic
-from terrain_forge.dtm.projection import transform
-from terrain_forge.dtm.raster import open_raster
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.dtm import (
+    ArrayDtm,
+    FlatDtm,
+    RasterDtm,
+    cubic,
+    describe,
+    open_raster,
+    survey,
+    transform,
+)
 from terrain_forge.dtm.roughness import fit_roughness
-from terrain_forge.dtm.spec import ArrayDtm, Centre, FlatDtm, RasterDtm
-from terrain_forge.dtm.survey import survey
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.site import Site, Window
-from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.dtm.spec import Centre
+from terrain_forge.model import MARS, MOON, Site, Window
+from terrain_forge.terrain import shape_ground
 from tests import worlds
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -260,7 +264,7 @@ def test_kernel_reproduces_quadratics_and_samples():
 def test_roughness_of_a_known_surface():
     """Points of a self-affine ground, averaged to posts of 0.5 m."""
     site = worlds.site().replace(size=(128.0, 128.0), spacing=0.125)
-    from terrain_forge.terrain.layers.fractal import Fractal
+    from terrain_forge.terrain import Fractal
 
     layer = Fractal(hurst=0.7, deviation_1m_m=0.1, longest_wavelength_m=512.0)
     heights = shape_ground(site=site, window=site.window, layers=(layer,)).elevation[:-1, :-1]

@@ -12,16 +12,14 @@ import pytest
 import rasterio
 
 import terrain_forge as tf
-from terrain_forge.dtm.spec import ArrayDtm, FlatDtm
-from terrain_forge.editing import BY_HAND
-from terrain_forge.recipe import Recipe, RocksSpec, TerrainSpec, recipe_json
-from terrain_forge.rocks.library import LibrarySpec
-from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.dtm import ArrayDtm, FlatDtm
+from terrain_forge.model import World, rotations
+from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
+from terrain_forge.rocks import LibrarySpec, PopulationSpec, RocksSpec, overlapping_pairs
+from terrain_forge.rocks.editing import BY_HAND
 from terrain_forge.rocks.resting.outline import exposed_outline, mean_width
-from terrain_forge.rocks.scattering.overlap import overlapping_pairs
 from terrain_forge.rocks.size_frequency import Golombek
-from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.world import World, rotations
+from terrain_forge.terrain import Fractal
 
 SIZE = (12.0, 8.0)
 PEBBLES = PopulationSpec(

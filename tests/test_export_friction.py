@@ -5,9 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from terrain_forge.bodies import MARS, MOON
-from terrain_forge.friction import surface_friction
-from terrain_forge.registry import exporter
+from terrain_forge.model import MARS, MOON, exporter, surface_friction
 from terrain_forge.rocks.resting.contact import SLIDING
 
 MU = "{http://drake.mit.edu}mu_"

@@ -6,13 +6,12 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from terrain_forge.checking import check_recipe
+from terrain_forge.base import ExportError, OutputError, RecipeError
 from terrain_forge.cli import cli
-from terrain_forge.errors import ExportError, OutputError, RecipeError
-from terrain_forge.recipe import export_orders, recipe_json
-from terrain_forge.recipe_file import load_recipe
-from terrain_forge.registry import exporter, exporter_names, require_room
-from terrain_forge.storage import save_world
+from terrain_forge.model import exporter, exporter_names, require_room
+from terrain_forge.model.storage import save_world
+from terrain_forge.pipeline import check
+from terrain_forge.recipe import export_orders, load_recipe, recipe_json
 
 RECIPE = """schema: 1
 name: orders
@@ -119,7 +118,7 @@ def test_check_counts_rocks_and_no_craters(tmp_path):
     layer = "terrain: {spacing_m: 0.25, layers: [{kind: craters, file: craters.csv}]}"
     recipe = RECIPE.replace("terrain: {spacing_m: 0.25}", layer)
     file = found(tmp_path, ["  usd: {}"], recipe)
-    lines = list(check_recipe(file.recipe, tmp_path))
+    lines = list(check(file.recipe, folder=tmp_path))
     assert any(line.startswith("  rocks        about 0,") for line in lines)
 
 

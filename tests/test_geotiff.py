@@ -6,7 +6,7 @@ import rasterio
 from rasterio.crs import CRS
 from rasterio.warp import transform
 
-from terrain_forge.writers.geotiff import write_geotiff
+from terrain_forge.writers import write_geotiff
 from tests import worlds
 
 MARS_RADIUS = 3396190.0

@@ -3,8 +3,8 @@ import pytest
 import rasterio
 from terrain_forge.exporters.geotiff import Options, export
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.world import rotations
+from terrain_forge.base import RecipeError
+from terrain_forge.model import rotations
 from tests.surfaces import top_under
 
 PRODUCTS = ["elevation", "hillshade", "orthoimage", "rock_id", "slope", "surface_with_rocks"]

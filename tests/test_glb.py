@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from terrain_forge.exporters.glb import Options, export
 from terrain_forge.exporters.glb.node_text import rock_nodes
 
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import xyzw
-from terrain_forge.world import rotations
+from terrain_forge.base import ExportError, xyzw
+from terrain_forge.model import rotations
 from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 
@@ -308,7 +307,7 @@ def test_many_merged_rocks_become_several_meshes(small_world, tmp_path, monkeypa
     """So that memory does not grow with their number; together they are the same."""
     files = []
     for part in (1000, 7):
-        monkeypatch.setattr("terrain_forge.rock_mesh._PART", part)
+        monkeypatch.setattr("terrain_forge.geometry.rock_mesh._PART", part)
         (tmp_path / str(part)).mkdir()
         export(small_world, tmp_path / str(part), options=Options(instances_min_m=9.0))
         files.append(trimesh.load(tmp_path / str(part) / "world.glb", process=False))

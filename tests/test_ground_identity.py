@@ -9,11 +9,10 @@ import rasterio
 from PIL import Image
 from rasterio.transform import Affine
 
+from terrain_forge.model import Window
 from terrain_forge.pipeline import plan
-from terrain_forge.recipe_file import load_recipe
-from terrain_forge.site import Window
-from terrain_forge.terrain.appearance import colour_ground, stencil_reach
-from terrain_forge.terrain.ground import shape_ground
+from terrain_forge.recipe import load_recipe
+from terrain_forge.terrain import colour_ground, shape_ground, stencil_reach
 
 RECIPE = """
 schema: 1

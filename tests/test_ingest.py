@@ -19,25 +19,27 @@ from rasterio.transform import Affine
 from rasterio.windows import Window as RasterWindow
 
 from terrain_forge import inputs
-from terrain_forge.bodies import MARS, MOON
-from terrain_forge.dtm.describe import describe, ground_steps, site_facts
-from terrain_forge.dtm.projection import (
-    datum_radius,
+from terrain_forge.base import DataError
+from terrain_forge.dtm import (
+    RasterDtm,
+    describe,
     geographic_crs,
-    local_crs,
+    open_raster,
     scale_error,
+    site_facts,
+    survey,
     transform,
 )
+from terrain_forge.dtm.description import ground_steps
+from terrain_forge.dtm.projection import datum_radius, local_crs
 from terrain_forge.dtm.quality import assess, planar_posts
-from terrain_forge.dtm.raster import open_raster
 from terrain_forge.dtm.repair import destair
-from terrain_forge.dtm.spec import Centre, RasterDtm
-from terrain_forge.dtm.survey import survey
-from terrain_forge.errors import DataError
+from terrain_forge.dtm.spec import Centre
+from terrain_forge.model import MARS, MOON
 from terrain_forge.pipeline import plan as planned
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.writers.geotiff import write_geotiff
+from terrain_forge.terrain import shape_ground
+from terrain_forge.writers import write_geotiff
 from tests import worlds
 
 MOON_LL = "+proj=longlat +R=1737400"
@@ -323,7 +325,7 @@ def test_planning_on_a_huge_raster_needs_little(tmp_path):
     program = (
         "import resource, terrain_forge as tf\n"
         "from terrain_forge.dtm.spec import RasterDtm\n"
-        "from terrain_forge.recipe import TerrainSpec\n"
+        "from terrain_forge.recipe.schema import TerrainSpec\n"
         "for name in ('small.tif', 'huge.tif'):\n"
         "    dtm = RasterDtm(source=name, size_m=(100.0, 60.0))\n"
         "    terrain = TerrainSpec(spacing_m=0.5)\n"

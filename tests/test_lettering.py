@@ -6,8 +6,7 @@ from io import BytesIO
 import pytest
 
 from terrain_forge.truth.size_frequency_figure import _label
-from terrain_forge.writers.lettering import figure_text
-from terrain_forge.writers.naming import file_name
+from terrain_forge.writers import figure_text, file_name
 
 
 def drawn(text):

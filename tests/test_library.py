@@ -16,7 +16,7 @@ import pytest
 
 import terrain_forge
 from terrain_forge import records
-from terrain_forge.specs import Spec
+from terrain_forge.base import Spec
 
 ROOT = Path(__file__).parents[1]
 

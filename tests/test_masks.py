@@ -11,18 +11,15 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.paths.route import Route
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import Image, Route, Window
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.site import Image, Window
-from terrain_forge.terrain import layer
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layer import LAYERS, Layer
+from terrain_forge.terrain import Fractal, Layer, layer, mask_weight, shape_ground
+from terrain_forge.terrain.layer import LAYERS
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
-from terrain_forge.terrain.layers.fractal import Fractal
-from terrain_forge.terrain.masks import HeightBand, Mask, RouteBand, SlopeBand, mask_weight
+from terrain_forge.terrain.masks import HeightBand, Mask, RouteBand, SlopeBand
 from terrain_forge.terrain.route_distance import route_distance
 from tests import worlds
 

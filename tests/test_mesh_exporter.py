@@ -7,11 +7,10 @@ import trimesh
 from PIL import Image
 from terrain_forge.exporters.mesh import Options, export
 
-from terrain_forge.errors import ExportError, RecipeError
-from terrain_forge.ground_mesh import grid_faces
-from terrain_forge.world import rotations
-from terrain_forge.writers.mesh import write_obj_faces
-from terrain_forge.writers.obj_grid import write_obj_grid_faces
+from terrain_forge.base import ExportError, RecipeError
+from terrain_forge.geometry import grid_faces
+from terrain_forge.model import rotations
+from terrain_forge.writers import write_obj_faces, write_obj_grid_faces
 from tests.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 

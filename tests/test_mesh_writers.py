@@ -5,27 +5,31 @@ import pytest
 import trimesh
 from PIL import Image
 
-from terrain_forge.colour import linear_from_srgb, srgb_from_linear
-from terrain_forge.frames import image_rows
-from terrain_forge.ground_mesh import (
+from terrain_forge.base import image_rows, linear_from_srgb, srgb_from_linear
+from terrain_forge.geometry import (
+    coarse_shape,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
+    mean_rock_colour,
+    merge_in_parts,
+    merge_rocks,
+    rock_texture,
 )
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import coarse_shape, merge_in_parts, merge_rocks, outline_error
-from terrain_forge.world import Heightfield
-from terrain_forge.writers.image import encode_png, write_png
-from terrain_forge.writers.mesh import (
+from terrain_forge.geometry.rock_mesh import outline_error
+from terrain_forge.model import Heightfield, Mesh
+from terrain_forge.writers import (
+    encode_png,
+    file_name,
+    identifier,
     index_corners,
     vertex_normals,
     write_obj,
     write_obj_rows,
+    write_png,
     write_stl,
 )
-from terrain_forge.writers.naming import file_name, identifier
-from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 from tests.surfaces import random_points, top_under
 
 
@@ -296,7 +300,7 @@ def test_names_stay_apart_and_plain():
 def test_rocks_in_parts_are_the_rocks_at_once(small_world, monkeypatch):
     field, shapes = small_world.field, [p.meshes[0] for p in small_world.library.prototypes]
     whole, every = merge_rocks(field, shapes, small_world.ground)
-    monkeypatch.setattr("terrain_forge.rock_mesh._PART", 7)
+    monkeypatch.setattr("terrain_forge.geometry.rock_mesh._PART", 7)
     parts = list(merge_in_parts(field, shapes, small_world.ground))
     assert len(parts) == 6
     assert np.array_equal(np.concatenate([vertices for vertices, _ in parts]), whole)

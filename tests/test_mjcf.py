@@ -12,17 +12,14 @@ from terrain_forge.exporters.mjcf import Options
 from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
+from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.driving import Vehicle, rover_mass_check
 from terrain_forge.driving.controller import wheel_rates
-from terrain_forge.driving.vehicle import Vehicle
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.resting.contact import loose_contact
+from terrain_forge.model import Heightfield, Mesh
+from terrain_forge.rocks import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.agreement import ground_agreement
-from terrain_forge.validation.mujoco_agreement import rover_mass_check
 from terrain_forge.validation.surface_mesh import heights_on
-from terrain_forge.world import Heightfield
 from tests import worlds
 from tests.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 

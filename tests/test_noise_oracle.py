@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terrain_forge.seeds import mix, stage_key, zigzag
+from terrain_forge.base import mix, stage_key, zigzag
 from terrain_forge.terrain import noise as ours
 
 

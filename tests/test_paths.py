@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.paths.plan import overhang, plan_route, require_inside
-from terrain_forge.paths.spec import Corridor, PathSpec, Shake, Spline
-from terrain_forge.paths.trajectory import lay_trajectory
-from terrain_forge.rovers.catalogue import find_rover
-from terrain_forge.world import Heightfield
+from terrain_forge.base import RecipeError
+from terrain_forge.model import Heightfield
+from terrain_forge.paths import (
+    PathSpec,
+    Spline,
+    lay_trajectory,
+    overhang,
+    plan_route,
+    require_inside,
+)
+from terrain_forge.paths.spec import Corridor, Shake
+from terrain_forge.rovers import find_rover
 from tests import worlds
 
 ROVER = find_rover("morpheus")

@@ -6,22 +6,32 @@ import numpy as np
 import pytest
 
 from terrain_forge import Recipe, plan, realise
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.paths.files import write_trajectory
-from terrain_forge.paths.interpolation import (
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.paths import (
+    FigureEight,
+    Lawnmower,
+    Loop,
+    PathSpec,
+    Planned,
+    Polyline,
+    Recorded,
+    Spiral,
+    Spline,
+    Triangle,
     deviation,
+    duration,
+    lay_trajectory,
+    plan_route,
+    read_recorded,
     sample_times,
     spline_places,
     straight_places,
 )
-from terrain_forge.paths.plan import plan_route
-from terrain_forge.paths.profile import duration, pose_at, stretches
-from terrain_forge.paths.recorded import follow, read_recorded
-from terrain_forge.paths.shape_spec import FigureEight, Lawnmower, Loop, Spiral, Triangle
-from terrain_forge.paths.spec import PathSpec, Planned, Polyline, Recorded, Spline
-from terrain_forge.paths.trajectory import lay_trajectory
-from terrain_forge.recipe import adapter
-from terrain_forge.rovers.catalogue import find_rover
+from terrain_forge.paths.files import write_trajectory
+from terrain_forge.paths.profile import pose_at, stretches
+from terrain_forge.paths.recorded import follow
+from terrain_forge.recipe.schema import adapter
+from terrain_forge.rovers import find_rover
 from tests import worlds
 
 ROVER = find_rover("morpheus")

@@ -13,14 +13,14 @@ import pytest
 import rasterio
 from rasterio.transform import Affine
 
-from terrain_forge.bodies import MOON
-from terrain_forge.dtm.spec import Centre, RasterDtm
-from terrain_forge.dtm.survey import survey
-from terrain_forge.errors import DataError
+from terrain_forge.base import DataError
+from terrain_forge.dtm import RasterDtm, survey
+from terrain_forge.dtm.spec import Centre
+from terrain_forge.model import MOON
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.writers.geotiff import write_geotiff
+from terrain_forge.terrain import shape_ground
+from terrain_forge.writers import write_geotiff
 from tests import worlds
 
 R = 1737400.0

@@ -11,20 +11,16 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from terrain_forge import World, plan, realise
-from terrain_forge.errors import RecipeError
-from terrain_forge.paths import planner
+from terrain_forge.base import RecipeError
+from terrain_forge.model import Heightfield, Window
+from terrain_forge.paths import PathSpec, Planned, plan_path, planner, survey_paths, traversability
 from terrain_forge.paths.lattice import MOVES, cheapest_way
 from terrain_forge.paths.obstacles import half_diagonal
-from terrain_forge.paths.planner import node_weights, plan_path
+from terrain_forge.paths.planner import node_weights
 from terrain_forge.paths.smoothing import bend, straighten
-from terrain_forge.paths.spec import PathSpec, Planned
-from terrain_forge.paths.surroundings import survey_paths
-from terrain_forge.paths.traversability import traversability
-from terrain_forge.recipe import adapter
-from terrain_forge.rovers.catalogue import find_rover
-from terrain_forge.site import Window
+from terrain_forge.recipe.schema import adapter
+from terrain_forge.rovers import find_rover
 from terrain_forge.validation.paths import path_checks
-from terrain_forge.world import Heightfield
 from tests import worlds
 from tests.test_traversability import RECIPE, ground
 

@@ -110,7 +110,7 @@ def test_wrong_exports_are_refused(installed, tmp_path):
         (tmp_path / f"{number}.yaml").write_text(RECIPE.replace("EXPORTS", exports))
     script = (
         "import logging, sys, terrain_forge as tf\n"
-        "from terrain_forge.recipe import export_orders\n"
+        "from terrain_forge.recipe.schema import export_orders\n"
         "logging.basicConfig()\n"
         "for path in sys.argv[1:]:\n"
         "    try:\n"

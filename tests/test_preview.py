@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from terrain_forge.bodies import MOON
-from terrain_forge.frames import compass_to_direction
-from terrain_forge.preview import render_map, render_preview, take_picture, write_preview
+from terrain_forge.base import compass_to_direction
+from terrain_forge.model import MOON, Window
+from terrain_forge.scene import RayScene, open_scene, render_preview, take_picture, write_preview
 from terrain_forge.scene.camera import map_camera
-from terrain_forge.scene.scene import RayScene, open_scene
-from terrain_forge.site import Window
-from terrain_forge.terrain.appearance import AppearanceSpec, colour_ground, stencil_reach
+from terrain_forge.scene.preview import render_map
+from terrain_forge.terrain import AppearanceSpec, colour_ground, stencil_reach
 from tests import worlds
 
 
@@ -198,7 +197,7 @@ def test_picture_module_needs_no_plotting_library():
     import subprocess
     import sys
 
-    code = "import sys, terrain_forge.preview; print('matplotlib' in sys.modules)"
+    code = "import sys, terrain_forge.scene.preview; print('matplotlib' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
 

@@ -10,16 +10,23 @@ from scipy import stats
 from scipy.integrate import quad
 from scipy.optimize import linprog
 
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.paths.route import Route
-from terrain_forge.rocks.arrangement import Clustered
+from terrain_forge.base import matrix_from_quaternion
+from terrain_forge.model import Route
+from terrain_forge.rocks import (
+    Clustered,
+    Expectation,
+    PopulationSpec,
+    RockListSpec,
+    RocksSpec,
+    expected,
+    find_overlaps,
+    overlapping_pairs,
+    scatter,
+)
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
-from terrain_forge.rocks.populations import PopulationSpec, RockListSpec, RocksSpec
-from terrain_forge.rocks.scatter import scatter
-from terrain_forge.rocks.scattering.expectation import Expectation, expected
-from terrain_forge.rocks.scattering.overlap import find_overlaps, overlapping_pairs
 from terrain_forge.rocks.size_frequency import Counts, Golombek, PowerLaw
-from terrain_forge.truth.shapes import is_closed, shape_figures
+from terrain_forge.truth import shape_figures
+from terrain_forge.truth.shapes import is_closed
 from terrain_forge.truth.size_frequency import size_frequency, write_size_frequency
 from terrain_forge.truth.statistics import clark_evans, count_band
 from terrain_forge.truth.wanted import Wanted

@@ -7,8 +7,8 @@ import pytest
 from pxr import Gf, Usd
 from terrain_forge.exporters import sdf, usd
 
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.interpolation import (
+from terrain_forge.model import Trajectory
+from terrain_forge.paths import (
     ANGLE_LIMIT,
     POSITION_LIMIT,
     angles_between,
@@ -16,8 +16,8 @@ from terrain_forge.paths.interpolation import (
     sample_times,
     spline_places,
     straight_places,
-    turns_between,
 )
+from terrain_forge.paths.interpolation import turns_between
 from terrain_forge.validation.heightmap_agreement import find_heightmap, heightmap_checks
 from terrain_forge.validation.replays import replay_checks
 from tests.surfaces import random_points

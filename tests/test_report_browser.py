@@ -43,8 +43,8 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    from terrain_forge.report.page import write_report_page
-    from terrain_forge.writers.image import write_png
+    from terrain_forge.report import write_report_page
+    from terrain_forge.writers import write_png
 
     folder = tmp_path_factory.mktemp("OUT")
     (folder / "validation").mkdir()

@@ -6,7 +6,8 @@ import struct
 import numpy as np
 import pytest
 
-from terrain_forge.frames import xyzw
+from terrain_forge.base import xyzw
+from terrain_forge.model import Heightfield, Link, Shape
 from terrain_forge.report.lines import ground_lines
 from terrain_forge.report.model.overlays import overlays
 from terrain_forge.report.model.relief import coarsen
@@ -14,8 +15,6 @@ from terrain_forge.report.model.rocks import MOST, shown_rocks
 from terrain_forge.report.model.rover import _SOLIDS, rover_nodes
 from terrain_forge.report.model.scene import page_model
 from terrain_forge.report.section import Built
-from terrain_forge.rovers.description import Link, Shape
-from terrain_forge.world import Heightfield
 from tests import worlds
 
 TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}

@@ -9,16 +9,16 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from terrain_forge.report import write_report_page
 from terrain_forge.report.checks import measure_facts
 from terrain_forge.report.facts import describe
 from terrain_forge.report.lines import ground_lines
-from terrain_forge.report.page import write_report_page
 from terrain_forge.report.section import Built
 from terrain_forge.report.style import join, plot
 from terrain_forge.report.view import scripts
-from terrain_forge.terrain.statistics import slope_statistics
+from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
-from terrain_forge.writers.image import write_png
+from terrain_forge.writers import write_png
 from tests import worlds
 from tests.test_proof import population, rocks
 

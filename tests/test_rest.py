@@ -3,16 +3,20 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.rest import FOOT, rest
+from terrain_forge.base import matrix_from_quaternion
+from terrain_forge.model import Heightfield, Mesh, Window, rotations
+from terrain_forge.rocks import (
+    FOOT,
+    LibrarySpec,
+    PopulationSpec,
+    Scattered,
+    make_library,
+    rest,
+    rock_margin,
+    scatter,
+)
 from terrain_forge.rocks.resting import outline
-from terrain_forge.rocks.scatter import Scattered, margin, scatter
 from terrain_forge.rocks.size_frequency import Golombek
-from terrain_forge.site import Window
-from terrain_forge.world import Heightfield, rotations
 from tests import worlds
 
 LIBRARY = worlds.library()
@@ -299,7 +303,7 @@ def test_rocks_of_a_window_rest_as_in_the_whole(laid):
     _, _, whole = laid
     site = place()
     kinds = (PEBBLES, BOULDERS)
-    around = margin(site=site, populations=kinds, library=LIBRARY)
+    around = rock_margin(site=site, populations=kinds, library=LIBRARY)
     for column, row, columns, rows in ((0, 0, 60, 60), (97, 41, 53, 77), (190, 130, 51, 33)):
         window = Window(column=column, row=row, columns=columns, rows=rows)
         scattered = scatter(site=site, populations=kinds, library=LIBRARY, window=window)

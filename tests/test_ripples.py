@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import RecipeError
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import Image, Window
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rocks.laws.golombek import Golombek
-from terrain_forge.rocks.populations import PopulationSpec, RocksSpec
-from terrain_forge.site import Image, Window
+from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
+from terrain_forge.terrain import Fractal, shape_ground
 from terrain_forge.terrain.aeolian import profile, steepest_lee
-from terrain_forge.terrain.ground import shape_ground
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
-from terrain_forge.terrain.layers.fractal import Fractal
 from terrain_forge.terrain.layers.ripples import Ripples
 from tests import worlds
 

@@ -10,14 +10,21 @@ import trimesh
 from PIL import Image as Picture
 
 from terrain_forge import TerrainForgeError, plan
-from terrain_forge.dtm.raster import read_image
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.limits import expected_rocks
+from terrain_forge.dtm import FlatDtm, read_image
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
-from terrain_forge.rocks.arrangement import AroundCraters, Clustered, Crater
-from terrain_forge.rocks.feasibility import check_rocks, expected_count
-from terrain_forge.rocks.library import LibrarySpec, MeshSpec
-from terrain_forge.rocks.populations import KeepOut, PopulationSpec, RockListSpec, RocksSpec
+from terrain_forge.recipe.limits import expected_rocks
+from terrain_forge.rocks import (
+    Clustered,
+    LibrarySpec,
+    PopulationSpec,
+    RockListSpec,
+    RocksSpec,
+    check_rocks,
+    expected_count,
+)
+from terrain_forge.rocks.arrangement import AroundCraters, Crater
+from terrain_forge.rocks.library import MeshSpec
+from terrain_forge.rocks.populations import KeepOut
 from terrain_forge.rocks.size_frequency import (
     Counts,
     CoverAbove,

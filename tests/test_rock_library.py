@@ -12,12 +12,13 @@ import trimesh
 from numpy.random import Generator, Philox
 from pydantic import TypeAdapter, ValidationError
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.rocks.library import LibrarySpec, MeshSpec, lay_down, make_library
+from terrain_forge.model import Mesh
+from terrain_forge.rocks import FAMILIES, LibrarySpec, make_library
+from terrain_forge.rocks.library import MeshSpec, lay_down
 from terrain_forge.rocks.resting import outline
 from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces, fibonacci_sphere
 from terrain_forge.rocks.shapes.collision import collision_hull
-from terrain_forge.rocks.shapes.families import FAMILIES, block
+from terrain_forge.rocks.shapes.families import block
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import mass_properties

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import RecipeError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.model import Grousers, Shape
 from terrain_forge.recipe import recipe_from_json
-from terrain_forge.rovers.catalogue import find_rover, rover_names
-from terrain_forge.rovers.description import Grousers, Shape
+from terrain_forge.rovers import find_rover
+from terrain_forge.rovers.catalogue import rover_names
 from terrain_forge.rovers.inertia import combine, solid_inertia
 from terrain_forge.rovers.morpheus import MorpheusDimensions, MorpheusSpec, morpheus
 from terrain_forge.rovers.parts import GrouserSpec

@@ -19,9 +19,8 @@ from ruamel.yaml import YAML
 from terrain_forge.exporters.mjcf.rover import servo_gain
 from terrain_forge.exporters.rover import Options, export
 
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.rovers.description import Coupling
+from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.model import Coupling
 from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
 from terrain_forge.rovers.parts import GrouserSpec
 from terrain_forge.rovers.skid4 import skid4

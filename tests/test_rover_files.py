@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from terrain_forge.errors import DataError, RecipeError
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.model import World
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import recipe_from_json
-from terrain_forge.rovers.brought import CouplingSpec, FileRover
-from terrain_forge.rovers.catalogue import resolve_rover
-from terrain_forge.world import World
+from terrain_forge.rovers import FileRover, resolve_rover
+from terrain_forge.rovers.brought import CouplingSpec
 from tests import rovers
 
 CURIOSITY = Path("curiosity_rover/curiosity_description/models/urdf/curiosity_mars_rover.xacro")

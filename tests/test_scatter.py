@@ -2,15 +2,19 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, norm
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.paths.route import Route
-from terrain_forge.rocks.feasibility import check_rocks, largest_rock
-from terrain_forge.rocks.library import LibrarySpec
-from terrain_forge.rocks.populations import PopulationSpec, RocksSpec
-from terrain_forge.rocks.scatter import scatter
-from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
+from terrain_forge.base import RecipeError
+from terrain_forge.model import Route, Window
+from terrain_forge.rocks import (
+    LibrarySpec,
+    PopulationSpec,
+    RocksSpec,
+    check_rocks,
+    corridor_area,
+    in_corridor,
+    largest_rock,
+    scatter,
+)
 from terrain_forge.rocks.size_frequency import Golombek, PowerLaw
-from terrain_forge.site import Window
 from tests import worlds
 
 LIBRARY = worlds.library()

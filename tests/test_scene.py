@@ -9,11 +9,11 @@ import sys
 import numpy as np
 import pytest
 
-from terrain_forge.errors import TerrainForgeError
-from terrain_forge.scene import embree
-from terrain_forge.scene.camera import map_camera, pinhole_camera
-from terrain_forge.scene.scene import GROUND, MISSED, RayScene, open_scene
-from terrain_forge.world import Heightfield, rotations
+from terrain_forge.base import TerrainForgeError
+from terrain_forge.model import Heightfield, rotations
+from terrain_forge.scene import GROUND, RayScene, embree, open_scene, pinhole_camera
+from terrain_forge.scene.camera import map_camera
+from terrain_forge.scene.scene import MISSED
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

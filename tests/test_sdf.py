@@ -13,17 +13,15 @@ from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.sdf import Options, export
 from terrain_forge.exporters.sdf.heightmap import cut_error, heightmap_error, make_heightmap
 
+from terrain_forge.base import ExportError, quaternion_from_rpy
 from terrain_forge.dtm.projection import body_crs, local_crs
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.ground_texture import bake_ground
-from terrain_forge.mesh import Mesh
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.interpolation import angles_between, spline_places, turns_between
-from terrain_forge.rocks.resting.contact import loose_contact
+from terrain_forge.geometry import bake_ground
+from terrain_forge.model import Heightfield, Mesh, Trajectory, rotations
+from terrain_forge.paths import angles_between, spline_places
+from terrain_forge.paths.interpolation import turns_between
+from terrain_forge.rocks import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.scene import grain
-from terrain_forge.world import Heightfield, rotations
 from tests import rovers
 from tests.gazebo import rested
 from tests.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from terrain_forge.exporters.sdf import Options, export
 
-from terrain_forge.errors import ExportError
+from terrain_forge.base import ExportError
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.conformance.consumer import NotRun
 from terrain_forge.validation.conformance.gazebo import read_sdf

@@ -11,8 +11,8 @@ from terrain_forge.exporters.drake import export as export_drake
 from terrain_forge.exporters.sdf import Options, export
 from terrain_forge.exporters.sdf.load import loading, stepping_losses
 
-from terrain_forge.errors import ExportError, RecipeError
-from terrain_forge.motion import Trajectory
+from terrain_forge.base import ExportError, RecipeError
+from terrain_forge.model import Trajectory
 
 
 @pytest.mark.parametrize(

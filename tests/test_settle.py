@@ -7,24 +7,26 @@ import pytest
 import trimesh
 from scipy.stats import kstest
 
-from terrain_forge.checking import SETTLING, WATCHING, check_recipe
-from terrain_forge.errors import RecipeError
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import RecipeError, matrix_from_quaternion
+from terrain_forge.building.checking import SETTLING, WATCHING
+from terrain_forge.model import Heightfield, Mesh, exporter, rotations
+from terrain_forge.pipeline import check
 from terrain_forge.recipe import recipe_from_json
-from terrain_forge.registry import exporter
-from terrain_forge.rocks import settle as settling
-from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.rocks.rest import rest
-from terrain_forge.rocks.resting.contact import loose_contact
-from terrain_forge.rocks.resting.loose_limits import expected_loose, require_loose
+from terrain_forge.rocks import (
+    LibrarySpec,
+    Scattered,
+    expected_loose,
+    loose_contact,
+    make_library,
+    require_loose,
+    rest,
+    settle,
+)
+from terrain_forge.rocks import settling as settling
 from terrain_forge.rocks.resting.outline import convex_hull, footprint, mean_width
-from terrain_forge.rocks.scatter import Scattered
 from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
-from terrain_forge.rocks.settle import settle
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation.loose import MOST_SHIFT, loose_checks, watch
-from terrain_forge.world import Heightfield, rotations
 from tests import worlds
 
 LIBRARY = make_library(LibrarySpec(shapes=6))
@@ -290,7 +292,7 @@ def test_loose_rocks_are_part_of_the_estimate(tmp_path):
     assert expected_loose(recipe()) == 0.0
 
     def line(checked):
-        found = [line for line in check_recipe(checked, tmp_path) if line.startswith("cost")]
+        found = [line for line in check(checked, folder=tmp_path) if line.startswith("cost")]
         (seconds,) = re.findall(r"about (\d+) s", found[0])
         return found[0], int(seconds)
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import chisquare, kstest
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import RecipeError
 from terrain_forge.rocks.laws.fitting import fit_law
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.rocks.scattering.addresses import words

@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from terrain_forge.base import stage_key
+from terrain_forge.model import Image, Window
 from terrain_forge.pipeline import plan
-from terrain_forge.recipe_file import load_recipe
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Image, Window
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layer import layer_types
+from terrain_forge.recipe import load_recipe
+from terrain_forge.terrain import Fractal, layer_types, shape_ground
 from terrain_forge.terrain.layers import fractal
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
-from terrain_forge.terrain.layers.fractal import Fractal
 from terrain_forge.terrain.noise import octaves
 from tests import worlds
 
@@ -131,7 +129,7 @@ def test_layers_are_found_by_their_module():
 
 
 def test_spectrum_of_a_grid_too_small_for_one_is_empty():
-    from terrain_forge.terrain.spectra import radial_spectrum
+    from terrain_forge.terrain import radial_spectrum
 
     for side in (2, 3, 6):
         number, density = radial_spectrum(np.random.default_rng(1).normal(size=(side, side)), 1.0)

@@ -10,19 +10,17 @@ import rasterio
 import yaml
 from numba import get_num_threads, set_num_threads
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.paths.obstacles import find_obstacles, highest_step
-from terrain_forge.paths.plan import plan_route
-from terrain_forge.paths.spec import PathSpec, Spline
-from terrain_forge.paths.traversability import UNKNOWN, traversability
+from terrain_forge.base import RecipeError
+from terrain_forge.model import Heightfield, Window, rotations
+from terrain_forge.paths import UNKNOWN, PathSpec, Spline, highest_step, plan_route, traversability
+from terrain_forge.paths.obstacles import find_obstacles
 from terrain_forge.pipeline import plan, realise
-from terrain_forge.recipe import adapter
-from terrain_forge.rovers.catalogue import find_rover, resolve_rover
+from terrain_forge.recipe.schema import adapter
+from terrain_forge.rovers import find_rover, resolve_rover
 from terrain_forge.rovers.morpheus import MorpheusSpec
 from terrain_forge.rovers.skid4 import Skid4Spec
-from terrain_forge.site import Window
-from terrain_forge.truth.traversability import rate_world, write_map, write_traversability
-from terrain_forge.world import Heightfield, rotations
+from terrain_forge.truth import rate_world
+from terrain_forge.truth.traversability import write_map, write_traversability
 from tests import worlds
 
 ROVER = find_rover("morpheus")

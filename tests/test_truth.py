@@ -12,16 +12,14 @@ from PIL import Image
 from rasterio.crs import CRS
 from scipy.spatial.transform import Rotation
 
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import matrix_from_quaternion
+from terrain_forge.model import Mesh, merge
 from terrain_forge.paths.files import write_trajectory
-from terrain_forge.truth.bundle import write_truth
-from terrain_forge.truth.rasters import rock_rasters
+from terrain_forge.truth import rock_rasters, write_truth
 from terrain_forge.truth.size_frequency import size_frequency
 from terrain_forge.truth.tables import geographic, write_rocks
 from terrain_forge.validation.resting import foot_and_top, resting_checks
 from terrain_forge.validation.top_surface import top_surface_checks
-from terrain_forge.world import merge
 from tests import worlds
 from tests.test_proof import population, rocks
 

@@ -16,17 +16,15 @@ from pxr import (
 )
 from terrain_forge.exporters.usd import Options, export
 
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import ExportError, matrix_from_quaternion
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.geometry.rock_mesh import outline_error
+from terrain_forge.model import Mesh, rotations
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rock_mesh import outline_error
-from terrain_forge.rocks.resting.contact import loose_contact
+from terrain_forge.rocks import loose_contact
 from terrain_forge.rovers.morpheus import morpheus
-from terrain_forge.terrain.layers.craters import CraterLayer
-from terrain_forge.world import rotations
+from terrain_forge.terrain import CraterLayer
 from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled
 from tests.surfaces import random_points, top_under
 

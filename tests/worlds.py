@@ -5,23 +5,24 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from terrain_forge.bodies import MARS
-from terrain_forge.dtm.spec import FlatDtm
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.mesh import Mesh
-from terrain_forge.motion import Trajectory
-from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
-from terrain_forge.rovers.description import Rover
-from terrain_forge.site import Roughness, Site
-from terrain_forge.world import (
+from terrain_forge.base import quaternion_from_rpy
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import (
+    MARS,
     Appearance,
     Heightfield,
     Lighting,
+    Mesh,
     RockField,
     RockLibrary,
     RockPrototype,
+    Roughness,
+    Rover,
+    Site,
+    Trajectory,
     World,
 )
+from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 
 SIZE = (24.0, 16.0)
 SPACING = 0.25

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.ground_texture import texture_loss
-from terrain_forge.mesh import Mesh
-from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import largest_outline_error
-from terrain_forge.rock_surface import level_of_detail
-from terrain_forge.world import World
-from terrain_forge.writers.mtl import MattMaterial, write_mtl
-from terrain_forge.writers.naming import file_name
+from terrain_forge.geometry import largest_outline_error, level_of_detail, texture_loss
+from terrain_forge.model import ExportReport, Mesh, World
+from terrain_forge.writers import MattMaterial, file_name, write_mtl
 
 from ..sdf.markup import Lines, element, world_name, write_document
 from .geometry import MATERIALS

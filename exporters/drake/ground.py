@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.frames import image_rows
-from terrain_forge.friction import world_grip
-from terrain_forge.ground_mesh import (
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import (
+    bake_ground,
+    finest_texture,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.ground_texture import bake_ground, finest_texture
-from terrain_forge.world import World
-from terrain_forge.writers.image import write_png
-from terrain_forge.writers.mesh import write_obj
+from terrain_forge.model import World, world_grip
+from terrain_forge.writers import write_obj, write_png
 
 from ..sdf.markup import Lines, element
 from .geometry import MATERIALS, rigid, visual

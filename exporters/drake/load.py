@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from terrain_forge.errors import ExportError
-from terrain_forge.rock_mesh import merge_rocks
-from terrain_forge.rock_surface import level_of_detail
-from terrain_forge.world import RockField, World
+from terrain_forge.base import ExportError
+from terrain_forge.geometry import level_of_detail, merge_rocks
+from terrain_forge.model import RockField, World
 
 from .options import Options
 from .rocks import is_single

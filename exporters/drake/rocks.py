@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import rpy_from_quaternion
-from terrain_forge.friction import world_grip
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_bodies import inertias
-from terrain_forge.rock_mesh import merge_rocks
-from terrain_forge.rocks.resting.contact import loose_contact
-from terrain_forge.world import RockField, World
-from terrain_forge.writers.mesh import vertex_normals, write_obj
+from terrain_forge.base import rpy_from_quaternion
+from terrain_forge.geometry import inertias, merge_rocks
+from terrain_forge.model import Mesh, RockField, World, world_grip
+from terrain_forge.rocks import loose_contact
+from terrain_forge.writers import vertex_normals, write_obj
 
 from ..sdf.markup import Lines, element, numbers
 from .geometry import MATERIALS, compliant, rigid, visual

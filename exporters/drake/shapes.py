@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.colour import srgb_from_linear
-from terrain_forge.world import RockField, RockPrototype, World
-from terrain_forge.writers.image import write_png
-from terrain_forge.writers.mesh import index_corners, vertex_normals, write_obj
-from terrain_forge.writers.mtl import MattMaterial
-from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+from terrain_forge.base import srgb_from_linear
+from terrain_forge.geometry import mean_rock_colour, rock_texture
+from terrain_forge.model import RockField, RockPrototype, World
+from terrain_forge.writers import MattMaterial, index_corners, vertex_normals, write_obj, write_png
 
 from .geometry import MATERIALS
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.registry import ExportReport
-from terrain_forge.world import World
-from terrain_forge.writers.geotiff import write_geotiff
+from terrain_forge.model import ExportReport, World
+from terrain_forge.writers import write_geotiff
 
 from .options import Options
 from .products import Products

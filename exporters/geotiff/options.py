@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import MinLen
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.specs import Spec
+from terrain_forge.base import RecipeError, Spec
 
 Product = Literal["elevation", "surface_with_rocks", "rock_id", "slope", "hillshade", "orthoimage"]
 

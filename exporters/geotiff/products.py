@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.ground_mesh import grid_normals
-from terrain_forge.site import Site
-from terrain_forge.truth.rasters import rock_rasters
-from terrain_forge.world import Heightfield, World, merge
+from terrain_forge.geometry import grid_normals
+from terrain_forge.model import Heightfield, Site, World, merge
+from terrain_forge.truth import rock_rasters
 
 from .options import Product
 

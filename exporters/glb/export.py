@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
-from terrain_forge.ground_texture import detail_loss, texture_loss
-from terrain_forge.registry import ExportReport
-from terrain_forge.rock_surface import level_of_detail
-from terrain_forge.world import World
-from terrain_forge.writers.glb import LARGEST_FILE, Gltf
+from terrain_forge.base import ExportError
+from terrain_forge.geometry import detail_loss, level_of_detail, texture_loss
+from terrain_forge.model import ExportReport, World
+from terrain_forge.writers import LARGEST_FILE, Gltf
 
 from .ground import TRANSFORM, SharedParts, ground_tile
 from .options import Options

@@ -8,12 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import image_rows
-from terrain_forge.ground_mesh import grid_faces, grid_normals, grid_texture_coordinates
-from terrain_forge.ground_texture import bake_ground, detail_placement, finest_texture
-from terrain_forge.world import GroundDetail, Heightfield, World
-from terrain_forge.writers.glb import Gltf
-from terrain_forge.writers.image import encode_png
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import (
+    bake_ground,
+    detail_placement,
+    finest_texture,
+    grid_faces,
+    grid_normals,
+    grid_texture_coordinates,
+)
+from terrain_forge.model import GroundDetail, Heightfield, World
+from terrain_forge.writers import Gltf, encode_png
 
 from .material import matt
 from .options import Options

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import xyzw
-from terrain_forge.kernels import inlined, kernel
-from terrain_forge.world import RockField
-from terrain_forge.writers.digits import put_integer, put_number
+from terrain_forge.base import inlined, kernel, xyzw
+from terrain_forge.model import RockField
+from terrain_forge.writers import put_integer, put_number
 
 _PIECES = tuple(
     np.frombuffer(piece, np.uint8)

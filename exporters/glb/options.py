@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.specs import NotNegative, Positive, Spec
+from terrain_forge.base import NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)

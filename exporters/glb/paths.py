@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import xyzw
-from terrain_forge.motion import Trajectory
-from terrain_forge.writers.glb import Gltf
+from terrain_forge.base import xyzw
+from terrain_forge.model import Trajectory
+from terrain_forge.writers import Gltf
 
 
 def path_node(trajectory: Trajectory) -> dict[str, Any]:

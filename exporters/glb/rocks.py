@@ -9,14 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import merge_in_parts
-from terrain_forge.rock_surface import surface
-from terrain_forge.world import RockField, World
-from terrain_forge.writers.glb import Gltf
-from terrain_forge.writers.image import encode_png
-from terrain_forge.writers.mesh import vertex_normals
-from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+from terrain_forge.geometry import mean_rock_colour, merge_in_parts, rock_texture, surface
+from terrain_forge.model import Mesh, RockField, World
+from terrain_forge.writers import Gltf, encode_png, vertex_normals
 
 from .ground import tile_corner
 from .material import matt

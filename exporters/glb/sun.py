@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.world import Lighting
+from terrain_forge.model import Lighting
 
 from .options import Options
 

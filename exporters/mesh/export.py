@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
-from terrain_forge.ground_texture import texture_loss
-from terrain_forge.registry import ExportReport
-from terrain_forge.rock_surface import level_of_detail
-from terrain_forge.world import RockPrototype, World
-from terrain_forge.writers.mtl import MattMaterial
+from terrain_forge.base import ExportError
+from terrain_forge.geometry import level_of_detail, texture_loss
+from terrain_forge.model import ExportReport, RockPrototype, World
+from terrain_forge.writers import MattMaterial
 
 from .obj import write_materials, write_obj_part
 from .options import Options

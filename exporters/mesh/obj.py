@@ -9,27 +9,29 @@ from typing import BinaryIO
 
 import numpy as np
 
-from terrain_forge.colour import srgb_from_linear
-from terrain_forge.frames import image_rows
-from terrain_forge.ground_mesh import (
+from terrain_forge.base import image_rows, srgb_from_linear
+from terrain_forge.geometry import (
+    bake_ground,
+    finest_texture,
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
+    mean_rock_colour,
+    rock_texture,
 )
-from terrain_forge.ground_texture import bake_ground, finest_texture
-from terrain_forge.world import World, rotations
-from terrain_forge.writers.image import write_png
-from terrain_forge.writers.mesh import (
+from terrain_forge.model import World, rotations
+from terrain_forge.writers import (
     Floats,
     Indices,
+    MattMaterial,
     index_corners,
     vertex_normals,
+    write_mtl,
     write_obj_faces,
+    write_obj_grid_faces,
     write_obj_rows,
+    write_png,
 )
-from terrain_forge.writers.mtl import MattMaterial, write_mtl
-from terrain_forge.writers.obj_grid import write_obj_grid_faces
-from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
 
 from .options import Options
 from .part import Part, node_bands

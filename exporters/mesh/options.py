@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.specs import NotNegative, Spec
+from terrain_forge.base import NotNegative, RecipeError, Spec
 
 
 @dataclass(frozen=True, kw_only=True)

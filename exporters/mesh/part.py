@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rock_mesh import merge_in_parts
-from terrain_forge.world import Heightfield, World
+from terrain_forge.geometry import merge_in_parts
+from terrain_forge.model import Heightfield, World
 
 _BAND_NODES = 1 << 16
 """Nodes that are turned into vertices at once: they then stay in the processor's cache."""

@@ -10,10 +10,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.colour import srgb_from_linear
-from terrain_forge.ground_mesh import grid_faces, grid_vertices
-from terrain_forge.writers.mesh import Floats, Indices
-from terrain_forge.writers.rock_texture import mean_rock_colour
+from terrain_forge.base import srgb_from_linear
+from terrain_forge.geometry import grid_faces, grid_vertices, mean_rock_colour
+from terrain_forge.writers import Floats, Indices
 
 from .part import Part, cell_bands, node_bands
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.ground_mesh import grid_faces, grid_vertices
-from terrain_forge.writers.mesh import write_stl_faces, write_stl_header
+from terrain_forge.geometry import grid_faces, grid_vertices
+from terrain_forge.writers import write_stl_faces, write_stl_header
 
 from .part import Part, cell_bands
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
-from terrain_forge.world import Heightfield, RockField
+from terrain_forge.base import ExportError
+from terrain_forge.model import Heightfield, RockField
 
 CELLS = 4
 """Cells of the smallest fields each way, and the widest that may lie on one larger field."""

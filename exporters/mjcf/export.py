@@ -5,15 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.friction import Grip, world_grip
-from terrain_forge.ground_texture import finest_texture
-from terrain_forge.registry import ExportReport
-from terrain_forge.world import World
-from terrain_forge.writers.naming import file_name
-from terrain_forge.writers.rover_meshes import write_rover_meshes
+from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.geometry import finest_texture, write_rover_meshes
+from terrain_forge.model import ExportReport, Grip, World, world_grip
+from terrain_forge.writers import file_name
 
 from .blocks import split_ground, wide_rocks
 from .contact import SOLIMP, SOLREF, SURFACE_PRIORITY, sliding
@@ -36,7 +32,6 @@ from .rover import (
 )
 from .xml import element
 
-Array = NDArray[np.float64]
 _LARGEST_FIELD = 4096
 """Cells of a height field each way; larger grounds become several."""
 _SCENE_EXTENT = 8.0

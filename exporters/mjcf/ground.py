@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.frames import image_rows
-from terrain_forge.ground_texture import bake_ground, finest_texture
-from terrain_forge.world import Heightfield, World
-from terrain_forge.writers.image import encode_png
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import bake_ground, finest_texture
+from terrain_forge.model import Heightfield, World
+from terrain_forge.writers import encode_png
 
 from .blocks import Block
 from .xml import element

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.colour import srgb_from_linear
-from terrain_forge.rocks.resting.contact import loose_contact
-from terrain_forge.world import World
-from terrain_forge.writers.image import encode_png
-from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+from terrain_forge.base import srgb_from_linear
+from terrain_forge.geometry import mean_rock_colour, rock_texture
+from terrain_forge.model import World
+from terrain_forge.rocks import loose_contact
+from terrain_forge.writers import encode_png
 
 from .contact import LOOSE_PRIORITY, sliding
 from .xml import element

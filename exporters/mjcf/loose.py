@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from terrain_forge.rock_bodies import inertias
-from terrain_forge.rocks.resting.contact import loose_contact
-from terrain_forge.world import RockField, RockLibrary
+from terrain_forge.geometry import inertias
+from terrain_forge.model import RockField, RockLibrary
+from terrain_forge.rocks import loose_contact
 
 from .options import Options
 from .rocks import geom, hull_mesh, hull_name, hull_sizes, shape_mesh, shape_sizes

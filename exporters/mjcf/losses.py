@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from terrain_forge.ground_texture import texture_loss
-from terrain_forge.rock_mesh import collision_losses, fixed_losses
-from terrain_forge.world import World
+from terrain_forge.geometry import collision_losses, fixed_losses, texture_loss
+from terrain_forge.model import World
 
 from .blocks import CELLS, wide_rocks
 from .meshes import drawn_level

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from terrain_forge.world import RockLibrary, RockPrototype
-from terrain_forge.writers.mesh import index_corners, vertex_normals, write_obj, write_stl
+from terrain_forge.model import RockLibrary, RockPrototype
+from terrain_forge.writers import index_corners, vertex_normals, write_obj, write_stl
 
 from .rocks import hull_file, shape_file
 

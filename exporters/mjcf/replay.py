@@ -5,13 +5,11 @@ from __future__ import annotations
 from io import StringIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.motion import Trajectory
+from terrain_forge.base import Array
+from terrain_forge.model import Trajectory
 
 from .xml import element
-
-Array = NDArray[np.float64]
 
 _SITES = 400
 _RGBA = (1.0, 0.85, 0.1, 0.6)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.world import RockField, RockLibrary
+from terrain_forge.model import RockField, RockLibrary
 
 from .options import Options
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from terrain_forge.errors import ExportError
-from terrain_forge.world import World
+from terrain_forge.base import ExportError
+from terrain_forge.model import World
 
 from .options import Options
 from .rocks import has_own_shape

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.rovers.description import Link, Rover, Sensor, Shape
-from terrain_forge.writers.rover_meshes import rover_mesh
+from terrain_forge.base import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.geometry import rover_mesh
+from terrain_forge.model import Link, Rover, Sensor, Shape
 
 from .xml import element
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from terrain_forge.rovers.description import Rover
+from terrain_forge.model import Rover
 
 from .rig import SKID_GAIN, sides, track, wheel_radius
 

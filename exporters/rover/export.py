@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.errors import ExportError
-from terrain_forge.registry import ExportReport
-from terrain_forge.rovers.description import Rover
-from terrain_forge.world import World
-from terrain_forge.writers.naming import identifier
-from terrain_forge.writers.rover_meshes import write_rover_meshes
+from terrain_forge.exporters.rover import control, mjcf, sdf, urdf
 
-from . import control, mjcf, sdf, urdf
+from terrain_forge.base import ExportError
+from terrain_forge.geometry import write_rover_meshes
+from terrain_forge.model import ExportReport, Rover, World
+from terrain_forge.writers import identifier
+
 from .options import Options
 
 

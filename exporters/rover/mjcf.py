@@ -15,7 +15,7 @@ from terrain_forge.exporters.mjcf.rover import (
 )
 from terrain_forge.exporters.mjcf.xml import element
 
-from terrain_forge.rovers.description import Rover
+from terrain_forge.model import Rover
 
 
 def write_mjcf(path: Path, rover: Rover, *, gravity: float, friction: float) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import MinLen
 
-from terrain_forge.specs import Positive, Spec
+from terrain_forge.base import Positive, Spec
 
 Format = Literal["urdf", "mjcf", "sdf", "usd"]
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.rovers.description import Link, Rover
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import Link, Rover
 
 SKID_GAIN = 2.0
 """Commanded over wanted turn rate: skidding wheels turn a rover at about half the kinematic

@@ -9,11 +9,12 @@ from terrain_forge.exporters.sdf.material import plain
 from terrain_forge.exporters.sdf.model import surface
 from terrain_forge.exporters.sdf.sensors import rig_sensors
 
-from terrain_forge.rovers.description import Link, Rover, Shape
-from terrain_forge.writers.rover_meshes import rover_mesh
+from terrain_forge.base import Array
+from terrain_forge.geometry import rover_mesh
+from terrain_forge.model import Link, Rover, Shape
 
 from .options import Options
-from .rig import SKID_GAIN, Array, joint_name, joint_rate, origins, sides, track, wheel_radius
+from .rig import SKID_GAIN, joint_name, joint_rate, origins, sides, track, wheel_radius
 from .urdf import figures
 
 _VERSIONS = {"fortress": "1.9", "harmonic": "1.11"}

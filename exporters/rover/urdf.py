@@ -7,11 +7,12 @@ from pathlib import Path
 from terrain_forge.exporters.sdf.markup import Lines, element
 from terrain_forge.exporters.sdf.sensors import rig_sensors
 
-from terrain_forge.rovers.description import Coupling, Link, Rover, Sensor, Shape
-from terrain_forge.writers.rover_meshes import rover_mesh
+from terrain_forge.base import Array
+from terrain_forge.geometry import rover_mesh
+from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape
 
 from .options import Options
-from .rig import Array, joint_name, joint_rate
+from .rig import joint_name, joint_rate
 
 _SIGHT = 300.0
 """What Gazebo's cameras see [m]."""

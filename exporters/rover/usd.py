@@ -12,13 +12,12 @@ from terrain_forge.exporters.usd.layer import define_mesh, gf_quaternion, new_st
 from terrain_forge.exporters.usd.material import bind_friction, define_friction
 from terrain_forge.exporters.usd.rig import define_rig
 
-from terrain_forge.colour import linear_from_srgb
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.rock_bodies import principal_axes
-from terrain_forge.rovers.description import Link, Rover, Shape
-from terrain_forge.writers.naming import identifier
+from terrain_forge.base import Array, linear_from_srgb, quaternion_from_rpy
+from terrain_forge.geometry import principal_axes
+from terrain_forge.model import Link, Rover, Shape
+from terrain_forge.writers import identifier
 
-from .rig import Array, origins
+from .rig import origins
 
 _DEGREE = math.pi / 180
 _X = np.array([1.0, 0.0, 0.0])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from terrain_forge.exporters.sdf import material
 
-from terrain_forge.frames import Array
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.interpolation import sample_times, spline_places
-from terrain_forge.rovers.description import Rover, Shape
-from terrain_forge.writers.rover_meshes import rover_mesh
+from terrain_forge.base import Array
+from terrain_forge.geometry import rover_mesh
+from terrain_forge.model import Rover, Shape, Trajectory
+from terrain_forge.paths import sample_times, spline_places
 
-from . import material
 from .markup import Lines, element, numbers
 from .model import Model, mesh
 

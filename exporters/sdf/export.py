@@ -5,16 +5,13 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from terrain_forge.errors import ExportError
-from terrain_forge.friction import world_grip
-from terrain_forge.mesh import Mesh
-from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import coarse_shape
-from terrain_forge.world import World
-from terrain_forge.writers.naming import file_name
-from terrain_forge.writers.rover_meshes import write_rover_meshes
+from terrain_forge.exporters.sdf import ground, rocks
 
-from . import ground, rocks
+from terrain_forge.base import ExportError
+from terrain_forge.geometry import coarse_shape, write_rover_meshes
+from terrain_forge.model import ExportReport, Mesh, World, world_grip
+from terrain_forge.writers import file_name
+
 from .actor import replay_actor
 from .heightmap import Heightmap, make_heightmap, write_heightmap
 from .load import require_loadable

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from io import BytesIO
 
-from terrain_forge.frames import image_rows
-from terrain_forge.friction import world_grip
-from terrain_forge.ground_mesh import (
+from terrain_forge.exporters.sdf import material
+
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import (
+    bake_ground,
+    finest_texture,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.ground_texture import bake_ground, finest_texture
-from terrain_forge.world import World
-from terrain_forge.writers.image import write_png
-from terrain_forge.writers.mesh import write_obj_faces, write_obj_rows
+from terrain_forge.model import World, world_grip
+from terrain_forge.writers import write_obj_faces, write_obj_rows, write_png
 
-from . import material
 from .markup import Lines, element
 from .model import Model, mesh, surface
 from .options import Options

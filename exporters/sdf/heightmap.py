@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import Array, image_rows
-from terrain_forge.world import Heightfield
-from terrain_forge.writers.image import write_png
+from terrain_forge.base import Array, ExportError, image_rows
+from terrain_forge.model import Heightfield
+from terrain_forge.writers import write_png
 
 from .markup import Lines, element, numbers
 from .model import Model, surface

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
-from terrain_forge.world import World
+from terrain_forge.base import ExportError
+from terrain_forge.model import World
 
 from .options import Options
 from .rocks import is_single

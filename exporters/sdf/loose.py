@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from terrain_forge.exporters.sdf import material
 
-from terrain_forge.frames import Array, rpy_from_quaternion
-from terrain_forge.rock_bodies import inertias
-from terrain_forge.rocks.resting.contact import loose_contact
-from terrain_forge.world import World
+from terrain_forge.base import Array, rpy_from_quaternion
+from terrain_forge.geometry import inertias
+from terrain_forge.model import World
+from terrain_forge.rocks import loose_contact
 
-from . import material
 from .markup import Lines, element, numbers
 from .model import Model, surface
 from .rocks import hull_file, scaled_mesh, shape_file, texture_file

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from terrain_forge.ground_texture import texture_loss
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import collision_losses, fixed_losses, largest_outline_error
-from terrain_forge.world import World
+from terrain_forge.exporters.sdf import rocks
 
-from . import rocks
+from terrain_forge.geometry import (
+    collision_losses,
+    fixed_losses,
+    largest_outline_error,
+    texture_loss,
+)
+from terrain_forge.model import Mesh, World
+
 from .heightmap import Heightmap, heightmap_losses
 from .load import loading_losses, stepping_losses
 from .options import Options

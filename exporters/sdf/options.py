@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.specs import NotNegative, Spec
+from terrain_forge.base import NotNegative, RecipeError, Spec
 
 CLASSIC_VERSION = "1.6"
 """The SDF that Gazebo 9 to 11 read."""

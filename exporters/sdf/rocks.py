@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from terrain_forge.exporters.sdf import material
 
-from terrain_forge.colour import srgb_from_linear
-from terrain_forge.frames import rpy_from_quaternion
-from terrain_forge.friction import world_grip
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import merge_rocks
-from terrain_forge.world import RockField, World
-from terrain_forge.writers.image import write_png
-from terrain_forge.writers.mesh import index_corners, vertex_normals, write_obj, write_stl
-from terrain_forge.writers.rock_texture import mean_rock_colour, rock_texture
+from terrain_forge.base import rpy_from_quaternion, srgb_from_linear
+from terrain_forge.geometry import mean_rock_colour, merge_rocks, rock_texture
+from terrain_forge.model import Mesh, RockField, World, world_grip
+from terrain_forge.writers import index_corners, vertex_normals, write_obj, write_png, write_stl
 
-from . import material
 from .markup import Lines, element, numbers
 from .model import Model, mesh, surface
 from .options import Options

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from terrain_forge.world import World
-from terrain_forge.writers.naming import file_name, identifier
+from terrain_forge.model import World
+from terrain_forge.writers import file_name, identifier
 
 from .options import Options
 from .sensors import Topic, rig_topics

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from terrain_forge.dtm.projection import ellipsoid
-from terrain_forge.site import Site
-from terrain_forge.world import Lighting, World
-from terrain_forge.writers.naming import file_name
+from terrain_forge.dtm import ellipsoid
+from terrain_forge.model import Lighting, Site, World
+from terrain_forge.writers import file_name
 
 from .load import STEP
 from .markup import Lines, element, numbers, world_name, write_document

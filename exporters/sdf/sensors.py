@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.frames import Array
-from terrain_forge.rovers.description import Rover, Sensor
-from terrain_forge.writers.naming import identifier
+from terrain_forge.base import Array
+from terrain_forge.model import Rover, Sensor
+from terrain_forge.writers import identifier
 
 from .markup import Lines, element, numbers
 

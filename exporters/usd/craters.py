@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom, Vt
 
-from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.truth.craters import craters_of
-from terrain_forge.world import Heightfield, World
+from terrain_forge.model import Heightfield, World
+from terrain_forge.terrain import Craters
+from terrain_forge.truth import craters_of
 
 from .layer import label
 

@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.ground_texture import detail_loss, texture_loss
-from terrain_forge.mesh import Mesh
-from terrain_forge.registry import ExportReport
-from terrain_forge.rock_mesh import (
+from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
+    detail_loss,
     fixed_losses,
     largest_outline_error,
+    level_of_detail,
+    texture_loss,
 )
-from terrain_forge.rock_surface import level_of_detail
-from terrain_forge.world import World
+from terrain_forge.model import ExportReport, Mesh, World
 
 from .craters import fresh_craters
 from .ground import write_detail, write_ground

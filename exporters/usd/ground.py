@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, UsdGeom, UsdPhysics, Vt
 
-from terrain_forge.frames import image_rows
-from terrain_forge.friction import world_grip
-from terrain_forge.ground_mesh import (
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import (
+    bake_ground,
+    detail_placement,
+    finest_texture,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.ground_texture import bake_ground, detail_placement, finest_texture
-from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.world import GroundDetail, World
-from terrain_forge.writers.image import write_png
+from terrain_forge.model import GroundDetail, World, world_grip
+from terrain_forge.terrain import Craters
+from terrain_forge.writers import write_png
 
 from .craters import label_craters
 from .layer import define_mesh, label, make_collider, new_stage, save

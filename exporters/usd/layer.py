@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, Vt
 
-from terrain_forge.errors import ExportError
-from terrain_forge.frames import Array
+from terrain_forge.base import Array, ExportError
 
 
 def new_stage(path: Path, root: str, *, kind: str = Kind.Tokens.component) -> Usd.Stage:

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from terrain_forge.frames import Array
-from terrain_forge.mesh import Mesh
-from terrain_forge.world import RockLibrary
-from terrain_forge.writers.mesh import vertex_normals
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh, RockLibrary
+from terrain_forge.writers import vertex_normals
 
 from .layer import add_reference, define_mesh, make_collider, new_stage, save
 

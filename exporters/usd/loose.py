@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from terrain_forge.exporters.usd import library as shapes
 
-from terrain_forge.frames import Array
-from terrain_forge.rock_bodies import inertias, principal_axes
-from terrain_forge.rocks.resting.contact import loose_contact
-from terrain_forge.world import RockField, RockLibrary
+from terrain_forge.base import Array
+from terrain_forge.geometry import inertias, principal_axes
+from terrain_forge.model import RockField, RockLibrary
+from terrain_forge.rocks import loose_contact
 
-from . import library as shapes
 from .layer import gf_quaternion, label
 from .library import specify_instance
 from .material import bind, bind_friction, define_friction

@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from terrain_forge.colour import linear_from_srgb
-from terrain_forge.frames import Array, quaternion_from_rpy
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.interpolation import sample_times, straight_places
-from terrain_forge.rovers.description import Link, Rover, Shape
-from terrain_forge.world import World
-from terrain_forge.writers.naming import identifier
+from terrain_forge.base import Array, linear_from_srgb, quaternion_from_rpy
+from terrain_forge.model import Link, Rover, Shape, Trajectory, World
+from terrain_forge.paths import sample_times, straight_places
+from terrain_forge.writers import identifier
 
 from .layer import define_mesh, gf_quaternion, label, new_layer, save, set_conventions
 from .rig import define_rig

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 
-from terrain_forge.frames import Array, quaternion_from_rpy
-from terrain_forge.rovers.description import Rover, Sensor
-from terrain_forge.writers.naming import identifier
+from terrain_forge.base import Array, quaternion_from_rpy
+from terrain_forge.model import Rover, Sensor
+from terrain_forge.writers import identifier
 
 from .layer import gf_quaternion
 

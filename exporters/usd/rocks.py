@@ -11,16 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
+from terrain_forge.exporters.usd import library
 
-from terrain_forge.frames import xyzw
-from terrain_forge.friction import world_grip
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_mesh import merge_in_parts
-from terrain_forge.world import RockField, World
-from terrain_forge.writers.image import write_png
-from terrain_forge.writers.rock_texture import rock_texture
+from terrain_forge.base import xyzw
+from terrain_forge.geometry import merge_in_parts, rock_texture
+from terrain_forge.model import Mesh, RockField, World, world_grip
+from terrain_forge.writers import write_png
 
-from . import library
 from .layer import define_mesh, label, make_collider, new_stage
 from .library import specify_instance
 from .loose import define_loose_groups, specify_loose

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Kind, Usd, UsdGeom, UsdLux, UsdPhysics
 
-from terrain_forge.world import World
+from terrain_forge.model import World
 
 from .layer import asset, new_stage, save
 

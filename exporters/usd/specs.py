@@ -6,7 +6,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Vt
 
-from terrain_forge.frames import Array
+from terrain_forge.base import Array
 
 from .layer import gf_quaternion
 

@@ -1,1 +1,5 @@
-"""The validation drive: a rover follows a path in the exported scene, in MuJoCo."""
+"""Driving a rover over a world in MuJoCo."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.driving.drive import ARRIVAL, DriveResult, drive, load_scene
+from terrain_forge.base import Record, SimulationError
+from terrain_forge.driving.simulation import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.driving.starts import StartsResult, drive_from_many_starts
-from terrain_forge.errors import SimulationError
-from terrain_forge.records import Record
-from terrain_forge.validation.check import Check, at_least, at_most, failed
-from terrain_forge.validation.spec import DriveSpec, StartsSpec
-from terrain_forge.world import World
+from terrain_forge.model import Check, World, at_least, at_most, failed
+from terrain_forge.recipe import DriveSpec, StartsSpec
 
 Progress = Callable[[float], None] | None
 
@@ -46,7 +44,6 @@ def drive_path(world: World, scene: Path, spec: DriveSpec, progress: Progress) -
         progress: told the share of the drive that is done, 0 to 1.
     """
     from terrain_forge.driving.clearance import measure_clearance
-    from terrain_forge.validation.mujoco_agreement import rover_mass_check
 
     title = f"drive {spec.path}"
     trajectory = next((t for t in world.trajectories if t.name == spec.path), None)
@@ -93,6 +90,13 @@ def drive_starts(world: World, scene: Path, spec: StartsSpec, progress: Progress
         starts=result,
         timings=(("drives_wall_time_s", wall), ("drives_real_time_factor", simulated / wall)),
     )
+
+
+def rover_mass_check(world: World, model: Any, name: str) -> Check:
+    """The difference of the masses in a scene [kg] to the rover's."""
+    root = model.body(world.rover.links[0].name).id
+    off = abs(float(model.body_subtreemass[root]) - world.rover.mass)
+    return at_most(f"{name}: rover's mass", off, 1e-6, unit="kg", note="difference to the rover's")
 
 
 def drive_checks(result: DriveResult, spec: DriveSpec) -> list[Check]:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array, matrix_from_quaternion
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.rovers.description import Rover
-from terrain_forge.scene.scene import open_scene
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
+from terrain_forge.model import Rover, World
+from terrain_forge.scene import open_scene
 
 _POINTS = (7, 5)
 _ABOVE = 1.0

@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.driving.planar_path import PlanarPath, wrap
-from terrain_forge.rovers.description import Rover
-
-Array = NDArray[np.float64]
+from terrain_forge.model import Rover
 
 LOOKAHEAD = 1.0
 """Least distance along the path of the point that is steered for [m]."""

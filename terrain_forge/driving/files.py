@@ -8,17 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array, xyzw
 from terrain_forge.driving.map_figure import INK, PATH, TRACK, draw_ground
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.frames import xyzw
-from terrain_forge.world import World
-from terrain_forge.writers.lettering import figure_text
-from terrain_forge.writers.naming import file_name
-from terrain_forge.writers.table import Column, write_table
-
-Array = NDArray[np.float64]
+from terrain_forge.model import World
+from terrain_forge.writers import Column, figure_text, file_name, write_table
 
 
 def stem(result: DriveResult) -> str:

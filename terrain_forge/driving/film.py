@@ -8,15 +8,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from terrain_forge.base import Array
 from terrain_forge.driving.portrait import photograph
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.world import World
-from terrain_forge.writers.image import write_png
-
-Array = NDArray[np.float64]
+from terrain_forge.model import World
+from terrain_forge.writers import write_png
 
 FRAMES = 24
 """Frames of an animated picture, at equal times."""

@@ -7,11 +7,9 @@ from collections.abc import Collection
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
-from numpy.typing import NDArray
 
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import World
 
 PATH, TRACK, INK, HIT = "#f2c230", "#1668a8", "#4a433d", "#c0392b"
 """Colours of the planned path, the driven track, the text, and what was hit."""

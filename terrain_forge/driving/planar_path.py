@@ -6,12 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.motion import Trajectory
-from terrain_forge.records import Record
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record
+from terrain_forge.model import Trajectory
 
 CORNER = math.radians(35.0)
 """A bend of the polyline by more at one point is a corner: it is turned on the spot [rad]."""

@@ -11,16 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.mesh import Mesh
-from terrain_forge.preview import take_picture
-from terrain_forge.rovers.description import Link, Rover, Shape
-from terrain_forge.scene.camera import pinhole_camera
-from terrain_forge.scene.scene import open_scene
-from terrain_forge.world import RockField, RockPrototype, World, merge
-
-Array = NDArray[np.float64]
+from terrain_forge.model import Link, Mesh, RockField, RockPrototype, Rover, Shape, World, merge
+from terrain_forge.scene import open_scene, pinhole_camera, take_picture
 
 _REACH = 14.0
 """Half the side of the piece of the world that a picture shows [m]."""

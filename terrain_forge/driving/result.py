@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import rpy_from_quaternion
-from terrain_forge.records import Record
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record, rpy_from_quaternion
 
 MOVING = 0.02
 """A wheel's slip counts where its rim or its centre moves at least this fast [m/s]."""

@@ -19,19 +19,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.driving.drive import drive, load_scene
+from terrain_forge.base import Array, Record, SimulationError, stage_key, uniforms
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.errors import SimulationError
-from terrain_forge.motion import Trajectory
-from terrain_forge.records import Record
-from terrain_forge.rovers.description import Rover
-from terrain_forge.seeds import stage_key, uniforms
-from terrain_forge.validation.spec import DriveSpec, StartsSpec
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
+from terrain_forge.driving.simulation import drive, load_scene
+from terrain_forge.model import Rover, Trajectory, World
+from terrain_forge.recipe import DriveSpec, StartsSpec
 
 MOST_PROCESSES = 8
 """Drives that run side by side; each process holds the scene."""

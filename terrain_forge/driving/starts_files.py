@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from terrain_forge.driving.map_figure import HIT, INK, TRACK, draw_ground
 from terrain_forge.driving.starts import StartResult, StartsResult
-from terrain_forge.world import World
-from terrain_forge.writers.table import Column, quoted, write_table
+from terrain_forge.model import World
+from terrain_forge.writers import Column, quoted, write_table
 
 
 def write_starts_table(result: StartsResult, path: Path) -> Path:

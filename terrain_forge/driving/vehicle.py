@@ -9,12 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import Array, SimulationError
 from terrain_forge.driving.audit import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
-from terrain_forge.errors import SimulationError
-from terrain_forge.rovers.description import Rover
-
-Array = NDArray[np.float64]
+from terrain_forge.model import Rover
 
 _PAIR_LIMIT = 50
 """Contacts of one pair of geoms that MuJoCo keeps; it drops more without a warning."""

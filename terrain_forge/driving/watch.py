@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import Array, SimulationError
 from terrain_forge.driving.controller import PurePursuit
 from terrain_forge.driving.result import DriveResult, RockContact
-from terrain_forge.errors import SimulationError
-from terrain_forge.motion import Trajectory
-from terrain_forge.validation.spec import DriveSpec
+from terrain_forge.model import Trajectory
+from terrain_forge.recipe import DriveSpec
 
 if TYPE_CHECKING:
     from terrain_forge.driving.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 
 LOG_RATE = 10.0
 """Poses kept per second [Hz]."""

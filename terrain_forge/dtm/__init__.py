@@ -1,1 +1,5 @@
-"""Reading digital terrain models and putting them onto the site's grid."""
+"""Reading digital terrain models: rasters, projections, heights, quality, roughness."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

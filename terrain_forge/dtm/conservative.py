@@ -14,12 +14,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array, inlined, inner, kernel, over_chunks
 from terrain_forge.dtm.lattice import Places
-from terrain_forge.kernels import inlined, inner, kernel, over_chunks
-
-Array = NDArray[np.float64]
 
 FAR = 16
 """Reach of the inverse filter [pixels] for the DTM: means are kept to a ten-millionth of bends."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.dtm.conservative import FAR, add_cell_means
 from terrain_forge.dtm.lattice import Nodes, PixelFrame, node_places
-from terrain_forge.site import Site, Window
-
-Array = NDArray[np.float64]
+from terrain_forge.model import Site, Window
 
 
 def dtm_heights(*, site: Site, window: Window) -> Array:

@@ -13,11 +13,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-Mask = NDArray[np.bool_]
+from terrain_forge.base import Array, Mask
 
 _QUADRATURE = 24
 _PRIOR = 0.02  # weight of the overall mean, beside up to two increments at each post

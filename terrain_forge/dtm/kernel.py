@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel, over_chunks
 
 
 @inner

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.patch import DtmPatch
+from terrain_forge.base import Array, DataError
 from terrain_forge.dtm.projection import pole_distance, transform
-from terrain_forge.errors import DataError
+from terrain_forge.model import DtmPatch
 
 if TYPE_CHECKING:
-    from terrain_forge.site import Site, Window
+    from terrain_forge.model import Site, Window
 
-Array = NDArray[np.float64]
 
 ANCHOR_CELLS = 32
 """Nodes between the anchors at which the projection is computed exactly. Between them it is

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import Array, kernel, over_chunks
 from terrain_forge.dtm.lattice import Nodes, PixelFrame, node_places, patch_points
-from terrain_forge.kernels import kernel, over_chunks
-from terrain_forge.site import Site
-
-Array = NDArray[np.float64]
+from terrain_forge.model import Site
 
 _ANCHOR_PIXELS = 8
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, DataError
 
 
 def transform(source: str, target: str, x: Array, y: Array) -> tuple[Array, Array]:

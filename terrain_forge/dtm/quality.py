@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from terrain_forge.base import Array, Mask
 
 _SEAM_CONTRAST = 8.0  # times the usual mean step
 _SEAM_COHERENCE = 0.75  # of the steps along a seam go the same way

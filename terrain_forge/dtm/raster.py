@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.bodies import Body
+from terrain_forge.base import Array, DataError
 from terrain_forge.dtm.projection import (
     datum_radius,
     ellipsoid,
@@ -20,15 +20,8 @@ from terrain_forge.dtm.projection import (
     transform,
 )
 from terrain_forge.dtm.spec import RasterDtm
-from terrain_forge.dtm.vertical import (
-    Vertical,
-    read_vertical,
-    require_heights,
-    require_no_sentinel,
-)
-from terrain_forge.errors import DataError
-
-Array = NDArray[np.float64]
+from terrain_forge.dtm.vertical import Vertical, read_vertical, require_heights, require_no_sentinel
+from terrain_forge.model import Body
 
 _CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
@@ -285,7 +278,7 @@ def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
     """
     import rasterio
 
-    from terrain_forge.frames import image_rows
+    from terrain_forge.base import image_rows
 
     require_file(folder / path, path, key)
     try:

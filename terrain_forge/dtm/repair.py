@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from terrain_forge.base import Array, Mask
 
 FILL_METHOD = "inverse-distance interpolation from the rim (GDAL FillNodata)"
 

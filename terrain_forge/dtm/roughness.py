@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.bodies import Body
+from terrain_forge.base import Array, Mask
 from terrain_forge.dtm.increments import (
     expected_increment,
     local_square_increments,
     mean_square_increment,
 )
-from terrain_forge.site import Roughness
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from terrain_forge.model import Body, Roughness
 
 COARSE_POSTING = 50.0
 """Posting [m] beyond which a DTM says nothing about a rover's site."""

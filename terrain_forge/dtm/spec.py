@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Interval, MinLen
 
-from terrain_forge.specs import Pair, Positive, PositivePair, Spec
+from terrain_forge.base import Pair, Positive, PositivePair, Spec
 
 Longitude = Annotated[float, Interval(ge=-180, le=360)]
 Latitude = Annotated[float, Interval(ge=-90, le=90)]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.bodies import Body
+from terrain_forge.base import DataError
 from terrain_forge.dtm.spec import RasterDtm
-from terrain_forge.errors import DataError
+from terrain_forge.model import Body
 
 _METRES = {
     **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0),

@@ -1,1 +1,5 @@
-"""Routes in the plane, known before the ground, and trajectories on it."""
+"""Paths: routes, trajectories, traversability, planning."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

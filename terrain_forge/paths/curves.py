@@ -6,12 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-
-Array = NDArray[np.float64]
-Key = tuple[str | int, ...]
+from terrain_forge.base import Array, Key, RecipeError
 
 STEP = 0.02
 """Distance of a curve's points [m]."""

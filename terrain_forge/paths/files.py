@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import xyzw
-from terrain_forge.motion import Trajectory
-from terrain_forge.writers.table import Column, write_table
+from terrain_forge.base import xyzw
+from terrain_forge.model import Trajectory
+from terrain_forge.writers import Column, write_table
 
 
 def write_trajectories(trajectories: tuple[Trajectory, ...], directory: Path) -> list[Path]:

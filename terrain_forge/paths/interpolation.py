@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.motion import Trajectory
+from terrain_forge.base import Array
+from terrain_forge.model import Trajectory
 
-Array = NDArray[np.float64]
 Interpolation = Callable[[Array, Array, Array], Array]
 """Places between samples: of times, places and the asked times, as `spline_places`."""
 

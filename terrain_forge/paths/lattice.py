@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import inner, kernel
 
 MOVES = np.array(
     [

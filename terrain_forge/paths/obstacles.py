@@ -9,13 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import kernel
-from terrain_forge.records import Record
-from terrain_forge.rocks.resting.outline import edges, exposed_points, extent
-from terrain_forge.rovers.description import Rover
-from terrain_forge.world import RockField, RockLibrary, rotations
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record, kernel
+from terrain_forge.model import RockField, RockLibrary, Rover, rotations
+from terrain_forge.rocks import edges, exposed_points, extent
 
 STEP_PER_WHEEL = 0.8
 """Height of a step that a rover on rockers climbs, over the diameter of its smallest wheel. In the

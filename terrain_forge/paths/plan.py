@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.paths.curves import Curve, Key, trace_polyline, trace_spline
+from terrain_forge.base import Array, DataError, Key, RecipeError
+from terrain_forge.model import Route, Rover
+from terrain_forge.paths.curves import Curve, trace_polyline, trace_spline
 from terrain_forge.paths.obstacles import highest_step
 from terrain_forge.paths.recorded import RecordedPoses, follow
-from terrain_forge.paths.route import Route
 from terrain_forge.paths.shape_spec import NamedShape
 from terrain_forge.paths.shapes import is_closed, trace_shape
 from terrain_forge.paths.spec import Corridor, PathSpec, Planned, Polyline, Recorded, Spline
-from terrain_forge.rovers.description import Rover
-
-Array = NDArray[np.float64]
 
 CORRIDOR_MARGIN = 0.4
 """What a default corridor is wider than the rover [m]."""

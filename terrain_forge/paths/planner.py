@@ -9,18 +9,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.paths.curves import Curve, Key, trace_spline
+from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.model import Route, Rover
+from terrain_forge.paths.curves import Curve, trace_spline
 from terrain_forge.paths.lattice import Way, cheapest_way
 from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.plan import as_route
-from terrain_forge.paths.route import Route
 from terrain_forge.paths.smoothing import bend, straighten
 from terrain_forge.paths.spec import PathSpec, Planned
-from terrain_forge.paths.traversability import IMPASSABLE, UNKNOWN, Traversability
-from terrain_forge.rovers.description import Rover
+from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traversability
 
-Array = NDArray[np.float64]
 Weight = NDArray[np.float32]
 Place = tuple[float, float]
 Stop = tuple[str, Place]

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.paths.route import Route
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import Route
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,15 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.dtm.raster import require_file
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.frames import rpy_from_quaternion
-from terrain_forge.paths.curves import STEP, Curve, Key, trace_spline
+from terrain_forge.base import Array, DataError, Key, RecipeError, rpy_from_quaternion
+from terrain_forge.dtm import require_file
+from terrain_forge.paths.curves import STEP, Curve, trace_spline
 from terrain_forge.paths.spec import Recorded
-
-Array = NDArray[np.float64]
 
 MAX_POSES = 2_000_000
 """Rows of one file."""

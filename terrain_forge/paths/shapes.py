@@ -6,10 +6,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.paths.curves import Curve, Key, trace, trace_polyline
+from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.paths.curves import Curve, trace, trace_polyline
 from terrain_forge.paths.shape_spec import (
     FigureEight,
     Lawnmower,
@@ -19,7 +18,6 @@ from terrain_forge.paths.shape_spec import (
     Triangle,
 )
 
-Array = NDArray[np.float64]
 Planar = Callable[[Array], Array]
 
 _SAMPLES = 20_000

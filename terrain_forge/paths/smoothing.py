@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import Array, inner, kernel
 
-Array = NDArray[np.float64]
 Weight = NDArray[np.float32]
 
 _ROUNDS = 400

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval, Le, MinLen
 
+from terrain_forge.base import ByKind, FileName, NotNegative, Pair, Positive, Spec
 from terrain_forge.paths.shape_spec import FigureEight, Lawnmower, Loop, Spiral, Triangle
-from terrain_forge.specs import ByKind, FileName, NotNegative, Pair, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,18 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.curves import Key
+from terrain_forge.base import Array, Key, RecipeError, Record
+from terrain_forge.model import Heightfield, RockField, RockLibrary, Rover, Trajectory, World, merge
 from terrain_forge.paths.obstacles import Obstacles, find_obstacles
 from terrain_forge.paths.trajectory import stand
-from terrain_forge.paths.traversability import wheel_reach
+from terrain_forge.paths.traversability_field import wheel_reach
 from terrain_forge.paths.traversability_kernels import steps_at
-from terrain_forge.records import Record
-from terrain_forge.rovers.description import Rover
-from terrain_forge.world import Heightfield, RockField, RockLibrary, World, merge
-
-Array = NDArray[np.float64]
 
 FARTHEST = 2.0
 """Largest gap that is told [m]."""

@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.frames import rpy_from_matrix
-from terrain_forge.motion import Trajectory
+from terrain_forge.base import Array, rpy_from_matrix, stage_key, uniforms
+from terrain_forge.model import Heightfield, Route, Rover, Trajectory
 from terrain_forge.paths.profile import Stretch, duration, pose_at, stance_at, stretches
-from terrain_forge.paths.route import Route
 from terrain_forge.paths.spec import PathSpec
-from terrain_forge.rovers.description import Rover
-from terrain_forge.seeds import stage_key, uniforms
-from terrain_forge.world import Heightfield
-
-Array = NDArray[np.float64]
 
 _FOOTPRINT = 5
 """Ground heights taken along each side of the rover's footprint."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import inner, kernel
 
 
 @kernel

@@ -10,7 +10,7 @@ from typing import Any
 from terrain_forge.report.facts import describe, measured
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.style import Cell, Html, chip, facts, html, paragraph, plot, table
-from terrain_forge.validation.conformance.table import table_rows
+from terrain_forge.validation import table_rows
 
 _SHOWN_ELSEWHERE = ("checks", "conformance", "paths", "terrain")
 _OF_THE_FILE = ("format", "world", "verdict", "passed")

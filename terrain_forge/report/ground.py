@@ -8,19 +8,9 @@ import numpy as np
 
 from terrain_forge.report.lines import Line, ground_lines
 from terrain_forge.report.section import Built, Section
-from terrain_forge.report.style import (
-    Cell,
-    Html,
-    bars,
-    facts,
-    join,
-    jpeg,
-    paragraph,
-    plot,
-    source,
-)
+from terrain_forge.report.style import Cell, Html, bars, facts, join, jpeg, paragraph, plot, source
 from terrain_forge.report.terrain import dtm_part
-from terrain_forge.terrain.statistics import slope_statistics
+from terrain_forge.terrain import slope_statistics
 
 
 def ground_section(built: Built) -> Section:

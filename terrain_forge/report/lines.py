@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.report.section import Built
 from terrain_forge.report.style import html
-
-Array = NDArray[np.float64]
 
 _PATHS = ("#f2c230", "#ff82dc", "#82f078", "#ff9a4d")
 _TRACK = "#4db8ff"

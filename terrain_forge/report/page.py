@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
+from terrain_forge.model import World
 from terrain_forge.report.checks import checks_section, conformance_section, further_section
 from terrain_forge.report.craters import craters_section
 from terrain_forge.report.ground import ground_section
@@ -19,7 +20,6 @@ from terrain_forge.report.style import Html, join, page, section
 from terrain_forge.report.summary import built_section, header, preview
 from terrain_forge.report.usage import files_section, usage_section
 from terrain_forge.report.view import scripts, view_section
-from terrain_forge.world import World
 
 
 def write_report_page(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.motion import Trajectory
+from terrain_forge.model import Trajectory
 from terrain_forge.report.checks import is_drive, measure_facts
 from terrain_forge.report.facts import describe
 from terrain_forge.report.section import Built, Section

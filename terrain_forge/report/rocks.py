@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from terrain_forge.model import RockPrototype, World
 from terrain_forge.report.style import (
     Cell,
     Html,
@@ -18,7 +19,6 @@ from terrain_forge.report.style import (
     table,
     thousands,
 )
-from terrain_forge.world import RockPrototype, World
 
 _LIMIT_Z = 3.29
 _LIMIT_P = 0.001
@@ -165,7 +165,7 @@ def _note(proof: dict[str, Any]) -> str:
 
 def _sheet(world: World) -> Html:
     """Some of the library's shapes, each family once before any comes twice."""
-    from terrain_forge.rocks.shapes.contact_sheet import SIZES, render_contact_sheet
+    from terrain_forge.rocks import SIZES, render_contact_sheet
 
     shapes = _chosen(world.library.prototypes)
     width, height = _SHEET

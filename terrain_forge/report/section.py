@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.model import World
 from terrain_forge.report.style import ANIMATED, Html
-from terrain_forge.world import World
 
 MAP_PIXELS = 1024
 """Pixels along the longer side of the picture from above."""
@@ -94,6 +94,6 @@ class Built:
 
 def take_map(world: World) -> NDArray[np.uint8]:
     """The picture from above that the page shows; see `Built.map`."""
-    from terrain_forge.preview import render_from_above
+    from terrain_forge.scene import render_from_above
 
     return render_from_above(world, MAP_PIXELS)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge import __version__
+from terrain_forge.model import World
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.style import (
     Cell,
@@ -20,7 +21,6 @@ from terrain_forge.report.style import (
     photograph,
     thousands,
 )
-from terrain_forge.world import World
 
 
 def header(built: Built, sections: Sequence[Section]) -> Html:

@@ -32,7 +32,7 @@ def usage_section(built: Built) -> Section:
         scenes, explain = next((pair for pair in found if pair[0]), ([], _gazebo))
         if scenes and folder.name not in _FOLDERS:
             opened.append(explain(folder.name, scenes[0].name, options.get(folder.name, {})))
-    python = 'from terrain_forge.world import World\nworld = World.load(".")'
+    python = 'from terrain_forge import World\nworld = World.load(".")'
     opened.append(join([Html("<h3>Python</h3>"), command(python)]))
     commands = paragraph("Commands are run in the folder that holds this page.", "note")
     columns = "".join(f"<div>{way.text}</div>" for way in opened)

@@ -1,1 +1,5 @@
-"""Rocks: size laws, shapes, collision parts, where they lie and how they rest."""
+"""The rocks: size-frequency laws, shapes, scattering, embedding, settling."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.specs import BY_KIND, FileName, Pair, Positive, Spec
+from terrain_forge.base import BY_KIND, FileName, Pair, Positive, Spec
 
 RIM_FALL = 0.7
 """Distance [crater radii] over which the density of a crater's rocks falls to 1/e outside its rim.

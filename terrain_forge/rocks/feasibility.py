@@ -6,9 +6,9 @@ from collections import Counter
 from math import exp, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.model import Table
 from terrain_forge.rocks.arrangement import (
     FARTHEST,
     INTERIOR,
@@ -17,7 +17,6 @@ from terrain_forge.rocks.arrangement import (
     Crater,
     crowding,
 )
-from terrain_forge.rocks.laws.law import Key
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
@@ -28,11 +27,9 @@ from terrain_forge.rocks.populations import (
     RocksSpec,
 )
 from terrain_forge.rocks.scattering.packing import MAX_COVER, packable
-from terrain_forge.site import Table
 
 _SAMPLES = 100
 
-Array = NDArray[np.float64]
 Size = tuple[float, float]
 """East and north extent of a site [m]."""
 

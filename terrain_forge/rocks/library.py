@@ -11,9 +11,9 @@ import numpy as np
 from annotated_types import Interval, MinLen
 from numba import get_num_threads
 from numpy.random import Generator, Philox
-from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array, Spec, mix, stage_key
+from terrain_forge.model import BroughtMesh, Mesh, RockLibrary, RockPrototype
 from terrain_forge.rocks.resting import outline
 from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
@@ -22,12 +22,6 @@ from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
 from terrain_forge.rocks.shapes.texture import box_projection, rock_texture
-from terrain_forge.seeds import mix, stage_key
-from terrain_forge.site import BroughtMesh
-from terrain_forge.specs import Spec
-from terrain_forge.world import RockLibrary, RockPrototype
-
-Array = NDArray[np.float64]
 
 _OUTLINE_TOLERANCE = 2e-3  # of a mean axis
 

@@ -7,11 +7,20 @@ from typing import Annotated
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import (
+    Array,
+    FileName,
+    Fraction,
+    NotNegative,
+    Pair,
+    Positive,
+    RecipeError,
+    Spec,
+)
+from terrain_forge.model import Site, Window
 from terrain_forge.rocks.arrangement import Arrangement, Poisson
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.size_frequency import SizeFrequency, largest_diameter
-from terrain_forge.specs import FileName, Fraction, NotNegative, Pair, Positive, Spec
 
 MAX_POPULATIONS = 64
 """Populations and lists of a site; a rock's id holds the population's index and its number."""
@@ -131,3 +140,13 @@ class RocksSpec(Spec):
     def groups(self) -> tuple[PopulationSpec | RockListSpec, ...]:
         """The populations, then the lists: a rock's `population` is an index into these."""
         return (*self.populations, *self.lists)
+
+    def expected_cover(self, site: Site, window: Window) -> Array:
+        """Part of the ground that scattered rocks cover on average, shape [rows, columns].
+
+        Density images and craters count; limits by slope do not, since the ground is not known yet,
+        and rocks that are listed one by one do not.
+        """
+        from terrain_forge.rocks.scattering.cover import expected_cover
+
+        return expected_cover(self.populations, site, window)

@@ -10,13 +10,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from terrain_forge.base import BY_KIND
 from terrain_forge.rocks.laws.counts import Counts
 from terrain_forge.rocks.laws.exponential import Exponential
 from terrain_forge.rocks.laws.golombek import CoverAbove, Golombek
 from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.power_law import PowerLaw
 from terrain_forge.rocks.laws.tabulated import Tabulated
-from terrain_forge.specs import BY_KIND
 
 __all__ = [
     "Counts",

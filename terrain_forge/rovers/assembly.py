@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh
 
 TURNING = ("revolute", "continuous")
 """Kinds of joints that turn about an axis."""

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval, MinLen
 
+from terrain_forge.base import Positive, Spec
 from terrain_forge.rovers.parts import RoverSpec
-from terrain_forge.specs import Positive, Spec
 
 JointName = Annotated[str, MinLen(1)]
 

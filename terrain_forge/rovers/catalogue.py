@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Discriminator, Tag
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import RecipeError
+from terrain_forge.model import Rover
 from terrain_forge.rovers.brought import FileRover
-from terrain_forge.rovers.description import Rover
 from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
 from terrain_forge.rovers.skid4 import Skid4Spec, skid4
 
 if TYPE_CHECKING:
-    from terrain_forge.site import Site
+    from terrain_forge.model import Site
 
 ROVERS: dict[str, Callable[[], Rover]] = {"morpheus": morpheus, "skid4": skid4}
 

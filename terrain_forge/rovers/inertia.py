@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.rovers.description import Shape
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.model import Shape
 
 
 def solid_inertia(shape: Shape, mass: float) -> Array:

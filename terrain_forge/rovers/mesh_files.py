@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array, DataError
+from terrain_forge.model import Mesh
 from terrain_forge.rovers.assembly import Solid, placed
 
-Array = NDArray[np.float64]
 KEY = ("rover", "file")
 _GREY = (0.6, 0.6, 0.6)
 

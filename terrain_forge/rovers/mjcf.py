@@ -9,13 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mujoco_files import load_model
+from terrain_forge.base import Array, DataError, load_model, matrix_from_quaternion
 from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
 from terrain_forge.rovers.mesh_files import KEY, hull_of, mesh_solid
 
-Array = NDArray[np.float64]
 _SEEN_GROUPS = 3
 """Geoms of groups below are drawn by default."""
 

@@ -15,8 +15,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.rovers.description import Link, Rover, Shape, Wheel
+from terrain_forge.base import Positive, RecipeError, Spec
+from terrain_forge.model import Link, Rover, Shape, Wheel
 from terrain_forge.rovers.parts import (
     ALONG_Y,
     FRAME,
@@ -31,7 +31,6 @@ from terrain_forge.rovers.parts import (
     sensor_rig,
     wheel_link,
 )
-from terrain_forge.specs import Positive, Spec
 
 _X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _ROCKER_LIMIT = math.radians(35.0)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from terrain_forge.errors import DataError
+from terrain_forge.base import DataError
 
 KEY = ("rover", "file")
 

@@ -11,9 +11,9 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike
 
-from terrain_forge.rovers.description import Grousers, Link, Sensor, Shape, Wheel
+from terrain_forge.base import Positive, Spec
+from terrain_forge.model import Grousers, Link, Sensor, Shape, Wheel
 from terrain_forge.rovers.inertia import combine
-from terrain_forge.specs import Positive, Spec
 
 Colour = tuple[float, float, float]
 

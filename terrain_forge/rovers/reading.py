@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from terrain_forge.errors import DataError
+from terrain_forge.base import DataError
 from terrain_forge.rovers.assembly import Assembly
 from terrain_forge.rovers.brought import FileRover
 from terrain_forge.rovers.catalogue import FoundRover

@@ -9,8 +9,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.rovers.description import Link, Rover, Wheel
+from terrain_forge.base import Positive, RecipeError, Spec
+from terrain_forge.model import Link, Rover, Wheel
 from terrain_forge.rovers.parts import (
     FRAME,
     LENS,
@@ -23,7 +23,6 @@ from terrain_forge.rovers.parts import (
     sensor_rig,
     wheel_link,
 )
-from terrain_forge.specs import Positive, Spec
 
 _ZED = {"source": "ZED camera, as that of MORPHEUS"}
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.errors import DataError
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.rovers.assembly import Array, Solid
-from terrain_forge.rovers.description import Shape
+from terrain_forge.base import Array, DataError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.model import Shape
+from terrain_forge.rovers.assembly import Solid
 
 _ALIGNED = math.cos(math.radians(2.0))
 _TYRE = (0.16, 0.16, 0.17)

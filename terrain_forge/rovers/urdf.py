@@ -11,15 +11,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
-from terrain_forge.frames import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import Array, DataError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
 from terrain_forge.rovers.mesh_files import KEY, MeshFiles
 from terrain_forge.rovers.packages import Packages
 
-Array = NDArray[np.float64]
 _GREY = (0.6, 0.6, 0.6)
 
 

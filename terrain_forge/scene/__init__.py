@@ -1,1 +1,5 @@
-"""One ray scene of ground and instanced rocks, for pictures, checks and later sensors."""
+"""Ray-traced pictures of a world: rays, surfaces, light, cameras."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.records import Record
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import TerrainForgeError
+from terrain_forge.base import TerrainForgeError
 
 _OLDEST, _TOO_NEW = 40400, 50000
 _PINNED = b"isa=avx2"

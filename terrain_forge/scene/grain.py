@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.kernels import inner
-from terrain_forge.seeds import mix
+from terrain_forge.base import inner, mix
 
 _TURN_COS, _TURN_SIN = 0.4472135954999579, 0.8944271909999159
 _COMPONENT = 1.0 / 32768.0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from terrain_forge.kernels import inner
+from terrain_forge.base import inner
 from terrain_forge.scene.grain import soil
 from terrain_forge.scene.surface import BENT_X, BENT_Y, BENT_Z, RANGE, RED, SHADE, disc_place
 

@@ -6,7 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import inner, kernel
 
 LANES = 8
 """Rays of a packet; eight is the native width of AVX2."""

@@ -9,7 +9,7 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inlined, inner, kernel
+from terrain_forge.base import Array, inlined, inner, kernel
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.lend import lend
@@ -48,8 +48,6 @@ from terrain_forge.scene.surface import (
     see_ground,
     see_rock,
 )
-
-Array = NDArray[np.float64]
 
 _SAMPLES, _MAP_SAMPLES = 4, 2
 _TILE = 4

@@ -11,13 +11,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.errors import TerrainForgeError
-from terrain_forge.kernels import over_chunks
+from terrain_forge.base import Array, TerrainForgeError, over_chunks
+from terrain_forge.model import Heightfield, RockField, RockLibrary, World, merge, rotations
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
-from terrain_forge.world import Heightfield, RockField, RockLibrary, World, merge, rotations
-
-Array = NDArray[np.float64]
 
 GROUND = -1
 """What `Hits.rock` holds where a ray met the ground."""

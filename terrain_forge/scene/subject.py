@@ -5,17 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import kernel
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array, kernel, stage_key
+from terrain_forge.model import Lighting, Mesh, World
 from terrain_forge.scene.grain import CLAST_SHARE
 from terrain_forge.scene.light import Light
 from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.surface import Land, Stones, Tracks
-from terrain_forge.seeds import stage_key
-from terrain_forge.world import Lighting, World
-
-Array = NDArray[np.float64]
 
 _PATH_STEP = 0.1
 _ZENITH = np.array([0.50, 0.45, 0.42])

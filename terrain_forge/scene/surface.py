@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner
+from terrain_forge.base import inner, mix
 from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
-from terrain_forge.seeds import mix
 
 (
     X,

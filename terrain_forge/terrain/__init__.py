@@ -1,1 +1,5 @@
-"""The ground: the DTM on the site's lattice, the layers that are added to it, its colours."""
+"""The ground: displacement layers, craters, masks, colours, statistics."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -11,13 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
-from terrain_forge.seeds import mix, uniform
+from terrain_forge.base import Array, inner, kernel, mix, over_chunks, uniform
 from terrain_forge.terrain.noise import gradient_noise
-
-Array = NDArray[np.float64]
 
 _ALONG_WIND, _ALONG_CREST = 3.5, 6.0  # lattice of the noise, in wavelengths
 _UNIT = 3.2  # makes the standard deviation of each part of the complex noise 1 / √2

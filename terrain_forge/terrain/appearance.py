@@ -8,21 +8,24 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.colour import linear_from_srgb, srgb_from_linear
-from terrain_forge.errors import RecipeError
-from terrain_forge.kernels import kernel, over_chunks
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import Fraction, Spec
-from terrain_forge.terrain.detail import DetailSpec
+from terrain_forge.base import (
+    Array,
+    Fraction,
+    RecipeError,
+    Spec,
+    kernel,
+    linear_from_srgb,
+    over_chunks,
+    srgb_from_linear,
+    stage_key,
+)
+from terrain_forge.model import Appearance, Heightfield, Site, Window
+from terrain_forge.terrain.detail import DetailSpec, ground_detail
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.masks import mask_weight
 from terrain_forge.terrain.noise import fbm
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
 from terrain_forge.terrain.regolith import REGOLITHS
-from terrain_forge.world import Heightfield
-
-Array = NDArray[np.float64]
 
 _STENCIL_M = 0.5
 _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN = 23.0, 7, 0.68
@@ -105,6 +108,26 @@ def colour_ground(
         )
         _colour_strip(site, strip, ground, spec, layers, rgb[first : first + rows + 1])
     return rgb
+
+
+def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
+    """What the window's ground and the site's rocks look like, as the recipe wants it.
+
+    Args:
+        site: the place.
+        window: what is coloured.
+        ground: heights of at least the window, and `stencil_reach` around it within the site.
+    """
+    terrain = site.recipe.terrain
+    spec = terrain.appearance
+    colours = [group.rgb or site.body.rock_rgb for group in site.recipe.rocks.groups]
+    return Appearance(
+        ground_rgb=colour_ground(
+            site=site, window=window, ground=ground, spec=spec, layers=terrain.layers
+        ),
+        rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
+        detail=ground_detail(spec.detail, site),
+    )
 
 
 def _colour_strip(

@@ -13,14 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.conservative import NEAR, STENCIL, add_cell_means
-from terrain_forge.dtm.lattice import Nodes, PixelFrame, node_places
-from terrain_forge.dtm.pixels import Pixels
-from terrain_forge.kernels import kernel, over_chunks
-from terrain_forge.site import Site, Window
+from terrain_forge.base import Array, kernel, over_chunks
+from terrain_forge.dtm import NEAR, STENCIL, Nodes, PixelFrame, Pixels, add_cell_means, node_places
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.noise import octaves
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 16  # at least so many nodes across a pixel take part in its mean
 

@@ -12,15 +12,9 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval, MinLen
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
-from terrain_forge.seeds import mix, stage_key
-from terrain_forge.site import Site
-from terrain_forge.specs import Spec
-from terrain_forge.world import GroundDetail
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Spec, inner, kernel, mix, over_chunks, stage_key
+from terrain_forge.model import GroundDetail, Site
 
 _SIDE, _SIZE = 512, 1.536
 """Pixels and metres [m] of the tile each way: 3 mm a pixel."""

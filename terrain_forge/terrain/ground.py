@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.gridify import dtm_heights
-from terrain_forge.site import Site, Window
+from terrain_forge.dtm import dtm_heights
+from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.terrain.layer import Layer
-from terrain_forge.world import Heightfield
 
 _STRIP = 1024
 """Most rows that are worked on at once in double precision."""

@@ -13,9 +13,8 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import Spec
+from terrain_forge.base import RecipeError, Spec
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.masks import Mask, mask_weight
 
 LAYERS = "terrain_forge.layers"

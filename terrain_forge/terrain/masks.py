@@ -14,14 +14,11 @@ import numpy as np
 from annotated_types import Interval, MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import NotNegative, Positive, Spec
+from terrain_forge.base import Array, DataError, Key, NotNegative, Positive, RecipeError, Spec
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.route_distance import route_distance
 from terrain_forge.terrain.steepness import steepness, stencil_cells
 
-Array = NDArray[np.float64]
-Key = tuple[str | int, ...]
 Angle = Annotated[float, Interval(ge=0, lt=90)]
 
 

@@ -8,12 +8,8 @@ no two lattices share their zeros.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
-from terrain_forge.seeds import mix, uniform, zigzag
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel, mix, over_chunks, uniform, zigzag
 
 _TURN = 1.1071487177940904  # atan 2: no small multiple of it is close to a quarter turn
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)

@@ -10,16 +10,18 @@ import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.colour import linear_from_srgb
-from terrain_forge.dtm.kernel import cubic
-from terrain_forge.dtm.lattice import Nodes, Places, node_places, patch_pixels
-from terrain_forge.dtm.projection import ellipsoid, wrap_around
-from terrain_forge.dtm.raster import open_dataset
-from terrain_forge.errors import DataError
-from terrain_forge.site import Orthoimage, Site, Window
-from terrain_forge.specs import Fraction, Spec
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, DataError, Fraction, Spec, linear_from_srgb
+from terrain_forge.dtm import (
+    Nodes,
+    Places,
+    cubic,
+    ellipsoid,
+    node_places,
+    open_dataset,
+    patch_pixels,
+    wrap_around,
+)
+from terrain_forge.model import Orthoimage, Site, Window
 
 _STENCIL = 3
 _SAMPLES = 257

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel, over_chunks
 
 _BLOCK, _TILE = 128, 16
 """Nodes of a block and of a tile of it each way."""

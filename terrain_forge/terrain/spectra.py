@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
 
 
 def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Array, Array]:

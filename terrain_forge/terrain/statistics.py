@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.lattice import Nodes, PixelFrame
-from terrain_forge.dtm.pixels import Pixels
-from terrain_forge.dtm.projection import scale_error
-from terrain_forge.site import Site
+from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
+from terrain_forge.model import Heightfield, Site
 from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
-from terrain_forge.world import Heightfield
 
 _PER_DEGREE = 100
 _MOST = 2048

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
 
 
 def stencil_cells(baseline: float, spacing: float) -> int:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from terrain_forge.model import World
 from terrain_forge.truth.craters import write_craters
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.truth.tables import write_rocks
 from terrain_forge.truth.traversability import write_traversability
-from terrain_forge.world import World
-from terrain_forge.writers.geotiff import write_geotiff
+from terrain_forge.writers import write_geotiff
 
 
 def write_truth(world: World, directory: Path) -> list[Path]:

@@ -10,17 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.terrain.cratering.making import make_craters, population_of
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.terrain.layers.craters import CraterLayer
-from terrain_forge.terrain.masks import mask_weight
+from terrain_forge.base import Array
+from terrain_forge.model import World
+from terrain_forge.terrain import (
+    CraterLayer,
+    Craters,
+    make_craters,
+    mask_weight,
+    population_of,
+    shape_ground,
+)
 from terrain_forge.truth.statistics import clark_evans, count_band, deviation, kolmogorov_smirnov
 from terrain_forge.truth.tables import geographic
-from terrain_forge.world import World
-from terrain_forge.writers.table import Column, quoted, write_table
-
-Array = NDArray[np.float64]
+from terrain_forge.writers import Column, quoted, write_table
 
 
 def write_craters(world: World, truth: Path) -> list[Path]:

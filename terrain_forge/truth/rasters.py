@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
-from terrain_forge.world import World, merge, rotations
+from terrain_forge.base import inner, kernel, over_chunks
+from terrain_forge.model import World, merge, rotations
 
 _STRIP = 32
 """Rows of the grid that one task fills; tasks share no node, so threads change no result."""

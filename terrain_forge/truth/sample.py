@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
-from terrain_forge.world import RockField, World, merge
+from terrain_forge.model import RockField, World, merge
+from terrain_forge.rocks import corridor_area, in_corridor
 
 
 class Sample:

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.world import RockLibrary, RockPrototype
+from terrain_forge.model import Mesh, RockLibrary, RockPrototype
 
 
 def shape_figures(library: RockLibrary) -> dict[str, Any]:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.rocks.scattering.overlap import find_overlaps
+from terrain_forge.base import Array
+from terrain_forge.model import RockField, World
+from terrain_forge.rocks import find_overlaps
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.sample import Sample
 from terrain_forge.truth.shapes import shape_figures
@@ -23,12 +25,10 @@ from terrain_forge.truth.statistics import (
     kolmogorov_smirnov,
 )
 from terrain_forge.truth.wanted import Wanted
-from terrain_forge.world import RockField, World
 
 if TYPE_CHECKING:
-    from terrain_forge.rocks.populations import PopulationSpec, RockListSpec, RocksSpec
+    from terrain_forge.rocks import PopulationSpec, RockListSpec, RocksSpec
 
-Array = NDArray[np.float64]
 
 _POINTS = 65
 

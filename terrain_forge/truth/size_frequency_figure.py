@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from terrain_forge.writers.lettering import figure_text
+from terrain_forge.writers import figure_text
 
 _COLOURS = (
     *("#b4552d", "#2f6f8f", "#5f8a3a", "#7a4f9a", "#b58a1e"),

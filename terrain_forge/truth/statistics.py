@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import kolmogi, kolmogorov, nbdtrik, pdtrik
 
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
 
 CONFIDENCE = 0.95
 """Probability that a right sampler's curve lies within the band at any one diameter."""

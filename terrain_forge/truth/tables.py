@@ -6,13 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.site import Site
-from terrain_forge.world import World
-from terrain_forge.writers.table import Column, quoted, write_table
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import Site, World
+from terrain_forge.writers import Column, quoted, write_table
 
 
 def write_rocks(world: World, path: Path) -> None:

@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import image_rows
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.surroundings import Surroundings, survey_path
-from terrain_forge.paths.traversability import (
+from terrain_forge.base import image_rows
+from terrain_forge.model import Trajectory, World, merge
+from terrain_forge.paths import (
     IMPASSABLE,
     UNKNOWN,
+    Surroundings,
     Traversability,
+    survey_path,
     traversability,
 )
-from terrain_forge.world import World, merge
-from terrain_forge.writers.geotiff import write_geotiff
-from terrain_forge.writers.table import Column, write_table
+from terrain_forge.writers import Column, write_geotiff, write_table
 
 OCCUPIED, FREE = 0.65, 0.196
 """Thresholds of darkness as map_saver writes them: above the first a cell is occupied, below the

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from terrain_forge.rocks.scattering.expectation import Expectation, expected
-from terrain_forge.rocks.size_frequency import SizeLaw
-from terrain_forge.world import World
+from terrain_forge.base import Array
+from terrain_forge.model import World
+from terrain_forge.rocks import Expectation, SizeLaw, expected
 
 if TYPE_CHECKING:
-    from terrain_forge.rocks.populations import PopulationSpec
-
-Array = NDArray[np.float64]
+    from terrain_forge.rocks import PopulationSpec
 
 
 @dataclass(frozen=True, kw_only=True)

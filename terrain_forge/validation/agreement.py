@@ -10,15 +10,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.seeds import mix, stage_key, uniform
-from terrain_forge.validation.check import Check, at_most, failed
+from terrain_forge.base import Array, mix, stage_key, uniform
+from terrain_forge.model import Check, Heightfield, Mesh, World, at_most, failed
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
-from terrain_forge.world import Heightfield, World
-
-Array = NDArray[np.float64]
 
 GROUND_LIMIT, GROUND_LIMIT_OF_RANGE = 1e-3, 1e-5
 """A ground may be off by a millimetre, or by this part of its range of heights."""

@@ -9,28 +9,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.driving.checks import (
+from terrain_forge.base import Record
+from terrain_forge.driving import (
     Driven,
+    DriveResult,
     drive_json,
     drive_path,
     drive_starts,
     starts_json,
     write_drives,
 )
-from terrain_forge.driving.drive import DriveResult
-from terrain_forge.records import Record
-from terrain_forge.registry import exporter
-from terrain_forge.terrain.statistics import TerrainStatistics, terrain_statistics
+from terrain_forge.model import Check, World, at_most, exporter
+from terrain_forge.recipe import ValidateSpec
+from terrain_forge.terrain import TerrainStatistics, terrain_statistics
 from terrain_forge.validation.agreement import ground_agreement
-from terrain_forge.validation.check import Check, at_most
 from terrain_forge.validation.conformance.entry import Entry
 from terrain_forge.validation.craters import crater_checks
 from terrain_forge.validation.loose import loose_checks
 from terrain_forge.validation.paths import path_checks
 from terrain_forge.validation.replays import replay_checks
 from terrain_forge.validation.rocks import rock_checks
-from terrain_forge.validation.spec import ValidateSpec
-from terrain_forge.world import World
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,7 +157,7 @@ def _write(
     film: bool,
 ) -> list[Path]:
     """Write the report, the ground's statistics, and the drives' tables and pictures."""
-    from terrain_forge.terrain.evidence import write_terrain_figure
+    from terrain_forge.terrain import write_terrain_figure
 
     statistics = terrain_statistics(site=world.site, ground=world.ground)
     files = [folder / "report.json", folder / "terrain.png"]

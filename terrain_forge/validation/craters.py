@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from terrain_forge.validation.check import Check, at_least, at_most
+from terrain_forge.model import Check, at_least, at_most
 
 LIMIT_Z = 3.29
 """Deviation of a number in standard deviations that 1 right world in 1000 exceeds."""

@@ -8,11 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import image_rows
-from terrain_forge.validation.check import Check, at_most
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, image_rows
+from terrain_forge.model import Check, World, at_most
 
 _ROUNDING = 1e-6
 """Part of the range of heights that float32 and text round away."""

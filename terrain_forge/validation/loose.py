@@ -12,14 +12,9 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.driving.drive import load_scene
-from terrain_forge.errors import SimulationError
-from terrain_forge.records import Record
-from terrain_forge.registry import exporter
-from terrain_forge.validation.check import Check, at_least, failed
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record, SimulationError
+from terrain_forge.driving import load_scene
+from terrain_forge.model import Check, World, at_least, exporter, failed
 
 TIME = 5.0
 """How long loose rocks are watched [s]."""

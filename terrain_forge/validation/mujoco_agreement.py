@@ -11,16 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import SimulationError
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
-from terrain_forge.rock_bodies import inertias
+from terrain_forge.base import Array, SimulationError, matrix_from_quaternion
+from terrain_forge.geometry import inertias
+from terrain_forge.model import Check, Mesh, World, at_most, failed
 from terrain_forge.validation.agreement import ground_check
-from terrain_forge.validation.check import Check, at_most, failed
 from terrain_forge.validation.surface_mesh import heights_on
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
 
 ROCKS = 200
 """How many rocks are looked at."""
@@ -64,13 +59,6 @@ def ground_heights(world: World, model: Any, data: Any, at: Array) -> Array:
     asked.geom_group[:] = np.where(fields & touched, _GROUND_GROUPS[0], _OTHERS)
     sky = float(world.ground.elevation.max()) + 1.0
     return np.array([_ray(asked, data, (*p, sky), _GROUND_GROUPS)[0] for p in at])
-
-
-def rover_mass_check(world: World, model: Any, name: str) -> Check:
-    """The difference of the masses in a scene [kg] to the rover's."""
-    root = model.body(world.rover.links[0].name).id
-    off = abs(float(model.body_subtreemass[root]) - world.rover.mass)
-    return at_most(f"{name}: rover's mass", off, 1e-6, unit="kg", note="difference to the rover's")
 
 
 def sample_model(world: World, folder: Path) -> Any:

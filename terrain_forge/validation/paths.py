@@ -7,14 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.limits import driven_path
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.obstacles import highest_step
-from terrain_forge.paths.spec import Planned
-from terrain_forge.paths.surroundings import FARTHEST, Surroundings, survey_paths
+from terrain_forge.model import Check, Trajectory, World, at_most
+from terrain_forge.paths import FARTHEST, Planned, Surroundings, highest_step, survey_paths
 from terrain_forge.recipe import Recipe
-from terrain_forge.validation.check import Check, at_most
-from terrain_forge.world import World
 
 _MOST_NAMED = 3
 """Rocks that one check names."""
@@ -38,7 +33,7 @@ def path_checks(world: World) -> tuple[list[Check], list[dict[str, Any]]]:
 def _bound(recipe: Recipe) -> set[str]:
     """Names of the paths that the rover must be able to drive."""
     planned = {path.name for path in recipe.paths if isinstance(path.route, Planned)}
-    return planned | {driven_path(recipe) or ""}
+    return planned | {recipe.driven_path or ""}
 
 
 def _checks(world: World, path: Trajectory, met: Surroundings, *, bound: bool) -> list[Check]:

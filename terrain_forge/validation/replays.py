@@ -12,11 +12,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.motion import Trajectory
-from terrain_forge.paths.interpolation import (
+from terrain_forge.base import quaternion_from_rpy
+from terrain_forge.model import Check, Trajectory, World, at_most, failed
+from terrain_forge.paths import (
     ANGLE_LIMIT,
     POSITION_LIMIT,
     Deviation,
@@ -25,11 +24,7 @@ from terrain_forge.paths.interpolation import (
     spline_places,
     times_between,
 )
-from terrain_forge.validation.check import Check, at_most, failed
-from terrain_forge.world import World
-from terrain_forge.writers.naming import file_name, identifier
-
-Array = NDArray[np.float64]
+from terrain_forge.writers import file_name, identifier
 
 
 def replay_checks(world: World, directory: Path) -> list[Check]:

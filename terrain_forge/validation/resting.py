@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.rocks.rest import FOOT
-from terrain_forge.rocks.resting.outline import edges
-from terrain_forge.seeds import stage_key, uniforms
-from terrain_forge.validation.check import Check, at_most
-from terrain_forge.world import Heightfield, RockField, RockPrototype, World, rotations
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, stage_key, uniforms
+from terrain_forge.model import (
+    Check,
+    Heightfield,
+    RockField,
+    RockPrototype,
+    World,
+    at_most,
+    rotations,
+)
+from terrain_forge.rocks import FOOT, edges
 
 _ROCKS = 2000
 _UPPER = 40

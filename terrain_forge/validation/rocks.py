@@ -7,12 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.rocks.scattering.overlap import find_overlaps
-from terrain_forge.truth.shapes import shape_figures
-from terrain_forge.validation.check import Check, at_least, at_most
+from terrain_forge.model import Check, World, at_least, at_most
+from terrain_forge.rocks import find_overlaps
+from terrain_forge.truth import shape_figures
 from terrain_forge.validation.resting import resting_checks
 from terrain_forge.validation.top_surface import top_surface_checks
-from terrain_forge.world import World
 
 SIGNIFICANCE = 0.001
 """A right sampler's rocks fall below this p-value once in a thousand worlds."""

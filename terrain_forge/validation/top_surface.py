@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.scene.scene import GROUND, open_scene
-from terrain_forge.seeds import mix, stage_key, uniforms
+from terrain_forge.base import Array, mix, stage_key, uniforms
+from terrain_forge.model import Check, World, at_most
+from terrain_forge.scene import GROUND, open_scene
 from terrain_forge.validation.agreement import ground_limit
-from terrain_forge.validation.check import Check, at_most
-from terrain_forge.world import World
-
-Array = NDArray[np.float64]
 
 _CLEARANCE = 1.0
 _GRAZING = 0.002

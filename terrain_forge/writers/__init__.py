@@ -1,1 +1,5 @@
-"""File writers that exporters and truth share."""
+"""Fast writers of file formats that several rooms share."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.kernels import inner
+from terrain_forge.base import inner
 
 
 @inner

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import image_rows
-from terrain_forge.site import Site
-from terrain_forge.world import Heightfield
+from terrain_forge.base import image_rows
+from terrain_forge.model import Heightfield, Site
 
 
 def write_geotiff(

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import ExportError
+from terrain_forge.base import ExportError
 
 if TYPE_CHECKING:
-    from terrain_forge.rock_surface import Surface
+    from terrain_forge.model import TexturedMesh
 
 LARGEST_FILE = 2**32 - 1
 """Bytes that a GLB can hold."""
@@ -61,7 +61,7 @@ class Gltf:
         """Add an accessor of an animation's times (`bounded`) or values, shape [samples, n]."""
         return self._add_array(values, {}, bounded=bounded)
 
-    def add_surface(self, surface: Surface) -> dict[str, Any]:
+    def add_surface(self, surface: TexturedMesh) -> dict[str, Any]:
         """Add a textured surface; returns what is the same in all primitives of it."""
         coordinates = surface.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
         attributes = {

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import inner, kernel
 from terrain_forge.writers.digits import put_integer, put_number
 
 Floats = NDArray[np.float64] | NDArray[np.float32]

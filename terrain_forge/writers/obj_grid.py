@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from terrain_forge.kernels import inlined, kernel
+from terrain_forge.base import inlined, kernel
 
 # A blank, three indices of up to ten digits, two slashes, and the rest to make whole words of it.
 _WIDEST = 40

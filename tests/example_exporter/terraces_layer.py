@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import Positive
-from terrain_forge.terrain.layer import Layer
+from terrain_forge.base import Positive
+from terrain_forge.model import Site, Window
+from terrain_forge.terrain import Layer
 
 
 @dataclass(frozen=True, kw_only=True)

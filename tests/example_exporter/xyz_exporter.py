@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge
 
-from terrain_forge.registry import ExportReport
-from terrain_forge.specs import Spec
-from terrain_forge.world import World
+from terrain_forge.base import Spec
+from terrain_forge.model import ExportReport, World
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.world import Heightfield
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import Heightfield
 
 MOST_CELLS = 256
 """Cells of the shown ground along its longer side."""

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.colour import linear_from_srgb
-from terrain_forge.frames import xyzw
+from terrain_forge.base import linear_from_srgb, xyzw
+from terrain_forge.geometry import rock_texture, surface
+from terrain_forge.model import RockField, World
 from terrain_forge.report.model.relief import Relief
 from terrain_forge.report.style import jpeg
-from terrain_forge.rock_surface import surface
-from terrain_forge.world import RockField, World
-from terrain_forge.writers.glb import Gltf
-from terrain_forge.writers.rock_texture import rock_texture
+from terrain_forge.writers import Gltf
 
 INSTANCING = "EXT_mesh_gpu_instancing"
 MOST = 5000

@@ -9,13 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.colour import linear_from_srgb
-from terrain_forge.frames import quaternion_from_rpy, xyzw
-from terrain_forge.rovers.description import Rover, Shape
-from terrain_forge.writers.glb import Gltf
-from terrain_forge.writers.mesh import vertex_normals
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, linear_from_srgb, quaternion_from_rpy, xyzw
+from terrain_forge.model import Rover, Shape
+from terrain_forge.writers import Gltf, vertex_normals
 
 _SIDES = 24
 _RINGS = 12

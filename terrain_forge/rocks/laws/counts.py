@@ -11,11 +11,9 @@ import numpy as np
 from annotated_types import Ge, MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import Array, Key, Positive, RecipeError, Spec
 from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
 from terrain_forge.rocks.laws.golombek import MAX_K
-from terrain_forge.rocks.laws.law import Array, Key
-from terrain_forge.specs import Positive, Spec
 
 MAX_COUNTED = 100_000
 """Rocks or bins of a count; more are told apart well enough by bins."""

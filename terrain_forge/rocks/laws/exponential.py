@@ -9,10 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.kernels import kernel
-from terrain_forge.rocks.laws.law import Array, Key
-from terrain_forge.seeds import mix, uniform
-from terrain_forge.specs import Spec
+from terrain_forge.base import Array, Key, Spec, kernel, mix, uniform
 
 
 @dataclass(frozen=True, kw_only=True)

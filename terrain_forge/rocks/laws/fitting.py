@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.rocks.laws.exponential import Exponential
 from terrain_forge.rocks.laws.golombek import MAX_K, Golombek
 from terrain_forge.rocks.laws.power_law import PowerLaw
 
-Array = NDArray[np.float64]
 FittedLaw = Golombek | PowerLaw | Exponential
 Decay = Literal["mars", "moon", "free"]
 

@@ -9,12 +9,8 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.kernels import kernel
-from terrain_forge.rocks.laws.law import Array, Key
+from terrain_forge.base import Array, Key, NotNegative, RecipeError, Spec, kernel, mix, uniform
 from terrain_forge.rocks.laws.sites import ABUNDANCES, GolombekSite, RockAbundance
-from terrain_forge.seeds import mix, uniform
-from terrain_forge.specs import NotNegative, Spec
 
 MAX_K = 0.4
 """Largest rock abundance of the family: beyond it nobody has counted, and curves might cross."""

@@ -7,8 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
-Key = tuple[str | int, ...]
+from terrain_forge.base import Array, Key
 
 
 class SizeLaw(Protocol):

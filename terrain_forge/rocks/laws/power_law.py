@@ -9,12 +9,8 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.kernels import kernel
-from terrain_forge.rocks.laws.law import Array, Key
+from terrain_forge.base import Array, Key, RecipeError, Spec, kernel, mix, uniform
 from terrain_forge.rocks.laws.sites import FRAGMENTS, FragmentCount, SurveyorSite
-from terrain_forge.seeds import mix, uniform
-from terrain_forge.specs import Spec
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,12 +10,8 @@ import numpy as np
 from annotated_types import MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.kernels import kernel
-from terrain_forge.rocks.laws.law import Array, Key
+from terrain_forge.base import Array, Key, Positive, RecipeError, Spec, kernel, mix, uniform
 from terrain_forge.rocks.laws.power_law import moment_above
-from terrain_forge.seeds import mix, uniform
-from terrain_forge.specs import Positive, Spec
 
 MAX_ROWS = 10_000
 """Rows of a table."""

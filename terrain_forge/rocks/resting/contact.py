@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from terrain_forge.records import Record
+from terrain_forge.base import Record
 
 SLIDING = 0.7
 """Coefficient of sliding friction with which rocks are settled."""

@@ -16,11 +16,9 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import Array, inner, kernel
+from terrain_forge.model import RockLibrary, RockPrototype
 from terrain_forge.rocks.resting.outline import MAX_TILT, edges, exposed_diameter, mean_width
-from terrain_forge.world import RockLibrary, RockPrototype
-
-Array = NDArray[np.float64]
 
 DEEPEST = 0.9
 """Largest part of a rock's extent below its tangent plane that exposures are known for."""

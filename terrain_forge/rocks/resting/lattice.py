@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner
-from terrain_forge.world import Heightfield
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner
+from terrain_forge.model import Heightfield
 
 
 class Lattice(NamedTuple):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from terrain_forge.base import RecipeError
+from terrain_forge.rocks.populations import PopulationSpec
 
-from terrain_forge.errors import RecipeError
-
-if TYPE_CHECKING:
-    from terrain_forge.recipe import Recipe
+Populations = tuple[PopulationSpec, ...]
 
 MOST_LOOSE = 5000
 """Loose rocks of a site; each takes about 50 ms of a processor's core."""
@@ -16,14 +14,14 @@ LARGEST_LOOSE = 8.0
 rock and the ground, and a wider rock can have more, of which it then loses some."""
 
 
-def require_loose(recipe: Recipe) -> None:
+def require_loose(populations: Populations, *, size: tuple[float, float], spacing: float) -> None:
     """Refuse loose rocks that are too large for the ground's lattice, or too many.
 
     Raises:
         RecipeError: with what was found and what is allowed.
     """
-    spacing, count = recipe.terrain.spacing_m, 0.0
-    for number, low, high in _loose_sizes(recipe):
+    area, count = size[0] * size[1], 0.0
+    for number, low, high in _loose_sizes(populations, area):
         key = ("rocks", "populations", number, "loose_m")
         if high > LARGEST_LOOSE * spacing:
             raise RecipeError(
@@ -31,7 +29,7 @@ def require_loose(recipe: Recipe) -> None:
                 f"spacing, {LARGEST_LOOSE * spacing:.3g} m: larger ones lose contacts in MuJoCo",
                 key=key,
             )
-        count += _expected_number(recipe, number, low, high)
+        count += _expected_number(populations[number], area, low, high)
         if count > MOST_LOOSE:
             raise RecipeError(
                 f"about {count:.3g} loose rocks, at most {MOST_LOOSE}: settling one takes about "
@@ -40,15 +38,19 @@ def require_loose(recipe: Recipe) -> None:
             )
 
 
-def expected_loose(recipe: Recipe) -> float:
-    """Expected number of loose rocks of a recipe whose laws are resolved."""
-    return sum(_expected_number(recipe, *sizes) for sizes in _loose_sizes(recipe))
+def expected_loose(populations: Populations, *, size: tuple[float, float]) -> float:
+    """Expected number of loose rocks of populations whose laws are resolved, on an area [m]."""
+    area = size[0] * size[1]
+    return sum(
+        _expected_number(populations[number], area, low, high)
+        for number, low, high in _loose_sizes(populations, area)
+    )
 
 
-def _loose_sizes(recipe: Recipe) -> list[tuple[int, float, float]]:
+def _loose_sizes(populations: Populations, area: float) -> list[tuple[int, float, float]]:
     """Numbers of the populations with loose rocks, and the smallest and largest of these [m]."""
-    area, sizes = recipe.dtm.size_m[0] * recipe.dtm.size_m[1], []
-    for number, population in enumerate(recipe.rocks.populations):
+    sizes = []
+    for number, population in enumerate(populations):
         if population.loose_m is not None:
             smallest, largest = population.diameter_range(area)
             low, high = max(smallest, population.loose_m[0]), min(largest, population.loose_m[1])
@@ -56,8 +58,7 @@ def _loose_sizes(recipe: Recipe) -> list[tuple[int, float, float]]:
     return sizes
 
 
-def _expected_number(recipe: Recipe, number: int, low: float, high: float) -> float:
-    """Expected number of a population's rocks between two diameters [m]."""
-    law = recipe.rocks.populations[number].size_frequency
-    area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
+def _expected_number(population: PopulationSpec, area: float, low: float, high: float) -> float:
+    """Expected number of a population's rocks between two diameters [m] on an area [m²]."""
+    law = population.size_frequency
     return area * float(law.cumulative_number(low) - law.cumulative_number(high))

@@ -11,10 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.mesh import Mesh
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel
+from terrain_forge.model import Mesh
 
 MAX_TILT = np.radians(40.0)
 """Steepest ground that a rock follows [rad]; on steeper ground it lies as on this."""

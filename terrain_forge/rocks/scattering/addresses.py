@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.kernels import kernel
-from terrain_forge.seeds import mix, poisson, uniform
+from terrain_forge.base import kernel, mix, poisson, uniform
 
 SIZE, EAST, NORTH, PROTOTYPE, YAW, BURIED, RETRY, KEEP = range(8)
 """What is drawn for a rock: the last word of its address."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.site import Site
+from terrain_forge.model import Site
 
 Rectangle = tuple[float, float, float, float]
 """West, south, east, north [m]."""

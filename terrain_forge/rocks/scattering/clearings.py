@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from math import hypot
 
-from terrain_forge.paths.route import Route
+from terrain_forge.model import Clearing, Route, Rover
 from terrain_forge.rocks.populations import KeepOut
-from terrain_forge.rovers.description import Rover
-from terrain_forge.site import Clearing
 
 
 def clearings(

@@ -13,13 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.kernels import kernel
+from terrain_forge.base import Array, RecipeError, kernel, mix, poisson, uniform, zigzag
+from terrain_forge.model import Site
 from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.seeds import mix, poisson, uniform, zigzag
-from terrain_forge.site import Site
-
-Array = NDArray[np.float64]
 
 TRUNCATION = 4.0
 """No rock is farther from its parent than this many standard deviations (1 in 3000 would be)."""

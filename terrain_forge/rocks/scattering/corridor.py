@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.site import Site, Window
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel
+from terrain_forge.model import Site, Window
 
 _BIN = 1.0
 _MAX_BINS = 1000

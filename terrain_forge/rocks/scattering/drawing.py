@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import Array
+from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.scattering.addresses import (
@@ -25,10 +27,6 @@ from terrain_forge.rocks.scattering.cells import Region
 from terrain_forge.rocks.scattering.clusters import TRUNCATION, Parents, offspring
 from terrain_forge.rocks.scattering.intensity import Intensity, weights
 from terrain_forge.rocks.scattering.size_classes import SizeClass, is_loose, shapes_of
-from terrain_forge.site import Site
-from terrain_forge.world import RockLibrary
-
-Array = NDArray[np.float64]
 
 
 class Drawn(NamedTuple):

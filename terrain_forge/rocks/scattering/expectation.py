@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import Array, inner, kernel, stage_key
+from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, Clustered, Crater
 from terrain_forge.rocks.scattering.cells import Rectangle
 from terrain_forge.rocks.scattering.clusters import TRUNCATION, parents
@@ -27,14 +27,10 @@ from terrain_forge.rocks.scattering.intensity import (
     weights,
     with_slopes,
 )
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Site, Window
-from terrain_forge.world import Heightfield
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec
 
-Array = NDArray[np.float64]
 
 _POINTS = 1000
 _CLUSTER_POINTS = 300

@@ -14,17 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.kernels import inner, kernel
+from terrain_forge.base import Array, DataError, RecipeError, inner, kernel
+from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters, Crater
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.scattering.cells import Rectangle
 from terrain_forge.rocks.scattering.corridor import corridors, distances, search_radius
-from terrain_forge.site import Site, Window
-from terrain_forge.terrain.ground import shape_ground
-from terrain_forge.world import Heightfield
-
-Array = NDArray[np.float64]
+from terrain_forge.terrain import shape_ground
 
 
 class Intensity(NamedTuple):

@@ -4,39 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.limits import require_fits
-from terrain_forge.recipe import recipe_json
+from terrain_forge.base import Key, RecipeError
+from terrain_forge.model import Site
 from terrain_forge.rocks.arrangement import LIFETIME, AroundCraters, Crater
-from terrain_forge.rocks.feasibility import check_rocks
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.site import Site
-from terrain_forge.terrain.cratering.making import make_craters
-from terrain_forge.terrain.layers.craters import CraterLayer
+from terrain_forge.terrain import CraterLayer, make_craters
 
 MAX_CRATERS = 500
 """Craters that one population may lie around."""
 
-Key = tuple[str | int, ...]
 
-
-def with_layer_craters(site: Site) -> Site:
-    """The site whose populations have the craters of the layers that they name.
+def with_layer_craters(site: Site) -> tuple[PopulationSpec, ...]:
+    """The site's populations with the craters of the layers that they name.
 
     Raises:
         RecipeError: for an unknown layer, one without craters of the size, or too many of them.
     """
-    recipe = site.recipe
-    populations = tuple(
+    return tuple(
         _around_layer(population, site, ("rocks", "populations", number, "arrangement"))
-        for number, population in enumerate(recipe.rocks.populations)
+        for number, population in enumerate(site.recipe.rocks.populations)
     )
-    if populations == recipe.rocks.populations:
-        return site
-    recipe = replace(recipe, rocks=replace(recipe.rocks, populations=populations))
-    check_rocks(recipe.rocks, site.size)
-    require_fits(recipe)
-    return site.replace(recipe_json=recipe_json(recipe))
 
 
 def _around_layer(population: PopulationSpec, site: Site, key: Key) -> PopulationSpec:

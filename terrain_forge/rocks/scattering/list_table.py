@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
-from terrain_forge.rocks.laws.law import Key
-from terrain_forge.site import Table
+from terrain_forge.base import DataError, Key
+from terrain_forge.model import Table
 
 NEEDED = ("x_m", "y_m", "diameter_m")
 """Columns of every list: east and north of the centre and exposed plan diameter [m]."""

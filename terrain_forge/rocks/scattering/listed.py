@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array, stage_key
+from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.populations import MAX_ROCKS, RockListSpec
 from terrain_forge.rocks.scattering.addresses import BURIED, PROTOTYPE, YAW, addresses, draw
 from terrain_forge.rocks.scattering.cells import Cells
 from terrain_forge.rocks.scattering.drawing import Drawn
 from terrain_forge.rocks.scattering.size_classes import shapes_of
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Site, Table
-from terrain_forge.world import RockLibrary
-
-Array = NDArray[np.float64]
 
 
 def draw_list(

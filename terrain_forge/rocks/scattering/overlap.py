@@ -8,11 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
+from terrain_forge.base import Array, inner, kernel, over_chunks
+from terrain_forge.model import RockField, RockLibrary, World, merge, rotations
 from terrain_forge.rocks.resting.outline import convex_hull
-from terrain_forge.world import RockField, RockLibrary, World, merge, rotations
-
-Array = NDArray[np.float64]
 
 
 class Overlaps(NamedTuple):

@@ -15,13 +15,11 @@ from collections.abc import Sequence
 from math import exp, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM, is_loose
-
-Array = NDArray[np.float64]
 
 LEAST_CHANCE = exp(-3.0)
 """Chance of a free place at which a rock in a thousand is unplaced at most.

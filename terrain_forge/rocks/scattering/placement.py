@@ -7,14 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inlined, inner, kernel, over_chunks
+from terrain_forge.base import Array, inlined, inner, kernel, mix, over_chunks, uniform
 from terrain_forge.rocks.resting.outline import FOOTPRINT_DIRECTIONS
 from terrain_forge.rocks.scattering.addresses import RETRY
 from terrain_forge.rocks.scattering.corridor import Corridors, distances, search_radius
 from terrain_forge.rocks.scattering.intensity import Intensity, weight
-from terrain_forge.seeds import mix, uniform
-
-Array = NDArray[np.float64]
 
 PENDING, PLACED, UNPLACED, LEFT_OUT = range(4)
 """States of a rock: not yet treated, in its place, without a free place, in a corridor."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
+from terrain_forge.base import Array, RecipeError, mix, stage_key
+from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered, crowding
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
 from terrain_forge.rocks.scattering import clusters
@@ -15,11 +16,6 @@ from terrain_forge.rocks.scattering.addresses import cell_counts
 from terrain_forge.rocks.scattering.cells import Cells, divide
 from terrain_forge.rocks.scattering.clusters import Parents
 from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
-from terrain_forge.seeds import mix, stage_key
-from terrain_forge.site import Site
-from terrain_forge.world import RockLibrary
-
-Array = NDArray[np.float64]
 
 LOOSE_ROOM = 1.25
 """Room that a loose rock is given, over what it needs at rest: it is yet to settle on the ground,

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array, DataError, Key
+from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.mesh_file import Refused, load_mesh
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.solid import signed_volume
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
-Key = tuple[str | int, ...]
 
 WIDEST_HOLE = 12
 """Edges around a hole that is filled, at most."""

@@ -23,10 +23,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.records import from_plain, to_plain
+from terrain_forge.base import from_plain, to_plain
+from terrain_forge.model import BroughtMesh, RockLibrary
 from terrain_forge.rocks.library import LibrarySpec, make_library
-from terrain_forge.site import BroughtMesh
-from terrain_forge.world import RockLibrary
 
 logger = getLogger(__name__)
 
@@ -98,7 +97,7 @@ def _origin() -> str:
     shapes = Path(__file__).parent
     rocks, package = shapes.parents[:2]
     sources = [*sorted(shapes.glob("*.py")), rocks / "library.py"]
-    sources += [package / "mesh.py", package / "seeds.py"]
+    sources += [package / "model" / "mesh.py", package / "base" / "seeds.py"]
     code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
     return "\n".join([code, platform.machine(), *(f"{n} {_version(n)}" for n in _MAKERS)])
 

@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
 from terrain_forge.rocks.shapes.simplification import simplify
-
-Array = NDArray[np.float64]
 
 LEVELS = 3
 """Levels of detail of a rock."""

@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.mesh import Mesh
-from terrain_forge.records import Record
+from terrain_forge.base import Array, RecipeError, Record
+from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.carving import convex_faces, fibonacci_sphere, supporting
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
-
-Array = NDArray[np.float64]
 
 _VIEWS = 800
 _LEVEL = 1e-9  # of a mean axis: corners of the facet on which the rock rests

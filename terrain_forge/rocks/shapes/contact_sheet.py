@@ -7,25 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.bodies import MARS, Body
-from terrain_forge.frames import quaternion_from_rpy
-from terrain_forge.mesh import Mesh
-from terrain_forge.preview import take_picture
-from terrain_forge.rovers.catalogue import find_rover
-from terrain_forge.scene.camera import pinhole_camera
-from terrain_forge.scene.scene import RayScene
-from terrain_forge.site import Roughness, Site, Window
-from terrain_forge.world import (
+from terrain_forge.base import Array, quaternion_from_rpy
+from terrain_forge.model import (
+    MARS,
     Appearance,
+    Body,
     Heightfield,
     Lighting,
+    Mesh,
     RockField,
     RockLibrary,
     RockPrototype,
+    Roughness,
+    Site,
+    Window,
     World,
 )
-
-Array = NDArray[np.float64]
+from terrain_forge.rovers import find_rover
+from terrain_forge.scene import RayScene, pinhole_camera, take_picture
 
 SIZES = (1.0, 0.5, 0.25)
 """Exposed diameters of the rows of a sheet [m], the farthest first."""

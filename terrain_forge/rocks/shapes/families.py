@@ -10,11 +10,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.rocks.shapes.shapes import Blank, blank_of, projections, radii
-
-Array = NDArray[np.float64]
 
 Family = Literal["block", "slab", "cobble", "vesicular", "ventifact", "breccia"]
 """Names of the shape families."""

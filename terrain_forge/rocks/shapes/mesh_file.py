@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.rocks.shapes.shapes import projections
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf")

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.mesh import Mesh
-
-Array = NDArray[np.float64]
+from terrain_forge.base import inner, kernel
+from terrain_forge.model import Mesh
 
 _TOUCHING = 1e-9  # of the extent: faces of one plane are as far apart by rounding
 

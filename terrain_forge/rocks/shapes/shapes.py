@@ -14,13 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.records import Record
-from terrain_forge.seeds import mix
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record, inner, kernel, mix
 
 _COMPONENT = 1.0 / 32768.0
 _PRIMES = (

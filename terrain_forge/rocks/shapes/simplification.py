@@ -7,12 +7,9 @@ flat. A collapse never changes the topology, nor turns a face over.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.mesh import Mesh
-
-Array = NDArray[np.float64]
+from terrain_forge.base import inner, kernel
+from terrain_forge.model import Mesh
 
 _MAX_DEGREE = 24
 _PULL = 1e-3  # holds a new vertex to its edge's middle where the surface leaves it free

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.records import Record
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, Record
+from terrain_forge.model import Mesh
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.mesh import Mesh
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel
+from terrain_forge.model import Mesh
 
 _DEPTH = 24  # halvings of a face's sides; far more than any tolerance needs
 

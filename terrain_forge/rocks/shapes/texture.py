@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel
-from terrain_forge.mesh import Mesh
-from terrain_forge.seeds import mix, stage_key
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array, inner, kernel, mix, stage_key
+from terrain_forge.model import Mesh
 
 TEXTURE_SIDE = 256
 """Pixels of the tile each way."""

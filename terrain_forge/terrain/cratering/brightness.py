@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.terrain.cratering.craters import Craters
 from terrain_forge.terrain.cratering.profile import EJECTA_FADE, shapes
-
-Array = NDArray[np.float64]
 
 FADES_IN = 0.05
 """Age [10⁹ years] at which a brightness has fallen to 1/e. This and the next two: assumptions."""

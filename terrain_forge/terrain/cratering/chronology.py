@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.kernels import kernel
+from terrain_forge.base import kernel
 
 OLDEST = 4.4
 """Largest model age [10⁹ years]; the oldest surfaces that calibrate the lunar chronology are a

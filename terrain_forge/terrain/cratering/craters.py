@@ -8,11 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import kernel
-from terrain_forge.records import Record
+from terrain_forge.base import Array, Record, kernel
 from terrain_forge.terrain.cratering.degradation import ROWS, STEP, worn_shapes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

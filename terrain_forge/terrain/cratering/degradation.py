@@ -11,11 +11,9 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.terrain.cratering.profile import EJECTA_FADE, FT_DEPTH, FT_RIM, shapes
-
-Array = NDArray[np.float64]
 
 REACH = 5.0
 """Farthest distance at which a crater of any age shows [radii]."""

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
 
 Equilibrium = Literal["trask", "hartmann", "viper", "minton", "gault", "none"]
 """The laws by name."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.errors import DataError, RecipeError
-from terrain_forge.site import Site, Table
+from terrain_forge.base import DataError, Key, RecipeError
+from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.chronology import OLDEST
 from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.fresh import LARGEST_SIMPLE
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 MAX_CRATERS = 2_000_000
 """Craters of a layer that may reach a site."""
 
-Key = tuple[str | int, ...]
 _PLACES = ("x_m", "y_m", "lon_deg", "lat_deg")
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
 
 LARGEST_SIMPLE = {"moon": 10_583.0, "mars": 6_000.0}
 """Diameter [m] at which craters become complex. Moon: where the depths of simple and complex

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.dtm.projection import geographic_crs, transform
-from terrain_forge.kernels import kernel
-from terrain_forge.seeds import mix, stage_key
-from terrain_forge.site import Site, Table
+from terrain_forge.base import Array, kernel, mix, stage_key
+from terrain_forge.dtm import geographic_crs, transform
+from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.craters import Craters
 from terrain_forge.terrain.cratering.degradation import diffusivity
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
@@ -21,7 +19,6 @@ from terrain_forge.terrain.cratering.population import Population, largest_expec
 if TYPE_CHECKING:
     from terrain_forge.terrain.layers.craters import CraterLayer
 
-Array = NDArray[np.float64]
 
 FEWEST_NODES = 4.0
 """Spacings that the smallest crater must be wide."""

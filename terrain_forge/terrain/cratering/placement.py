@@ -11,13 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.kernels import inlined, kernel
-from terrain_forge.seeds import mix, poisson, uniform, zigzag
+from terrain_forge.base import Array, inlined, kernel, mix, poisson, uniform, zigzag
 from terrain_forge.terrain.cratering.chronology import age_of
 from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.population import Population
 
-Array = NDArray[np.float64]
 Rectangle = tuple[float, float, float, float]
 """West, south, east, north [m]."""
 

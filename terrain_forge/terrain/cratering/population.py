@@ -7,14 +7,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from terrain_forge.base import Array
 from terrain_forge.terrain.cratering.chronology import Chronology
 from terrain_forge.terrain.cratering.degradation import diffusivity
 from terrain_forge.terrain.cratering.equilibrium import LIMITS, Equilibrium
 from terrain_forge.terrain.cratering.production import Production, SizeLaw
-
-Array = NDArray[np.float64]
 
 _SEEN = 0.1133
 """κt/D² at which a tenth of a crater's depth is left."""

@@ -9,16 +9,9 @@ import numpy as np
 from annotated_types import Interval, MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.specs import BY_KIND, Positive, Spec
-from terrain_forge.terrain.cratering.chronology import (
-    MARS,
-    MARS_HARTMANN,
-    MOON,
-    OLDEST,
-    Chronology,
-)
+from terrain_forge.base import BY_KIND, Array, Positive, Spec
+from terrain_forge.terrain.cratering.chronology import MARS, MARS_HARTMANN, MOON, OLDEST, Chronology
 
-Array = NDArray[np.float64]
 Age = Annotated[float, Interval(gt=0, le=OLDEST)]
 
 

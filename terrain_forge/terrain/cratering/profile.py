@@ -9,9 +9,8 @@ are the profile of Fassett & Thomson 2014 (doi:10.1002/2014JE004698, eq. 4), C f
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
 
 CREST = 0.98
 """Distance of the rim's crest [radii]."""

@@ -15,13 +15,10 @@ heights, by a mean level under each crater, which a window cannot know.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.kernels import inner, kernel, over_chunks
+from terrain_forge.base import Array, inner, kernel, over_chunks
 from terrain_forge.terrain.cratering.craters import Craters, table_place
 from terrain_forge.terrain.cratering.degradation import STEP, worn_shapes
-
-Array = NDArray[np.float64]
 
 ERASED = (0.9, 1.4)
 """Distances [radii] up to which a crater erases all, and beyond which nothing."""

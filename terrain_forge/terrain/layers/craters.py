@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import numpy as np
 from annotated_types import Interval, MinLen
-from numpy.typing import NDArray
 
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import FileName, Positive
+from terrain_forge.base import Array, FileName, Positive
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
 from terrain_forge.terrain.cratering.feasibility import check_craters
@@ -18,8 +16,6 @@ from terrain_forge.terrain.cratering.making import NOT_GIVEN, make_craters
 from terrain_forge.terrain.cratering.production import Production
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import InputTable, Layer
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,14 +7,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval, MinLen
-from numpy.typing import NDArray
 
-from terrain_forge.dtm.kernel import cubic
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import Fraction, PositivePair
+from terrain_forge.base import Array, Fraction, PositivePair
+from terrain_forge.dtm import cubic
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.layer import Layer
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,14 +9,11 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from terrain_forge.dtm.lattice import Nodes
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import Spec
+from terrain_forge.base import Array, Spec, stage_key
+from terrain_forge.dtm import Nodes
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.continuation import Octaves, continue_dtm, noise_at
 from terrain_forge.terrain.layer import Layer
-
-Array = NDArray[np.float64]
 
 # Mean square difference of the unit-lattice noise at distances 2^(n/2), n = -12 … 8, over 4 million
 # pairs each (measured again by tests/test_terrain.py).

@@ -7,18 +7,13 @@ from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
-from terrain_forge.errors import RecipeError
-from terrain_forge.seeds import stage_key
-from terrain_forge.site import Site, Window
-from terrain_forge.specs import FileName, Fraction, Positive
+from terrain_forge.base import Array, FileName, Fraction, Positive, RecipeError, stage_key
+from terrain_forge.model import Site, Window
 from terrain_forge.terrain.aeolian import Bedforms, bedform_heights, steepest_lee
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.masks import fade
 from terrain_forge.terrain.steepness import steepness, stencil_cells
-
-Array = NDArray[np.float64]
 
 REPOSE_DEG = 34.0
 """Slope at which loose sand begins to slide [degrees]."""
@@ -120,8 +115,6 @@ class Ripples(Layer):
         full, none = (float(np.tan(np.radians(angle))) for angle in self.slope_deg)
         factor = fade(rise, full, none)
         if self.rock_cover is not None:
-            # Imported late: rocks need the ground, and so the layers.
-            from terrain_forge.terrain.rockiness import rock_cover
-
-            factor = factor * fade(rock_cover(site, window), *self.rock_cover)
+            cover = site.recipe.rocks.expected_cover(site, window)
+            factor = factor * fade(cover, *self.rock_cover)
         return factor

@@ -11,7 +11,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from terrain_forge.errors import SimulationError
+from terrain_forge.base import SimulationError
 from terrain_forge.validation.conformance.reading import Reading
 from terrain_forge.validation.conformance.sample import Sample
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from terrain_forge.validation.check import Check
+from terrain_forge.model import Check
 
 ASPECTS = (
     *("findings", "ground", "rock tops", "rock outlines", "masses", "gravity", "frames", "path"),

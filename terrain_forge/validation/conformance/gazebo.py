@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from terrain_forge.errors import SimulationError
-from terrain_forge.rocks.shapes.cache import cache_folder
+from terrain_forge.base import SimulationError
+from terrain_forge.rocks import cache_folder
 from terrain_forge.validation.conformance.consumer import PROBES, Consumer, NotRun, run
 from terrain_forge.validation.conformance.probe import read_answer, resting_balls
 from terrain_forge.validation.conformance.reading import Reading

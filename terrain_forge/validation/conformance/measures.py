@@ -8,19 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.motion import Trajectory
-from terrain_forge.rock_bodies import inertias
+from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.geometry import inertias
+from terrain_forge.model import Trajectory, rotations
 from terrain_forge.validation.agreement import ground_limit
 from terrain_forge.validation.conformance.entry import Entry, Status
 from terrain_forge.validation.conformance.outlines import rock_errors
 from terrain_forge.validation.conformance.reading import Reading, Solids, Track
 from terrain_forge.validation.conformance.sample import Sample
 from terrain_forge.validation.surface_mesh import heights_on
-from terrain_forge.world import rotations
-from terrain_forge.writers.naming import file_name, identifier
-
-Array = NDArray[np.float64]
+from terrain_forge.writers import file_name, identifier
 
 ROCK_LIMIT = 0.01
 """A rock may be off by this part of its diameter, or by what the export's options allow it."""

@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh
 from terrain_forge.validation.conformance.consumer import Consumer
 from terrain_forge.validation.conformance.outlines import split_merged
 from terrain_forge.validation.conformance.probe import is_ground, rock_of
 from terrain_forge.validation.conformance.reading import Reading, SolidsOfRocks, Track
 from terrain_forge.validation.conformance.sample import Sample, free_of_rocks
 from terrain_forge.validation.surface_mesh import heights_on
-
-Array = NDArray[np.float64]
 
 _Z_UP = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
 """From glTF's axes, y up, to the world's."""

@@ -10,11 +10,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.errors import SimulationError
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mujoco_files import load_model
+from terrain_forge.base import Array, SimulationError, load_model, matrix_from_quaternion
 from terrain_forge.validation.conformance.consumer import Consumer
 from terrain_forge.validation.conformance.probe import rock_of
 from terrain_forge.validation.conformance.reading import (
@@ -28,8 +25,6 @@ from terrain_forge.validation.conformance.reading import (
 from terrain_forge.validation.conformance.sample import SETTLING, Sample
 from terrain_forge.validation.conformance.tracks import table_columns, track_of
 from terrain_forge.validation.mujoco_agreement import ground_heights
-
-Array = NDArray[np.float64]
 
 _BEAD = re.compile(r"(.+)_\d+")
 

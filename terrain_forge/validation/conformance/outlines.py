@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.model import Mesh
 from terrain_forge.validation.conformance.reading import MERGED, Solids
 from terrain_forge.validation.conformance.sample import Sample
-
-Array = NDArray[np.float64]
 
 _TURNS = np.arange(8) * np.pi / 4
 DIRECTIONS = np.vstack(

@@ -15,9 +15,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh
 from terrain_forge.validation.conformance.outlines import split_merged
 from terrain_forge.validation.conformance.reading import (
     Bodies,
@@ -28,8 +28,6 @@ from terrain_forge.validation.conformance.reading import (
     placed,
 )
 from terrain_forge.validation.conformance.sample import Sample
-
-Array = NDArray[np.float64]
 
 _ROCK = re.compile(r"(?:^|/)rock_(\d+)(?:$|_|/)")
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from terrain_forge.model import Heightfield
 from terrain_forge.validation.conformance.consumer import Consumer
 from terrain_forge.validation.conformance.reading import Reading
 from terrain_forge.validation.conformance.sample import Sample
-from terrain_forge.world import Heightfield
 
 _RASTER = "a raster carries heights alone"
 

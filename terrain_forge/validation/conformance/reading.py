@@ -9,9 +9,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-
-Array = NDArray[np.float64]
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh
 
 MERGED = -1
 """Rock of a solid that the export does not name."""

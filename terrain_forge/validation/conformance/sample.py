@@ -8,12 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.mesh import Mesh
-from terrain_forge.seeds import stage_key, uniforms
+from terrain_forge.base import Array, stage_key, uniforms
+from terrain_forge.model import Heightfield, Mesh, World
 from terrain_forge.validation.agreement import random_points
-from terrain_forge.world import Heightfield, World
-
-Array = NDArray[np.float64]
 
 ROCKS = 200
 """How many rocks are looked at."""

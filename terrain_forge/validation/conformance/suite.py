@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.model import World
 from terrain_forge.recipe import export_orders
 from terrain_forge.validation.conformance.consumer import Consumer, NotRun
 from terrain_forge.validation.conformance.drake import DRAKE
@@ -23,7 +24,6 @@ from terrain_forge.validation.conformance.reading import Reading
 from terrain_forge.validation.conformance.sample import Sample, draw_sample
 from terrain_forge.validation.conformance.tracks import PATHS
 from terrain_forge.validation.conformance.usd_reading import OPENUSD
-from terrain_forge.world import World
 
 CONSUMERS = (*(MUJOCO, NEWTON_MJCF, OPENUSD, NEWTON_USD, GAZEBO, DRAKE, GLB, MESHES, GDAL, PATHS),)
 """All consumers, those of a format one after another."""
@@ -114,7 +114,7 @@ def _has(folder: Path, patterns: tuple[str, ...]) -> bool:
 
 
 def _default(kind: str) -> float:
-    from terrain_forge.registry import exporter
+    from terrain_forge.model import exporter
 
     return float(getattr(exporter(kind).Options(), "outline_error", 0.0))
 

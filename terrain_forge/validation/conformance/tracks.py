@@ -7,14 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.frames import quaternion_from_rpy
+from terrain_forge.base import Array, quaternion_from_rpy
 from terrain_forge.validation.conformance.consumer import Consumer
 from terrain_forge.validation.conformance.reading import Reading, Track
 from terrain_forge.validation.conformance.sample import Sample
-
-Array = NDArray[np.float64]
 
 _ASPECTS = (
     *("findings", "ground", "rock tops", "rock outlines", "masses", "gravity", "frames", "balls"),

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.frames import matrix_from_quaternion
-from terrain_forge.mesh import Mesh
+from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.model import Mesh
 from terrain_forge.validation.agreement import usd_layer
 from terrain_forge.validation.conformance.consumer import Consumer
 from terrain_forge.validation.conformance.outlines import split_merged
@@ -24,8 +23,6 @@ from terrain_forge.validation.conformance.reading import (
     bodies,
 )
 from terrain_forge.validation.conformance.sample import Sample
-
-Array = NDArray[np.float64]
 
 
 def read_usd(sample: Sample, folder: Path, scratch: Path) -> Reading:

@@ -1,0 +1,5 @@
+"""What every room uses: arrays, records, specs, compiled kernels, seeds, frames, colour, errors."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,86 @@
+"""Conversions at the boundaries, one named function each (docs/conventions.md).
+
+Inside terrain-forge: right-handed ENU, metres, radians, quaternions (w, x, y, z), grid rows that
+run north. Degrees, image rows, other quaternion orders exist only where a file or a person needs
+them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array
+
+
+def image_rows(grid: NDArray[Any]) -> NDArray[Any]:
+    """Turn rows that run north into image rows that run south (and back)."""
+    return grid[::-1]
+
+
+def xyzw(quaternion: Array) -> Array:
+    """Reorder quaternions (w, x, y, z) as (x, y, z, w), shape [..., 4]."""
+    return np.roll(quaternion, -1, axis=-1)
+
+
+def compass_to_direction(azimuth_rad: float, elevation_rad: float) -> Array:
+    """Unit vector (east, north, up) towards a compass azimuth (clockwise from north)."""
+    horizontal = np.cos(elevation_rad)
+    return np.array(
+        [
+            horizontal * np.sin(azimuth_rad),
+            horizontal * np.cos(azimuth_rad),
+            np.sin(elevation_rad),
+        ]
+    )
+
+
+def quaternion_from_rpy(rpy: Array) -> Array:
+    """Quaternions (w, x, y, z), shape [..., 4], of roll, pitch, yaw [rad], shape [..., 3].
+
+    Fixed axes x, then y, then z (ROS and SDF): R = Rz(yaw) Ry(pitch) Rx(roll). Positive pitch is
+    nose down, since x is forward and z is up.
+    """
+    half = 0.5 * np.asarray(rpy, dtype=np.float64)
+    (cr, cp, cy), (sr, sp, sy) = np.moveaxis(np.cos(half), -1, 0), np.moveaxis(np.sin(half), -1, 0)
+    return np.stack(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        axis=-1,
+    )
+
+
+def rpy_from_matrix(rotation: Array) -> Array:
+    """Roll, pitch, yaw [rad], shape [..., 3], of rotation matrices, shape [..., 3, 3]."""
+    return np.stack(
+        [
+            np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+            np.arcsin(np.clip(-rotation[..., 2, 0], -1.0, 1.0)),
+            np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
+        ],
+        axis=-1,
+    )
+
+
+def matrix_from_quaternion(quaternion: Array) -> Array:
+    """Rotation matrices, shape [..., 3, 3], of unit quaternions (w, x, y, z), shape [..., 4]."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        axis=-2,
+    )
+
+
+def rpy_from_quaternion(quaternion: Array) -> Array:
+    """Roll, pitch, yaw [rad], wrapped, shape [..., 3], of quaternions (w, x, y, z)."""
+    return rpy_from_matrix(matrix_from_quaternion(quaternion))

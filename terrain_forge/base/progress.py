@@ -1,0 +1,56 @@
+"""Progress reporting, and the wall times of a build's stages."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+Progress = Callable[[str, float], None]
+"""Called with the name of each stage as it begins, and the share of it that is done, 0 to 1."""
+
+
+def silent(stage: str, share: float) -> None:
+    """Report nothing."""
+    del stage, share
+
+
+class Stopwatch:
+    """Wall times of the stages, for timings.json and the progress bar."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._name = ""
+        self._begin = self._since = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+        self.figures: dict[str, float] = {}
+
+    def __call__(self, stage: str, share: float = 0.0) -> None:
+        """Begin a stage, and end the one before; or report the share of it that is done."""
+        self._progress(stage, share)
+        if stage == self._name:
+            return
+        now = time.perf_counter()
+        if self._name:
+            self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._since
+        self._name, self._since = stage, now
+
+    def timed(self, name: str, task: Callable[[], Any]) -> Any:
+        """Carry out a task that others may run beside, and note its wall time."""
+        since = time.perf_counter()
+        result = task()
+        self.seconds[name] = time.perf_counter() - since
+        return result
+
+    def write(self, directory: Path) -> None:
+        """Write timings.json; the times of tasks that ran side by side overlap."""
+        now = time.perf_counter()
+        self.seconds[self._name] = now - self._since
+        timings = {
+            "wall_time_s": {name: round(value, 4) for name, value in self.seconds.items()},
+            "total_s": round(now - self._begin, 4),
+            **self.figures,
+        }
+        (directory / "timings.json").write_text(json.dumps(timings, indent=1) + "\n")

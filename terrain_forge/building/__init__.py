@@ -1,0 +1,5 @@
+"""The output folder: written whole, re-exported, with its manifest."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,17 @@
+"""The output folder: written whole, re-exported, with its manifest."""
+
+from .checking import check_raster as check_raster
+from .checking import dtm_lines as dtm_lines
+from .checking import site_lines as site_lines
+from .manifest import altered_files as altered_files
+from .manifest import read_manifest as read_manifest
+from .manifest import write_manifest as write_manifest
+from .re_export import ASSESSED as ASSESSED
+from .re_export import re_export_orders as re_export_orders
+from .re_export import require_readable_recipe as require_readable_recipe
+from .staging import replacing as replacing
+from .staging import require_ours as require_ours
+from .writing import BuildResult as BuildResult
+from .writing import chosen_exports as chosen_exports
+from .writing import write_export as write_export
+from .writing import write_files as write_files

@@ -1,0 +1,107 @@
+"""What `terrain-forge check` says: the DTM described, the recipe checked, the cost estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import degrees
+from pathlib import Path
+
+from terrain_forge.base import DataError
+from terrain_forge.dtm import Description, RasterDtm, describe, open_raster, site_facts
+from terrain_forge.model import BODIES, Site
+from terrain_forge.paths import Planned, duration
+from terrain_forge.recipe import (
+    ExportOrder,
+    Recipe,
+    expected_nodes,
+    memory_needed,
+    require_exports,
+    rocks_of,
+)
+from terrain_forge.rocks import expected_loose
+from terrain_forge.validation import MOST_WATCHED
+
+SETTLING = 0.035
+"""Time to settle a loose rock [s], on 2 cores."""
+WATCHING = 0.06
+"""Time to watch a loose rock in the exported world [s], on 2 cores."""
+
+
+def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
+    """Lines that say what the recipe's DTM is, where it has one.
+
+    Raises:
+        DataError: if it cannot be opened.
+    """
+    if isinstance(recipe.dtm, RasterDtm):
+        raster = open_raster(recipe.dtm, body=BODIES[recipe.body], folder=folder)
+        with raster.dataset:
+            yield f"DTM {recipe.dtm.source}"
+            yield from _lines(describe(raster))
+
+
+def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
+    """Lines that say what will be made of a planned site, and what it costs.
+
+    Raises:
+        ExportError: if a format cannot hold it.
+    """
+    recipe, window = site.recipe, site.window
+    yield f"site {site.name} on {site.body.name}, {site.size[0]:g} × {site.size[1]:g} m"
+    if site.lonlat:
+        yield f"  centre       {degrees(site.lonlat[0]):.5f}° E {degrees(site.lonlat[1]):.5f}° N"
+    yield f"  grid         {window.columns + 1} × {window.rows + 1} nodes at {site.spacing:g} m"
+    yield (
+        f"  roughness    H = {site.roughness.hurst:.2f}, {site.roughness.deviation * 100:.2g} cm "
+        f"at 1 m ({site.roughness.source})"
+    )
+    for line in site_facts(site):
+        yield f"  {line}"
+    rocks = rocks_of(site)
+    yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
+    for route in site.routes:
+        yield f"  path         {route.name}: {route.length:.1f} m, {duration(route):.0f} s"
+    for path in recipe.paths:
+        if isinstance(path.route, Planned):
+            yield f"  path         {path.name}: planned on the finished ground"
+    require_exports(orders, site)
+    yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
+    loose = expected_loose(recipe.rocks.populations, size=site.size)
+    yield f"cost           {cost(expected_nodes(recipe), rocks, loose)}"
+
+
+def check_raster(path: Path) -> list[str]:
+    """Lines that say what a raster file is.
+
+    Raises:
+        DataError: if it is none.
+    """
+    spec = RasterDtm(source=path.name, size_m=(1.0, 1.0))
+    for body in BODIES.values():
+        try:
+            raster = open_raster(spec, body=body, folder=path.parent)
+        except DataError as error:
+            if error.key != ("body",):
+                raise
+            continue
+        with raster.dataset:
+            return [f"DTM {path}", *_lines(describe(raster))]
+    raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
+
+
+def cost(nodes: float, rocks: float, loose: float = 0.0) -> str:
+    """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
+    seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3
+    seconds += loose * SETTLING + min(loose, MOST_WATCHED) * WATCHING
+    settled = f" ({loose:.0f} loose)" if loose else ""
+    return (
+        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s "
+        f"without a drive, {memory_needed(nodes, rocks) / 1e9:.1f} GB"
+    )
+
+
+def _lines(description: Description) -> Iterator[str]:
+    for name, value in description.facts:
+        yield f"  {name:<12} {value}"
+    for warning in description.warnings:
+        yield f"  warning      {warning}"

@@ -1,0 +1,44 @@
+"""What to write again from a world that is built already."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from terrain_forge.base import OutputError, RecipeError
+from terrain_forge.model import World
+from terrain_forge.recipe import ExportOrder, export_orders
+
+ASSESSED = ("validation/", "report.html")
+"""What every assessment writes anew."""
+
+
+def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:
+    """The exports that `only` names: folders of the world's recipe, or else exporters.
+
+    Raises:
+        OutputError: if `only` is empty, or this version refuses the world's recipe.
+        RecipeError: for an unknown exporter.
+    """
+    if not only:
+        raise OutputError("--only names no format")
+    planned = require_readable_recipe(world, out)
+    further = tuple(name for name in dict.fromkeys(only) if name not in planned)
+    recipe = replace(world.site.recipe, exports=further)
+    found = {**planned, **{order.folder: order for order in export_orders(recipe)}}
+    return tuple(found[name] for name in dict.fromkeys(only))
+
+
+def require_readable_recipe(world: World, out: Path) -> dict[str, ExportOrder]:
+    """The exports of the recipe that a world was built with, by their folders.
+
+    Raises:
+        OutputError: if this version refuses one of them.
+    """
+    try:
+        return {order.folder: order for order in export_orders(world.site.recipe)}
+    except RecipeError as error:
+        what = ": ".join(filter(None, [".".join(map(str, error.key)), str(error)]))
+        raise OutputError(
+            f"{out}: this version refuses the recipe of that world, {what}; build it anew"
+        ) from None

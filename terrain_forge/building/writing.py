@@ -1,0 +1,98 @@
+"""Writing a world's files: its exports, truth, paths, picture, and the world itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.base import ExportError, OutputError, Stopwatch
+from terrain_forge.building.staging import replacing
+from terrain_forge.model import World
+from terrain_forge.recipe import ExportOrder
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildResult:
+    """What a build left behind."""
+
+    directory: Path
+    """The output folder."""
+    world: World
+    """The world that is in it."""
+    passed: bool
+    """Whether every validation check passed."""
+    losses: dict[str, tuple[str, ...]]
+    """What each export cannot say, by its folder."""
+
+
+def write_files(
+    world: World, directory: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
+) -> dict[str, tuple[str, ...]]:
+    """Write the world, its exports, truth, paths and picture; returns the exports' losses.
+
+    None of them needs another, so they go side by side: kernels and the file system leave Python's
+    lock to the others.
+    """
+    from terrain_forge.paths import write_trajectories
+    from terrain_forge.scene import write_preview
+    from terrain_forge.truth import write_truth
+
+    # The picture first: its rays leave Python's lock to the exports.
+    tasks: dict[str, Callable[[], Any]] = {
+        "preview": partial(write_preview, world, directory / "preview.png"),
+        **{
+            f"export {order.folder}": partial(write_export, world, directory, order)
+            for order in orders
+        },
+        "truth": partial(write_truth, world, directory),
+        "path files": partial(write_trajectories, world.trajectories, directory / "paths"),
+        "world": partial(world.save, directory),
+    }
+    results = _side_by_side(tasks, watch)
+    return {order.folder: results[f"export {order.folder}"] for order in orders}
+
+
+def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
+    """Results of tasks that run two at a time; the first that fails cancels those not begun."""
+    watch("writing")
+    with ThreadPoolExecutor(2) as pool:
+        futures = {name: pool.submit(watch.timed, name, task) for name, task in tasks.items()}
+        try:
+            for done, future in enumerate(as_completed(futures.values()), 1):
+                future.result()
+                watch("writing", done / len(futures))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return {name: future.result() for name, future in futures.items()}
+
+
+def write_export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]:
+    """Write one export into its folder of `directory`, whole or not at all; returns its losses."""
+    with replacing(directory / order.folder) as folder:
+        try:
+            report = order.exporter.export(world, folder, options=order.options)
+        except ExportError as error:
+            raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
+    return report.losses
+
+
+def chosen_exports(
+    orders: tuple[ExportOrder, ...], only: tuple[str, ...] | None
+) -> tuple[ExportOrder, ...]:
+    """The exports that `only` names, by folder.
+
+    Raises:
+        OutputError: for a name that the recipe does not export.
+    """
+    folders = [order.folder for order in orders]
+    for name in only or ():
+        if name not in folders:
+            raise OutputError(
+                f"--only {name}: the recipe exports {', '.join(folders) or 'nothing'}"
+            )
+    return orders if only is None else tuple(order for order in orders if order.folder in only)

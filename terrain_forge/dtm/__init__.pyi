@@ -1,0 +1,32 @@
+"""Reading digital terrain models: rasters, projections, heights, quality, roughness."""
+
+from .conservative import NEAR as NEAR
+from .conservative import STENCIL as STENCIL
+from .conservative import add_cell_means as add_cell_means
+from .description import Description as Description
+from .description import describe as describe
+from .description import site_facts as site_facts
+from .gridify import dtm_heights as dtm_heights
+from .kernel import cubic as cubic
+from .lattice import Nodes as Nodes
+from .lattice import PixelFrame as PixelFrame
+from .lattice import Places as Places
+from .lattice import node_places as node_places
+from .lattice import patch_pixels as patch_pixels
+from .lattice import require_straight as require_straight
+from .pixels import Pixels as Pixels
+from .projection import ellipsoid as ellipsoid
+from .projection import geographic_crs as geographic_crs
+from .projection import scale_error as scale_error
+from .projection import transform as transform
+from .projection import wrap_around as wrap_around
+from .raster import files_of_raster as files_of_raster
+from .raster import open_dataset as open_dataset
+from .raster import open_raster as open_raster
+from .raster import read_image as read_image
+from .raster import require_file as require_file
+from .site_survey import survey as survey
+from .spec import ArrayDtm as ArrayDtm
+from .spec import Centre as Centre
+from .spec import FlatDtm as FlatDtm
+from .spec import RasterDtm as RasterDtm

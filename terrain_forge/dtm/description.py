@@ -1,0 +1,223 @@
+"""What a raster is, in words for `terrain-forge check`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import DataError
+from terrain_forge.dtm.projection import geographic_crs, scale_error, transform
+from terrain_forge.dtm.quality import assess
+from terrain_forge.dtm.raster import Raster, ground_steps
+from terrain_forge.dtm.roughness import COARSE_POSTING
+from terrain_forge.model import Site
+
+_MOST_SAMPLES = 2**24
+_PIECE, _PIECES = 256, 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """What a raster is."""
+
+    facts: tuple[tuple[str, str], ...]
+    """Name and value, for a table."""
+    warnings: tuple[str, ...]
+    """What a user should know before building from it."""
+
+
+def describe(raster: Raster) -> Description:
+    """Say what an open raster is, where it lies, what its numbers mean, what is wrong with it."""
+    dataset, band = raster.dataset, raster.band
+    rows, columns = raster.shape
+    steps = ground_steps(raster)
+    posting = max(steps) if steps else None
+    values = _Values.read(raster)
+    form = f"{dataset.driver}, {columns} × {rows} samples, {dataset.dtypes[band - 1]}"
+    if dataset.count > 1:
+        form += f", band {band} of {dataset.count}"
+    facts = [
+        ("format", form),
+        ("place", _place(raster)),
+        ("posting", _posting_text(raster)),
+        ("values", _meaning(raster)),
+        ("heights", values.range_text(raster)),
+        ("nodata", f"{100 * values.missing:.1f} % of the samples{values.looked_at}"),
+    ]
+    if raster.quantum is None and values.heights.size:
+        facts.append(("planar fill", f"{100 * values.planar:.1f} % of the samples lie in planes"))
+    return Description(facts=tuple(facts), warnings=tuple(_warnings(raster, posting, values)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Values:
+    """A look at the samples: all of a small raster, pieces all over a large one."""
+
+    heights: NDArray[np.float64]
+    missing: float
+    whole: bool
+    planar: float
+    seams: tuple[str, ...]
+    suspects: tuple[str, ...]
+
+    @classmethod
+    def read(cls, raster: Raster) -> _Values:
+        whole = raster.shape[0] * raster.shape[1] <= _MOST_SAMPLES
+        found, missing, planar = [], [], []
+        seams: list[str] = []
+        suspects: list[str] = []
+        for rows, columns in _pieces(raster.shape, whole):
+            try:
+                heights, valid = raster.read(rows, columns)
+            except DataError as error:
+                suspects.append(str(error))
+                heights, valid = raster.read(rows, columns, strict=False)
+            found.append(heights[valid])
+            missing.append(1.0 - valid.mean())
+            if min(valid.shape) >= 8 and valid.any():
+                quality = assess(heights, valid, quantum=raster.quantum)
+                planar.append(quality.planar_fraction)
+                start = {"row": rows.start, "column": columns.start}
+                seams += [f"{line} {n + start[line]}" for line, n, _ in quality.seams]
+        return cls(
+            heights=np.concatenate(found),
+            missing=float(np.mean(missing)),
+            whole=whole,
+            planar=float(np.mean(planar)) if planar else 0.0,
+            seams=tuple(dict.fromkeys(seams)),
+            suspects=tuple(suspects[:1]),
+        )
+
+    def range_text(self, raster: Raster) -> str:
+        if not self.heights.size:
+            return f"no valid sample{self.looked_at}"
+        low, high = self.heights.min(), self.heights.max()
+        unit = "m" if raster.vertical.known else "(no vertical scale: raw numbers)"
+        return f"{low:.8g} to {high:.8g} {unit}{self.looked_at}"
+
+    @property
+    def looked_at(self) -> str:
+        return "" if self.whole else " in the pieces looked at"
+
+
+def site_facts(site: Site) -> list[str]:
+    """Lines that say what became of the DTM of a site that is planned."""
+    facts = []
+    if site.crs:
+        error = 1e6 * scale_error(site.crs, site.size)
+        facts.append(f"lengths      true in the middle, {error:.2g} in a million off at the edge")
+    if site.dtm is not None:
+        rows, columns = site.dtm.heights.shape
+        facts.append(f"context      {columns} × {rows} samples of {_metres(site.dtm.posting)}")
+        facts += [f"repair       {repair}" for repair in site.dtm.repairs]
+        if site.dtm.planar_fraction > 0.001:
+            share = 100 * site.dtm.planar_fraction
+            facts.append(f"planar fill  {share:.1f} % of the samples around lie in exact planes")
+    return facts
+
+
+def _pieces(shape: tuple[int, int], whole: bool) -> list[tuple[slice, slice]]:
+    """The raster as one piece, or a few of it on a grid."""
+    rows, columns = shape
+    if whole:
+        return [(slice(0, rows), slice(0, columns))]
+    size = (min(_PIECE, rows), min(_PIECE, columns))
+    starts = [
+        np.linspace(0, n - piece, _PIECES).astype(int).tolist()
+        for n, piece in zip(shape, size, strict=True)
+    ]
+    return [
+        (slice(row, row + size[0]), slice(column, column + size[1]))
+        for row in dict.fromkeys(starts[0])
+        for column in dict.fromkeys(starts[1])
+    ]
+
+
+def _posting_text(raster: Raster) -> str:
+    steps = ground_steps(raster)
+    if steps is None:
+        return "unknown"
+    across, down = steps
+    if abs(across / down - 1.0) < 2e-3:
+        return _metres(max(steps))
+    return f"{_metres(across)} along rows, {_metres(down)} along columns, in true metres"
+
+
+def _place(raster: Raster) -> str:
+    if not raster.crs:
+        known = (
+            "its size on the ground comes from the recipe" if raster.to_pixel else "no size known"
+        )
+        return f"not georeferenced, {known}"
+    from rasterio.crs import CRS
+
+    x, y = raster.middle
+    lon, lat = transform(raster.crs, geographic_crs(raster.crs), np.array([x]), np.array([y]))
+    name = raster.crs.split('"')[1]
+    kind = "longitude and latitude" if CRS.from_wkt(raster.crs).is_geographic else name
+    return f"{kind}, centre {lon[0]:.4f}° E {lat[0]:.4f}° N"
+
+
+def _meaning(raster: Raster) -> str:
+    dtype, v = raster.dataset.dtypes[raster.band - 1], raster.vertical
+    if v.reference_radius:
+        return (
+            f"radius: value × {v.scale:g} + {v.offset:.10g} m from the body's centre; "
+            f"heights are taken above {v.reference_radius:.10g} m"
+        )
+    if not v.known:
+        return f"unknown: {dtype} without a vertical scale, an image or a stretched height map"
+    stated = f", the file says {v.unit!r}" if v.unit else ""
+    if (v.scale, v.offset) == (1.0, 0.0):
+        return f"height above the datum in metres{stated}"
+    return f"height: value × {v.scale:.6g} + {v.offset:g} m{stated}"
+
+
+def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[str]:
+    found = []
+    if not values.heights.size:
+        found.append(
+            "no valid sample: nothing can be built from it"
+            if values.whole
+            else "no valid sample in the pieces looked at: most of it is empty"
+        )
+    if not raster.to_pixel:
+        found.append("without georeference: give its size on the ground as dtm.extent_m")
+    if not raster.vertical.known:
+        found.append("without vertical scale: give dtm.height_range_m or dtm.height_scale")
+    coarse = posting is not None and posting > COARSE_POSTING
+    if posting and coarse:
+        found.append(
+            f"a posting of {_metres(posting)} is too coarse for a rover: the ground between the "
+            "samples would be invented"
+        )
+    quantum = raster.quantum
+    dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
+    stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= 0.02)
+    if quantum and stairs and raster.vertical.known and not coarse:
+        found.append(
+            f"{8 * dtype.itemsize} bits: heights come in stairs of {_metres(quantum)}, "
+            "which a wheel feels; dtm.destair smooths them"
+        )
+    found += values.suspects
+    if raster.vertical.odd_unit:
+        found.append(f"unit {raster.vertical.unit!r} is no length: taken as metres")
+    if values.planar > 0.01:
+        found.append(
+            f"{100 * values.planar:.1f} % lie in exact planes: gaps between matched points that "
+            "were filled by triangles"
+        )
+    if values.seams:
+        shown = ", ".join(values.seams[:4]) + (", …" if len(values.seams) > 4 else "")
+        found.append(f"the ground steps along {shown}: seams of images or strips")
+    if raster.dataset.count > 1:
+        found.append(f"{raster.dataset.count} bands: dtm.band chooses the one with the heights")
+    return found
+
+
+def _metres(length: float) -> str:
+    if length >= 1000.0:
+        return f"{length / 1000:.4g} km"
+    return f"{length:.3g} m" if length >= 0.5 else f"{length * 100:.2g} cm"

@@ -1,0 +1,171 @@
+"""From the recipe's `dtm` part to a patch of heights and the site's place on its body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.base import Array, DataError, Mask, RecipeError
+from terrain_forge.dtm.kernel import cubic
+from terrain_forge.dtm.lattice import patch_pixels
+from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
+from terrain_forge.dtm.quality import planar_posts
+from terrain_forge.dtm.raster import Raster, open_raster
+from terrain_forge.dtm.reading import read_patch
+from terrain_forge.dtm.roughness import body_roughness, fit_roughness
+from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, RasterDtm
+from terrain_forge.model import Body, DtmPatch, Roughness
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """What planning learns from the DTM; the fields are those of `Site`."""
+
+    crs: str
+    lonlat: tuple[float, float] | None
+    datum_height: float
+    slope: tuple[float, float]
+    dtm: DtmPatch | None
+    roughness: Roughness
+
+
+def survey(
+    spec: RasterDtm | FlatDtm | ArrayDtm, *, body: Body, folder: Path, heights: Array | None
+) -> Survey:
+    """Read the heights around the site and resolve everything that depends on them.
+
+    Raises:
+        DataError, RecipeError: if the DTM cannot serve as the recipe says.
+    """
+    if isinstance(spec, FlatDtm):
+        crs, lonlat = _place(spec.lonlat_deg, body)
+        return Survey(
+            crs=crs,
+            lonlat=lonlat,
+            datum_height=0.0,
+            slope=(0.0, 0.0),
+            dtm=None,
+            roughness=body_roughness(body, "flat site"),
+        )
+    if isinstance(spec, ArrayDtm):
+        crs, lonlat = _place(spec.lonlat_deg, body)
+        patch, measured = _array_patch(spec, heights)
+    else:
+        crs, lonlat, patch, measured = _raster_patch(spec, body, folder)
+    datum_height, slope = _datum(patch, crs, spec.size_m, level=spec.level == "plane")
+    return Survey(
+        crs=crs,
+        lonlat=lonlat,
+        datum_height=datum_height,
+        slope=slope,
+        dtm=patch,
+        roughness=fit_roughness(patch.heights, patch.posting, body, measured),
+    )
+
+
+def _place(
+    lonlat_deg: tuple[float, float] | None, body: Body
+) -> tuple[str, tuple[float, float] | None]:
+    if lonlat_deg is None:
+        return "", None
+    lon, lat = np.radians(lonlat_deg)
+    return local_crs(body_crs(body.mean_radius), *lonlat_deg), (float(lon), float(lat))
+
+
+def _array_patch(spec: ArrayDtm, heights: Array | None) -> tuple[DtmPatch, Mask]:
+    if heights is None:
+        raise RecipeError(
+            "`kind: array` takes its heights from plan(recipe, heights=…)", key=("dtm",)
+        )
+    values = np.asarray(heights, np.float64)
+    if values.ndim != 2 or min(values.shape) < 2 or not np.isfinite(values).all():
+        raise RecipeError(f"heights of shape {values.shape}: a finite 2-D array", key=("dtm",))
+    extent = tuple((n - 1) * spec.posting_m for n in values.shape[::-1])
+    if any(size > have * (1 + 1e-9) for size, have in zip(spec.size_m, extent, strict=True)):
+        raise RecipeError(
+            f"size {spec.size_m} m is larger than the array, {extent} m", key=("dtm", "size_m")
+        )
+    rows, columns = values.shape
+    step = 1.0 / spec.posting_m
+    to_pixel = (step, 0.0, (columns - 1) / 2, 0.0, step, (rows - 1) / 2)
+    planar = planar_posts(values)
+    patch = DtmPatch(
+        heights=values,
+        to_pixel=to_pixel,
+        crs="",
+        wrap=(0.0, 0.0),
+        posting=spec.posting_m,
+        filled=0,
+        planar_fraction=float(planar.mean()),
+    )
+    return patch, ~planar
+
+
+def _raster_patch(
+    spec: RasterDtm, body: Body, folder: Path
+) -> tuple[str, tuple[float, float] | None, DtmPatch, Mask]:
+    raster = open_raster(spec, body=body, folder=folder)
+    with raster.dataset:
+        _require_meaning(raster, spec)
+        if raster.crs:
+            lon, lat = _centre_lonlat(raster, spec)
+            crs = local_crs(raster.crs, lon, lat)
+            lonlat = (float(np.radians(lon)), float(np.radians(lat)))
+            return crs, lonlat, *read_patch(raster, spec, crs, raster.to_pixel)
+        if spec.centre.offset_m is None:
+            raise DataError(
+                f"{spec.source} is not georeferenced: give the centre as offset_m",
+                key=("dtm", "centre"),
+            )
+        a, _, c, _, e, f = raster.to_pixel
+        east, north = spec.centre.offset_m
+        shifted = (a, 0.0, c + a * east, 0.0, e, f + e * north)
+        return "", None, *read_patch(raster, spec, "", shifted)
+
+
+def _require_meaning(raster: Raster, spec: RasterDtm) -> None:
+    if not raster.to_pixel:
+        raise DataError(
+            f"{spec.source} has no georeference: give its size on the ground as dtm.extent_m",
+            key=("dtm", "source"),
+        )
+    if not raster.vertical.known:
+        dtype = raster.dataset.dtypes[raster.band - 1]
+        raise DataError(
+            f"the vertical scale of {spec.source} ({dtype}) is unknown: give dtm.height_range_m or "
+            "dtm.height_scale",
+            key=("dtm", "source"),
+        )
+
+
+def _centre_lonlat(raster: Raster, spec: RasterDtm) -> tuple[float, float]:
+    """Longitude and latitude of the site's centre [degrees]."""
+    if spec.centre.lonlat_deg is not None:
+        return spec.centre.lonlat_deg
+    geographic = geographic_crs(raster.crs)
+    if spec.centre.crs is not None:
+        return _transform_point(raster.crs, geographic, spec.centre.crs)
+    middle = local_crs(raster.crs, *_transform_point(raster.crs, geographic, raster.middle))
+    return _transform_point(middle, geographic, spec.centre.offset_m or (0.0, 0.0))
+
+
+def _transform_point(source: str, target: str, point: tuple[float, float]) -> tuple[float, float]:
+    x, y = transform(source, target, np.array([point[0]]), np.array([point[1]]))
+    return float(x[0]), float(y[0])
+
+
+def _datum(
+    patch: DtmPatch, crs: str, size: tuple[float, float], *, level: bool
+) -> tuple[float, tuple[float, float]]:
+    """Height of world z = 0 [m] and the plane's rise per metre east and north."""
+    steps = np.linspace(-0.5, 0.5, 65)
+    east, north = np.meshgrid(steps * size[0], steps * size[1])
+    column, row = patch_pixels(patch, crs, east, north)
+    heights = cubic(patch.heights, column=column, row=row)
+    if not level:
+        return float(heights[32, 32]), (0.0, 0.0)
+    slope_east = float(np.sum(heights * east) / np.sum(east**2))
+    slope_north = float(np.sum(heights * north) / np.sum(north**2))
+    return float(heights.mean()), (slope_east, slope_north)

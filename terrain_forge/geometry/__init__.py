@@ -1,0 +1,5 @@
+"""Meshes and textures that exporters, pictures and pages share."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

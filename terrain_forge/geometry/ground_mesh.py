@@ -1,0 +1,73 @@
+"""The ground's surface as a triangle mesh: the one triangulation that every format shares.
+
+Vertices are the nodes, row by row from the south-west; a cell is cut from there to the north-east.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import kernel
+from terrain_forge.model import Heightfield
+
+
+def grid_vertices(ground: Heightfield) -> NDArray[np.float64]:
+    """The nodes of a grid as points [m], shape [rows * columns, 3]."""
+    vertices = np.empty((*ground.shape, 3))
+    vertices[..., 0] = ground.east
+    vertices[..., 1] = ground.north[:, None]
+    vertices[..., 2] = ground.elevation
+    return vertices.reshape(-1, 3)
+
+
+def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
+    """Two triangles per cell, counter-clockwise from above, shape [2 * cells, 3]."""
+    southwest = np.arange((rows - 1) * columns, dtype=np.int32).reshape(rows - 1, columns)[:, :-1]
+    southeast, northwest = southwest + 1, southwest + columns
+    northeast = northwest + 1
+    corners = (southwest, southeast, northeast, southwest, northeast, northwest)
+    return np.stack(corners, axis=-1).reshape(-1, 3)
+
+
+def grid_texture_coordinates(rows: int, columns: int) -> NDArray[np.float64]:
+    """Where each node lies in an image with one pixel per node, shape [rows * columns, 2].
+
+    u runs east, v north, 0 to 1 over the image; a node sits in the middle of its pixel.
+    """
+    coordinates = np.empty((rows, columns, 2))
+    coordinates[..., 0] = (np.arange(columns) + 0.5) / columns
+    coordinates[..., 1] = ((np.arange(rows) + 0.5) / rows)[:, None]
+    return coordinates.reshape(-1, 2)
+
+
+def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:
+    """Unit normals at the nodes of a part of a grid, from central differences of the whole grid.
+
+    Taken from the whole, so that neighbouring parts shade alike along their common border.
+
+    Returns:
+        Normals, float32, shape [rows * columns, 3].
+    """
+    column = round((part.origin[0] - whole.origin[0]) / whole.spacing)
+    row = round((part.origin[1] - whole.origin[1]) / whole.spacing)
+    normals = np.empty((*part.shape, 3), dtype=np.float32)
+    _fill_normals(normals, whole.elevation, column, row, whole.spacing)
+    return normals.reshape(-1, 3)
+
+
+@kernel
+def _fill_normals(normals, elevation, column, row, spacing):  # type: ignore[no-untyped-def]
+    last_row, last_column = elevation.shape[0] - 1, elevation.shape[1] - 1
+    for j in range(normals.shape[0]):
+        south, north = max(row + j - 1, 0), min(row + j + 1, last_row)
+        for i in range(normals.shape[1]):
+            west, east = max(column + i - 1, 0), min(column + i + 1, last_column)
+            rise_east = np.float64(elevation[row + j, east]) - elevation[row + j, west]
+            rise_north = np.float64(elevation[north, column + i]) - elevation[south, column + i]
+            x = -rise_east / ((east - west) * spacing)
+            y = -rise_north / ((north - south) * spacing)
+            scale = 1.0 / np.sqrt(x * x + y * y + 1.0)
+            normals[j, i, 0] = x * scale
+            normals[j, i, 1] = y * scale
+            normals[j, i, 2] = scale

@@ -1,0 +1,147 @@
+"""The ground's picture finer than its grid: colours and normals baked for formats that show one.
+
+It is what the preview shows of soil and small stones, down to the size of a pixel; it is addressed
+by place, so that tiles meet without a seam and nothing repeats. It is for the eye alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import (
+    Record,
+    kernel,
+    linear_from_srgb,
+    over_chunks,
+    srgb_from_linear,
+    stage_key,
+)
+from terrain_forge.model import GroundDetail, Heightfield, World
+from terrain_forge.scene import CLAST_SHARE, ground_grain
+
+_STEPS = 4096
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundTexture(Record):
+    """Images of one tile of the ground for the texture coordinates of `ground_mesh`."""
+
+    rgb: NDArray[np.uint8]
+    """sRGB colours, rows run north, shape [rows, columns, 3]."""
+    normals: NDArray[np.uint8]
+    """Unit normals towards east, north and away from the mesh, -1 to 1 as 0 to 255, rows run north,
+    shape [rows, columns, 3]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("rgb", np.uint8, ("rows", "columns", 3))
+        self.freeze("normals", np.uint8, self.rgb.shape)
+
+
+def finest_texture(ground: Heightfield, largest: int) -> int:
+    """Most pixels per node, 1 at least, that a picture of `largest` pixels a side has room for."""
+    return max(largest // max(ground.shape), 1)
+
+
+def detail_placement(
+    ground: Heightfield, detail: GroundDetail
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where the detail tile lies: at scale · (u, v) + offset for `grid_texture_coordinates`.
+
+    Args:
+        ground: The ground of the mesh, a tile or a whole one.
+        detail: The tile, whose place is counted from the site's origin.
+
+    Returns:
+        The scales and the offsets, which are from 0 to 1, along east and north.
+    """
+    rows, columns = ground.shape
+    cells = ground.spacing / detail.size
+    west, south = ((place / detail.size - 0.5 * cells) % 1.0 for place in ground.origin)
+    return (columns * cells, rows * cells), (west, south)
+
+
+def detail_loss(detail: GroundDetail) -> str:
+    """What a format leaves out of the detail tile that takes its normals alone."""
+    return (
+        f"The ground's normal map repeats every {detail.size:g} m and knows nothing of the stones "
+        "in the colours; the brightness that belongs to it is left out."
+    )
+
+
+def texture_loss(ground: Heightfield, largest: int, *, normals: bool) -> str:
+    """What a picture of `largest` pixels a side leaves out of the ground's looks.
+
+    Args:
+        ground: The whole ground.
+        largest: Pixels of its longer side.
+        normals: Whether the format takes a normal map.
+    """
+    pixel = 1000.0 * ground.spacing / finest_texture(ground, largest)
+    bumps = "" if normals else ", without a normal map"
+    return (
+        f"The ground's texture has pixels of {pixel:.3g} mm{bumps}; nothing touches the soil and "
+        "stones in it."
+    )
+
+
+def bake_ground(tile: World, *, finer: int) -> GroundTexture:
+    """Colours and normals of a tile with `finer` × `finer` pixels for each node.
+
+    A node lies in the middle of its pixels, as `grid_texture_coordinates` has it for any `finer`;
+    half a cell beyond the outer nodes the picture goes on with their colour.
+    """
+    ground, colours = tile.ground, tile.appearance.ground_rgb
+    rows, columns = ground.shape[0] * finer, ground.shape[1] * finer
+    rgb = np.empty((rows, columns, 3), np.uint8)
+    normals = np.empty((rows, columns, 3), np.uint8)
+    over_chunks(
+        _bake,
+        rows,
+        stage_key(tile.site.seed, "grain"),
+        ground.origin,
+        ground.spacing,
+        finer,
+        colours,
+        linear_from_srgb(np.arange(256) / 255.0),
+        np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2)),
+        rgb,
+        normals,
+    )
+    return GroundTexture(rgb=rgb, normals=normals)
+
+
+@kernel
+def _bake(  # type: ignore[no-untyped-def]
+    first, last, key, origin, spacing, finer, colours, linear, encoded, rgb, normals
+):
+    rows, columns, _ = colours.shape
+    pixel = spacing / finer
+    for row in range(first, last):
+        place_y = (row + 0.5) / finer - 0.5
+        y = min(max(place_y, 0.0), rows - 1.0)
+        j = min(np.int64(y), rows - 2)
+        v = y - j
+        for column in range(rgb.shape[1]):
+            place_x = (column + 0.5) / finer - 0.5
+            x = min(max(place_x, 0.0), columns - 1.0)
+            i = min(np.int64(x), columns - 2)
+            u = x - i
+            east, north = origin[0] + place_x * spacing, origin[1] + place_y * spacing
+            bright, _shade, rise_x, rise_y = ground_grain(
+                key, CLAST_SHARE, 0.0, 0.0, east, north, spacing, pixel
+            )
+            for channel in range(3):
+                south = linear[colours[j, i, channel]] * (1.0 - u)
+                south += linear[colours[j, i + 1, channel]] * u
+                upper = linear[colours[j + 1, i, channel]] * (1.0 - u)
+                upper += linear[colours[j + 1, i + 1, channel]] * u
+                light = bright * (south + v * (upper - south))
+                step = np.sqrt(min(max(light, 0.0), 1.0)) * (_STEPS - 1)
+                rgb[row, column, channel] = np.uint8(encoded[np.int64(step + 0.5)])
+            scale = 127.5 / np.sqrt(rise_x * rise_x + rise_y * rise_y + 1.0)
+            normals[row, column, 0] = np.uint8(128.0 - scale * rise_x)
+            normals[row, column, 1] = np.uint8(128.0 - scale * rise_y)
+            normals[row, column, 2] = np.uint8(128.0 + scale - 0.5)

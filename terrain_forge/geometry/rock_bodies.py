@@ -1,0 +1,33 @@
+"""Loose rocks as rigid bodies: what a physics engine must know of each besides its shape."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from terrain_forge.base import Array
+from terrain_forge.model import RockField, RockLibrary
+
+
+def inertias(field: RockField, library: RockLibrary) -> Array:
+    """Inertia tensors about the centres of mass in the rocks' own axes [kg m²], [rocks, 3, 3].
+
+    A prototype's tensor is for 1 kg/m³ and grows with the fifth power of size.
+    """
+    of_shape = np.array([prototype.inertia for prototype in library.prototypes])
+    density = field.mass / field.volume
+    result: Array = of_shape[field.prototype] * (density * field.scale**5)[:, None, None]
+    return result
+
+
+def principal_axes(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments and axes of inertia tensors, shape [n, 3, 3].
+
+    Returns:
+        Moments in ascending order, shape [n, 3], and quaternions (w, x, y, z) from the principal
+        axes to those of the tensors, shape [n, 4].
+    """
+    from scipy.spatial.transform import Rotation
+
+    moments, axes = np.linalg.eigh(inertia)
+    axes[..., 2] *= np.linalg.det(axes)[..., None]  # eigenvectors may come as a mirrored frame
+    return moments, np.roll(Rotation.from_matrix(axes).as_quat(), 1, axis=-1)

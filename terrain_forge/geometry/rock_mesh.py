@@ -1,0 +1,178 @@
+"""Rocks as triangles: which level of detail will do, and many rocks merged into one mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, inner, kernel
+from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, rotations
+
+# A face goes only where it is this fraction of the rock's diameter under the ground.
+_BURIED_MARGIN = 0.05
+# Rocks that become one mesh; a renderer culls such meshes, an engine finds its way in each.
+_PART = 8192
+
+
+def outline_error(mesh: Mesh, reference: Mesh) -> float:
+    """How far the outline of a mesh, seen from any side, is off the reference's [m].
+
+    The largest difference of the two support functions over directions spread evenly on the sphere;
+    so it covers the top and every silhouette, and says nothing of dents.
+    """
+    directions = _fibonacci_sphere(256)
+    support = (mesh.vertices @ directions.T).max(axis=0)
+    wanted = (reference.vertices @ directions.T).max(axis=0)
+    return float(np.abs(support - wanted).max())
+
+
+def largest_outline_error(coarse: Sequence[Mesh], shapes: Sequence[RockPrototype]) -> float:
+    """The largest `outline_error` of meshes that stand for rock shapes [mean axes]."""
+    return max(outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True))
+
+
+def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
+    """What an export loses by colliding rocks as their convex parts, as a sentence."""
+    excess = max((shape.hull_excess for shape in shapes), default=0.0)
+    distance = max((shape.hull_distance for shape in shapes), default=0.0)
+    if max(excess, distance) <= 0.0:
+        return ()
+    return (
+        f"Rocks collide as convex parts, up to {100 * max(excess, 0.0):.1f} % larger than the rock "
+        f"and off its surface by up to {100 * distance:.1f} % of its size.",
+    )
+
+
+def fixed_losses(field: RockField) -> tuple[str, ...]:
+    """What an export loses by fixing rocks to the ground, as a sentence."""
+    fixed = len(field) - int(field.loose.sum())
+    return (f"{fixed} rocks are fixed: they have no mass.",) if fixed else ()
+
+
+def coarse_shape(prototype: RockPrototype, tolerance: float) -> Mesh:
+    """The shape of fewest faces whose outline is the finest mesh's within `tolerance` [mean axes].
+
+    Chosen from the levels of detail and, where one hull stands for the whole rock, that hull; the
+    finest mesh itself where nothing else is so close.
+    """
+    finest, coarser = prototype.meshes[0], prototype.meshes[1:]
+    hull = prototype.hulls if len(prototype.hulls) == 1 else ()
+    candidates: list[Mesh] = sorted([*coarser, *hull], key=lambda mesh: len(mesh.faces))
+    fitting = (mesh for mesh in candidates if outline_error(mesh, finest) <= tolerance)
+    return next(fitting, finest)
+
+
+def merge_rocks(
+    field: RockField, shapes: Sequence[Mesh], ground: Heightfield
+) -> tuple[Array, NDArray[np.int32]]:
+    """The rocks' surfaces as one mesh, without the faces that lie wholly under the ground.
+
+    Args:
+        field: The rocks.
+        shapes: The mesh that stands for each prototype, in the prototype's frame.
+        ground: The ground; what lies beside it counts as bare.
+
+    Returns:
+        Vertices in the world frame [m], shape [vertices, 3], and corner indices, shape [faces, 3].
+    """
+    points, first_point = _joined([shape.vertices for shape in shapes])
+    corners, first_face = _joined([shape.faces for shape in shapes])
+    turn_and_scale = rotations(field) * field.scale[:, None, None]
+    vertex_room = int(np.diff(first_point)[field.prototype].sum())
+    face_room = int(np.diff(first_face)[field.prototype].sum())
+    vertices = np.empty((vertex_room, 3))
+    faces = np.empty((face_room, 3), dtype=np.int32)
+    used_vertices, used_faces = _merge(
+        vertices,
+        faces,
+        (points, first_point, corners, first_face),
+        (field.prototype, field.position, turn_and_scale, _BURIED_MARGIN * field.diameter),
+        (ground.elevation, ground.origin[0], ground.origin[1], ground.spacing),
+    )
+    return vertices[:used_vertices], faces[:used_faces]
+
+
+def merge_in_parts(
+    field: RockField, shapes: Sequence[Mesh], ground: Heightfield
+) -> Iterator[tuple[Array, NDArray[np.int32]]]:
+    """`merge_rocks` of so many rocks at a time that memory does not grow with their number.
+
+    Parts without a face above the ground are left out.
+    """
+    for first in range(0, len(field), _PART):
+        rows = np.arange(first, min(first + _PART, len(field)))
+        vertices, faces = merge_rocks(field.select(rows), shapes, ground)
+        if len(faces):
+            yield vertices, faces
+
+
+def _fibonacci_sphere(count: int) -> Array:
+    """Evenly spread unit vectors, shape [count, 3] (golden-angle spiral)."""
+    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    z = 1 - (2 * np.arange(count) + 1) / count
+    radius = np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=-1)
+
+
+def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+    """Arrays one after the other, and where each begins (one more entry: the end)."""
+    begins = np.cumsum([0, *(len(array) for array in arrays)])
+    return np.concatenate(arrays), begins
+
+
+@inner
+def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
+    """Depth [m] of a point under the triangulated ground; negative above it or beside the grid."""
+    elevation, west, south, spacing = ground
+    column, row = (x - west) / spacing, (y - south) / spacing
+    rows, columns = elevation.shape
+    if column < 0 or row < 0 or column > columns - 1 or row > rows - 1:
+        return -1e30
+    i, j = min(int(column), columns - 2), min(int(row), rows - 2)
+    u, v = column - i, row - j
+    southwest, northeast = elevation[j, i], elevation[j + 1, i + 1]
+    if u >= v:
+        southeast = elevation[j, i + 1]
+        height = southwest + u * (southeast - southwest) + v * (northeast - southeast)
+    else:
+        northwest = elevation[j + 1, i]
+        height = southwest + v * (northwest - southwest) + u * (northeast - northwest)
+    return height - z
+
+
+@kernel
+def _merge(vertices, faces, shapes, rocks, ground):  # type: ignore[no-untyped-def]
+    points, first_point, corners, first_face = shapes
+    prototypes, positions, matrices, margins = rocks
+    largest = 0
+    for shape in range(len(first_point) - 1):
+        largest = max(largest, first_point[shape + 1] - first_point[shape])
+    placed = np.empty((largest, 3))
+    deep = np.empty(largest, dtype=np.bool_)
+    index = np.empty(largest, dtype=np.int32)
+    vertex_count, face_count = 0, 0
+    for rock in range(len(prototypes)):
+        shape = prototypes[rock]
+        start, matrix = first_point[shape], matrices[rock]
+        for n in range(first_point[shape + 1] - start):
+            x, y, z = points[start + n, 0], points[start + n, 1], points[start + n, 2]
+            for axis in range(3):
+                turned = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
+                placed[n, axis] = positions[rock, axis] + turned
+            deep[n] = _depth(ground, placed[n, 0], placed[n, 1], placed[n, 2]) > margins[rock]
+            index[n] = -1
+        for face in range(first_face[shape], first_face[shape + 1]):
+            if deep[corners[face, 0]] and deep[corners[face, 1]] and deep[corners[face, 2]]:
+                continue
+            for place in range(3):
+                n = corners[face, place]
+                if index[n] < 0:
+                    index[n] = vertex_count
+                    for axis in range(3):
+                        vertices[vertex_count, axis] = placed[n, axis]
+                    vertex_count += 1
+                faces[face_count, place] = index[n]
+            face_count += 1
+    return vertex_count, face_count

@@ -1,0 +1,32 @@
+"""What a population's rocks look like: its colour times the library's brightness texture."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, image_rows, linear_from_srgb, srgb_from_linear
+from terrain_forge.model import World
+
+
+def rock_texture(world: World, population: int) -> NDArray[np.uint8]:
+    """The sRGB image that tiles over a population's rocks, first row on top.
+
+    Returns:
+        Pixels, shape [rows, columns, 3]; texture coordinates of 1 are the image's width and height.
+    """
+    # 256 brightnesses at most: colours are looked up, not computed for each pixel.
+    shades = np.arange(256)[:, None] / 255.0 * _linear(world, population)
+    table = np.rint(255.0 * srgb_from_linear(shades)).astype(np.uint8)
+    pixels: NDArray[np.uint8] = table[image_rows(world.library.texture)]
+    return pixels
+
+
+def mean_rock_colour(world: World, population: int) -> Array:
+    """The texture's mean as linear colour, 0 to 1, shape [3]: for rocks that show no texture."""
+    result: Array = float(world.library.texture.mean()) / 255.0 * _linear(world, population)
+    return result
+
+
+def _linear(world: World, population: int) -> Array:
+    return linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)

@@ -1,0 +1,45 @@
+"""One thing that was checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from terrain_forge.base import Record
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Check(Record):
+    """A figure, the limit that it must keep, and whether it does."""
+
+    name: str
+    """What was checked."""
+    figure: float | None
+    """What was found; None where it could not be found."""
+    unit: str
+    """Unit of figure and limit; empty for counts and ratios."""
+    limit: float | None
+    """The largest figure that passes, or the smallest where the note says so; None for none."""
+    passed: bool
+    """Whether it is within its limit."""
+    note: str
+    """What the figure means or why there is none."""
+
+
+def at_most(
+    name: str, figure: float, limit: float | None, *, unit: str = "", note: str = ""
+) -> Check:
+    """A check that passes up to its limit, or always where it has none."""
+    passed = limit is None or bool(figure <= limit)
+    return Check(name=name, figure=figure, unit=unit, limit=limit, passed=passed, note=note)
+
+
+def at_least(name: str, figure: float, limit: float, *, unit: str = "", note: str = "") -> Check:
+    """A check that passes from its limit on."""
+    note = f"{note}; at least" if note else "at least"
+    passed = bool(figure >= limit)
+    return Check(name=name, figure=figure, unit=unit, limit=limit, passed=passed, note=note)
+
+
+def failed(name: str, note: str) -> Check:
+    """A check that could not even be made."""
+    return Check(name=name, figure=None, unit="", limit=None, passed=False, note=note)

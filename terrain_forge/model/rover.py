@@ -1,0 +1,194 @@
+"""What a rover is: links, joints, wheels, sensors; simulator formats are written from this."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from terrain_forge.base import Array, Record
+from terrain_forge.model.mesh import Mesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shape(Record):
+    """A solid on a link. Axis of a cylinder: the shape's z."""
+
+    kind: str
+    """`box`, `cylinder`, `sphere` or `mesh`."""
+    size: tuple[float, ...]
+    """Box, and box around a mesh: full lengths x, y, z; cylinder: radius, length; sphere: radius
+    [m]."""
+    position: Array
+    """Centre in the link's frame [m], shape [3]."""
+    rpy: Array
+    """Roll, pitch, yaw in the link's frame [rad], shape [3]."""
+    collides: bool
+    """Whether physics sees it."""
+    rgb: tuple[float, float, float]
+    """sRGB colour, 0 to 1."""
+    visible: bool = True
+    """Whether people and cameras see it."""
+    mesh: Mesh | None = None
+    """Triangles of a mesh, its box's centre as origin; a convex one where it collides. None for the
+    other kinds."""
+
+    def __post_init__(self) -> None:
+        self.freeze("position", np.float64, (3,))
+        self.freeze("rpy", np.float64, (3,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Link(Record):
+    """A rigid body and the joint that holds it to its parent. Link frames are parallel at rest.
+
+    A joint has the name of its link.
+    """
+
+    name: str
+    """Unique name."""
+    parent: str
+    """Name of the parent link; empty for the root, `base_link`."""
+    joint: str
+    """`free` (root), `fixed`, `passive` or `motor` (both revolute)."""
+    origin: Array
+    """The joint in the parent's frame, and origin of this link's frame [m], shape [3]."""
+    axis: Array
+    """Axis of a revolute joint, unit vector, shape [3]."""
+    limits: tuple[float, float] | None = None
+    """A revolute joint turns between these angles [rad]; None: without end."""
+    damping: float = 0.0
+    """Viscous damping of the joint [N m s/rad]."""
+    friction: float = 0.0
+    """Dry friction of the joint [N m]."""
+    mass: float
+    """Mass [kg]."""
+    centre_of_mass: Array
+    """In the link's frame [m], shape [3]."""
+    inertia: Array
+    """About the centre of mass [kg m²], shape [3, 3]."""
+    shapes: tuple[Shape, ...]
+    """Geometry."""
+
+    def __post_init__(self) -> None:
+        for name in ("origin", "axis", "centre_of_mass"):
+            self.freeze(name, np.float64, (3,))
+        self.freeze("inertia", np.float64, (3, 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grousers(Record):
+    """Bars across a wheel's tread, evenly around it; the wheel's radius reaches to their tops."""
+
+    count: int
+    """How many."""
+    height: float
+    """Above the tread [m]."""
+    thickness: float
+    """Along the tread [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wheel(Record):
+    """A driven wheel: a link of the rover that rolls on the ground."""
+
+    link: str
+    """Name of its link (whose joint is the motor)."""
+    centre: Array
+    """In base_link's frame at rest [m], shape [3]."""
+    radius: float
+    """Rolling radius [m]."""
+    width: float
+    """Width [m]."""
+    grousers: Grousers | None = None
+    """What it grips with; None for a smooth tread."""
+
+    def __post_init__(self) -> None:
+        self.freeze("centre", np.float64, (3,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coupling(Record):
+    """A gear between two passive joints, such as a rocker-bogie's differential."""
+
+    link: str
+    """Link whose joint follows: its angle is `ratio` times that of the other, plus `offset`."""
+    leader: str
+    """Link whose joint is followed."""
+    ratio: float
+    """Angle per angle; -1 for a differential of two rockers that turn about the same axis."""
+    offset: float = 0.0
+    """Angle where the leader's is 0 [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sensor(Record):
+    """A sensor and where it sits."""
+
+    name: str
+    """Unique name."""
+    kind: str
+    """`camera`, `lidar` or `imu`."""
+    link: str
+    """Link that carries it."""
+    position: Array
+    """In the link's frame [m], shape [3]."""
+    rpy: Array
+    """Roll, pitch, yaw in the link's frame [rad]; a camera looks along its x axis, shape [3]."""
+    properties: tuple[tuple[str, float], ...]
+    """Named figures in SI units, as the sensor's kind defines them."""
+
+    def __post_init__(self) -> None:
+        self.freeze("position", np.float64, (3,))
+        self.freeze("rpy", np.float64, (3,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rover(Record):
+    """A wheeled rover. base_link: x forward, y left, z up, origin on the ground amid the wheels."""
+
+    name: str
+    """Name, as the recipe writes it."""
+    links: tuple[Link, ...]
+    """Bodies, parents before children; the first is base_link."""
+    wheels: tuple[Wheel, ...]
+    """Driven wheels."""
+    sensors: tuple[Sensor, ...]
+    """The sensor rig."""
+    torque_limit: float
+    """Largest torque of a wheel's motor [N m]."""
+    speed_limit: float
+    """Largest speed over ground [m/s]."""
+    tilt_limit: float
+    """Largest tilt in which it may be driven [rad]."""
+    clearance: float
+    """Free height under the body [m]."""
+    step_limit: float | None = None
+    """Highest step or rock that it goes over [m]; None for what clearance and wheels allow
+    (`paths.obstacles.highest_step`)."""
+    couplings: tuple[Coupling, ...] = ()
+    """Gears between passive joints."""
+    notes: tuple[str, ...] = ()
+    """What was taken otherwise than the rover's own file says, a sentence each."""
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole rover [kg]."""
+        return sum(link.mass for link in self.links)
+
+    @property
+    def wheel_centres(self) -> Array:
+        """Centres of the wheels in base_link's frame at rest [m], shape [wheels, 3]."""
+        return np.array([wheel.centre for wheel in self.wheels])
+
+    @property
+    def length(self) -> float:
+        """Over all wheels, along x [m]."""
+        x = self.wheel_centres[:, 0]
+        return float(np.ptp(x) + 2 * max(wheel.radius for wheel in self.wheels))
+
+    @property
+    def width(self) -> float:
+        """Over all wheels, along y [m]."""
+        y = self.wheel_centres[:, 1]
+        return float(np.ptp(y) + max(wheel.width for wheel in self.wheels))

@@ -1,0 +1,256 @@
+"""Where a world lies: the Site, resolved once from the recipe, and windows of its lattice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Record
+from terrain_forge.model.bodies import Body
+from terrain_forge.model.dtm_patch import DtmPatch
+from terrain_forge.model.mesh import Mesh
+from terrain_forge.model.rover import Rover
+
+if TYPE_CHECKING:
+    from terrain_forge.model.route import Route
+    from terrain_forge.recipe import Recipe
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Window(Record):
+    """A rectangle of lattice cells of one Site; its nodes are one more each way."""
+
+    column: int
+    """First cell, counted east from the site's western edge."""
+    row: int
+    """First cell, counted north from the site's southern edge."""
+    columns: int
+    """Cells from west to east."""
+    rows: int
+    """Cells from south to north."""
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 1:
+            raise ValueError(f"Window of {self.columns} × {self.rows} cells: at least 1 × 1")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roughness(Record):
+    """Self-affine roughness of the ground: RMS deviation ν(L) = deviation · (L / 1 m)^hurst.
+
+    Shepard et al. 2001, doi:10.1029/2000JE001429.
+    """
+
+    hurst: float
+    """Hurst exponent, 0 to 1."""
+    deviation: float
+    """RMS deviation at a baseline of 1 m [m]."""
+    source: str
+    """Where the figures come from, for the report."""
+    exponent: tuple[float, float] | None = None
+    """Exponent as it was fitted to the DTM, before it was weighed and limited, and its standard
+    error."""
+    resolved: int = 1
+    """Shortest baseline that the DTM resolves [posts]."""
+    local: NDArray[np.float32] | None = None
+    """RMS deviation at 1 m around each post of the DTM [m], shape [rows, columns] of the patch;
+    None where nothing local is known."""
+
+    def __post_init__(self) -> None:
+        if self.local is not None:
+            self.freeze("local", np.float32, ("rows", "columns"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Image(Record):
+    """An image that a layer uses, read when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    values: NDArray[np.float64]
+    """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
+
+    def __post_init__(self) -> None:
+        self.freeze("values", np.float64, ("rows", "columns"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Orthoimage(Record):
+    """A picture of the ground from above, cut to the site when it was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    albedo: NDArray[np.float32]
+    """Linear, in the source's row order, shape [rows, columns, 1 | 3]: one band tells brightness
+    over its mean on the site, three bands tell colour, 0 to 1."""
+    to_pixel: tuple[float, ...]
+    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
+    coordinates and whole numbers are pixel centres."""
+    crs: str
+    """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    wrap: tuple[float, float]
+    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
+
+    def __post_init__(self) -> None:
+        self.freeze("albedo", np.float32, ("rows", "columns", "bands"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Table(Record):
+    """A table of numbers that the recipe names, read when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    columns: tuple[str, ...]
+    """Names of the columns."""
+    values: NDArray[np.float64]
+    """The numbers, shape [rows, columns]; NaN is refused."""
+
+    def __post_init__(self) -> None:
+        self.freeze("values", np.float64, ("rows", len(self.columns)))
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Numbers of the column of that name, shape [rows]."""
+        values: NDArray[np.float64] = self.values[:, self.columns.index(name)]
+        return values
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BroughtMesh(Record):
+    """A rock shape that the user brings, read and repaired when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    mesh: Mesh
+    """Closed, faces outward, in the file's axes and units."""
+    repairs: tuple[str, ...]
+    """What was repaired, for the report."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clearing(Record):
+    """A circle that no rock above a clearance reaches into, such as a landing pad."""
+
+    centre: tuple[float, float]
+    """East and north [m]."""
+    radius: float
+    """Radius [m]."""
+    clearance: float
+    """Height above the ground that rocks within may have [m]; 0 for no rock at all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Site(Record):
+    """A place on a body with everything that must not depend on the window that is made of it.
+
+    Its frame is ENU in true metres; the origin is the centre of the area at the datum height.
+    """
+
+    name: str
+    """Name of the world."""
+    seed: int
+    """Root of all randomness."""
+    body: Body
+    """The planet or moon."""
+    size: tuple[float, float]
+    """Area, node to node, east and north [m]."""
+    spacing: float
+    """Distance of the ground's nodes [m]."""
+    crs: str
+    """WKT of the local CRS (transverse Mercator at the centre); empty where nothing is
+    georeferenced."""
+    lonlat: tuple[float, float] | None
+    """Longitude and latitude of the origin [rad], where known."""
+    datum_height: float
+    """Height of world z = 0 above the body's datum [m]."""
+    slope: tuple[float, float]
+    """Rise per metre east and north of the plane that levelling takes away; (0, 0) if not
+    levelled."""
+    dtm: DtmPatch | None
+    """The source heights with context around the area; None for a flat site."""
+    roughness: Roughness
+    """What the fractal layer continues."""
+    largest_rock: float
+    """Exposed diameter that no rock of the site exceeds [m]."""
+    images: tuple[Image, ...]
+    """Images that layers and rocks use."""
+    tables: tuple[Table, ...]
+    """Tables that rocks use."""
+    meshes: tuple[BroughtMesh, ...]
+    """Rock shapes that the user brings."""
+    orthoimage: Orthoimage | None = None
+    """What the ground's colour is taken from, where the user has a picture of it."""
+    inputs: tuple[tuple[str, str], ...]
+    """Input files: path as the recipe writes it (absolute ones: the name only), and
+    `inputs.fingerprint`, the SHA-256 of all but the largest."""
+    routes: tuple[Route, ...]
+    """The recipe's routes, known before terrain and rocks."""
+    brought_rover: Rover | None = None
+    """The rover of the user's own file, read when the site was planned; None for one of ours."""
+    clearings: tuple[Clearing, ...] = ()
+    """Circles free of rocks: those of the recipe, and the starts of routes without corridor."""
+    recipe_json: str
+    """The resolved recipe as canonical JSON, without absolute paths."""
+
+    @cached_property
+    def recipe(self) -> Recipe:
+        """The resolved recipe."""
+        from terrain_forge.recipe import recipe_from_json
+
+        return recipe_from_json(self.recipe_json)
+
+    @property
+    def west(self) -> float:
+        """East coordinate of the western edge [m]."""
+        return -0.5 * self.size[0]
+
+    @property
+    def south(self) -> float:
+        """North coordinate of the southern edge [m]."""
+        return -0.5 * self.size[1]
+
+    @property
+    def window(self) -> Window:
+        """The whole site."""
+        columns, rows = (round(length / self.spacing) for length in self.size)
+        return Window(column=0, row=0, columns=columns, rows=rows)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north edge [m]."""
+        return self.west, self.south, -self.west, -self.south
+
+    @property
+    def georeferenced(self) -> bool:
+        """Whether the site knows where on its body it lies."""
+        return bool(self.crs)
+
+    def axes(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """East coordinates of the window's node columns and north ones of its rows [m].
+
+        Computed from the site's own lattice, so that every window has the same bits.
+        """
+        columns = window.column + np.arange(window.columns + 1, dtype=np.float64)
+        rows = window.row + np.arange(window.rows + 1, dtype=np.float64)
+        return self.west + columns * self.spacing, self.south + rows * self.spacing
+
+    def padded(self, window: Window, margin: float) -> Window:
+        """The window grown by at least `margin` [m] on each side, as far as the site goes."""
+        cells = int(np.ceil(margin / self.spacing))
+        whole = self.window
+        column, row = max(window.column - cells, 0), max(window.row - cells, 0)
+        east = min(window.column + window.columns + cells, whole.columns)
+        north = min(window.row + window.rows + cells, whole.rows)
+        return Window(column=column, row=row, columns=east - column, rows=north - row)
+
+    def image(self, path: str) -> NDArray[np.float64]:
+        """Values of the image that the recipe calls `path`."""
+        return next(image.values for image in self.images if image.path == path)
+
+    def table(self, path: str) -> Table:
+        """The table that the recipe calls `path`."""
+        return next(table for table in self.tables if table.path == path)

@@ -1,0 +1,86 @@
+"""The hand-off types of motion: a trajectory, and poses along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from terrain_forge.base import Array, Record, quaternion_from_rpy
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Poses(Record):
+    """Poses of a moving frame at some times."""
+
+    position: Array
+    """Origin in the world frame [m], shape [times, 3]."""
+    rpy: Array
+    """Roll, pitch, yaw [rad], continuous in time, shape [times, 3]."""
+    velocity: Array
+    """Velocity of the origin in the world frame [m/s], shape [times, 3]."""
+    acceleration: Array
+    """Acceleration of the origin in the world frame [m/s²], shape [times, 3]."""
+
+    @property
+    def quaternion(self) -> Array:
+        """Rotation (w, x, y, z) to the world frame, shape [times, 4]."""
+        return quaternion_from_rpy(self.rpy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory(Record):
+    """Motion of the rover's `base_link` (x forward): a C² spline through samples."""
+
+    name: str
+    """Name of the path."""
+    time: Array
+    """Sample times, from 0 [s], shape [samples]."""
+    position: Array
+    """Origin of base_link in the world frame [m], shape [samples, 3]."""
+    rpy: Array
+    """Roll, pitch, yaw [rad], continuous (yaw is not wrapped), shape [samples, 3]."""
+    closed: bool
+    """Whether the path ends where it began."""
+    spot_turns: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """Times at which the rover begins and ends to turn on the spot [s], in order, shape
+    [turns, 2]; its place stays the same between them."""
+
+    def __post_init__(self) -> None:
+        self.freeze("time", np.float64, ("samples",))
+        self.freeze("position", np.float64, (len(self.time), 3))
+        self.freeze("rpy", np.float64, (len(self.time), 3))
+        self.freeze("spot_turns", np.float64, ("turns", 2))
+
+    @property
+    def quaternion(self) -> Array:
+        """Rotation (w, x, y, z) of each sample, shape [samples, 4]."""
+        return quaternion_from_rpy(self.rpy)
+
+    @property
+    def length(self) -> float:
+        """Length of the path through the samples [m]."""
+        return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.time, np.hstack([self.position, self.rpy]))
+
+    def at(self, time: ArrayLike) -> Poses:
+        """Poses, velocities and accelerations at times [s] within the trajectory."""
+        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        values = self._spline(times)
+        return Poses(
+            position=values[:, :3],
+            rpy=values[:, 3:],
+            velocity=self._spline(times, 1)[:, :3],
+            acceleration=self._spline(times, 2)[:, :3],
+        )

@@ -1,0 +1,136 @@
+"""The recipe's paths: routes before there is ground, planned ones after, then trajectories."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from terrain_forge.base import Key, RecipeError
+from terrain_forge.model import (
+    Heightfield,
+    RockField,
+    RockLibrary,
+    Route,
+    Rover,
+    Site,
+    Trajectory,
+    Window,
+)
+from terrain_forge.paths.plan import overhang, plan_route, require_inside
+from terrain_forge.paths.planner import plan_path
+from terrain_forge.paths.profile import duration
+from terrain_forge.paths.recorded import read_recorded
+from terrain_forge.paths.spec import Planned, Recorded
+from terrain_forge.paths.surroundings import require_free_start
+from terrain_forge.paths.trajectory import lay_trajectory
+from terrain_forge.paths.traversability_field import traversability
+from terrain_forge.rovers import require_ground
+
+if TYPE_CHECKING:
+    from terrain_forge.recipe import Recipe
+
+MOST_SAMPLES = 2_000_000
+"""Samples of one path."""
+
+
+def plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]:
+    """The routes that are known before the ground.
+
+    Args:
+        recipe: what to make.
+        rover: who drives.
+        folder: what the recipe's paths are relative to.
+
+    Raises:
+        RecipeError, DataError: for a route that cannot be driven or leaves the site.
+    """
+    driven = recipe.driven_path
+    if driven is not None or not isinstance(recipe.rover, str):
+        require_ground(rover, spacing=recipe.terrain.spacing_m)
+    return tuple(
+        _plan_route(recipe, number, rover, folder, driven=path.name == driven)
+        for number, path in enumerate(recipe.paths)
+        if not isinstance(path.route, Planned)
+    )
+
+
+def _plan_route(recipe: Recipe, number: int, rover: Rover, folder: Path, *, driven: bool) -> Route:
+    path, key = recipe.paths[number], ("paths", number)
+    recorded = None
+    if isinstance(path.route, Recorded):
+        recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
+    route = plan_route(path, rover=rover, driven=driven, recorded=recorded, key=key)
+    require_inside(route, size=recipe.dtm.size_m, rover=rover, key=key)
+    require_samples(route, rate=path.rate_hz, key=key)
+    return route
+
+
+def lay_trajectories(
+    site: Site,
+    window: Window,
+    ground: Heightfield,
+    rocks: RockField,
+    library: RockLibrary,
+    rover: Rover,
+) -> tuple[Trajectory, ...]:
+    """The paths that lie wholly within a window, on its ground.
+
+    Planned ones depend on all of the ground and its rocks: only the whole site has them.
+
+    Args:
+        site: the place.
+        window: the part of it.
+        ground: the bare ground of the window.
+        rocks: its rocks, and those that reach into it.
+        library: their shapes.
+        rover: who drives.
+
+    Raises:
+        RecipeError: if a planned path cannot be found, or the driven one starts within a rock.
+    """
+    routes = {route.name: route for route in site.routes}
+    if window == site.window:
+        routes |= _plan_on_ground(site, ground, rocks, library, rover)
+    driven, laid = site.recipe.driven_path, []
+    for number, spec in enumerate(site.recipe.paths):
+        route = routes.get(spec.name)
+        if route is None or overhang(route, bounds=ground.bounds, rover=rover)[0] > 0.0:
+            continue
+        path = lay_trajectory(route, spec=spec, ground=ground, rover=rover, seed=site.seed)
+        if spec.name == driven:
+            key = ("paths", number)
+            require_free_start(path, rocks=rocks, library=library, rover=rover, key=key)
+        laid.append(path)
+    return tuple(laid)
+
+
+def _plan_on_ground(
+    site: Site, ground: Heightfield, rocks: RockField, library: RockLibrary, rover: Rover
+) -> dict[str, Route]:
+    """The planned routes, by name, over the whole site."""
+    planned = [
+        (("paths", number), spec, spec.route)
+        for number, spec in enumerate(site.recipe.paths)
+        if isinstance(spec.route, Planned)
+    ]
+    if not planned:
+        return {}
+    field = traversability(ground=ground, rocks=rocks, library=library, rover=rover)
+    routes = {}
+    for key, spec, request in planned:
+        route = plan_path(spec, request, field=field, rover=rover, key=key)
+        require_inside(route, size=site.size, rover=rover, key=key)
+        require_samples(route, rate=spec.rate_hz, key=key)
+        routes[route.name] = route
+    return routes
+
+
+def require_samples(route: Route, *, rate: float, key: Key) -> None:
+    """Refuse a path of more samples than anybody could use."""
+    takes = duration(route)
+    if takes * rate > MOST_SAMPLES:
+        raise RecipeError(
+            f"{takes:.3g} s at {rate:g} Hz are {takes * rate:.3g} samples, at most "
+            f"{MOST_SAMPLES:,}",
+            key=(*key, "rate_hz"),
+        )

@@ -1,0 +1,284 @@
+"""Reading a recipe from YAML: data only, and every complaint with file, line and key."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from terrain_forge.base import Key, OutputError, RecipeError, TerrainForgeError
+from terrain_forge.recipe.schema import Recipe, adapter, json_schema
+
+_UNION = ("tuple[", "dict[", "function-")
+"""How pydantic begins the names of nameless union members in a location."""
+_PLAIN_TAGS = {
+    f"tag:yaml.org,2002:{n}" for n in ("map", "seq", "str", "int", "float", "bool", "null")
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecipeFile:
+    """A recipe and where its parts stand, so that later errors can name file and line."""
+
+    path: Path
+    """The file."""
+    recipe: Recipe
+    """What it says, validated."""
+    lines: dict[Key, int]
+    """Line of every key, from 1."""
+
+    @property
+    def folder(self) -> Path:
+        """What the recipe's paths are relative to."""
+        return self.path.parent
+
+    def locate(self, error: TerrainForgeError) -> str:
+        """The error as one line with file, line and key, where it has a key."""
+        return _locate(self.path, self.lines, error.key, str(error)) if error.key else str(error)
+
+
+def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFile:
+    """Read and check a recipe.
+
+    Args:
+        path: the YAML file.
+        changes: `key=value` with dots for nested keys (`terrain.spacing_m=0.25`,
+            `rocks.populations.0.diameter_m=[0.1, 0.4]`), values in YAML.
+
+    Raises:
+        RecipeError: `file:line: key: what was found, what is allowed`.
+    """
+    path = Path(path)
+    data, lines = _read(path)
+    for change in changes:
+        _apply(data, change)
+    try:
+        recipe = adapter().validate_json(json.dumps(data, default=str), strict=True)
+    except ValidationError as error:
+        raise RecipeError(_explain(path, lines, data, error)) from None
+    return RecipeFile(path=path, recipe=recipe, lines=lines)
+
+
+def save_recipe(recipe: Recipe, path: Path | str) -> Path:
+    """Write a recipe as YAML that `load_recipe` reads back equal; returns the file.
+
+    All keys are written, defaults too. The paths in it are relative to the folder that it is in.
+
+    Raises:
+        OutputError: if the file cannot be written.
+    """
+    path = Path(path)
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.default_flow_style = None
+    yaml.allow_unicode, yaml.width = True, 100
+    try:
+        with path.open("w", encoding="utf-8") as file:
+            yaml.dump(json.loads(adapter().dump_json(recipe)), file)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+    return path
+
+
+def _read(path: Path) -> tuple[Any, dict[Key, int]]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise RecipeError(f"{path}: no such recipe") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecipeError(f"{path}: cannot be read as text ({error})") from None
+    try:
+        node = YAML(typ="rt", pure=True).compose(text)
+        lines: dict[Key, int] = {}
+        _collect(path, node, (), lines, set())
+        data = YAML(typ="safe", pure=True).load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f":{mark.line + 1}" if mark else ""
+        problem = " ".join(str(error.problem or error.context).split())
+        raise RecipeError(f"{path}{line}: not YAML: {problem}") from None
+    except (YAMLError, RecursionError, ValueError) as error:
+        raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(data, dict):
+        raise RecipeError(f"{path}:1: a recipe is a mapping of keys, found {type(data).__name__}")
+    return data, lines
+
+
+def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[int]) -> None:
+    """Note the line of every key; refuse tags and aliases, which are more than data."""
+    if node is None:
+        return
+    line = node.start_mark.line + 1
+    lines.setdefault(key, line)
+    if str(node.tag) not in _PLAIN_TAGS:
+        raise RecipeError(_locate(path, lines, key, f"YAML tag {node.tag}: recipes are plain data"))
+    if id(node) in seen:
+        raise RecipeError(_locate(path, lines, key, "YAML alias: recipes are plain data"))
+    seen.add(id(node))
+    if isinstance(node, MappingNode):
+        for name, value in node.value:
+            if not isinstance(name, ScalarNode) or str(name.tag) not in _PLAIN_TAGS:
+                raise RecipeError(_locate(path, lines, key, "a key must be a word"))
+            inner = (*key, str(name.value))
+            lines[inner] = name.start_mark.line + 1
+            _collect(path, value, inner, lines, seen)
+    elif isinstance(node, SequenceNode):
+        for index, value in enumerate(node.value):
+            _collect(path, value, (*key, index), lines, seen)
+
+
+def _apply(data: Any, change: str) -> None:
+    """Put one `key=value` of the command line into the data."""
+    name, equals, text = change.partition("=")
+    keys = name.strip().replace("[", ".").replace("]", "").split(".")
+    if not equals or not all(keys):
+        raise RecipeError(f"--set {change}: must be key=value, such as terrain.spacing_m=0.25")
+    try:
+        value = YAML(typ="safe", pure=True).load(text)
+        target = data
+        for key in keys[:-1]:
+            target = target[int(key)] if isinstance(target, list) else target.setdefault(key, {})
+        target[int(keys[-1]) if isinstance(target, list) else keys[-1]] = value
+    except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
+        raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
+
+
+def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
+    known = key
+    while known and known not in lines:
+        known = known[:-1]
+    line = f":{lines[known]}" if known in lines else ""
+    name = "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in key).lstrip(".")
+    return f"{path}{line}: {name}: {message}" if name else f"{path}{line}: {message}"
+
+
+def _explain(path: Path, lines: dict[Key, int], data: Any, error: ValidationError) -> str:
+    # A misspelt key is also a missing one: the misspelling is what helps.
+    unknown = "unexpected_keyword_argument"
+    first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
+    key = _real_key(data, first["loc"])
+    more = f" (and {len(rest)} more)" if rest else ""
+    return _locate(path, lines, key, _message(dict(first), key)) + more
+
+
+def _meant(error: ValidationError) -> list[Any]:
+    """The errors without those of union members that the user did not mean.
+
+    `exports` may be a list or a mapping; pydantic reports what is wrong with both.
+    """
+    errors = error.errors()
+    shapes = [e for e in errors if len(e["loc"]) > 1 and str(e["loc"][1]).startswith(_UNION)]
+    if not shapes:
+        return errors
+    inside = [e for e in shapes if len(e["loc"]) > 2]
+    return inside or [{**shapes[0], "type": "list_or_mapping"}]
+
+
+def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
+    """The key in the file: pydantic's location without the names of union members."""
+    key: list[str | int] = []
+    for n, step in enumerate(loc):
+        last = n == len(loc) - 1
+        if str(step).startswith(_UNION) or step == "[key]":
+            continue
+        if isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
+            key.append(step)
+            data = data.get(step)
+        elif isinstance(data, list) and isinstance(step, int):
+            key.append(step)
+            data = data[step] if step < len(data) else None
+    return tuple(key)
+
+
+def _message(error: dict[str, Any], key: Key) -> str:
+    found, context = error["input"], error.get("ctx", {})
+    match error["type"]:
+        case "unexpected_keyword_argument":
+            return _unknown_key(str(key[-1]), error["loc"])
+        case "list_or_mapping":
+            return f"must be a list or a mapping, found {_shown(found)}"
+        case "dataclass_type" | "dataclass_exact_type" | "dict_type":
+            return f"must be a mapping of keys, found {_shown(found)}"
+        case "union_tag_not_found" if not isinstance(found, dict):
+            return f"must be a mapping of keys, found {_shown(found)}"
+        case "union_tag_invalid" if not isinstance(found, dict):
+            return f"must be a mapping of keys, found {_shown(found)}"
+        case "tuple_type" | "list_type":
+            return f"must be a list, found {_shown(found)}"
+        case "too_short" if "min_length" in context:
+            return f"needs at least {context['min_length']}, has {context['actual_length']}"
+        case "too_long" if "max_length" in context:
+            return f"takes at most {context['max_length']}, has {context['actual_length']}"
+        case "string_too_short" | "string_too_long":
+            return f"must have 1 to {context.get('max_length', 'any number of')} characters"
+        case "missing" | "missing_argument" | "missing_keyword_only_argument":
+            return "is missing"
+        case "union_tag_invalid":
+            close = difflib.get_close_matches(str(context["tag"]), _words(context["expected_tags"]))
+            hint = f" (did you mean {close[0]!r}?)" if close else ""
+            return f"unknown kind {context['tag']!r}{hint}, allowed: {context['expected_tags']}"
+        case "union_tag_not_found":
+            return "needs a `kind`"
+        case "predicate_failed":
+            return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
+        case "value_error":
+            return f"{error['msg'].removeprefix('Value error, ')}, found {_shown(found)}"
+    return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"
+
+
+def _words(expected: str) -> list[str]:
+    return [word.strip(" '") for word in expected.split(",")]
+
+
+def _shown(found: Any) -> str:
+    if found is None:
+        return "nothing"
+    text = json.dumps(found, default=str, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
+    allowed = _allowed_keys(loc[:-1])
+    close = difflib.get_close_matches(name, allowed, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"unknown key {name!r}{hint}, allowed: {', '.join(allowed)}"
+
+
+def _allowed_keys(loc: tuple[str | int, ...]) -> list[str]:
+    """Keys of the mapping at a location, from the JSON Schema."""
+    schema = json_schema()
+    node: dict[str, Any] = schema
+    for step in loc:
+        node = _descend(schema, node, step)
+    node = _resolve(schema, node)
+    return sorted(node.get("properties", {}))
+
+
+def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
+    while "$ref" in node:
+        node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+    options = [o for o in node.get("anyOf", []) if o.get("type") != "null"]
+    return _resolve(schema, options[0]) if options else node
+
+
+def _descend(schema: dict[str, Any], node: dict[str, Any], step: str | int) -> dict[str, Any]:
+    node = _resolve(schema, node)
+    if isinstance(step, int):
+        inner: dict[str, Any] = node.get("items", {})
+        return inner
+    if step in node.get("properties", {}):
+        found: dict[str, Any] = node["properties"][step]
+        return found
+    for option in node.get("oneOf", []):  # a step into a union is the member's kind
+        member = _resolve(schema, option)
+        kind = member.get("properties", {}).get("kind", {})
+        if step in (kind.get("const"), kind.get("default"), member.get("title")):
+            return member
+    return node

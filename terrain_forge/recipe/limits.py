@@ -1,0 +1,167 @@
+"""Checks of a whole recipe that no single key can make, before any data is read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from itertools import pairwise
+from math import dist
+
+from terrain_forge.base import ExportError, RecipeError
+from terrain_forge.model import Site, require_room
+from terrain_forge.paths import PathSpec, Planned
+from terrain_forge.recipe.schema import ExportOrder, Recipe
+from terrain_forge.rocks import expected_count
+
+BYTES = 0.4e9
+"""Peak memory of a build without ground and rocks: the libraries (measured, as the next two)."""
+BYTES_PER_NODE = 100
+"""Peak memory of a build for each node of the ground."""
+BYTES_PER_ROCK = 4500
+"""Peak memory of a build for each rock."""
+NEAREST_STOPS = 0.1
+"""Distance of neighbouring places of a planned path [m]."""
+
+
+def require_paths(recipe: Recipe) -> None:
+    """Refuse names of paths that occur twice, and a drive along a path that does not exist."""
+    paths = [path.name for path in recipe.paths]
+    for number, path in enumerate(recipe.paths):
+        key = ("paths", number)
+        earlier = [name.lower() for name in paths[:number]]
+        if path.name.lower() in earlier:
+            raise RecipeError(
+                f"a path before is called {path.name!r} too, case aside", key=(*key, "name")
+            )
+        if path.shake.rms_deg and path.shake.cutoff_hz > 0.5 * path.rate_hz:
+            raise RecipeError(
+                f"{path.shake.cutoff_hz:g} Hz, at most half the rate, {0.5 * path.rate_hz:g} Hz",
+                key=(*key, "shake", "cutoff_hz"),
+            )
+        if isinstance(path.route, Planned):
+            _require_plannable(recipe, path, path.route, key)
+    driven = recipe.driven_path
+    if driven is not None and driven not in paths:
+        known = ", ".join(paths) or "none"
+        raise RecipeError(
+            f"no path is called {driven!r}, there are: {known}", key=("validate", "drive")
+        )
+
+
+def _require_plannable(
+    recipe: Recipe, path: PathSpec, route: Planned, key: tuple[str | int, ...]
+) -> None:
+    """Refuse a planned path that would shape the world, or whose places lie outside or coincide."""
+    if path.corridor is not None and path.corridor.width_m != 0.0:
+        raise RecipeError(
+            f"path {path.name!r} is planned around the rocks, so it cannot keep a corridor free of "
+            "them; leave it out",
+            key=(*key, "corridor"),
+        )
+    for number, layer in enumerate(recipe.terrain.layers):
+        band = layer.mask.route if layer.mask is not None else None
+        if band is not None and band.path == path.name:
+            raise RecipeError(
+                f"path {path.name!r} is planned on the finished ground and cannot shape it",
+                key=("terrain", "layers", number, "mask", "route", "path"),
+            )
+    stops = [("start_m", route.start_m), *(("via_m", place) for place in route.via_m)]
+    stops.append(("goal_m", route.goal_m))
+    east, north = 0.5 * recipe.dtm.size_m[0], 0.5 * recipe.dtm.size_m[1]
+    for name, (x, y) in stops:
+        if abs(x) > east or abs(y) > north:
+            raise RecipeError(
+                f"({x:g}, {y:g}) m lies outside the site, which reaches {east:g} m east and "
+                f"{north:g} m north",
+                key=(*key, "route", name),
+            )
+    for (_, begin), (name, end) in pairwise(stops):
+        if dist(begin, end) < NEAREST_STOPS:
+            raise RecipeError(
+                f"({end[0]:g}, {end[1]:g}) m is {dist(begin, end):.3g} m from the place before it, "
+                f"at least {NEAREST_STOPS:g} m is needed",
+                key=(*key, "route", name),
+            )
+
+
+def require_centre(recipe: Recipe) -> None:
+    """Refuse a centre that is given in two ways, or in none."""
+    centre = getattr(recipe.dtm, "centre", None)
+    given = [name for name, value in vars(centre).items() if value is not None] if centre else []
+    if centre and len(given) != 1:
+        found = " and ".join(given) or "none"
+        raise RecipeError(
+            f"one of offset_m, crs and lonlat_deg, found {found}", key=("dtm", "centre")
+        )
+
+
+def require_lattice(recipe: Recipe) -> None:
+    """Refuse an area that is not a whole number of cells each way."""
+    spacing = recipe.terrain.spacing_m
+    for size in recipe.dtm.size_m:
+        cells = size / spacing
+        if round(cells) < 2 or abs(cells - round(cells)) > 1e-6 * max(cells, 1.0):
+            nearest = max(round(cells), 2) * spacing
+            raise RecipeError(
+                f"{size:g} m is not a whole number (2 or more) of cells of {spacing:g} m; "
+                f"{nearest:g} m would be",
+                key=("dtm", "size_m"),
+            )
+
+
+def require_fits(recipe: Recipe, *, listed: int = 0) -> None:
+    """Refuse a world that would not fit into this machine's memory.
+
+    Args:
+        recipe: what to make.
+        listed: rocks of the user's own lists.
+    """
+    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe) + listed
+    needed = memory_needed(nodes, rocks)
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > there:
+        key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
+        raise RecipeError(
+            f"{nodes:.3g} nodes and {rocks:.3g} rocks need about {needed / 1e9:.3g} GB of memory, "
+            f"this machine has {there / 1e9:.3g} GB; choose a larger spacing, a smaller area or "
+            "larger rocks",
+            key=key,
+        )
+
+
+def require_exports(orders: Sequence[ExportOrder], site: Site) -> None:
+    """Refuse a world that would be too large for one of its formats, before it is made.
+
+    Raises:
+        ExportError: for the first format that cannot hold it.
+    """
+    nodes, rocks = expected_nodes(site.recipe), rocks_of(site)
+    for order in orders:
+        try:
+            require_room(order.exporter, order.options, nodes=nodes, rocks=rocks)
+        except ExportError as error:
+            raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
+
+
+def rocks_of(site: Site) -> float:
+    """Expected number of rocks of a site, those of the user's own lists with them."""
+    recipe = site.recipe
+    listed = sum(len(site.table(table.file).values) for table in recipe.rocks.lists)
+    return expected_rocks(recipe) + listed
+
+
+def memory_needed(nodes: float, rocks: float) -> float:
+    """Estimated peak memory of a build with so many nodes and rocks [bytes]."""
+    return BYTES + nodes * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
+
+
+def expected_nodes(recipe: Recipe) -> float:
+    """Nodes of the ground."""
+    east, north = recipe.dtm.size_m
+    spacing = recipe.terrain.spacing_m
+    return (east / spacing + 1) * (north / spacing + 1)
+
+
+def expected_rocks(recipe: Recipe) -> float:
+    """Expected number of rocks of all populations of a recipe whose laws are resolved."""
+    return sum(expected_count(p, recipe.dtm.size_m) for p in recipe.rocks.populations)

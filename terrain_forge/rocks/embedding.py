@@ -1,0 +1,252 @@
+"""How scattered rocks lie on the ground: leaning with it, partly buried, without daylight beneath.
+
+The ground's tangent plane at a rock goes through the ground under its centre of mass; its slope is
+that of a least-squares plane through the ground on a ring of 0.8 diameters. The rock stands upright
+on that plane, sunk into it by its share of burial, and further where the real ground falls short of
+the plane: its foot must reach the ground all around. Only then is it scaled, so that the part above
+the plane has the wanted exposed diameter exactly.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terrain_forge.base import Array, inner, kernel, matrix_from_quaternion, over_chunks
+from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary
+from terrain_forge.rocks.resting.exposure import (
+    DEEPEST,
+    Exposure,
+    exposed_width,
+    exposure,
+    upright_width,
+)
+from terrain_forge.rocks.resting.lattice import Lattice, height, lattice, onto
+from terrain_forge.rocks.resting.outline import (
+    MAX_BURIED,
+    MAX_TILT,
+    edges,
+    fits,
+    footprint,
+    resting_rotation,
+    rotation_matrix,
+)
+from terrain_forge.rocks.scattering.scatter import Scattered
+
+FOOT = 0.05
+"""Height of the loop around a rock's foot that lies below the ground, as a part of its extent."""
+
+_SINKINGS = 4
+_NEGLIGIBLE = 1e-3
+_RING_RADIUS = 0.4
+_RING_POINTS = 12
+
+
+def rest(
+    *, scattered: Scattered, library: RockLibrary, ground: Heightfield, density: ArrayLike
+) -> RockField:
+    """Lay rocks on the ground.
+
+    Args:
+        scattered: The rocks in plan.
+        library: Their shapes.
+        ground: Bare ground under all of them, with a margin of `scatter.margin` around the window.
+        density: Density of each population's rocks [kg/m³], shape [populations].
+
+    Returns:
+        The rocks in the order of `scattered`, all of them fixed and buried; `loose` says as there
+        which ones are yet to be settled.
+
+    Raises:
+        ValueError: if the centre of a rock lies off the ground.
+    """
+    x, y = scattered.xy[:, 0], scattered.xy[:, 1]
+    if not np.all(ground.covers(x, y)):
+        raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
+    shapes, grid = _shapes(library), lattice(ground)
+    rocks = _Rocks(
+        scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
+    )
+    lain = _lay(rocks, shapes, grid, MAX_BURIED)
+    _sink_deeper(lain, rocks, library, shapes, grid)
+    unit_volume = np.array([prototype.volume for prototype in library.prototypes])
+    volume = unit_volume[scattered.prototype] * lain.scale**3
+    return RockField(
+        populations=scattered.populations,
+        id=scattered.id,
+        population=scattered.population,
+        prototype=scattered.prototype,
+        position=np.column_stack([scattered.xy, lain.z]),
+        quaternion=lain.quaternion,
+        scale=lain.scale,
+        diameter=scattered.diameter,
+        height=lain.height,
+        buried_fraction=lain.buried,
+        volume=volume,
+        mass=np.asarray(density, np.float64)[scattered.population] * volume,
+        loose=scattered.loose,
+        solid=scattered.solid,
+    )
+
+
+class _Shapes(NamedTuple):
+    """What resting needs to know of the prototypes."""
+
+    exposure: Exposure
+    """Their exposed diameters."""
+    foot: Array
+    """Points that must be below the ground, shape [prototypes, points, 3]."""
+
+
+class _Rocks(NamedTuple):
+    """Rocks that are to be laid down, columns of `Scattered`."""
+
+    xy: Array
+    yaw: Array
+    buried: Array
+    diameter: Array
+    prototype: NDArray[np.int32]
+
+
+class _Lain(NamedTuple):
+    """How rocks lie."""
+
+    z: Array
+    """Height of the centre of mass [m], shape [rocks]."""
+    quaternion: Array
+    """Rotation, shape [rocks, 4]."""
+    scale: Array
+    """Size in units of the prototype, shape [rocks]."""
+    height: Array
+    """Top above the tangent plane [m], shape [rocks]."""
+    buried: Array
+    """Part of the extent below the tangent plane, shape [rocks]."""
+
+
+def _shapes(library: RockLibrary) -> _Shapes:
+    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
+    longest = max(map(len, feet))
+    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
+    return _Shapes(exposure(library), np.array(padded))
+
+
+def _foot(mesh: Mesh) -> Array:
+    """Where a rock's edges are at the height of its foot, all around it, shape [points, 3]."""
+    vertices, ends = mesh.vertices, mesh.vertices[edges(mesh)]
+    level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
+    ends = ends[(ends[:, 0, 2] < level) != (ends[:, 1, 2] < level)]
+    part = (level - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
+    foot: Array = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
+    return foot
+
+
+def _lay(rocks: _Rocks, shapes: _Shapes, ground: Lattice, deepest: float) -> _Lain:
+    """Lay rocks down; daylight buries none deeper than to a part of its extent."""
+    count = len(rocks.yaw)
+    lain = _Lain(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
+    over_chunks(_lay_some, count, rocks, shapes.exposure, shapes.foot, ground, deepest, lain)
+    return lain
+
+
+def _sink_deeper(
+    lain: _Lain, rocks: _Rocks, library: RockLibrary, shapes: _Shapes, ground: Lattice
+) -> None:
+    """Bury rocks that would still show daylight deeper, where their footprint has room for it.
+
+    Few rocks on the roughest ground need it. They grow, since less of them is exposed.
+    """
+    rows = np.flatnonzero(lain.buried >= MAX_BURIED)
+    short = _Rocks(**{name: _part(column, rows) for name, column in rocks._asdict().items()})
+    deeper = _lay(short, shapes, ground, DEEPEST)
+    supports = {
+        n: footprint(library.prototypes[n].meshes[0])
+        for n in np.unique(rocks.prototype[rows]).tolist()
+    }
+    for n, row in enumerate(rows.tolist()):
+        prototype = library.prototypes[rocks.prototype[row]]
+        turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
+        plan = deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices @ turn.T
+        support = supports[int(rocks.prototype[row])]
+        if fits(plan, yaw=rocks.yaw[row], support=support, reach=prototype.reach):
+            for column, values in zip(lain, deeper, strict=True):
+                column[row] = values[n]
+
+
+def _part(column: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+    """Rows of a column, as read-only as it is: for another type the kernel is compiled again."""
+    part = column[rows]
+    part.flags.writeable = column.flags.writeable
+    return part
+
+
+@kernel
+def _lay_some(first, last, rocks, exposure, foot, ground, deepest, lain):  # type: ignore[no-untyped-def]
+    diameter, prototype = rocks.diameter, rocks.prototype
+    for n in range(first, last):
+        p, x, y = prototype[n], rocks.xy[n, 0], rocks.xy[n, 1]
+        low, span = exposure.low[p], exposure.span[p]
+        plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter[n], ground.spacing))
+        upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
+        turn = resting_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[n])
+        rotation = rotation_matrix(turn)
+        burial = rocks.buried[n]
+        size = diameter[n] / upright_width(exposure, p, low + burial * span)
+        for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
+            needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
+            deeper = min((needed - low) / span, deepest)
+            sinks = deeper > burial + _NEGLIGIBLE
+            burial = max(burial, deeper)
+            level = low + burial * span
+            size = diameter[n] / exposed_width(exposure, p, rotation, level)
+            if not sinks:
+                break
+        for k in range(4):
+            lain.quaternion[n, k] = turn[k]
+        lain.scale[n] = size
+        lain.z[n] = plane[0] - level * size / upright
+        lain.height[n] = (low + span - level) * size / upright
+        lain.buried[n] = burial
+
+
+@inner
+def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
+    """Height [m] of the ground at a point, and its rise per metre east and north.
+
+    The rise is that of the least-squares plane through a ring of ground, and at most `MAX_TILT`.
+    """
+    xs, ys, zs = np.empty(_RING_POINTS), np.empty(_RING_POINTS), np.empty(_RING_POINTS)
+    mean_x = mean_y = 0.0
+    for k in range(_RING_POINTS):
+        angle = 2.0 * np.pi * k / _RING_POINTS
+        xs[k], ys[k] = onto(ground, x + radius * np.cos(angle), y + radius * np.sin(angle))
+        zs[k] = height(ground, xs[k], ys[k])
+        mean_x, mean_y = mean_x + xs[k], mean_y + ys[k]
+    mean_x, mean_y = mean_x / _RING_POINTS, mean_y / _RING_POINTS
+    xx = xy = yy = xz = yz = 0.0
+    for k in range(_RING_POINTS):
+        east, north = xs[k] - mean_x, ys[k] - mean_y
+        xx, xy, yy = xx + east * east, xy + east * north, yy + north * north
+        xz, yz = xz + east * zs[k], yz + north * zs[k]
+    determinant = xx * yy - xy * xy
+    slope_x = (yy * xz - xy * yz) / determinant
+    slope_y = (xx * yz - xy * xz) / determinant
+    steepness = np.sqrt(slope_x * slope_x + slope_y * slope_y)
+    share = min(1.0, np.tan(MAX_TILT) / steepness) if steepness > 0.0 else 1.0
+    return height(ground, x, y), slope_x * share, slope_y * share
+
+
+@inner
+def _covering(ground, foot, rotation, size, x, y, plane, upright):  # type: ignore[no-untyped-def]
+    """The level of a prototype that must come down to the plane for its foot to be covered."""
+    level = -np.inf
+    for n in range(len(foot)):
+        u, v, w = size * foot[n, 0], size * foot[n, 1], size * foot[n, 2]
+        dx = rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w
+        dy = rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w
+        east, north = onto(ground, x + dx, y + dy)
+        gap = plane[0] + plane[1] * (east - x) + plane[2] * (north - y)
+        gap -= height(ground, east, north)
+        level = max(level, foot[n, 2] + gap * upright / size)
+    return level

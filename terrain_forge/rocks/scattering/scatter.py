@@ -1,0 +1,295 @@
+"""Where the rocks lie in plan: their numbers, places and sizes, no two overlapping.
+
+Every population is cut into classes of one octave of diameter. A class has its own cells, which
+divide the site evenly. A cell's rocks are drawn by hashing their address (population, octave, cell,
+number), and so are the rocks of a cluster (population, octave, parent, number), so that what is
+drawn depends neither on the window, on other populations nor on the order. Where an image, a slope
+limit or craters say so, rocks are thinned out (`intensity`).
+
+Overlap is solved by moving, never by dropping a rock or redrawing its size: either would bend the
+law. The user's own rocks lie already; then larger classes are placed first. Within a class the
+cells of each of four checkerboard colours are independent of each other, since a cell is wider than
+two rocks; within a cell larger rocks are placed first. A rock that overlaps one that lies already
+tries other hashed places within its own cell: anywhere, or ever farther from its first place if
+rocks are not to lie everywhere alike. So the place of a rock depends on a bounded neighbourhood,
+and a window is computed from itself and a margin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, Record
+from terrain_forge.model import Heightfield, RockLibrary, Site, Window
+from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
+from terrain_forge.rocks.resting.outline import footprint
+from terrain_forge.rocks.scattering import placement
+from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
+from terrain_forge.rocks.scattering.corridor import corridors
+from terrain_forge.rocks.scattering.drawing import Drawn, draw_class, join
+from terrain_forge.rocks.scattering.intensity import (
+    Intensity,
+    make_intensity,
+    require_place,
+    with_slopes,
+)
+from terrain_forge.rocks.scattering.listed import by_octave, draw_list
+from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
+from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM, size_classes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scattered(Record):
+    """Rocks in plan, before there is any ground; one row each, ordered by id."""
+
+    populations: tuple[str, ...]
+    """Names of the populations, then of the lists; rocks name them by index."""
+    id: NDArray[np.int32]
+    """Unique within the site and the same in every window of it, shape [rocks]."""
+    population: NDArray[np.int32]
+    """Index into `populations`, shape [rocks]."""
+    prototype: NDArray[np.int32]
+    """Index into the library, shape [rocks]."""
+    xy: Array
+    """East and north of the centre of mass [m], shape [rocks, 2]."""
+    yaw: Array
+    """Turn about the ground's normal [rad], shape [rocks]."""
+    buried: Array
+    """Part of the rock's extent that should lie below the ground, 0 to 1, shape [rocks]."""
+    diameter: Array
+    """Exposed plan diameter [m], shape [rocks]."""
+    loose: NDArray[np.bool_]
+    """Which rocks lie unburied, as bodies that can be pushed, shape [rocks]."""
+    solid: NDArray[np.bool_]
+    """Which rocks can be touched, shape [rocks]."""
+    unplaced: tuple[int, ...]
+    """Rocks of each population, of those first put into the window, that found no free place."""
+
+    def __post_init__(self) -> None:
+        for name in ("id", "population", "prototype"):
+            self.freeze(name, np.int32, ("rocks",))
+        self.freeze("xy", np.float64, ("rocks", 2))
+        for name in ("yaw", "buried", "diameter"):
+            self.freeze(name, np.float64, ("rocks",))
+        for name in ("loose", "solid"):
+            self.freeze(name, np.bool_, ("rocks",))
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+
+def scatter(
+    *,
+    site: Site,
+    populations: tuple[PopulationSpec, ...],
+    library: RockLibrary,
+    window: Window,
+    lists: tuple[RockListSpec, ...] = (),
+    ground: Heightfield | None = None,
+) -> Scattered:
+    """The rocks whose centre lies in a window of the site, and all that could reach into it.
+
+    No two rocks' footprints overlap, but those of listed rocks; a footprint holds all of a rock,
+    buried parts too, however it comes to rest (`outline.footprint`), and of a loose rock
+    `LOOSE_ROOM` times as much. The circle around it (the prototype's `reach` times the diameter)
+    stays on the site. A rock that could stand above a corridor's or clearing's clearance is left
+    out if it falls into it, and kept off it with all of its circle if it falls beside; no move
+    takes a rock across its border. Listed rocks lie where the user has them, there too.
+
+    Args:
+        site: The site.
+        populations: Who is scattered.
+        library: The shapes.
+        window: Part of the site.
+        lists: The user's own rocks.
+        ground: Ground that is known already, for slope limits; what it lacks is shaped.
+
+    Raises:
+        RecipeError: if a population is too dense to be placed without overlap, or too numerous, or
+            if no place of the whole site is flat enough for it.
+        DataError: if a density image holds no densities.
+    """
+    east, north = site.axes(window)
+    area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
+    crowd = _draw(site, populations, lists, library, area, ground)
+    if crowd.intensity.limits_slope and window == site.window:
+        require_place(populations, site, crowd.intensity)
+    drawn, rocks = crowd.drawn, _at_first_places(crowd, library)
+    placement.place(
+        _layout(crowd, site),
+        rocks,
+        footprints=np.array([footprint(p.meshes[0]) for p in library.prototypes]),
+        strips=corridors(site),
+        intensity=crowd.intensity,
+    )
+    xy, radius = rocks.circle[:, :2], rocks.circle[:, 2]
+    lost = (rocks.state == UNPLACED) & (_distance(drawn.xy, area) == 0.0)
+    kept = np.flatnonzero((rocks.state == PLACED) & (_distance(xy, area) <= radius))
+    kept = kept[np.argsort(drawn.id[kept])]
+    return Scattered(
+        populations=(*(p.name for p in populations), *(spec.name for spec in lists)),
+        id=drawn.id[kept].astype(np.int32),
+        population=drawn.population[kept].astype(np.int32),
+        prototype=drawn.prototype[kept].astype(np.int32),
+        xy=xy[kept],
+        yaw=drawn.yaw[kept],
+        buried=drawn.buried[kept],
+        diameter=drawn.diameter[kept],
+        loose=drawn.loose[kept],
+        solid=_solid(drawn, populations, lists)[kept],
+        unplaced=tuple(
+            int(np.count_nonzero(lost & (drawn.population == n)))
+            for n in range(len(populations) + len(lists))
+        ),
+    )
+
+
+def rock_margin(
+    *,
+    site: Site,
+    populations: tuple[PopulationSpec, ...],
+    library: RockLibrary,
+    lists: tuple[RockListSpec, ...] = (),
+) -> float:
+    """Ground [m] that must be known around a window for its rocks to rest on.
+
+    A rock that reaches into the window has its centre up to its own reach outside, and looks as far
+    again for its ground; a loose one somewhat farther.
+    """
+    area = site.size[0] * site.size[1]
+    rooms = [0.0]
+    for population in populations:
+        _, largest = population.diameter_range(area)
+        loose = min(largest, (population.loose_m or (0.0, 0.0))[1])
+        rooms.append(max(largest, LOOSE_ROOM * loose))
+    for spec in lists:
+        rooms.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
+    reach = max(prototype.reach for prototype in library.prototypes)
+    return 2.0 * (reach * max(rooms) + site.spacing)
+
+
+class _Crowd(NamedTuple):
+    """All rocks at their first places, and the cells that they are placed in, class by class."""
+
+    drawn: Drawn
+    cells: list[Cells]
+    needed: list[Region]
+    """The cells that matter."""
+    population: list[int]
+    """Index of the population, -1 for listed rocks."""
+    counts: list[NDArray[np.int64]]
+    """Rocks in each cell that matters, row by row."""
+    intensity: Intensity
+
+
+def _draw(
+    site: Site,
+    populations: tuple[PopulationSpec, ...],
+    lists: tuple[RockListSpec, ...],
+    library: RockLibrary,
+    area: Rectangle,
+    ground: Heightfield | None,
+) -> _Crowd:
+    intensity = make_intensity(populations, site)
+    classes = size_classes(site=site, populations=populations, library=library, intensity=intensity)
+    listed = [
+        part
+        for n, spec in enumerate(lists)
+        for part in by_octave(
+            draw_list(spec, index=len(populations) + n, number=n, site=site, library=library),
+            site=site,
+            library=library,
+        )
+    ]
+    cells = [*(cells for _, cells in listed), *(c.cells for c in classes)]
+    needed = regions(cells, area, site)
+    intensity = with_slopes(
+        intensity, site=site, area=_hull(area, cells, needed, site), ground=ground
+    )
+    parts = [(rocks, np.array([len(rocks.id)])) for rocks, _ in listed] + [
+        draw_class(
+            size_class,
+            region,
+            population=populations[size_class.population],
+            library=library,
+            site=site,
+            intensity=intensity,
+        )
+        for size_class, region in zip(classes, needed[len(listed) :], strict=True)
+    ]
+    return _Crowd(
+        drawn=join([rocks for rocks, _ in parts]),
+        cells=cells,
+        needed=needed,
+        population=[-1] * len(listed) + [c.population for c in classes],
+        counts=[counts for _, counts in parts],
+        intensity=intensity,
+    )
+
+
+def _hull(area: Rectangle, cells: list[Cells], needed: list[Region], site: Site) -> Rectangle:
+    """The rectangle [m] that holds an area and all cells that matter."""
+    areas = [area, *(region.rectangle(c, site) for c, region in zip(cells, needed, strict=True))]
+    lows, highs = np.min(areas, axis=0)[:2], np.max(areas, axis=0)[2:]
+    return (*lows.tolist(), *highs.tolist())
+
+
+def _at_first_places(crowd: _Crowd, library: RockLibrary) -> Rocks:
+    drawn = crowd.drawn
+    reach, rise = (np.array([getattr(p, n) for p in library.prototypes]) for n in ("reach", "rise"))
+    room = np.where(drawn.loose, LOOSE_ROOM, 1.0) * drawn.diameter
+    bins = sum(
+        c.split**2 * r.columns * r.rows for c, r in zip(crowd.cells, crowd.needed, strict=True)
+    )
+    return Rocks(
+        circle=np.column_stack([drawn.xy, reach[drawn.prototype] * room]),
+        prototype=drawn.prototype,
+        diameter=drawn.diameter,
+        room=room,
+        yaw=drawn.yaw,
+        height=rise[drawn.prototype] * drawn.diameter,
+        address=drawn.address,
+        state=np.full(len(room), PENDING, dtype=np.int8),
+        first_in_bin=np.full(bins, -1),
+        next_in_bin=np.full(len(room), -1),
+    )
+
+
+def _layout(crowd: _Crowd, site: Site) -> Layout:
+    cells, needed = crowd.cells, crowd.needed
+    sizes = np.array([0, *map(len, crowd.counts)])
+    split = np.array([c.split for c in cells], np.int64)
+    region = [(r.column, r.row, r.columns, r.rows) for r in needed]
+    return Layout(
+        bounds=np.array(site.bounds),
+        region=np.array(region, np.int64).reshape(-1, 4),
+        side=np.array([c.side for c in cells], np.float64).reshape(-1, 2),
+        radius=np.array([c.radius for c in cells], np.float64),
+        first_cell=np.cumsum(sizes)[:-1],
+        first_rock=np.concatenate([[0], *crowd.counts]).astype(np.int64).cumsum(),
+        split=split,
+        first_bin=np.concatenate([[0], np.cumsum(sizes[1:] * split**2)]),
+        population=np.array(crowd.population, np.int64),
+        local=np.array([c.local for c in cells], np.bool_),
+    )
+
+
+def _solid(
+    drawn: Drawn, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
+) -> NDArray[np.bool_]:
+    """Which rocks can be touched."""
+    smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists), np.float64)
+    solid: NDArray[np.bool_] = drawn.loose | (drawn.diameter >= smallest[drawn.population])
+    return solid
+
+
+def _distance(xy: Array, area: Rectangle) -> Array:
+    """Distance [m] of points to a rectangle, 0 within."""
+    west, south, east, north = area
+    outside_x = np.maximum(np.maximum(west - xy[:, 0], xy[:, 0] - east), 0.0)
+    outside_y = np.maximum(np.maximum(south - xy[:, 1], xy[:, 1] - north), 0.0)
+    return np.hypot(outside_x, outside_y)

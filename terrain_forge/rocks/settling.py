@@ -1,0 +1,384 @@
+"""Loose rocks come to rest: each one settles by physics, alone on its own piece of ground.
+
+A geometrically stable pose is not one on rough ground: of rocks that are laid down on their stable
+side most begin to rock or roll. So each is let go in MuJoCo, damped, until it hardly moves, and is
+given its exact size in that very pose. Then gravity leans a little to all sides in turn, and the
+rock is spun a little, undamped: one that is not where it was settles anew from where it then is.
+
+Meanwhile it has no rolling friction, though simulators that know of it are given some: a rock that
+needs it to stay would roll away in all others.
+
+The piece of ground is cut around the rock's own node of the lattice, so the result depends on
+nothing but the rock and the ground beneath it: a window's rocks are those of the whole site.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import get_num_threads
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, Record, matrix_from_quaternion
+from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype
+from terrain_forge.rocks.resting.contact import LooseContact, loose_contact
+from terrain_forge.rocks.resting.lattice import Lattice, lattice, piece
+from terrain_forge.rocks.resting.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
+from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
+
+TIMESTEP = 0.002
+"""Time step in which rocks are tested [s]."""
+
+_CONDIM = 3  # no rolling friction: it would hold a rock that rolls away where none is known
+_DAMPED_TIMESTEP = 0.004  # [s]
+_DAMPING = 5.0  # [1/s]
+_DAMPED_TIME = 4.08  # [s], at most
+_LOOK = 0.24  # [s]
+_STILL = 2e-4  # part of the diameter, in a look
+_LEAN = np.radians(2.0)  # of gravity in a test
+_DIRECTIONS = 16  # of leaning
+_LEAN_TIME = 0.1  # for each direction [s]
+_SPIN = 0.05  # in √(gravity / diameter), either way
+_FREE_TIME = 0.8  # after each spin [s]
+_TESTS = 8
+_SHIFT = 0.003  # part of the diameter, in a test
+_TURN = np.radians(0.3)  # in a test
+_BASE = 1.0  # thickness of the ground [m]
+
+
+def settle(
+    *,
+    rocks: RockField,
+    library: RockLibrary,
+    ground: Heightfield,
+    gravity: float,
+    progress: Callable[[float], None] | None = None,
+) -> RockField:
+    """Lay loose rocks on the ground where they stay; their exposed diameters stay exact.
+
+    A rock that does not come to rest, or only outside its room (`size_classes.LOOSE_ROOM`), stays
+    as it is, a fixed one.
+
+    Args:
+        rocks: All rocks, laid down as fixed ones (`rest`); `loose` tells which ones to settle.
+        library: Their shapes.
+        ground: Bare ground under all of them, with a margin of `scatter.margin` around the window.
+        gravity: Gravity [m/s²].
+        progress: Told the share of the loose rocks that have settled, now and then.
+
+    Returns:
+        The same rocks; of those that are `loose`, pose and size are the settled ones.
+    """
+    wanted = np.flatnonzero(rocks.loose)
+    grid = lattice(ground)
+    supports = {
+        n: footprint(library.prototypes[n].meshes[0])
+        for n in np.unique(rocks.prototype[wanted]).tolist()
+    }
+
+    def settled(row: int) -> _Settled | None:
+        prototype = int(rocks.prototype[row])
+        rock = _rock(rocks, row, library.prototypes[prototype], supports[prototype], gravity)
+        return _settled(rock, grid)
+
+    found = []
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        for outcome in pool.map(settled, wanted.tolist()):
+            found.append(outcome)
+            if progress and len(found) % 16 == 0:
+                progress(len(found) / len(wanted))
+    return _with_poses(rocks, library, wanted, found)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rock(Record):
+    """A rock that is to be settled."""
+
+    prototype: RockPrototype
+    """Its shape."""
+    diameter: float
+    """Exposed diameter that it must have [m]."""
+    density: float
+    """Density [kg/m³]."""
+    position: Array
+    """Centre of mass as a fixed rock, in the world frame [m], shape [3]."""
+    quaternion: Array
+    """Rotation as a fixed rock, shape [4]."""
+    support: Array
+    """Support function of its footprint over the diameter, as `outline.footprint` has it."""
+    gravity: float
+    """Gravity [m/s²]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("position", np.float64, (3,))
+        self.freeze("quaternion", np.float64, (4,))
+        self.freeze("support", np.float64, (FOOTPRINT_DIRECTIONS,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pose(Record):
+    """A rock on its piece of ground, in that piece's coordinates."""
+
+    position: Array
+    """Centre of mass [m], shape [3]."""
+    quaternion: Array
+    """Rotation from the prototype's axes, shape [4]."""
+    scale: float
+    """Size in units of the prototype."""
+
+    def __post_init__(self) -> None:
+        self.freeze("position", np.float64, (3,))
+        self.freeze("quaternion", np.float64, (4,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Settled(Record):
+    """A rock that has come to rest."""
+
+    pose: _Pose
+    """How it lies on its piece of ground."""
+    place: Array
+    """Where the origin of that piece is in the world frame [m], shape [3]."""
+    height: float
+    """Top of the rock above the ground's tangent plane [m]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("place", np.float64, (3,))
+
+
+def _rock(
+    rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
+) -> _Rock:
+    return _Rock(
+        prototype=prototype,
+        diameter=float(rocks.diameter[row]),
+        density=float(rocks.mass[row] / rocks.volume[row]),
+        position=rocks.position[row],
+        quaternion=rocks.quaternion[row],
+        support=support,
+        gravity=gravity,
+    )
+
+
+def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
+    """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
+    room = LOOSE_ROOM * rock.prototype.reach * rock.diameter
+    ground, place = piece(grid, centre=rock.position[:2], half_width=room + grid.spacing)
+    pose = _laid_down(rock, ground, rock.position - place)
+    for _ in range(_TESTS):
+        pose = _sized(rock, ground, _come_to_rest(rock, ground, pose))
+        height = _top(rock, ground, pose)
+        # No rock stands higher than its rise, which keeps corridors clear.
+        if not _in_room(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
+            return None
+        after = _after_test(rock, ground, pose)
+        if _stays(rock, pose, after):
+            return _Settled(pose=pose, place=place, height=height)
+        pose = after
+    return None
+
+
+def _laid_down(rock: _Rock, ground: Heightfield, position: Array) -> _Pose:
+    """The rock upright on its tangent plane, none of it below the ground."""
+    turn = matrix_from_quaternion(rock.quaternion)
+    turned = rock.prototype.meshes[0].vertices @ turn.T
+    scale = rock.diameter / float(mean_width(turned[:, :2].copy()))
+    corners = position + scale * turned
+    sunk = float((_height(ground, corners) - corners[:, 2]).max())
+    raised = np.array([*position[:2], position[2] + sunk])
+    return _Pose(position=raised, quaternion=rock.quaternion, scale=scale)
+
+
+def _sized(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+    """The rock with its exact diameter, grown from the ground under its centre of mass.
+
+    A rock at rest has the centre of what carries it there.
+    """
+    turn = matrix_from_quaternion(pose.quaternion)
+    plan = rock.prototype.meshes[0].vertices @ turn[:2].T
+    scale = rock.diameter / float(mean_width(plan))
+    floor = float(_height(ground, pose.position[None])[0])
+    raised = floor + (pose.position[2] - floor) * scale / pose.scale
+    return pose.replace(position=np.array([*pose.position[:2], raised]), scale=scale)
+
+
+def _in_room(rock: _Rock, pose: _Pose, place: Array) -> bool:
+    """Whether a rock, seen from above, is within the area that was kept free for it.
+
+    It must also be within its prototype's reach of where it now is, which windows go by.
+    """
+    reach = rock.prototype.reach
+    turned = rock.prototype.meshes[0].vertices @ matrix_from_quaternion(pose.quaternion)[:2].T
+    plan = pose.scale / rock.diameter * turned
+    moved = (pose.position + place - rock.position)[:2] / rock.diameter
+    yaw = 2.0 * np.arctan2(rock.quaternion[3], rock.quaternion[0])
+    room = LOOSE_ROOM * rock.support
+    near = fits(plan + moved, yaw=yaw, support=room, reach=LOOSE_ROOM * reach)
+    return near and bool(np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
+
+
+def _stays(rock: _Rock, before: _Pose, after: _Pose) -> bool:
+    """Whether a rock has hardly moved in a test."""
+    shift = np.linalg.norm(after.position - before.position)
+    cosine = min(abs(float(after.quaternion @ before.quaternion)), 1.0)
+    return bool(shift <= _SHIFT * rock.diameter and 2.0 * np.arccos(cosine) <= _TURN)
+
+
+def _come_to_rest(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+    """Let a rock go from standstill, damped, until it hardly moves."""
+    import mujoco
+
+    model, damping = _model(rock, ground, pose)
+    data = mujoco.MjData(model)
+    model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
+    _calm(rock, model, data)
+    return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+
+
+def _calm(rock: _Rock, model: Any, data: Any) -> None:
+    """Let time pass until a damped rock hardly moves."""
+    import mujoco
+
+    for _ in range(round(_DAMPED_TIME / _LOOK)):
+        last = data.qpos.copy()
+        mujoco.mj_step(model, data, nstep=round(_LOOK / _DAMPED_TIMESTEP))
+        if np.abs(data.qpos - last).max() < _STILL * rock.diameter:
+            break
+
+
+def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+    """Where a rock is after gravity has leaned to all sides, and it was spun a little both ways.
+
+    It is damped while gravity leans, so that one that lies in a hollow comes back; then it is free.
+    A rock that two contacts carry, or one, goes on spinning.
+    """
+    import mujoco
+
+    model, damping = _model(rock, ground, pose)
+    data = mujoco.MjData(model)
+    model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
+    steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
+    for direction in range(_DIRECTIONS):
+        model.opt.gravity = _leaning(rock.gravity, _LEAN, 2.0 * np.pi * direction / _DIRECTIONS)
+        mujoco.mj_step(model, data, nstep=steps)
+    model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
+    _calm(rock, model, data)
+    leaned = pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+    if not _stays(rock, pose, leaned):
+        return leaned
+    model.dof_damping[:], model.opt.timestep = 0.0, TIMESTEP
+    for spin in (_SPIN, -_SPIN):
+        upward = matrix_from_quaternion(data.qpos[3:])[2]
+        data.qvel[3:] = spin * np.sqrt(rock.gravity / rock.diameter) * upward
+        mujoco.mj_step(model, data, nstep=round(_FREE_TIME / TIMESTEP))
+    return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+
+
+def _leaning(gravity: float, lean: float, towards: float) -> Array:
+    """Gravity [m/s²] that leans out of the vertical, both angles in rad, shape [3]."""
+    level = np.sin(lean)
+    return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
+
+
+def _model(rock: _Rock, ground: Heightfield, pose: _Pose) -> tuple[Any, Array]:
+    """The rock on its piece of ground as a compiled MuJoCo model, and what damps it, shape [6]."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    contact = loose_contact(rock.diameter)
+    spec.option.timestep = TIMESTEP
+    spec.option.gravity = (0.0, 0.0, -rock.gravity)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = contact.impratio
+    _add_ground(spec, ground, contact)
+    body = spec.worldbody.add_body(pos=pose.position, quat=pose.quaternion)
+    mass = rock.density * rock.prototype.volume * pose.scale**3
+    inertia = rock.density * rock.prototype.inertia * pose.scale**5
+    body.explicitinertial, body.ipos, body.mass = True, (0.0, 0.0, 0.0), mass
+    body.fullinertia = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    body.add_freejoint()
+    for n, hull in enumerate(rock.prototype.hulls):
+        spec.add_mesh(
+            name=f"hull_{n}",
+            uservert=pose.scale * hull.vertices.ravel(),
+            userface=hull.faces.ravel(),
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=f"hull_{n}",
+            contype=1,
+            conaffinity=0,
+            condim=_CONDIM,
+            friction=contact.friction,
+            solref=contact.solref,
+        )
+    model = spec.compile()
+    return model, _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
+
+
+def _add_ground(spec: Any, ground: Heightfield, contact: LooseContact) -> None:
+    import mujoco
+
+    west, south, east, north = ground.bounds
+    lowest, rise = float(ground.elevation.min()), float(np.ptp(ground.elevation))
+    spec.add_hfield(
+        name="ground",
+        nrow=ground.shape[0],
+        ncol=ground.shape[1],
+        size=((east - west) / 2, (north - south) / 2, rise or 1.0, _BASE),
+        userdata=(ground.elevation - lowest).ravel(),
+    )
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname="ground",
+        pos=((west + east) / 2, (south + north) / 2, lowest),
+        contype=0,
+        conaffinity=1,
+        friction=contact.friction,
+        solref=contact.solref,
+    )
+
+
+def _height(ground: Heightfield, points: Array) -> Array:
+    """Height of the ground under points [m], of its border beyond it."""
+    west, south, east, north = ground.bounds
+    x, y = np.clip(points[:, 0], west, east), np.clip(points[:, 1], south, north)
+    return ground.height_at(x, y)
+
+
+def _top(rock: _Rock, ground: Heightfield, pose: _Pose) -> float:
+    """Top of a rock above the ground's tangent plane under its centre of mass [m]."""
+    normal = matrix_from_quaternion(rock.quaternion)[:, 2]
+    turned = (
+        pose.scale * rock.prototype.meshes[0].vertices @ matrix_from_quaternion(pose.quaternion).T
+    )
+    above = pose.position[2] - float(_height(ground, pose.position[None])[0])
+    return float((turned @ normal).max() / normal[2] + above)
+
+
+def _with_poses(
+    rocks: RockField,
+    library: RockLibrary,
+    rows: NDArray[np.intp],
+    outcomes: list[_Settled | None],
+) -> RockField:
+    """The rocks with the poses that were found; those without one are fixed."""
+    columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
+    new = {name: getattr(rocks, name).copy() for name in (*columns, "loose")}
+    for row, found in zip(rows.tolist(), outcomes, strict=True):
+        new["loose"][row] = found is not None
+        if found is None:
+            continue
+        volume = library.prototypes[rocks.prototype[row]].volume * found.pose.scale**3
+        new["position"][row] = found.pose.position + found.place
+        new["quaternion"][row] = found.pose.quaternion
+        new["scale"][row], new["height"][row] = found.pose.scale, found.height
+        new["buried_fraction"][row] = 0.0
+        new["mass"][row] *= volume / rocks.volume[row]
+        new["volume"][row] = volume
+    return rocks.replace(**new)

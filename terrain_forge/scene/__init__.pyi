@@ -1,0 +1,12 @@
+"""Ray-traced pictures of a world: rays, surfaces, light, cameras."""
+
+from .camera import pinhole_camera as pinhole_camera
+from .grain import CLAST_SHARE as CLAST_SHARE
+from .grain import ground_grain as ground_grain
+from .preview import render_from_above as render_from_above
+from .preview import render_preview as render_preview
+from .preview import take_picture as take_picture
+from .preview import write_preview as write_preview
+from .scene import GROUND as GROUND
+from .scene import RayScene as RayScene
+from .scene import open_scene as open_scene

@@ -1,0 +1,37 @@
+"""The ground: displacement layers, craters, masks, colours, statistics."""
+
+from .appearance import AppearanceSpec as AppearanceSpec
+from .appearance import check_appearance as check_appearance
+from .appearance import colour_ground as colour_ground
+from .appearance import paint as paint
+from .appearance import stencil_reach as stencil_reach
+from .cratering.craters import Craters as Craters
+from .cratering.equilibrium import LIMITS as LIMITS
+from .cratering.fresh import fresh_shapes as fresh_shapes
+from .cratering.making import make_craters as make_craters
+from .cratering.making import population_of as population_of
+from .cratering.production import CraterPowerLaw as CraterPowerLaw
+from .cratering.production import CraterTable as CraterTable
+from .cratering.production import HartmannDaubar as HartmannDaubar
+from .cratering.production import Ivanov as Ivanov
+from .cratering.production import Neukum as Neukum
+from .detail import DetailSpec as DetailSpec
+from .detail import ground_detail as ground_detail
+from .evidence import write_terrain_figure as write_terrain_figure
+from .ground import shape_ground as shape_ground
+from .layer import Layer as Layer
+from .layer import check_layers as check_layers
+from .layer import layer_types as layer_types
+from .layers.craters import CraterLayer as CraterLayer
+from .layers.displacement_map import DisplacementMap as DisplacementMap
+from .layers.fractal import Fractal as Fractal
+from .layers.fractal import RmsSlope as RmsSlope
+from .layers.ripples import Ripples as Ripples
+from .masks import mask_weight as mask_weight
+from .orthoimage import OrthoimageSpec as OrthoimageSpec
+from .orthoimage import read_orthoimage as read_orthoimage
+from .spectra import radial_spectrum as radial_spectrum
+from .spectra import rms_deviation as rms_deviation
+from .statistics import TerrainStatistics as TerrainStatistics
+from .statistics import slope_statistics as slope_statistics
+from .statistics import terrain_statistics as terrain_statistics
