@@ -36,8 +36,8 @@ from terrain_forge.terrain import Fractal
 SPACING = 0.25
 GROUND = {"side": 2049, "rocks": 0}
 FEW, SOME, MANY = ({"side": 1025, "rocks": rocks} for rocks in (20_000, 100_000, 1_000_000))
-SEEN = {"solid": False}
-"""Rocks for the eye alone, which need no collider."""
+SEEN = {"collides": False}
+"""Rocks visual only, which need no collider."""
 
 JOBS: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
     "obj, ground of 2049²": (GROUND, "mesh", {}),
@@ -126,7 +126,7 @@ def made_world(side: int, rocks: int, *, solid: bool = True) -> World:
     )
     bare = realise(plan(recipe))
     return bare.replace(
-        field=strewn(bare, rocks).replace(solid=np.full(rocks, solid)),
+        field=strewn(bare, rocks).replace(collides=np.full(rocks, solid)),
         appearance=bare.appearance.replace(rock_rgb=np.full((1, 3), 100)),
     )
 
@@ -153,8 +153,8 @@ def strewn(world: World, count: int) -> RockField:
         buried_fraction=np.full(count, 0.5),
         volume=volume,
         mass=volume * world.site.body.rock_density,
-        loose=np.zeros(count),
-        solid=np.ones(count),
+        dynamic=np.zeros(count),
+        collides=np.ones(count),
     )
 
 

@@ -34,9 +34,9 @@ from terrain_forge.rocks import (
     PopulationSpec,
     RocksSpec,
     Scattered,
+    embed,
     make_library,
     overlapping_pairs,
-    rest,
     rock_margin,
     scatter,
     settle,
@@ -77,14 +77,14 @@ class Place:
         window = self.site.padded(self.site.window, around)
         return shape_ground(site=self.site, window=window, layers=(Fractal(),))
 
-    def rest(self, scattered: Scattered) -> RockField:
+    def embed(self, scattered: Scattered) -> RockField:
         """The rocks on the ground."""
-        return rest(
+        return embed(
             scattered=scattered, library=self.library, ground=self.ground(), density=[2900.0]
         )
 
     def settle(self, field: RockField) -> RockField:
-        """The loose rocks settled by physics."""
+        """The dynamic rocks settled by physics."""
         return settle(rocks=field, library=self.library, ground=self.ground(), gravity=3.711)
 
 
@@ -99,27 +99,27 @@ def placing(place: Place) -> tuple[Callable[[], object], str]:
     return place.scatter, f"{len(place.scatter()):,} rocks"
 
 
-def resting(place: Place) -> tuple[Callable[[], object], str]:
+def embedding(place: Place) -> tuple[Callable[[], object], str]:
     """Resting alone."""
     scattered = place.scatter()
     place.ground()
-    return lambda: place.rest(scattered), f"{len(scattered):,} rocks"
+    return lambda: place.embed(scattered), f"{len(scattered):,} rocks"
 
 
 def overlapping(place: Place) -> tuple[Callable[[], object], str]:
     """The test of all plan outlines."""
-    field = place.rest(place.scatter())
+    field = place.embed(place.scatter())
     found = overlapping_pairs(field, place.library)
     return lambda: overlapping_pairs(field, place.library), f"{len(found)} of {len(field):,} rocks"
 
 
 def settling(place: Place, count: int = 100) -> tuple[Callable[[], object], str]:
-    """Settling of some loose rocks."""
-    field = place.rest(place.scatter())
-    chosen = np.flatnonzero(field.loose)[:count]
-    loose = field.replace(loose=np.isin(np.arange(len(field)), chosen))
-    stayed = int(np.count_nonzero(place.settle(loose).loose))
-    return lambda: place.settle(loose), f"{stayed} of {len(chosen)} stay"
+    """Settling of some dynamic rocks."""
+    field = place.embed(place.scatter())
+    chosen = np.flatnonzero(field.dynamic)[:count]
+    dynamic = field.replace(dynamic=np.isin(np.arange(len(field)), chosen))
+    stayed = int(np.count_nonzero(place.settle(dynamic).dynamic))
+    return lambda: place.settle(dynamic), f"{stayed} of {len(chosen)} stay"
 
 
 def making(spec: LibrarySpec) -> tuple[Callable[[], object], str]:
@@ -137,12 +137,12 @@ JOBS: dict[str, Callable[[], tuple[Callable[[], object], str]]] = {
     "scatter 240k on 1 km² in clusters": lambda: placing(
         Place(1000.0, rocks(0.05, 0.2, arrangement=CLUSTERS))
     ),
-    "rest 240k": lambda: resting(Place(1000.0, rocks(0.05, 0.2))),
-    "rest 1M": lambda: resting(Place(1000.0, rocks(0.05, 0.1005))),
+    "embed 240k": lambda: embedding(Place(1000.0, rocks(0.05, 0.2))),
+    "embed 1M": lambda: embedding(Place(1000.0, rocks(0.05, 0.1005))),
     "overlap test 240k": lambda: overlapping(Place(1000.0, rocks(0.05, 0.2))),
     "overlap test 420k, k 0.3": lambda: overlapping(Place(300.0, rocks(0.3, 0.1))),
-    "settle 100 loose rocks": lambda: settling(
-        Place(100.0, rocks(0.05, 0.2, loose_m=(0.2, 0.4)), spacing=0.1)
+    "settle 100 dynamic rocks": lambda: settling(
+        Place(100.0, rocks(0.05, 0.2, dynamic_m=(0.2, 0.4)), spacing=0.1)
     ),
     "library of 24 mild shapes": lambda: making(LibrarySpec()),
     "library of 24, another seed": lambda: making(replace(LibrarySpec(), seed=5)),

@@ -60,11 +60,11 @@ from terrain_forge.recipe import (
 )
 from terrain_forge.rocks import (
     check_rocks,
-    clearings,
+    exclusion_zones,
     find_library,
     largest_rock,
     lay_rocks,
-    require_loose,
+    require_dynamic,
     require_place,
     rock_margin,
     scatter,
@@ -110,7 +110,7 @@ def plan(
     require_lattice(recipe)
     given, recipe = recipe, resolve_laws(recipe, folder)
     check_rocks(recipe.rocks, size)
-    require_loose(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
+    require_dynamic(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
     tables = read_tables(recipe, folder)
     require_fits(recipe, listed=sum(len(table.values) for table in tables))
     routes = plan_routes(recipe, rover, folder)
@@ -132,9 +132,9 @@ def plan(
         tables=(*tables, *read_layer_tables(recipe, folder)),
         meshes=read_meshes(recipe, folder),
         inputs=(*hash_inputs(given, folder, patch=ground.dtm), *hash_rover(found.files, recipe)),
-        brought_rover=rover if found.files else None,
+        custom_rover=rover if found.files else None,
         routes=routes,
-        clearings=clearings(recipe.rocks.keep_out, routes=routes, rover=rover),
+        exclusion_zones=exclusion_zones(recipe.rocks.exclusion_zones, routes=routes, rover=rover),
         recipe_json=portable_json(recipe),
     )
     require_straight(site)
@@ -178,7 +178,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
     progress("rock library", 0.0)
-    library = find_library(recipe.rocks.library, brought=site.meshes)
+    library = find_library(recipe.rocks.library, custom=site.meshes)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
     around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))
@@ -203,7 +203,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         site=site,
         library=library,
         ground=land,
-        progress=partial(progress, "loose rocks"),
+        progress=partial(progress, "dynamic rocks"),
     )
     own = owned(rocks, ground, site.bounds)
     progress("paths", 0.0)

@@ -1,4 +1,4 @@
-"""Where rocks lie: around craters, by images and slopes, off clearings and listed rocks."""
+"""Where rocks lie: around craters, by images and slopes, off exclusion_zones and listed rocks."""
 
 import numpy as np
 import pytest
@@ -6,26 +6,36 @@ from scipy.spatial import ConvexHull, cKDTree
 from scipy.stats import chi2, norm
 
 from terrain_forge.base import DataError, RecipeError
-from terrain_forge.model import Clearing, Heightfield, Window, rotations
+from terrain_forge.model import ExclusionZone, Heightfield, Window, rotations
 from terrain_forge.rocks import (
     Clustered,
     PopulationSpec,
     RockListSpec,
     RocksSpec,
     check_rocks,
+    embed,
     expected,
     make_intensity,
-    rest,
     weights,
 )
 from terrain_forge.rocks.arrangement import AroundCraters, Crater, crowding
-from terrain_forge.rocks.resting.outline import bounds
+from terrain_forge.rocks.embedding.outline import bounds
 from terrain_forge.rocks.scattering.intensity import crater_bounds
-from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
+from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.size_frequency import Golombek
 from tests.scattering import CLUSTERED, LIBRARY, image, listed, rough, run, sand, site
 
-COLUMNS = ("id", "population", "prototype", "xy", "yaw", "buried", "diameter", "loose", "solid")
+COLUMNS = (
+    "id",
+    "population",
+    "prototype",
+    "xy",
+    "yaw",
+    "buried",
+    "diameter",
+    "dynamic",
+    "collides",
+)
 
 # Craters
 
@@ -214,10 +224,10 @@ def test_ground_that_is_too_steep_everywhere_is_refused():
 
 def test_clearings_hold_no_tall_rock():
     circles = (
-        Clearing(centre=(5.0, 4.0), radius=6.0, clearance=0.0),
-        Clearing(centre=(-20.0, 0.0), radius=4.0, clearance=0.3),
+        ExclusionZone(centre=(5.0, 4.0), radius=6.0, clearance=0.0),
+        ExclusionZone(centre=(-20.0, 0.0), radius=4.0, clearance=0.3),
     )
-    place = site(clearings=circles)
+    place = site(exclusion_zones=circles)
     spec = PopulationSpec(name="a", size_frequency=Golombek(k=0.2), diameter_m=(0.1, 1.5))
     free, found = run(site(), spec), run(place, spec)
     for centre, radius, clearance in ((c.centre, c.radius, c.clearance) for c in circles):
@@ -272,7 +282,7 @@ def everything():
     place = site(
         images=(image(random.uniform(0.0, 1.0, (7, 9))),),
         tables=(listed(rows),),
-        clearings=(Clearing(centre=(3.0, -3.0), radius=5.0, clearance=0.0),),
+        exclusion_zones=(ExclusionZone(centre=(3.0, -3.0), radius=5.0, clearance=0.0),),
     )
     law = Golombek(k=0.06)
     sizes = (0.1, 1.0)
@@ -283,7 +293,7 @@ def everything():
             size_frequency=Golombek(k=0.03),
             diameter_m=sizes,
             arrangement=CLUSTERED,
-            loose_m=(0.1, 0.25),
+            dynamic_m=(0.1, 0.25),
         ),
         PopulationSpec(
             name="craters",
@@ -316,7 +326,7 @@ def test_any_window_equals_the_cut_of_the_whole():
     ground = rough(place)
     whole = run(place, *kinds, lists=lists, ground=ground)
     assert np.all(np.bincount(whole.population, minlength=6) > 30)
-    radius = 0.8 * whole.diameter * np.where(whole.loose, LOOSE_ROOM, 1.0)
+    radius = 0.8 * whole.diameter * np.where(whole.dynamic, DYNAMIC_SPACE, 1.0)
     random = np.random.default_rng(3)
     for n in range(24):
         column, row = (int(random.integers(0, high)) for high in (238, 198))
@@ -360,7 +370,7 @@ def test_no_two_plan_outlines_overlap():
     library, ground = LIBRARY.replace(prototypes=tuple(shapes)), rough(place)
     dense = PopulationSpec(name="dense", size_frequency=Golombek(k=0.2), diameter_m=(0.3, 2.0))
     found = run(place, *kinds, dense, lists=lists, library=library, ground=ground)
-    field = rest(scattered=found, library=library, ground=ground, density=np.ones(7))
+    field = embed(scattered=found, library=library, ground=ground, density=np.ones(7))
     mine = field.population == 6
     hulls = plan_hulls(field, library)
     middle = np.array([hull.mean(axis=0) for hull in hulls])
@@ -372,15 +382,15 @@ def test_no_two_plan_outlines_overlap():
     assert [pair for pair in touching if not mine[pair].all()] == []
 
 
-def test_loose_and_visual_rocks():
+def test_dynamic_and_visual_rocks():
     place, kinds, lists = everything()
     found = run(place, *kinds, lists=lists, ground=rough(place))
     clusters, pictures = found.population == 1, found.population == 3
-    loose = clusters & (found.diameter >= 0.1) & (found.diameter <= 0.25)
-    np.testing.assert_array_equal(found.loose, loose)
-    assert np.all(found.buried[loose] == 0.0)
-    assert np.all(found.buried[~loose] > 0.0)
-    np.testing.assert_array_equal(found.solid, ~(pictures & (found.diameter < 0.2)))
+    dynamic = clusters & (found.diameter >= 0.1) & (found.diameter <= 0.25)
+    np.testing.assert_array_equal(found.dynamic, dynamic)
+    assert np.all(found.buried[dynamic] == 0.0)
+    assert np.all(found.buried[~dynamic] > 0.0)
+    np.testing.assert_array_equal(found.collides, ~(pictures & (found.diameter < 0.2)))
 
 
 def test_families_choose_the_shapes():
@@ -413,7 +423,7 @@ def test_crowding():
     ("k", "more"),
     [
         (0.3, {}),
-        (0.3, {"loose_m": (0.1, 1.5)}),
+        (0.3, {"dynamic_m": (0.1, 1.5)}),
         (0.16, {"arrangement": Clustered(clusters_per_m2=0.02, radius_m=2.5)}),
         (0.038, {"arrangement": Clustered(clusters_per_m2=0.0015, radius_m=3.0)}),
         (0.3, {"arrangement": AroundCraters(craters=CRATERS)}),

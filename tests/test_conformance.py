@@ -44,11 +44,11 @@ CASES = [
 
 @pytest.fixture(scope="module")
 def mixed():
-    """A small world with loose rocks and rocks for the eye alone."""
+    """A small world with dynamic rocks and visual-only rocks."""
     world = worlds.world()
     number = np.arange(len(world.field))
-    loose, solid = number % 5 == 0, number % 7 != 1
-    return world.replace(field=world.field.replace(loose=loose, solid=solid | loose))
+    dynamic, solid = number % 5 == 0, number % 7 != 1
+    return world.replace(field=world.field.replace(dynamic=dynamic, collides=solid | dynamic))
 
 
 def exported(world, consumer, directory, options):

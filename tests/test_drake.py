@@ -29,13 +29,14 @@ def exported(world, directory, **options):
 
 
 def mixed(world):
-    """The world with two loose rocks and three that cannot be touched, one of these a large one."""
+    """The world with two dynamic rocks and three that cannot be touched, one of these a large
+    one."""
     field = world.field
     order = np.argsort(field.diameter)
-    loose, solid = np.zeros(len(field), bool), np.ones(len(field), bool)
-    loose[order[[5, -5]]] = True
+    dynamic, solid = np.zeros(len(field), bool), np.ones(len(field), bool)
+    dynamic[order[[5, -5]]] = True
     solid[order[[0, 1, -1]]] = False
-    return world.replace(field=field.replace(loose=loose, solid=solid))
+    return world.replace(field=field.replace(dynamic=dynamic, collides=solid))
 
 
 @pytest.fixture(scope="module")
@@ -115,17 +116,17 @@ def test_the_ground_reads_back_and_is_rigid(small_world, drake):
         assert contact.find(f"{DRAKE}rigid_hydroelastic") is not None
 
 
-def test_each_rock_is_fixed_or_loose_touched_or_seen(small_world, drake):
+def test_each_rock_is_fixed_or_dynamic_touched_or_seen(small_world, drake):
     field, found = mixed(small_world).field, models(drake)
-    loose = {f"rock_{identity}" for identity in field.id[field.loose]}
-    assert {name for name in found if name.startswith("rock_")} == loose
+    dynamic = {f"rock_{identity}" for identity in field.id[field.dynamic]}
+    assert {name for name in found if name.startswith("rock_")} == dynamic
     fixed = [model for name, model in found.items() if name.startswith("rocks_")]
-    single = (field.diameter >= 0.5) & ~field.loose
-    for kind, wanted in (("visual", single), ("collision", single & field.solid)):
+    single = (field.diameter >= 0.5) & ~field.dynamic
+    for kind, wanted in (("visual", single), ("collision", single & field.collides)):
         names = {part.get("name") for model in fixed for part in model.iter(kind)}
         rocks = {name for name in names if name.startswith("rock_")}
         assert rocks == {f"rock_{identity}_{kind}" for identity in field.id[wanted]}
-    assert (single & ~field.solid).any()
+    assert (single & ~field.collides).any()
     merged = [
         [part for model in fixed for part in model.iter(kind) if "_seen" in part.get("name")]
         for kind in ("visual", "collision")
@@ -145,7 +146,7 @@ def test_fixed_rocks_are_where_they_are(small_world, drake, kind):
             for _, vertices, _ in meshes(drake, model, kind)
         ]
     )
-    wanted = ~field.loose & (field.solid | (kind == "visual"))
+    wanted = ~field.dynamic & (field.collides | (kind == "visual"))
     assert wanted.sum() > 30
     for row in np.flatnonzero(wanted):
         shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
@@ -189,8 +190,8 @@ def test_drake_loads_it_strictly_with_masses_and_frames(small_world, drake):
     assert answer["complaints"] == []
     assert set(answer["models"]) == set(models(drake))
     field, turns = mixed(small_world).field, rotations(small_world.field)
-    assert set(answer["free"]) == {f"rock_{identity}" for identity in field.id[field.loose]}
-    for row in np.flatnonzero(field.loose):
+    assert set(answer["free"]) == {f"rock_{identity}" for identity in field.id[field.dynamic]}
+    for row in np.flatnonzero(field.dynamic):
         rock = answer["free"][f"rock_{field.id[row]}"]
         density = field.mass[row] / field.volume[row]
         unit = small_world.library.prototypes[field.prototype[row]].inertia

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from terrain_forge.exporters.drake import Options, export, require_room
+from terrain_forge.exporters.drake import Options, check_capacity, export
 from terrain_forge.exporters.drake.load import parsing, parsing_losses, require_parsable
 
 from terrain_forge.base import ExportError
@@ -12,12 +12,12 @@ from tests.rovers_sdf import HUB, WHEEL, four_wheeler
 from tests.test_drake import ask
 
 
-def many(world, count, *, loose=False):
+def many(world, count, *, dynamic=False):
     field = world.field.select(np.arange(count) % len(world.field))
     diameter = np.linspace(0.2, 1.4, count)
     return world.replace(
         field=field.replace(
-            id=np.arange(count), diameter=diameter, loose=np.full(count, loose, np.bool_)
+            id=np.arange(count), diameter=diameter, dynamic=np.full(count, dynamic, np.bool_)
         )
     )
 
@@ -31,7 +31,7 @@ def advised(error):
 
 def test_too_many_rocks_of_their_own_are_refused_with_a_size_that_works(small_world, tmp_path):
     world = many(small_world, 16_000)
-    with pytest.raises(ExportError, match=r"load .* 16,000 fixed rocks .*at most 300 s") as caught:
+    with pytest.raises(ExportError, match=r"load .* 16,000 static rocks .*at most 300 s") as caught:
         export(world, tmp_path, options=Options(individual_min_m=0))
     assert not list(tmp_path.iterdir())
     options = advised(caught.value)
@@ -46,7 +46,7 @@ def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
     with pytest.raises(ExportError, match=r"GB .*larger collision_min_m or diameter_m") as caught:
         export(world, tmp_path, options=Options(individual_min_m=9))
     assert "individual_min_m" not in str(caught.value)
-    untouched = world.replace(field=world.field.replace(solid=np.zeros(60_000, np.bool_)))
+    untouched = world.replace(field=world.field.replace(collides=np.zeros(60_000, np.bool_)))
     assert parsing(untouched, Options(individual_min_m=9)).bearable
 
 
@@ -70,21 +70,21 @@ def test_the_triangles_are_those_that_are_written(small_world, tmp_path):
 @pytest.mark.parametrize(("count", "said"), [(2_000, False), (2_600, True)])
 def test_what_parsing_takes_is_said_from_twenty_seconds_on(small_world, tmp_path, count, said):
     losses = export(many(small_world, count), tmp_path, options=Options(individual_min_m=0)).losses
-    assert any("2,600 fixed rocks" in loss for loss in losses) == said
+    assert any("2,600 static rocks" in loss for loss in losses) == said
 
 
-def test_too_many_loose_rocks_are_said_and_refused(small_world, tmp_path):
-    lots = many(small_world, 4_100, loose=True)
+def test_too_many_dynamic_rocks_are_said_and_refused(small_world, tmp_path):
+    lots = many(small_world, 4_100, dynamic=True)
     losses = " ".join(parsing_losses(lots, Options()))
-    assert "4,100 loose ones" in losses
-    with pytest.raises(ExportError, match="make fewer rocks loose"):
-        require_parsable(many(small_world, 61_000, loose=True), Options())
+    assert "4,100 dynamic ones" in losses
+    with pytest.raises(ExportError, match="make fewer rocks dynamic"):
+        require_parsable(many(small_world, 61_000, dynamic=True), Options())
 
 
 def test_a_ground_that_is_too_large_is_refused_before_it_is_made():
-    require_room(Options(), nodes=1025**2, rocks=0)
+    check_capacity(Options(), nodes=1025**2, rocks=0)
     with pytest.raises(ExportError, match=r"16.8 M nodes .* larger spacing_m"):
-        require_room(Options(), nodes=4097**2, rocks=0)
+        check_capacity(Options(), nodes=4097**2, rocks=0)
 
 
 @pytest.mark.consumer

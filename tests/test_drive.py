@@ -332,13 +332,13 @@ def test_a_failed_check_is_a_result(hill, tmp_path):
 
 def test_sizes_are_judged_by_the_truth(hill, tmp_path):
     (tmp_path / "truth").mkdir()
-    proof = {
+    verification = {
         "populations": [
-            {"name": n, "count": {"realised": 9}, "kolmogorov_smirnov": {"p_value": p}}
+            {"name": n, "count": {"observed": 9}, "kolmogorov_smirnov": {"p_value": p}}
             for n, p in (("good", 0.4), ("bad", 1e-5))
         ]
     }
-    (tmp_path / "truth" / "size_frequency.json").write_text(json.dumps(proof))
+    (tmp_path / "truth" / "size_frequency.json").write_text(json.dumps(verification))
     checks = validate(hill, tmp_path, spec=ValidateSpec()).checks
     verdicts = {c.name: c.passed for c in checks if "sizes" in c.name}
     assert verdicts == {"rocks: sizes of good": True, "rocks: sizes of bad": False}

@@ -14,7 +14,7 @@ from terrain_forge.exporters import mjcf
 from terrain_forge.base import SimulationError
 from terrain_forge.driving.clearance import belly_points, measure_clearance
 from terrain_forge.driving.film import write_end, write_film
-from terrain_forge.driving.portrait import link_poses, photograph
+from terrain_forge.driving.rover_picture import link_poses, photograph
 from terrain_forge.driving.starts import _runner, drive_from_many_starts, line_from_start
 from terrain_forge.recipe import StartsSpec, ValidateSpec
 from terrain_forge.rovers.morpheus import morpheus

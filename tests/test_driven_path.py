@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from terrain_forge.building.writing import build
+from terrain_forge.pipeline import build
 from terrain_forge.recipe import recipe_from_json
 
 TOUR = {"kind": "polyline", "points_m": [[-3, -1], [1, -1], [1, 1]]}
@@ -43,7 +43,7 @@ def test_a_driven_track_is_a_path_with_its_true_poses(tmp_path):
     result = build(recipe(TOUR), tmp_path / "before")
     assert result.passed
     driven = poses(tmp_path / BEFORE)
-    recorded = {"kind": "file", "file": BEFORE, "timing": "recorded", "stance": "recorded"}
+    recorded = {"kind": "file", "file": BEFORE, "timing": "recorded", "attitude": "recorded"}
     result = build(recipe(recorded), tmp_path / "after", folder=tmp_path)
     assert result.passed
     laid = poses(tmp_path / "after" / "paths" / "tour.tum")
@@ -51,7 +51,7 @@ def test_a_driven_track_is_a_path_with_its_true_poses(tmp_path):
     same = min(len(laid), len(driven)) - 2  # the end is moved to whole samples
     assert np.allclose(laid[:same, 1:4], driven[:same, 1:4], atol=0.01)
     assert np.allclose(laid[:same, 4:], driven[:same, 4:], atol=0.01)
-    on_the_ground = recorded | {"stance": "ground"}
+    on_the_ground = recorded | {"attitude": "ground"}
     result = build(
         recipe(on_the_ground, exports=[], validate=None), tmp_path / "plane", folder=tmp_path
     )

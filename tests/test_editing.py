@@ -17,7 +17,7 @@ from terrain_forge.model import World, rotations
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.rocks import LibrarySpec, PopulationSpec, RocksSpec, overlapping_pairs
 from terrain_forge.rocks.editing import BY_HAND
-from terrain_forge.rocks.resting.outline import exposed_outline, mean_width
+from terrain_forge.rocks.embedding.outline import exposed_outline, mean_width
 from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.terrain import Fractal
 
@@ -173,9 +173,9 @@ def test_written_world_passes_and_loads(written):
     assert written.passed, [c for c in report["checks"] if not c["passed"]]
     assert World.load(written.directory) == written.world
     assert set(written.losses) == {"sdf", "mjcf", "usd"}
-    proof = json.loads((written.directory / "truth" / "size_frequency.json").read_text())
-    assert [p["name"] for p in proof["populations"]] == ["pebbles"]
-    assert proof["populations"][0]["count"]["realised"] == len(written.world.field) - 2
+    verification = json.loads((written.directory / "truth" / "size_frequency.json").read_text())
+    assert [p["name"] for p in verification["populations"]] == ["pebbles"]
+    assert verification["populations"][0]["count"]["observed"] == len(written.world.field) - 2
 
 
 def test_truth_has_the_added_rocks(written):
@@ -250,10 +250,10 @@ def test_recipe_made_in_python_is_checked():
         tf.plan(wrong)
 
 
-def test_a_loose_rock_is_settled(cleared):
-    edited = tf.add_rock(cleared, east=2.0, north=1.0, diameter=0.3, prototype=1, loose=True)
+def test_a_dynamic_rock_is_settled(cleared):
+    edited = tf.add_rock(cleared, east=2.0, north=1.0, diameter=0.3, prototype=1, dynamic=True)
     rock = edited.field.select(np.array([len(cleared.field)]))
-    assert rock.loose[0]
+    assert rock.dynamic[0]
     assert rock.buried_fraction[0] == 0.0
     turn = rotations(rock)[0][:2]
     plan = rock.scale[0] * edited.library.prototypes[1].meshes[0].vertices @ turn.T

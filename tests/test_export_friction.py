@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.model import MARS, MOON, exporter, surface_friction
-from terrain_forge.rocks.resting.contact import SLIDING
+from terrain_forge.rocks.embedding.contact import SLIDING
 
 MU = "{http://drake.mit.edu}mu_"
 
@@ -40,7 +40,7 @@ def usd(folder):
         look = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
         physics = UsdPhysics.MaterialAPI(look.GetPrim())
         path = str(prim.GetPath())
-        kind = 0 if "/Ground/" in path else 2 if "/loose_" in path else 1
+        kind = 0 if "/Ground/" in path else 2 if "/dynamic_" in path else 1
         for value in (physics.GetStaticFrictionAttr(), physics.GetDynamicFrictionAttr()):
             found[kind].add(round(value.Get(), 6))
     return found
@@ -63,7 +63,7 @@ READERS = {"sdf": sdf, "drake": drake, "usd": usd, "mjcf": mjcf}
 
 
 def frictions(world, folder, kind, **options):
-    """Coefficients of the ground, the fixed rocks and the loose ones."""
+    """Coefficients of the ground, the static rocks and the dynamic ones."""
     module, target = exporter(kind), folder / "-".join([kind, *map(str, options.values())])
     target.mkdir()
     module.export(world, target, options=module.Options(**options))
@@ -73,9 +73,9 @@ def frictions(world, folder, kind, **options):
 @pytest.mark.parametrize("kind", READERS)
 @pytest.mark.parametrize("body", [MARS, MOON])
 def test_each_surface_has_the_friction_of_its_body(small_world, tmp_path, kind, body):
-    loose = np.arange(len(small_world.field)) % 3 == 0
+    dynamic = np.arange(len(small_world.field)) % 3 == 0
     world = small_world.replace(
-        site=small_world.site.replace(body=body), field=small_world.field.replace(loose=loose)
+        site=small_world.site.replace(body=body), field=small_world.field.replace(dynamic=dynamic)
     )
     wanted = {
         name: {surface_friction(body.name, name).coefficient}

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from terrain_forge.base import ExportError, OutputError, RecipeError
 from terrain_forge.cli import cli
-from terrain_forge.model import exporter, exporter_names, require_room
+from terrain_forge.model import check_capacity, exporter, exporter_names
 from terrain_forge.model.storage import save_world
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import export_orders, load_recipe, recipe_json
@@ -84,9 +84,9 @@ TOO_LARGE = {
 def test_formats_refuse_before_the_world_is_made(kind):
     options, nodes, rocks, words = TOO_LARGE[kind]
     module = exporter(kind)
-    require_room(module, module.Options(**options), nodes=1e4, rocks=100)
+    check_capacity(module, module.Options(**options), nodes=1e4, rocks=100)
     with pytest.raises(ExportError, match=words):
-        require_room(module, module.Options(**options), nodes=nodes, rocks=rocks)
+        check_capacity(module, module.Options(**options), nodes=nodes, rocks=rocks)
 
 
 def test_every_exporter_of_ours_has_documented_options():

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from rasterio.transform import Affine
 from rasterio.windows import Window as RasterWindow
 
-from terrain_forge import inputs
 from terrain_forge.base import DataError
 from terrain_forge.dtm import (
     RasterDtm,
@@ -37,7 +36,7 @@ from terrain_forge.dtm.repair import destair
 from terrain_forge.dtm.spec import Centre
 from terrain_forge.model import MARS, MOON
 from terrain_forge.pipeline import plan as planned
-from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.recipe import Recipe, TerrainSpec, inputs
 from terrain_forge.terrain import shape_ground
 from terrain_forge.writers import write_geotiff
 from tests import worlds

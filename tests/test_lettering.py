@@ -36,5 +36,5 @@ def test_names_stay_what_they_are_where_the_font_has_them_and_apart_where_not():
 
 
 def test_the_size_frequency_figure_names_populations_so():
-    part = {"count": {"realised": 1234}, "name": "石", "arrangement": "clustered"}
+    part = {"count": {"observed": 1234}, "name": "石", "arrangement": "clustered"}
     assert _label(part) == f"1 234 {file_name('石')}, clustered"

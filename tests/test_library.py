@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 import terrain_forge
-from terrain_forge import records
-from terrain_forge.base import Spec
+from terrain_forge.base import Spec, records
 
 ROOT = Path(__file__).parents[1]
 

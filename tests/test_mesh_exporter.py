@@ -218,12 +218,12 @@ def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
     field = small_world.field
     row = np.arange(len(field))
     solid = row % 3 > 0
-    world = small_world.replace(field=field.replace(solid=solid, loose=solid & (row % 4 == 1)))
+    world = small_world.replace(field=field.replace(collides=solid, dynamic=solid & (row % 4 == 1)))
     said = {}
     for rocks in ("merged", "objects", "none"):
         (tmp_path / rocks).mkdir()
         said[rocks] = " ".join(export(world, tmp_path / rocks, options=Options(rocks=rocks)).losses)
-    for words in ("for the eye alone", "loose rocks stand still"):
+    for words in ("visual-only", "dynamic rocks stand still"):
         assert words in said["merged"]
         assert words in said["objects"]
         assert words not in said["none"]

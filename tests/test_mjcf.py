@@ -16,7 +16,7 @@ from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_f
 from terrain_forge.driving import Vehicle, rover_mass_check
 from terrain_forge.driving.controller import wheel_rates
 from terrain_forge.model import Heightfield, Mesh
-from terrain_forge.rocks import loose_contact
+from terrain_forge.rocks import dynamic_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.surface_mesh import heights_on
@@ -136,17 +136,19 @@ def test_shared_sizes_are_few_and_near():
 
 @pytest.fixture(scope="module")
 def loosened(world):
-    """The world with every third rock loose, and every fifth of the others for the eye alone."""
+    """The world with every third rock dynamic, and every fifth of the others visual only."""
     row = np.arange(len(world.field))
-    loose = row % 3 == 0
-    return world.replace(field=world.field.replace(loose=loose, solid=loose | (row % 5 > 0)))
+    dynamic = row % 3 == 0
+    return world.replace(
+        field=world.field.replace(dynamic=dynamic, collides=dynamic | (row % 5 > 0))
+    )
 
 
-def test_loose_rocks_are_bodies_with_their_own_mass_and_size(loosened, tmp_path):
+def test_dynamic_rocks_are_bodies_with_their_own_mass_and_size(loosened, tmp_path):
     model, data = load(export(loosened, tmp_path), "scene.xml")
     field, library = loosened.field, loosened.library
-    assert model.nbody == 2 + len(loosened.rover.links) + field.loose.sum()
-    for row in np.flatnonzero(field.loose):
+    assert model.nbody == 2 + len(loosened.rover.links) + field.dynamic.sum()
+    for row in np.flatnonzero(field.dynamic):
         rock = f"rock_{field.id[row]}"
         body, placed = model.body(rock), data.body(rock)
         assert body.dofnum == 6
@@ -161,7 +163,7 @@ def test_loose_rocks_are_bodies_with_their_own_mass_and_size(loosened, tmp_path)
         found = turn @ np.diag(body.inertia) @ turn.T
         np.testing.assert_allclose(found, solid.moment_inertia, atol=1e-6 * body.inertia.max())
         hull, seen = model.geom(rock), model.geom(f"{rock}_shape")
-        contact = loose_contact(field.diameter[row])
+        contact = dynamic_contact(field.diameter[row])
         assert hull.condim[0] == contact.condim
         np.testing.assert_allclose(hull.friction, contact.friction)
         np.testing.assert_allclose(hull.solref, contact.solref)
@@ -175,11 +177,12 @@ def test_loose_rocks_are_bodies_with_their_own_mass_and_size(loosened, tmp_path)
 
 
 def test_what_meets_what(loosened, tmp_path):
-    """Loose rocks meet all that is solid, the rover too; the ground and fixed rocks only those."""
+    """Dynamic rocks meet all that is solid, the rover too; the ground and static rocks only
+    those."""
     model, _ = load(export(loosened, tmp_path), "scene.xml")
     field = loosened.field
-    fixed, unsolid = field.id[field.solid & ~field.loose][0], field.id[~field.solid][0]
-    one, other = (f"rock_{n}" for n in field.id[field.loose][:2])
+    fixed, unsolid = field.id[field.collides & ~field.dynamic][0], field.id[~field.collides][0]
+    one, other = (f"rock_{n}" for n in field.id[field.dynamic][:2])
     wheel = next(n for n in range(model.ngeom) if model.geom_priority[n] == 1)
 
     def meet(a, b):
@@ -201,14 +204,14 @@ def test_every_convex_part_is_a_geom(loosened, tmp_path):
     world = loosened.replace(library=loosened.library.replace(prototypes=tuple(shapes)))
     model, _ = load(export(world, tmp_path))
     names = {model.geom(n).name for n in range(model.ngeom)}
-    for rock in world.field.id[world.field.solid]:
+    for rock in world.field.id[world.field.collides]:
         assert {f"rock_{rock}", f"rock_{rock}_1"} <= names
     bodies = model.geom_bodyid[[model.geom(f"rock_0{part}").id for part in ("", "_1", "_shape")]]
     assert (bodies == model.body("rock_0").id).all()
 
 
 def with_slabs(world, *places, scale=0.3):
-    """A flat ground with loose slabs on it, of 0.36 × 0.36 × 0.18 m unless scaled otherwise."""
+    """A flat ground with dynamic slabs on it, of 0.36 × 0.36 × 0.18 m unless scaled otherwise."""
     box = trimesh.creation.box((1.2, 1.2, 0.6))
     mesh = Mesh(vertices=box.vertices, faces=box.faces)
     slab = world.library.prototypes[0].replace(
@@ -221,7 +224,7 @@ def with_slabs(world, *places, scale=0.3):
     count = len(places)
     volume = np.full(count, box.volume * scale**3)
     field = world.field.select(np.arange(count)).replace(
-        loose=np.ones(count),
+        dynamic=np.ones(count),
         prototype=np.zeros(count),
         scale=np.full(count, scale),
         diameter=np.full(count, 1.2 * scale),
@@ -244,7 +247,7 @@ def test_a_slab_that_lies_flat_stays_and_can_be_pushed(world, tmp_path):
     assert data.qpos[0] > 0.1
 
 
-def test_the_rover_stands_among_loose_rocks_and_pushes_what_is_in_its_way(world, tmp_path):
+def test_the_rover_stands_among_dynamic_rocks_and_pushes_what_is_in_its_way(world, tmp_path):
     front = max((wheel.centre for wheel in world.rover.wheels), key=lambda centre: centre[0])
     level = with_slabs(world, (0.0, 4.0), (front[0] + 0.5, front[1]))
     model, _ = load(export(level, tmp_path), "scene.xml")
@@ -314,7 +317,7 @@ def test_too_many_wide_rocks_or_geoms_are_refused_with_a_way_out(loosened, tmp_p
     with pytest.raises(ExportError, match=r"height fields, at most 5.*split_ground: false"):
         export(loosened, tmp_path)
     export(loosened, tmp_path, split_ground=False)
-    room = sys.modules["terrain_forge.exporters.mjcf.room"]
+    room = sys.modules["terrain_forge.exporters.mjcf.capacity"]
     monkeypatch.setattr(room, "MOST_GEOMS", 30)
     with pytest.raises(ExportError, match=r"40 rocks make \d+ geoms to touch.*at most.*diameter_m"):
         export(loosened, tmp_path)
@@ -322,12 +325,12 @@ def test_too_many_wide_rocks_or_geoms_are_refused_with_a_way_out(loosened, tmp_p
 
 def test_the_advice_against_too_many_geoms_helps(loosened, tmp_path, monkeypatch):
     """A larger visual_min_m is named where it is enough, and only there."""
-    room = sys.modules["terrain_forge.exporters.mjcf.room"]
+    room = sys.modules["terrain_forge.exporters.mjcf.capacity"]
     field = loosened.field
     least = room.count_geoms(loosened, Options(visual_min_m=99.0))
-    assert least == (40, field.loose.sum())
+    assert least == (40, field.dynamic.sum())
     most = room.count_geoms(loosened, Options(visual_min_m=0.0))
-    assert most == (field.solid.sum(), 40)
+    assert most == (field.collides.sum(), 40)
     monkeypatch.setattr(room, "MOST_GEOMS", sum(least))
     with pytest.raises(ExportError, match=r"choose a larger visual_min_m, here 0$"):
         export(loosened, tmp_path, visual_min_m=0.0)
@@ -339,7 +342,7 @@ def test_the_advice_against_too_many_geoms_helps(loosened, tmp_path, monkeypatch
 
 
 def test_exact_scales_are_refused_and_told_by_what_they_cost(world, tmp_path, monkeypatch):
-    room = sys.modules["terrain_forge.exporters.mjcf.room"]
+    room = sys.modules["terrain_forge.exporters.mjcf.capacity"]
     losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
     monkeypatch.setattr(losses, "_MANY_MESHES", 10)
     options = Options(exact_scale=True)
@@ -395,7 +398,7 @@ def test_large_rocks_show_their_texture(world, tmp_path):
     assert sum(name.endswith("_shape") for name in names) == (field.diameter >= 0.6).sum()
 
 
-def test_agreement_holds_with_loose_rocks_and_sees_a_wrong_mass(loosened, tmp_path):
+def test_agreement_holds_with_dynamic_rocks_and_sees_a_wrong_mass(loosened, tmp_path):
     folder = tmp_path / "mjcf"
     folder.mkdir()
     export(loosened, folder)
@@ -403,7 +406,7 @@ def test_agreement_holds_with_loose_rocks_and_sees_a_wrong_mass(loosened, tmp_pa
     assert all(check.passed for check in checks.values())
     heavier = loosened.replace(field=loosened.field.replace(mass=loosened.field.mass * 1.001))
     checks = {check.name: check for check in ground_agreement(heavier, tmp_path)}
-    assert not checks["mjcf: loose rocks"].passed
+    assert not checks["mjcf: dynamic rocks"].passed
 
 
 def test_losses_name_what_is_rounded(world, tmp_path):
@@ -537,13 +540,13 @@ def test_exporting_imports_no_simulator():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_loose_rocks_that_are_slower_than_real_time_are_told(world):
+def test_dynamic_rocks_that_are_slower_than_real_time_are_told(world):
     """81 of them take 2.03 ms of a step of 2 ms."""
     losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
     field = world.field.select(np.zeros(81, np.int64))
     for count, step, sleep, told in ((81, 2, False, True), (81, 2, True, False),
                                      (80, 2, False, False), (41, 1, False, True)):  # fmt: skip
-        loose = field.replace(id=np.arange(81), loose=np.arange(81) < count)
+        dynamic = field.replace(id=np.arange(81), dynamic=np.arange(81) < count)
         options = Options(timestep_s=0.001 * step, sleep=sleep)
-        found = " ".join(losses.list_losses(world.replace(field=loose), options))
+        found = " ".join(losses.list_losses(world.replace(field=dynamic), options))
         assert ("slower than real time" in found) == told

@@ -247,7 +247,7 @@ def test_a_recorded_stance_is_kept(tmp_path, suffix):
         position=flat.position + swing * (0.0, 0.0, 1.0), rpy=flat.rpy + swing * (1.0, 1.0, 0.0)
     )
     write_trajectory(path, tmp_path)
-    again = plan_file(tmp_path, f"p.{suffix}", timing="recorded", stance="recorded")
+    again = plan_file(tmp_path, f"p.{suffix}", timing="recorded", attitude="recorded")
     assert np.allclose(again.position, path.position, atol=1e-6)
     assert np.allclose(again.rpy, path.rpy, atol=1e-6)
     level = plan_file(tmp_path, f"p.{suffix}", timing="recorded")
@@ -293,7 +293,7 @@ def test_files_of_all_kinds(tmp_path):
         ("x,y\n0,0\n1,0\n", {"timing": "recorded"}, "has no times"),
         (
             "t,x,y,yaw\n0,0,0,0\n1,1,0,0\n",
-            {"timing": "recorded", "stance": "recorded"},
+            {"timing": "recorded", "attitude": "recorded"},
             "needs columns z and qw, qx, qy, qz",
         ),
         ("x,y\n0,0\n0.01,0\n", {}, "does not move by 0.1 m"),
@@ -346,5 +346,5 @@ def test_planned_paths_may_not_shape_the_world():
 
 def test_a_recorded_stance_needs_its_times(tmp_path):
     with pytest.raises(RecipeError, match="needs `timing: recorded`") as error:
-        read(tmp_path, "x,y\n0,0\n1,0\n", stance="recorded")
-    assert error.value.key == ("stance",)
+        read(tmp_path, "x,y\n0,0\n1,0\n", attitude="recorded")
+    assert error.value.key == ("attitude",)

@@ -300,7 +300,7 @@ def test_tilt_and_steps_under_the_wheels_are_found(world):
 
 
 def test_a_driven_path_may_not_start_within_a_rock(tmp_path):
-    """Not even in one of the user's own, which no clearing moves away."""
+    """Not even in one of the user's own, which no exclusion_zone moves away."""
     (tmp_path / "own.csv").write_text("x_m,y_m,diameter_m\n-4,1,1.2\n")
     route = {"kind": "polyline", "points_m": [[-4, 1], [4, 1]]}
     recipe = {**RECIPE, "paths": [{"name": "a", "route": route, "speed_m_s": 0.2}]}

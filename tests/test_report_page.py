@@ -20,7 +20,7 @@ from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.writers import write_png
 from tests import worlds
-from tests.test_proof import population, rocks
+from tests.test_size_frequency_verification import population, rocks
 
 HOSTILE = "<script>alert('&\"x\"')</script>"
 CHECKS = [

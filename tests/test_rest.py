@@ -10,12 +10,12 @@ from terrain_forge.rocks import (
     LibrarySpec,
     PopulationSpec,
     Scattered,
+    embed,
     make_library,
-    rest,
     rock_margin,
     scatter,
 )
-from terrain_forge.rocks.resting import outline
+from terrain_forge.rocks.embedding import outline
 from terrain_forge.rocks.size_frequency import Golombek
 from tests import worlds
 
@@ -55,7 +55,11 @@ def laid():
         site=site, populations=(PEBBLES, BOULDERS), library=LIBRARY, window=site.window
     )
     land = ground(site)
-    return land, scattered, rest(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY)
+    return (
+        land,
+        scattered,
+        embed(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY),
+    )
 
 
 def placed_vertices(field, n):
@@ -115,7 +119,7 @@ def test_rocks_lean_with_an_inclined_plane():
     """On a plane the rock's z is the plane's normal and nothing is sunk further than wanted."""
     site = place()
     scattered = scatter(site=site, populations=(BOULDERS,), library=LIBRARY, window=site.window)
-    field = rest(
+    field = embed(
         scattered=scattered, library=LIBRARY, ground=slope(site, 0.3, -0.1), density=(2900.0,)
     )
     normal = np.array([-0.3, 0.1, 1.0]) / np.sqrt(1.1)
@@ -124,7 +128,7 @@ def test_rocks_lean_with_an_inclined_plane():
     )
     np.testing.assert_allclose(field.buried_fraction, scattered.buried, atol=1e-5)
     upright = rotations(
-        rest(scattered=scattered, library=LIBRARY, ground=slope(site, 0, 0), density=(2900.0,))
+        embed(scattered=scattered, library=LIBRARY, ground=slope(site, 0, 0), density=(2900.0,))
     )
     np.testing.assert_allclose(
         np.arctan2(upright[:, 1, 0], upright[:, 0, 0]) % (2 * np.pi), scattered.yaw, atol=1e-6
@@ -134,7 +138,7 @@ def test_rocks_lean_with_an_inclined_plane():
 def test_steepest_tilt():
     site = place()
     scattered = scatter(site=site, populations=(BOULDERS,), library=LIBRARY, window=site.window)
-    field = rest(
+    field = embed(
         scattered=scattered, library=LIBRARY, ground=slope(site, 1.5, 0), density=(2900.0,)
     )
     tilt = np.arccos(rotations(field)[:, 2, 2])
@@ -189,11 +193,11 @@ def test_no_daylight_on_very_rough_ground():
         yaw=random.uniform(0, 2 * np.pi, count),
         buried=random.uniform(0.05, 0.5, count),
         diameter=0.2 * 10 ** random.random(count),
-        loose=np.zeros(count, np.bool_),
-        solid=np.ones(count, np.bool_),
+        dynamic=np.zeros(count, np.bool_),
+        collides=np.ones(count, np.bool_),
         unplaced=(0,),
     )
-    field = rest(scattered=scattered, library=library, ground=land, density=(2900.0,))
+    field = embed(scattered=scattered, library=library, ground=land, density=(2900.0,))
     assert (gaps(field, library, land) > 0.01).mean() < 0.01
     deep = field.buried_fraction > outline.MAX_BURIED
     assert deep.any()
@@ -265,7 +269,7 @@ def test_reach_rise_and_footprint_hold_every_way_to_rest():
         for _ in range(300):
             tilt, azimuth, yaw = outline.MAX_TILT * random.random(), *random.uniform(0, 6.28, 2)
             lean = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.sin(tilt)
-            turn = matrix_from_quaternion(outline.resting_rotation(*lean, np.cos(tilt), yaw))
+            turn = matrix_from_quaternion(outline.embedding_rotation(*lean, np.cos(tilt), yaw))
             np.testing.assert_allclose(turn[:, 2], [*lean, np.cos(tilt)], atol=1e-12)
             buried = random.uniform(0, outline.MAX_BURIED)
             exposed = outline.exposed_outline(mesh, rotation=turn, normal=turn[:, 2], buried=buried)
@@ -308,7 +312,7 @@ def test_rocks_of_a_window_rest_as_in_the_whole(laid):
         window = Window(column=column, row=row, columns=columns, rows=rows)
         scattered = scatter(site=site, populations=kinds, library=LIBRARY, window=window)
         land = ground(site, site.padded(window, around))
-        field = rest(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY)
+        field = embed(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY)
         assert len(field) > 10
         assert field == whole.select(np.isin(whole.id, field.id))
 
@@ -318,4 +322,4 @@ def test_rocks_off_the_ground_are_refused(laid):
     site = place()
     part = ground(site, Window(column=0, row=0, columns=100, rows=100))
     with pytest.raises(ValueError, match="off the ground"):
-        rest(scattered=scattered, library=LIBRARY, ground=part, density=DENSITY)
+        embed(scattered=scattered, library=LIBRARY, ground=part, density=DENSITY)

@@ -24,7 +24,7 @@ from terrain_forge.rocks import (
 )
 from terrain_forge.rocks.arrangement import AroundCraters, Crater
 from terrain_forge.rocks.library import MeshSpec
-from terrain_forge.rocks.populations import KeepOut
+from terrain_forge.rocks.populations import ExclusionSpec
 from terrain_forge.rocks.size_frequency import (
     Counts,
     CoverAbove,
@@ -287,9 +287,9 @@ TIGHT = Clustered(clusters_per_m2=0.001, radius_m=0.5)
         ({"diameter_m": (1e-5, 1.0)}, ("diameter_m",), ["at most", "raise the smallest"]),
         ({"buried_fraction": (0.4, 0.1)}, ("buried_fraction",), ["0.4", "comes first"]),
         ({"families": ("block", "boulder")}, ("families", 1), ["'boulder'", "block, slab"]),
-        ({"loose_m": (0.5, 0.3)}, ("loose_m",), ["0.5", "comes first"]),
-        ({"loose_m": (2.0, 3.0)}, ("loose_m",), ["2 to 3 m", "0.2 to 1 m"]),
-        ({"loose_m": (0.2, 0.4), "collision_min_m": 0.3}, ("loose_m",), ["below 0.3 m"]),
+        ({"dynamic_m": (0.5, 0.3)}, ("dynamic_m",), ["0.5", "comes first"]),
+        ({"dynamic_m": (2.0, 3.0)}, ("dynamic_m",), ["2 to 3 m", "0.2 to 1 m"]),
+        ({"dynamic_m": (0.2, 0.4), "collision_min_m": 0.3}, ("dynamic_m",), ["below 0.3 m"]),
         ({"arrangement": FAR}, ("arrangement", "craters"), ["400, 0", "±20"]),
         ({"arrangement": OLD}, ("arrangement", "craters"), ["no rock is left"]),
         ({"arrangement": SMALL}, ("arrangement", "craters"), ["0.154 m", "0.2 m"]),
@@ -324,7 +324,7 @@ def even(cover, low, high, **more):
         [even(0.30, 0.9, 1.0)],
         [even(0.32, 0.5, 1.0)],
         [even(0.09, 0.15, 1.0, name=name) for name in "abcd"],
-        [population(size_frequency=Golombek(k=0.36), diameter_m=(0.15, 2), loose_m=(0.15, 2))],
+        [population(size_frequency=Golombek(k=0.36), diameter_m=(0.15, 2), dynamic_m=(0.15, 2))],
         [even(0.26, 0.5, 1.0, families=("slab",)), even(0.05, 0.5, 1.0, name="more")],
     ],
 )
@@ -334,7 +334,7 @@ def test_cover_that_leaves_no_room_for_the_last_rocks(dense):
     assert key == ("rocks", "populations")
     for word in ("at most 0.", "packed", "lower their numbers"):
         assert word in text
-    assert ("fewer loose" in text) == any(p.loose_m is not None for p in dense)
+    assert ("fewer dynamic" in text) == any(p.dynamic_m is not None for p in dense)
 
 
 def test_wide_ranges_of_sizes_pack_densely():
@@ -343,8 +343,8 @@ def test_wide_ranges_of_sizes_pack_densely():
             RocksSpec(populations=(population(size_frequency=Golombek(k=k), diameter_m=(0.1, 2)),)),
             SIZE,
         )
-    loose = population(size_frequency=Golombek(k=0.3), diameter_m=(0.15, 2), loose_m=(0.15, 2))
-    check_rocks(RocksSpec(populations=(loose,)), SIZE)
+    dynamic = population(size_frequency=Golombek(k=0.3), diameter_m=(0.15, 2), dynamic_m=(0.15, 2))
+    check_rocks(RocksSpec(populations=(dynamic,)), SIZE)
 
 
 def test_the_automatic_largest_rock_must_fit_the_site_too():
@@ -359,17 +359,19 @@ def test_the_automatic_largest_rock_must_fit_the_site_too():
 @pytest.mark.parametrize(
     ("changes", "kept", "words"),
     [
-        ({}, (KeepOut(centre_m=(0, 0), radius_m=26.0, clearance_m=0.2),), "corridors and circles"),
+        ({}, (ExclusionSpec(centre_m=(0, 0), radius_m=26.0, clearance_m=0.2),),
+         "corridors and circles"),
         ({"arrangement": AroundCraters(craters=(Crater(centre_m=(5, 0), diameter_m=8),))},
-         (KeepOut(centre_m=(5, 0), radius_m=9.0),), "its craters, corridors and circles"),
-        ({"density_image": "half.png"}, (KeepOut(centre_m=(-20, 0), radius_m=30),), "density"),
+         (ExclusionSpec(centre_m=(5, 0), radius_m=9.0),), "its craters, corridors and circles"),
+        ({"density_image": "half.png"}, (ExclusionSpec(centre_m=(-20, 0), radius_m=30),),
+         "density"),
     ],
 )  # fmt: skip
 def test_masks_that_leave_no_place(tmp_path, changes, kept, words):
     half = np.zeros((10, 10), np.uint8)
     half[:, :5] = 255
     Picture.fromarray(half).save(tmp_path / "half.png")
-    key, text = complaint(recipe(population(**changes), keep_out=kept), tmp_path)
+    key, text = complaint(recipe(population(**changes), exclusion_zones=kept), tmp_path)
     assert key == ("rocks", "populations", 0)
     assert "no place is left for 'rocks'" in text
     assert words in text
@@ -400,17 +402,28 @@ def test_names_are_unique_across_populations_and_lists():
 @pytest.mark.parametrize(
     ("circles", "key", "words"),
     [
-        ((KeepOut(centre_m=(30, 0), radius_m=9.0),), ("rocks", "keep_out", 0), ["outside", "±20"]),
-        ((KeepOut(centre_m=(0, 0), radius_m=26.0),), ("rocks", "keep_out"), ["no place"]),
         (
-            (KeepOut(centre_m=(-12, 0), radius_m=19.0), KeepOut(centre_m=(12, 0), radius_m=19.0)),
-            ("rocks", "keep_out"),
+            (ExclusionSpec(centre_m=(30, 0), radius_m=9.0),),
+            ("rocks", "exclusion_zones", 0),
+            ["outside", "±20"],
+        ),
+        (
+            (ExclusionSpec(centre_m=(0, 0), radius_m=26.0),),
+            ("rocks", "exclusion_zones"),
+            ["no place"],
+        ),
+        (
+            (
+                ExclusionSpec(centre_m=(-12, 0), radius_m=19.0),
+                ExclusionSpec(centre_m=(12, 0), radius_m=19.0),
+            ),
+            ("rocks", "exclusion_zones"),
             ["no place"],
         ),
     ],
 )
 def test_circles_that_cannot_be(circles, key, words):
-    found_key, text = complaint(recipe(population(), keep_out=circles), ".")
+    found_key, text = complaint(recipe(population(), exclusion_zones=circles), ".")
     assert found_key == key
     for word in words:
         assert word in text
@@ -418,11 +431,11 @@ def test_circles_that_cannot_be(circles, key, words):
 
 def test_circles_become_clearings():
     circles = (
-        KeepOut(centre_m=(3, 4), radius_m=2.0),
-        KeepOut(centre_m=(0, 0), radius_m=20.0, clearance_m=0.3),
+        ExclusionSpec(centre_m=(3, 4), radius_m=2.0),
+        ExclusionSpec(centre_m=(0, 0), radius_m=20.0, clearance_m=0.3),
     )
-    site = plan(recipe(population(), keep_out=circles))
-    assert [(c.centre, c.radius, c.clearance) for c in site.clearings] == [
+    site = plan(recipe(population(), exclusion_zones=circles))
+    assert [(c.centre, c.radius, c.clearance) for c in site.exclusion_zones] == [
         ((3.0, 4.0), 2.0, 0.0),
         ((0.0, 0.0), 20.0, 0.3),
     ]

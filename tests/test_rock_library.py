@@ -14,8 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.model import Mesh
 from terrain_forge.rocks import FAMILIES, LibrarySpec, make_library
+from terrain_forge.rocks.embedding import outline
 from terrain_forge.rocks.library import MeshSpec, lay_down
-from terrain_forge.rocks.resting import outline
 from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces, fibonacci_sphere
 from terrain_forge.rocks.shapes.collision import collision_hull
 from terrain_forge.rocks.shapes.families import block

@@ -38,18 +38,18 @@ def exported(rover, folder, **options):
 
 
 @pytest.fixture(scope="module")
-def brought(tmp_path_factory):
+def custom(tmp_path_factory):
     return rovers.read(rovers.rocker_urdf(tmp_path_factory.mktemp("urdf")))
 
 
-@pytest.fixture(scope="module", params=["plain", "detailed", "skid4", "brought"])
+@pytest.fixture(scope="module", params=["plain", "detailed", "skid4", "custom"])
 def case(request, tmp_path_factory):
     """A rover and its files."""
     rover = {
         "plain": morpheus,
         "detailed": lambda: morpheus(MorpheusSpec(model="detailed", grousers=GrouserSpec())),
         "skid4": skid4,
-        "brought": lambda: request.getfixturevalue("brought"),
+        "custom": lambda: request.getfixturevalue("custom"),
     }[request.param]()
     folder, _ = exported(rover, tmp_path_factory.mktemp(request.param) / "rover")
     return rover, folder
@@ -259,9 +259,9 @@ def test_cameras_look_where_the_rover_says(case):
         np.testing.assert_allclose(pose[3, :3], sensor.position, atol=1e-6)
 
 
-def test_gears_are_kept_where_a_format_has_them(brought, tmp_path):
-    assert brought.couplings
-    folder, losses = exported(brought, tmp_path / "fortress")
+def test_gears_are_kept_where_a_format_has_them(custom, tmp_path):
+    assert custom.couplings
+    folder, losses = exported(custom, tmp_path / "fortress")
     assert sum("gears are left out" in loss for loss in losses) == 2
     assert any("Held at rest" in loss for loss in losses)
     mimic = ET.parse(folder / "tub.urdf").getroot().find("joint[@name='right_rocker_joint']/mimic")
@@ -269,16 +269,16 @@ def test_gears_are_kept_where_a_format_has_them(brought, tmp_path):
     model = mujoco.MjModel.from_xml_path(str(folder / "tub.xml"))
     assert model.neq == 1
     np.testing.assert_array_equal(model.eq_data[0, :2], (0.0, -1.0))
-    folder, losses = exported(brought, tmp_path / "harmonic", release="harmonic")
+    folder, losses = exported(custom, tmp_path / "harmonic", release="harmonic")
     assert sum("gears are left out" in loss for loss in losses) == 1
     _, joints = in_sdf(folder / "tub.sdf")
     told = joints["right_rocker_joint"].find("axis/mimic")
     assert (told.get("joint"), float(told.findtext("multiplier"))) == ("left_rocker_joint", -1.0)
 
 
-def test_a_coupled_joint_follows_in_mujoco(brought, tmp_path):
+def test_a_coupled_joint_follows_in_mujoco(custom, tmp_path):
     gear = Coupling(link="right_rocker", leader="left_rocker", ratio=0.5, offset=0.1)
-    model = rovers.on_the_flat(brought.replace(couplings=(gear,)), tmp_path)
+    model = rovers.on_the_flat(custom.replace(couplings=(gear,)), tmp_path)
     model.opt.gravity[:] = 0.0
     data = mujoco.MjData(model)
     data.qpos[2] = 3.0
@@ -320,8 +320,8 @@ def test_only_the_chosen_formats_are_written(tmp_path):
     assert {path.name for path in folder.iterdir()} == {"skid4.urdf", "skid4_controllers.yaml"}
 
 
-def test_mesh_paths_take_the_chosen_prefix(brought, tmp_path):
-    folder, _ = exported(brought, tmp_path / "ros", mesh_prefix="package://tub_description/")
+def test_mesh_paths_take_the_chosen_prefix(custom, tmp_path):
+    folder, _ = exported(custom, tmp_path / "ros", mesh_prefix="package://tub_description/")
     robot = ET.parse(folder / "tub.urdf").getroot()
     names = {mesh.get("filename") for mesh in robot.iter("mesh")}
     assert names
@@ -329,9 +329,9 @@ def test_mesh_paths_take_the_chosen_prefix(brought, tmp_path):
         assert (folder / name.removeprefix("package://tub_description/")).is_file()
 
 
-def test_equal_rovers_make_equal_bytes(brought, tmp_path):
-    one, _ = exported(brought, tmp_path / "one")
-    other, _ = exported(brought, tmp_path / "other")
+def test_equal_rovers_make_equal_bytes(custom, tmp_path):
+    one, _ = exported(custom, tmp_path / "one")
+    other, _ = exported(custom, tmp_path / "other")
     for path in one.rglob("*"):
         if path.is_file():
             assert path.read_bytes() == (other / path.relative_to(one)).read_bytes(), path.name

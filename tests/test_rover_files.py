@@ -15,7 +15,7 @@ from terrain_forge.model import World
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.rovers import FileRover, resolve_rover
-from terrain_forge.rovers.brought import CouplingSpec
+from terrain_forge.rovers.custom import CouplingSpec
 from tests import rovers
 
 CURIOSITY = Path("curiosity_rover/curiosity_description/models/urdf/curiosity_mars_rover.xacro")

@@ -19,7 +19,7 @@ from terrain_forge.geometry import bake_ground
 from terrain_forge.model import Heightfield, Mesh, Trajectory, rotations
 from terrain_forge.paths import angles_between, spline_places
 from terrain_forge.paths.interpolation import turns_between
-from terrain_forge.rocks import loose_contact
+from terrain_forge.rocks import dynamic_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.scene import grain
 from tests import rovers
@@ -275,21 +275,23 @@ def test_single_rocks_show_their_populations_texture(small_world, sdf):
 
 
 def loosened(world):
-    """The world with every third rock loose, and every fifth of the others for the eye alone."""
+    """The world with every third rock dynamic, and every fifth of the others visual only."""
     row = np.arange(len(world.field))
-    loose = row % 3 == 0
-    return world.replace(field=world.field.replace(loose=loose, solid=loose | (row % 5 > 0)))
+    dynamic = row % 3 == 0
+    return world.replace(
+        field=world.field.replace(dynamic=dynamic, collides=dynamic | (row % 5 > 0))
+    )
 
 
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
-def test_loose_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, flavour):
+def test_dynamic_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, flavour):
     world = loosened(small_world)
     directory = exported(world, tmp_path / "sdf", flavour=flavour)
     field, turns = world.field, rotations(world.field)
     for file in ("world.sdf", "scene.sdf"):
         bodies = ET.parse(directory / file).getroot().findall("world/model")
-        assert [b.get("name") for b in bodies] == [f"rock_{i}" for i in field.id[field.loose]]
-    for body, row in zip(bodies, np.flatnonzero(field.loose), strict=True):
+        assert [b.get("name") for b in bodies] == [f"rock_{i}" for i in field.id[field.dynamic]]
+    for body, row in zip(bodies, np.flatnonzero(field.dynamic), strict=True):
         assert body.find("static") is None
         pose = numbers(body.find("pose"))
         assert np.allclose(pose[:3], field.position[row], atol=1e-7)
@@ -310,7 +312,7 @@ def test_loose_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, flavo
         friction = body.find("link/collision/surface/friction")
         patch = float(friction.findtext("torsional/patch_radius"))
         torsional = 3 * np.pi / 16 * patch * float(friction.findtext("torsional/coefficient"))
-        assert torsional == pytest.approx(loose_contact(field.diameter[row]).torsional)
+        assert torsional == pytest.approx(dynamic_contact(field.diameter[row]).torsional)
 
 
 def test_every_convex_part_is_a_collision(small_world, tmp_path):
@@ -320,19 +322,19 @@ def test_every_convex_part_is_a_collision(small_world, tmp_path):
     directory = exported(world, tmp_path / "sdf", individual_min_m=0)
     model = models(directory)["by-hand_rocks"]
     field = world.field
-    fixed = field.solid & ~field.loose
+    fixed = field.collides & ~field.dynamic
     assert len(list(model.iter("collision"))) == 2 * fixed.sum()
     for body in ET.parse(directory / "world.sdf").getroot().findall("world/model"):
         names = [part.get("name") for part in body.iter("collision")]
         assert names == ["collision_0", "collision_1"]
 
 
-def test_rocks_for_the_eye_alone_have_no_collision(small_world, tmp_path):
+def test_rocks_visual_only_have_no_collision(small_world, tmp_path):
     world = loosened(small_world)
     model = models(exported(world, tmp_path / "sdf", individual_min_m=0.8))["by-hand_rocks"]
     field = world.field
-    large, fixed = field.diameter >= 0.8, ~field.loose
-    for kind, wanted in (("visual", fixed & large), ("collision", fixed & large & field.solid)):
+    large, fixed = field.diameter >= 0.8, ~field.dynamic
+    for kind, wanted in (("visual", fixed & large), ("collision", fixed & large & field.collides)):
         names = [part.get("name") for part in model.iter(kind)]
         single = [int(name.split("_")[1]) for name in names if name.startswith("rock_")]
         assert single == field.id[wanted].tolist()
@@ -340,7 +342,7 @@ def test_rocks_for_the_eye_alone_have_no_collision(small_world, tmp_path):
         kind: sum(len(m[2]) for m in meshes(tmp_path / "sdf", model, kind) if "rock_" not in m[0])
         for kind in ("visual", "collision")
     }
-    assert (fixed & ~large & ~field.solid).any()
+    assert (fixed & ~large & ~field.collides).any()
     assert 0 < merged["collision"] < merged["visual"]
 
 
@@ -352,7 +354,7 @@ def test_losses_are_named(small_world, tmp_path):
         assert word in losses
 
 
-def test_actors_show_the_meshes_of_a_brought_rover(small_world, tmp_path):
+def test_actors_show_the_meshes_of_a_custom_rover(small_world, tmp_path):
     rover = rovers.read(rovers.rocker_urdf(tmp_path))
     directory = exported(small_world.replace(rover=rover), tmp_path / "sdf")
     link = ET.parse(directory / "scene.sdf").getroot().find("world/actor/link")
@@ -708,7 +710,7 @@ def test_a_ball_rests_on_a_rock_in_gazebos_physics(small_world, tmp_path, build,
 
 
 @pytest.mark.consumer
-def test_loose_rocks_stay_on_the_ground_in_gazebos_physics(small_world, tmp_path, build):
+def test_dynamic_rocks_stay_on_the_ground_in_gazebos_physics(small_world, tmp_path, build):
     """Slabs that lie flat on the tilted ground: they neither fall through it nor slide."""
     ground, field = small_world.ground, small_world.field.select(np.arange(6))
     xy = np.array([(-9, -5), (-9, 0), (-9, 5), (0, -5), (0, 1), (0, 6)], float)
@@ -727,7 +729,7 @@ def test_loose_rocks_stay_on_the_ground_in_gazebos_physics(small_world, tmp_path
     scale = np.geomspace(0.1, 1.0, 6)
     foot = np.column_stack([xy, plane.height_at(xy[:, 0], xy[:, 1])])
     field = field.replace(
-        loose=np.ones(6, bool),
+        dynamic=np.ones(6, bool),
         prototype=np.zeros(6),
         scale=scale,
         diameter=1.2 * scale,

@@ -54,14 +54,14 @@ def named(world, *, site="by-hand", path="arc"):
     return world.replace(site=world.site.replace(name=site), trajectories=(trajectory,))
 
 
-def all_loose(world):
-    return world.replace(field=world.field.replace(loose=np.ones(len(world.field), bool)))
+def all_dynamic(world):
+    return world.replace(field=world.field.replace(dynamic=np.ones(len(world.field), bool)))
 
 
 @pytest.mark.parametrize("path", ["rock_3", "by-hand_ground", "by-hand_rocks"])
 def test_a_path_named_like_a_model_is_refused(small_world, tmp_path, path):
     with pytest.raises(ExportError, match=rf"path '{path}'.*another name"):
-        export(named(all_loose(small_world), path=path), tmp_path, options=Options())
+        export(named(all_dynamic(small_world), path=path), tmp_path, options=Options())
 
 
 @pytest.mark.consumer
@@ -79,7 +79,7 @@ def test_a_path_named_like_a_model_is_refused(small_world, tmp_path, path):
 )
 def test_libsdformat_takes_any_names(small_world, tmp_path, build, site, path):
     program = build("sdf_check", "sdformat12")
-    export(named(all_loose(small_world), site=site, path=path), tmp_path, options=Options())
+    export(named(all_dynamic(small_world), site=site, path=path), tmp_path, options=Options())
     run = subprocess.run(
         [program, tmp_path / "scene.sdf", tmp_path / "models"], capture_output=True, text=True
     )
@@ -132,12 +132,12 @@ def test_gz_sim_cuts_no_waypoint_to_the_millisecond_before(small_world, tmp_path
 # ---- rocks that are too many elements
 
 
-def many(world, count, *, loose=False):
+def many(world, count, *, dynamic=False):
     field = world.field.select(np.arange(count) % len(world.field))
     diameter = np.linspace(0.2, 1.4, count)
     return world.replace(
         field=field.replace(
-            id=np.arange(count), diameter=diameter, loose=np.full(count, loose, np.bool_)
+            id=np.arange(count), diameter=diameter, dynamic=np.full(count, dynamic, np.bool_)
         )
     )
 
@@ -165,23 +165,23 @@ def test_what_loading_takes_is_said_from_a_gigabyte_on(small_world, tmp_path):
         assert any("Gazebo's parser takes some 1.3 GB and 4 s" in loss for loss in losses) == said
 
 
-def test_too_many_loose_rocks_are_refused(small_world, tmp_path):
-    with pytest.raises(ExportError, match=r"4000 of them loose.*make fewer rocks loose"):
-        export(many(small_world, 4_000, loose=True), tmp_path, options=Options())
+def test_too_many_dynamic_rocks_are_refused(small_world, tmp_path):
+    with pytest.raises(ExportError, match=r"4000 of them dynamic.*make fewer rocks dynamic"):
+        export(many(small_world, 4_000, dynamic=True), tmp_path, options=Options())
 
 
-def test_loose_rocks_that_are_slower_than_real_time_are_told(small_world):
-    for count, told in ((20, []), (21, ["21 loose rocks take DART about 2 ms"])):
-        losses = stepping_losses(many(small_world, count, loose=True))
-        assert [loss[:35] for loss in losses] == told
+def test_dynamic_rocks_that_are_slower_than_real_time_are_told(small_world):
+    for count, told in ((20, []), (21, ["21 dynamic rocks take DART about 2 ms"])):
+        losses = stepping_losses(many(small_world, count, dynamic=True))
+        assert [loss[:37] for loss in losses] == told
 
 
 @pytest.mark.consumer
-@pytest.mark.parametrize("loose", [False, True])
-def test_libsdformat_takes_the_memory_that_is_foretold(small_world, tmp_path, build, loose):
+@pytest.mark.parametrize("dynamic", [False, True])
+def test_libsdformat_takes_the_memory_that_is_foretold(small_world, tmp_path, build, dynamic):
     program = build("sdf_check", "sdformat12")
     options, taken = Options(individual_min_m=0), []
-    worlds = [many(small_world, count, loose=loose) for count in (40, 240)]
+    worlds = [many(small_world, count, dynamic=dynamic) for count in (40, 240)]
     for number, world in enumerate(worlds):
         folder = tmp_path / str(number)
         folder.mkdir()

@@ -15,18 +15,18 @@ from terrain_forge.recipe import recipe_from_json
 from terrain_forge.rocks import (
     LibrarySpec,
     Scattered,
-    expected_loose,
-    loose_contact,
+    dynamic_contact,
+    embed,
+    expected_dynamic,
     make_library,
-    require_loose,
-    rest,
+    require_dynamic,
     settle,
 )
 from terrain_forge.rocks import settling as settling
-from terrain_forge.rocks.resting.outline import convex_hull, footprint, mean_width
-from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
+from terrain_forge.rocks.embedding.outline import convex_hull, footprint, mean_width
+from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.validation.loose import MOST_SHIFT, loose_checks, watch
+from terrain_forge.validation.dynamic import MOST_SHIFT, dynamic_checks, watch
 from tests import worlds
 
 LIBRARY = make_library(LibrarySpec(shapes=6))
@@ -43,7 +43,7 @@ def ground():
     return land.replace(elevation=land.elevation + rough + waves)
 
 
-def scattered(loose):
+def scattered(dynamic):
     """Rocks of 0.1 to 1 m on places of a coarse grid, so that none can meet."""
     random = np.random.default_rng(7)
     places = np.stack(np.meshgrid(np.arange(-8.0, 8.1, 2.0), np.arange(-5.0, 5.1, 2.0)), -1)
@@ -57,8 +57,8 @@ def scattered(loose):
         yaw=random.uniform(0, 2 * np.pi, COUNT),
         buried=random.uniform(0.05, 0.5, COUNT),
         diameter=0.1 * 10 ** random.random(COUNT),
-        loose=loose,
-        solid=np.ones(COUNT, np.bool_),
+        dynamic=dynamic,
+        collides=np.ones(COUNT, np.bool_),
         unplaced=(0, 0),
     )
 
@@ -68,15 +68,17 @@ def export(world, folder):
     mjcf.export(world, folder, options=mjcf.Options())
 
 
-def laid(land, loose):
-    return rest(scattered=scattered(loose), library=LIBRARY, ground=land, density=(2900.0, 2500.0))
+def laid(land, dynamic):
+    return embed(
+        scattered=scattered(dynamic), library=LIBRARY, ground=land, density=(2900.0, 2500.0)
+    )
 
 
 @pytest.fixture(scope="module")
 def settled():
     land = ground()
-    loose = np.arange(COUNT) % 8 > 0
-    return settle(rocks=laid(land, loose), library=LIBRARY, ground=land, gravity=GRAVITY)
+    dynamic = np.arange(COUNT) % 8 > 0
+    return settle(rocks=laid(land, dynamic), library=LIBRARY, ground=land, gravity=GRAVITY)
 
 
 @pytest.fixture(scope="module")
@@ -86,15 +88,15 @@ def world(settled):
 
 def test_nearly_all_come_to_rest_and_the_others_are_fixed(settled):
     before = laid(ground(), np.arange(COUNT) % 8 > 0)
-    assert settled.loose[before.loose].mean() >= 0.8
-    assert not settled.loose[~before.loose].any()
-    fixed = ~settled.loose
-    assert settled.select(fixed).replace(loose=before.loose[fixed]) == before.select(fixed)
+    assert settled.dynamic[before.dynamic].mean() >= 0.8
+    assert not settled.dynamic[~before.dynamic].any()
+    fixed = ~settled.dynamic
+    assert settled.select(fixed).replace(dynamic=before.dynamic[fixed]) == before.select(fixed)
 
 
 def test_diameters_are_exact(settled):
     """The mean of length and width of the whole outline in the settled pose, by brute force."""
-    for n in np.flatnonzero(settled.loose):
+    for n in np.flatnonzero(settled.dynamic):
         plan = (LIBRARY.prototypes[settled.prototype[n]].meshes[0].vertices
                 @ rotations(settled)[n][:2].T) * settled.scale[n]  # fmt: skip
         apart = plan[:, None] - plan[None]
@@ -102,13 +104,13 @@ def test_diameters_are_exact(settled):
         along = apart[a, b] / np.hypot(*apart[a, b])
         width = np.ptp(plan @ [-along[1], along[0]])
         assert 0.5 * (np.hypot(*apart[a, b]) + width) == pytest.approx(settled.diameter[n])
-    wanted = scattered(settled.loose).diameter
+    wanted = scattered(settled.dynamic).diameter
     np.testing.assert_array_equal(settled.diameter, wanted)
     assert kstest(np.log10(settled.diameter / 0.1), "uniform").pvalue > 0.001
 
 
 def test_masses_are_those_of_the_settled_size(settled):
-    for n in np.flatnonzero(settled.loose):
+    for n in np.flatnonzero(settled.dynamic):
         mesh = LIBRARY.prototypes[settled.prototype[n]].meshes[0]
         solid = mass_properties(Mesh(vertices=mesh.vertices * settled.scale[n], faces=mesh.faces))
         assert settled.volume[n] == pytest.approx(solid.volume)
@@ -117,30 +119,30 @@ def test_masses_are_those_of_the_settled_size(settled):
 
 def test_they_touch_the_ground_and_are_not_in_it(settled):
     land = ground()
-    for n in np.flatnonzero(settled.loose):
+    for n in np.flatnonzero(settled.dynamic):
         mesh = LIBRARY.prototypes[settled.prototype[n]].meshes[0]
         points = settled.scale[n] * mesh.vertices @ rotations(settled)[n].T + settled.position[n]
         above = points[:, 2] - land.height_at(points[:, 0], points[:, 1])
         assert above.min() == pytest.approx(0.0, abs=0.02 * settled.diameter[n])
         assert settled.height[n] == pytest.approx(above.max(), abs=0.5 * settled.diameter[n])
-    assert not settled.buried_fraction[settled.loose].any()
+    assert not settled.buried_fraction[settled.dynamic].any()
 
 
 def test_they_stay_within_their_room(settled):
-    places = scattered(settled.loose)
-    for n in np.flatnonzero(settled.loose):
+    places = scattered(settled.dynamic)
+    for n in np.flatnonzero(settled.dynamic):
         prototype = LIBRARY.prototypes[settled.prototype[n]]
         plan = settled.scale[n] * prototype.meshes[0].vertices @ rotations(settled)[n][:2].T
         moved = settled.position[n, :2] - places.xy[n]
         support = footprint(prototype.meshes[0])
         angle = places.yaw[n] + 2 * np.pi * np.arange(len(support)) / len(support)
         reached = (plan + moved) @ np.stack([np.cos(angle), np.sin(angle)])
-        assert np.all(reached.max(axis=0) <= LOOSE_ROOM * support * settled.diameter[n])
+        assert np.all(reached.max(axis=0) <= DYNAMIC_SPACE * support * settled.diameter[n])
         assert np.hypot(*plan.T).max() <= prototype.reach * settled.diameter[n]
 
 
 def test_a_window_has_the_same_bits(settled):
-    """Settled on a cut of the ground, and with other rocks loose."""
+    """Settled on a cut of the ground, and with other rocks dynamic."""
     land = ground()
     part = land.cut(column=17, row=9, columns=50, rows=40)
     west, south, east, north = part.bounds
@@ -150,14 +152,14 @@ def test_a_window_has_the_same_bits(settled):
         np.abs(y - 0.5 * (south + north)) < 0.5 * (north - south) - 1.8
     )
     again = settle(rocks=whole.select(inside), library=LIBRARY, ground=part, gravity=GRAVITY)
-    both = again.loose & settled.loose[inside]
+    both = again.dynamic & settled.dynamic[inside]
     assert both.sum() >= 8
     assert again.select(both) == settled.select(np.flatnonzero(inside)[both])
 
 
-def test_loose_rocks_stay_in_the_exported_world(world, tmp_path):
+def test_dynamic_rocks_stay_in_the_exported_world(world, tmp_path):
     """Reloaded in MuJoCo with the ground and all others: 2 % of the diameter, 3 deg, for 5 s."""
-    (check,) = loose_checks(world, tmp_path)
+    (check,) = dynamic_checks(world, tmp_path)
     assert check.passed, check
     assert check.figure >= 0.95
     assert (tmp_path / "validation" / "mjcf" / "world.xml").is_file()
@@ -206,13 +208,13 @@ def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
     stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
     assert not stay.stayed.any()
     assert stay.shift.min() > 5 * MOST_SHIFT
-    (check,) = loose_checks(thrown, tmp_path)
+    (check,) = dynamic_checks(thrown, tmp_path)
     assert not check.passed
     assert not (tmp_path / "validation").exists()
 
 
-def test_a_world_without_loose_rocks_is_not_checked(tmp_path):
-    assert loose_checks(worlds.world(), tmp_path) == []
+def test_a_world_without_dynamic_rocks_is_not_checked(tmp_path):
+    assert dynamic_checks(worlds.world(), tmp_path) == []
 
 
 def test_a_rock_on_too_steep_a_slope_is_fixed():
@@ -221,13 +223,13 @@ def test_a_rock_on_too_steep_a_slope_is_fixed():
     steep = land.replace(elevation=np.tile(0.84 * land.east, (land.shape[0], 1)))
     before = laid(steep, np.ones(COUNT, np.bool_))
     after = settle(rocks=before, library=LIBRARY, ground=steep, gravity=GRAVITY)
-    assert not after.loose.any()
-    assert after == before.replace(loose=np.zeros(COUNT, np.bool_))
+    assert not after.dynamic.any()
+    assert after == before.replace(dynamic=np.zeros(COUNT, np.bool_))
 
 
 def test_physics_is_that_of_the_rock(settled):
     """MuJoCo's mass and principal moments are those of the true shape, about its centre of mass."""
-    n = int(np.flatnonzero(settled.loose)[0])
+    n = int(np.flatnonzero(settled.dynamic)[0])
     prototype = LIBRARY.prototypes[settled.prototype[n]]
     rock = settling._rock(settled, n, prototype, footprint(prototype.meshes[0]), GRAVITY)
     flat = Heightfield(elevation=np.zeros((5, 5)), spacing=1.0, origin=(-2.0, -2.0))
@@ -252,7 +254,7 @@ def test_physics_is_that_of_the_rock(settled):
 
 
 def test_contact_scales_with_the_rock():
-    small, large = loose_contact(0.2), loose_contact(2.0)
+    small, large = dynamic_contact(0.2), dynamic_contact(2.0)
     assert small.condim == 6
     assert large.friction == (0.7, pytest.approx(0.1), pytest.approx(0.1))
     assert small.rolling == pytest.approx(0.1 * large.rolling)
@@ -265,7 +267,7 @@ def recipe(**population):
         "diameter_m": [0.1, 3.0],
     }
     content = {
-        "name": "loose",
+        "name": "dynamic",
         "body": "mars",
         "dtm": {"kind": "flat", "size_m": [50, 50]},
         "terrain": {"spacing_m": 0.1},
@@ -274,22 +276,28 @@ def recipe(**population):
     return recipe_from_json(json.dumps(content))
 
 
-def test_loose_rocks_that_cannot_be_settled_are_refused():
-    require_loose(recipe(loose_m=[0.2, 0.8]))
+def limit(recipe):
+    require_dynamic(
+        recipe.rocks.populations, size=recipe.dtm.size_m, spacing=recipe.terrain.spacing_m
+    )
+
+
+def test_dynamic_rocks_that_cannot_be_settled_are_refused():
+    limit(recipe(dynamic_m=[0.2, 0.8]))
     with pytest.raises(RecipeError, match=r"up to 1 m, at most 8 .* 0.8 m") as caught:
-        require_loose(recipe(loose_m=[0.2, 1.0]))
-    assert caught.value.key == ("rocks", "populations", 0, "loose_m")
+        limit(recipe(dynamic_m=[0.2, 1.0]))
+    assert caught.value.key == ("rocks", "populations", 0, "dynamic_m")
     with pytest.raises(RecipeError, match="at most 5000"):
-        require_loose(recipe(diameter_m=[0.03, 3.0], loose_m=[0.03, 0.8]))
+        limit(recipe(diameter_m=[0.03, 3.0], dynamic_m=[0.03, 0.8]))
 
 
-def test_loose_rocks_are_part_of_the_estimate(tmp_path):
+def test_dynamic_rocks_are_part_of_the_estimate(tmp_path):
     """Their number by the law, and their time, which is most of it."""
-    stones = recipe(loose_m=[0.2, 0.8])
+    stones = recipe(dynamic_m=[0.2, 0.8])
     law = stones.rocks.populations[0].size_frequency
     wanted = 2500.0 * float(law.cumulative_number(0.2) - law.cumulative_number(0.8))
-    assert expected_loose(stones) == pytest.approx(wanted)
-    assert expected_loose(recipe()) == 0.0
+    assert expected_dynamic(stones.rocks.populations, size=(50, 50)) == pytest.approx(wanted)
+    assert expected_dynamic(recipe().rocks.populations, size=(50, 50)) == 0.0
 
     def line(checked):
         found = [line for line in check(checked, folder=tmp_path) if line.startswith("cost")]
@@ -297,9 +305,9 @@ def test_loose_rocks_are_part_of_the_estimate(tmp_path):
         return found[0], int(seconds)
 
     text, seconds = line(stones)
-    assert f"({wanted:.0f} loose)" in text
+    assert f"({wanted:.0f} dynamic)" in text
     plain, least = line(recipe())
-    assert "loose" not in plain
+    assert "dynamic" not in plain
     assert seconds == pytest.approx(least + wanted * SETTLING + 200 * WATCHING, abs=1)
 
 

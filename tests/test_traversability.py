@@ -114,7 +114,7 @@ def outline_points(field, library, n):
 
 def test_obstacles_are_the_high_rocks_with_their_outlines():
     rocks, library = worlds.field(40), worlds.library()
-    hidden = rocks.replace(solid=np.arange(40) != 7)
+    hidden = rocks.replace(collides=np.arange(40) != 7)
     found = find_obstacles(hidden, library, ROVER)
     wanted = (rocks.height > highest_step(ROVER)) & (rocks.id != 7)
     assert wanted[:8].any()

@@ -21,7 +21,7 @@ from terrain_forge.truth.tables import geographic, write_rocks
 from terrain_forge.validation.resting import foot_and_top, resting_checks
 from terrain_forge.validation.top_surface import top_surface_checks
 from tests import worlds
-from tests.test_proof import population, rocks
+from tests.test_size_frequency_verification import population, rocks
 
 ALPHA = 0.001
 BARE = SimpleNamespace(layers=())
@@ -144,7 +144,7 @@ COLUMNS = (
     "id,population,prototype,x_m,y_m,z_m,qw,qx,qy,qz,"
     "diameter_m,height_m,buried_fraction,volume_m3,mass_kg"
 )
-MORE_COLUMNS = ",a_m,b_m,c_m,collision_parts,loose,solid"
+MORE_COLUMNS = ",a_m,b_m,c_m,collision_parts,dynamic,collides"
 
 
 def read(path):
@@ -181,10 +181,10 @@ def test_the_later_columns_are_axes_parts_and_what_the_rocks_are_for(tmp_path):
     world = worlds.world(rocks=30)
     shapes = world.library.prototypes
     split = shapes[0].replace(hulls=shapes[0].hulls * 3)
-    loose, solid = np.arange(30) % 7 == 0, np.arange(30) % 5 > 0
+    dynamic, solid = np.arange(30) % 7 == 0, np.arange(30) % 5 > 0
     world = world.replace(
         library=world.library.replace(prototypes=(split, *shapes[1:])),
-        field=world.field.replace(loose=loose, solid=solid),
+        field=world.field.replace(dynamic=dynamic, collides=solid),
     )
     write_rocks(world, tmp_path / "rocks.csv")
     rows = read(tmp_path / "rocks.csv")
@@ -193,7 +193,7 @@ def test_the_later_columns_are_axes_parts_and_what_the_rocks_are_for(tmp_path):
         axes = [float(row[name]) for name in ("a_m", "b_m", "c_m")]
         extents = np.ptp(scale * shape.meshes[0].vertices, axis=0)
         np.testing.assert_allclose(axes, extents, rtol=0, atol=1e-7)
-        assert (row["loose"], row["solid"]) == (str(int(loose[n])), str(int(solid[n])))
+        assert (row["dynamic"], row["collides"]) == (str(int(dynamic[n])), str(int(solid[n])))
         parts = 3 if row["prototype"] == "0" else 1
         assert int(row["collision_parts"]) == (parts if solid[n] else 0)
 

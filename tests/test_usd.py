@@ -22,7 +22,7 @@ from terrain_forge.geometry.rock_mesh import outline_error
 from terrain_forge.model import Mesh, rotations
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rocks import loose_contact
+from terrain_forge.rocks import dynamic_contact
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.terrain import CraterLayer
 from tests.ground_pictures import PIXELS, detailed, shows_its_detail, shows_its_nodes, speckled
@@ -221,34 +221,34 @@ def test_small_rocks_share_a_collider(small_world, stage):
 
 @pytest.fixture(scope="module")
 def loosened(small_world):
-    """The world with every third rock loose, and every fifth of the others for the eye alone."""
+    """The world with every third rock dynamic, and every fifth of the others visual only."""
     row = np.arange(len(small_world.field))
-    loose = row % 3 == 0
-    solid = loose | (row % 5 > 0)
-    return small_world.replace(field=small_world.field.replace(loose=loose, solid=solid))
+    dynamic = row % 3 == 0
+    solid = dynamic | (row % 5 > 0)
+    return small_world.replace(field=small_world.field.replace(dynamic=dynamic, collides=solid))
 
 
 @pytest.fixture(scope="module")
-def loose_usd(loosened, tmp_path_factory):
-    return exported(loosened, tmp_path_factory.mktemp("loose") / "usd", tile_cells=48)
+def dynamic_usd(loosened, tmp_path_factory):
+    return exported(loosened, tmp_path_factory.mktemp("dynamic") / "usd", tile_cells=48)
 
 
-def test_no_validator_finds_anything_about_loose_rocks(loose_usd):
-    for path in sorted(loose_usd.rglob("*.usd*")):
+def test_no_validator_finds_anything_about_dynamic_rocks(dynamic_usd):
+    for path in sorted(dynamic_usd.rglob("*.usd*")):
         assert findings(Usd.Stage.Open(str(path))) == [], path
 
 
 # The successor that usd-core 26.11 names cannot be called from Python.
 @pytest.mark.filterwarnings("ignore:LoadUsdPhysicsFromRange:DeprecationWarning")
-def test_loose_rocks_are_bodies_as_physics_reads_them(loosened, loose_usd):
-    stage = Usd.Stage.Open(str(loose_usd / "world.usda"))
+def test_dynamic_rocks_are_bodies_as_physics_reads_them(loosened, dynamic_usd):
+    stage = Usd.Stage.Open(str(dynamic_usd / "world.usda"))
     field, turns = loosened.field, rotations(loosened.field)
     read = UsdPhysics.LoadUsdPhysicsFromRange(stage, [stage.GetPseudoRoot().GetPath()])
     paths, bodies = read[UsdPhysics.ObjectType.RigidBody]
     pairs = zip(paths, bodies, strict=True)
     found = {int(str(path).rsplit("_", 1)[1]): (path, body) for path, body in pairs}
-    assert sorted(found) == field.id[field.loose].tolist()
-    for row in np.flatnonzero(field.loose):
+    assert sorted(found) == field.id[field.dynamic].tolist()
+    for row in np.flatnonzero(field.dynamic):
         path, body = found[field.id[row]]
         assert np.allclose(body.position, field.position[row], atol=1e-5)
         assert np.allclose(np.array(body.scale), 1)
@@ -269,17 +269,17 @@ def test_loose_rocks_are_bodies_as_physics_reads_them(loosened, loose_usd):
         prim = stage.GetPrimAtPath(parts[0])
         bound = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
         friction = UsdPhysics.MaterialAPI(bound.GetPrim()).GetDynamicFrictionAttr().Get()
-        assert friction == pytest.approx(loose_contact(field.diameter[row]).sliding)
+        assert friction == pytest.approx(dynamic_contact(field.diameter[row]).sliding)
 
 
-def test_rocks_for_the_eye_alone_are_seen_and_not_touched(loosened, loose_usd):
-    stage = Usd.Stage.Open(str(loose_usd / "world.usda"))
+def test_rocks_visual_only_are_seen_and_not_touched(loosened, dynamic_usd):
+    stage = Usd.Stage.Open(str(dynamic_usd / "world.usda"))
     field = loosened.field
-    fixed = field.id[~field.loose].tolist()
+    fixed = field.id[~field.dynamic].tolist()
     instancers = [p for p in labelled(stage, "rock") if p.IsA(UsdGeom.PointInstancer)]
     ids = [n for prim in instancers for n in UsdGeom.PointInstancer(prim).GetIdsAttr().Get()]
     assert sorted(ids) == fixed
-    large = field.solid & ~field.loose & (field.diameter >= 0.5)
+    large = field.collides & ~field.dynamic & (field.diameter >= 0.5)
     hulls = [p.GetName() for p in stage.Traverse() if p.GetParent().GetName() == "colliders"]
     names = sorted(name for name in hulls if name.startswith("rock_"))
     assert names == sorted(f"rock_{n}" for n in field.id[large])
@@ -295,7 +295,7 @@ def test_every_convex_part_is_a_collider(loosened, tmp_path):
         for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
         if prim.GetName().startswith("part_") and prim.HasAPI(UsdPhysics.CollisionAPI)
     ]
-    assert parts == ["part_0", "part_1"] * world.field.solid.sum()
+    assert parts == ["part_0", "part_1"] * world.field.collides.sum()
 
 
 def test_rocks_show_their_populations_texture(small_world, stage, usd):

@@ -134,8 +134,8 @@ def field(count: int = 40) -> RockField:
         buried_fraction=np.full(count, 0.5),
         volume=volume,
         mass=volume * MARS.rock_density,
-        loose=np.zeros(count, np.bool_),
-        solid=np.ones(count, np.bool_),
+        dynamic=np.zeros(count, np.bool_),
+        collides=np.ones(count, np.bool_),
     )
 
 

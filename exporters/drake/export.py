@@ -13,8 +13,8 @@ from .geometry import MATERIALS
 from .ground import ground_link
 from .load import parsing_losses, require_parsable
 from .options import Options
-from .rocks import fixed_rocks, is_single, loose_rocks
-from .shapes import write_looks, write_shapes
+from .rocks import dynamic_rocks, fixed_rocks, is_single
+from .shapes import write_materials, write_shapes
 
 _SDF_VERSION = "1.9"
 _NAMESPACE = {"xmlns:drake": "http://drake.mit.edu"}
@@ -39,10 +39,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     shapes = world.library.prototypes
     coarse = [p.meshes[level_of_detail(p, options.outline_error)] for p in shapes]
     models, looks = _static_models(world, folder, coarse, options)
-    models += loose_rocks(world, folder, options)
+    models += dynamic_rocks(world, folder, options)
     single = world.field.select(is_single(world.field, options))
     write_shapes(world, single, folder)
-    write_mtl(folder / MATERIALS, [*looks, *write_looks(world, single, folder)])
+    write_mtl(folder / MATERIALS, [*looks, *write_materials(world, single, folder)])
     name = file_name(world.site.name)
     body = element("world", *models, name=world_name(name), **_NAMESPACE)
     write_document(directory / "world.sdf", _SDF_VERSION, body)
@@ -88,7 +88,7 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
         losses.append("Drake has no actors: the paths are left out.")
     if world.site.georeferenced:
         losses.append("Longitude, latitude and the datum's height are left out.")
-    fixed = world.field.select(~world.field.loose)
+    fixed = world.field.select(~world.field.dynamic)
     if len(fixed):
         losses.append(f"{len(fixed)} rocks are fixed: they have no mass.")
     small = int((~is_single(fixed, options)).sum())

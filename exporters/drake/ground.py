@@ -13,7 +13,7 @@ from terrain_forge.geometry import (
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.model import World, world_grip
+from terrain_forge.model import World, world_friction
 from terrain_forge.writers import write_obj, write_png
 
 from ..sdf.markup import Lines, element
@@ -34,6 +34,6 @@ def ground_link(tile: World, whole: World, folder: Path, *, name: str, options: 
     texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
     write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
-    grip = world_grip(whole.site.body.name, options)
+    grip = world_friction(whole.site.body.name, options)
     touch = rigid(f"{name}_collision", uri, grip.ground)
     return element("link", visual(f"{name}_visual", uri), touch, name=name)

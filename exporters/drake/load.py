@@ -18,10 +18,10 @@ SECONDS_PER_FACE, MB_PER_FACE = 20e-6, 1.6e-3
 """Time [s] and memory [MB] for each triangle that is rigid, from the file to a plant that is ready:
 measured with Drake 1.51, 14 to 26 µs and 1.6 to 1.7 kB of 0.2 to 1 million."""
 SECONDS_PER_PAIR = 2e-6
-"""Time per pair of fixed rocks of their own [s], as each is compared with all before it: 31 s
+"""Time per pair of static rocks of their own [s], as each is compared with all before it: 31 s
 besides those for the triangles of 4,000."""
 SECONDS_PER_BODY = 5e-3
-"""Time per loose rock [s]."""
+"""Time per dynamic rock [s]."""
 MOST_SECONDS, MOST_MB = 300.0, 8192.0
 """What parsing may take."""
 WORTH_SAYING_SECONDS = 20.0
@@ -38,16 +38,16 @@ class Load:
     """What Drake's parser takes."""
 
     faces: int
-    """Triangles of the ground and of fixed rocks that can be touched."""
+    """Triangles of the ground and of static rocks that can be touched."""
     single: int
-    """Fixed rocks of their own."""
-    loose: int
-    """Loose rocks."""
+    """Static rocks of their own."""
+    dynamic: int
+    """Dynamic rocks."""
 
     @property
     def seconds(self) -> float:
         """Time [s]."""
-        bodies = SECONDS_PER_BODY * self.loose
+        bodies = SECONDS_PER_BODY * self.dynamic
         return SECONDS_PER_FACE * self.faces + SECONDS_PER_PAIR * self.single**2 + bodies
 
     @property
@@ -63,21 +63,21 @@ class Load:
     def __str__(self) -> str:
         """What is loaded and what that takes, as words of a sentence."""
         return (
-            f"{self.faces:,} triangles, {self.single:,} fixed rocks of their own and "
-            f"{self.loose:,} loose ones, some {self.seconds:.0f} s and {self.megabytes / 1024:.1f} "
-            "GB"
+            f"{self.faces:,} triangles, {self.single:,} static rocks of their own and "
+            f"{self.dynamic:,} dynamic ones, some {self.seconds:.0f} s and "
+            f"{self.megabytes / 1024:.1f} GB"
         )
 
 
-def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     """Refuse, before the world is made, what Drake's parser would sit over for long.
 
     Raises:
         ExportError: if the ground is too large, or rocks of their own too many.
     """
-    load = Load(faces=int(2 * nodes), single=0, loose=0)
+    load = Load(faces=int(2 * nodes), single=0, dynamic=0)
     if load.bearable and options.individual_min_m == 0.0:  # else the number is known only later
-        load = Load(faces=load.faces, single=int(rocks), loose=0)
+        load = Load(faces=load.faces, single=int(rocks), dynamic=0)
         if not load.bearable:
             raise ExportError(
                 f"Drake's parser would load {load} ({_allowed()}); a larger individual_min_m "
@@ -111,19 +111,19 @@ def parsing_losses(world: World, options: Options) -> list[str]:
         return []
     return [
         f"Drake's parser loads {load}; a larger individual_min_m or outline_error, a smaller "
-        "size_m or fewer loose rocks make it less."
+        "size_m or fewer dynamic rocks make it less."
     ]
 
 
 def parsing(world: World, options: Options) -> Load:
     """What Drake's parser takes for a world."""
-    fixed = world.field.select(~world.field.loose)
+    fixed = world.field.select(~world.field.dynamic)
     large = is_single(fixed, options)
     faces = 2 * (world.ground.shape[0] - 1) * (world.ground.shape[1] - 1)
     finest = np.array([len(p.meshes[0].faces) for p in world.library.prototypes], np.int64)
-    faces += int(finest[fixed.prototype[large & fixed.solid]].sum())
-    faces += _merged_faces(world, fixed.select(~large & fixed.solid), options.outline_error)
-    return Load(faces=faces, single=int(large.sum()), loose=len(world.field) - len(fixed))
+    faces += int(finest[fixed.prototype[large & fixed.collides]].sum())
+    faces += _merged_faces(world, fixed.select(~large & fixed.collides), options.outline_error)
+    return Load(faces=faces, single=int(large.sum()), dynamic=len(world.field) - len(fixed))
 
 
 def _merged_faces(world: World, rocks: RockField, tolerance: float) -> int:
@@ -147,14 +147,14 @@ def _advice(world: World, options: Options) -> str:
                 if getattr(other, name) != getattr(options, name)
             ]
             return f"{' and '.join(changed)} would be {load}"
-    if SECONDS_PER_BODY * int(world.field.loose.sum()) > MOST_SECONDS / 2:
-        return "make fewer rocks loose"
+    if SECONDS_PER_BODY * int(world.field.dynamic.sum()) > MOST_SECONDS / 2:
+        return "make fewer rocks dynamic"
     return "choose a smaller size_m, or a larger collision_min_m or diameter_m of the populations"
 
 
 def _other_options(world: World, options: Options) -> Iterator[Options]:
     """Options that ask less and less of the parser."""
-    fixed = world.field.select(~world.field.loose & is_single(world.field, options))
+    fixed = world.field.select(~world.field.dynamic & is_single(world.field, options))
     diameters = np.sort(fixed.diameter)[::-1]
     sizes = [options.individual_min_m]
     sizes += [float(diameters[n]) for n in _FEWER_ROCKS if n < len(diameters)]

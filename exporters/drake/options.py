@@ -17,7 +17,7 @@ class Options(Spec):
     kind: Literal["drake"] = "drake"
     """The exporter, where the export's folder has another name."""
     individual_min_m: NotNegative = 0.5
-    """Rocks of at least this exposed diameter are geometries of their own; smaller fixed ones are
+    """Rocks of at least this exposed diameter are geometries of their own; smaller static ones are
     merged into one mesh per tile and population, since Drake's parser takes a time that grows with
     the square of their number."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
@@ -30,8 +30,8 @@ class Options(Spec):
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None
-    """Coulomb friction of ground and fixed rocks; without it each has its own, by body and
-    surface. Loose rocks keep what they were settled with."""
-    loose_modulus_pa: Positive = 1.0e8
-    """Hydroelastic modulus of loose rocks [Pa]: how hard they are. The ground and the fixed rocks
-    are rigid."""
+    """Coulomb friction of ground and static rocks; without it each has its own, by body and
+    surface. Dynamic rocks keep what they were settled with."""
+    dynamic_modulus_pa: Positive = 1.0e8
+    """Hydroelastic modulus of dynamic rocks [Pa]: how hard they are. The ground and the static
+    rocks are rigid."""

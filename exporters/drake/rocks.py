@@ -1,4 +1,4 @@
-"""The rocks: fixed ones in a static model per tile, loose ones as bodies."""
+"""The rocks: static ones in a static model per tile, dynamic ones as bodies."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import rpy_from_quaternion
 from terrain_forge.geometry import inertias, merge_rocks
-from terrain_forge.model import Mesh, RockField, World, world_grip
-from terrain_forge.rocks import loose_contact
+from terrain_forge.model import Mesh, RockField, World, world_friction
+from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import vertex_normals, write_obj
 
 from ..sdf.markup import Lines, element, numbers
@@ -21,15 +21,15 @@ from .shapes import hull_file, plain_material, shape_file
 
 
 def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
-    """Which rocks are geometries of their own: the large and the loose ones."""
+    """Which rocks are geometries of their own: the large and the dynamic ones."""
     large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
-    return large | field.loose
+    return large | field.dynamic
 
 
 def fixed_rocks(
     tile: World, whole: World, folder: Path, *, number: int, coarse: list[Mesh], options: Options
 ) -> list[Lines]:
-    """Write the merged meshes of one tile; returns a static model of its fixed rocks, if any.
+    """Write the merged meshes of one tile; returns a static model of its static rocks, if any.
 
     Args:
         tile: The tile.
@@ -39,14 +39,14 @@ def fixed_rocks(
         coarse: The mesh that stands for each prototype among the merged rocks.
         options: The export's options.
     """
-    fixed = tile.field.select(~tile.field.loose)
+    fixed = tile.field.select(~tile.field.dynamic)
     single = is_single(fixed, options)
-    friction = world_grip(whole.site.body.name, options).rock
+    friction = world_friction(whole.site.body.name, options).rock
     parts = [*_single_rocks(fixed.select(single), folder, friction)]
     small = fixed.select(~single)
-    groups = np.unique(np.stack([small.population, small.solid], axis=-1), axis=0)
+    groups = np.unique(np.stack([small.population, small.collides], axis=-1), axis=0)
     for population, solid in groups.tolist():
-        rocks = small.select((small.population == population) & (small.solid == solid))
+        rocks = small.select((small.population == population) & (small.collides == solid))
         path = folder / f"rocks_{number:03}_{population}{'' if solid else '_seen'}.obj"
         parts += _merged_rocks(rocks, coarse, whole, path, friction)
     if not parts:
@@ -55,16 +55,16 @@ def fixed_rocks(
     return [element("model", element("static", "true"), link, name=f"rocks_{number:03}")]
 
 
-def loose_rocks(world: World, folder: Path, options: Options) -> Iterator[Lines]:
-    """A free model `rock_<id>` for each loose rock, whose link's origin is its centre of mass."""
-    field = world.field.select(world.field.loose)
+def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Lines]:
+    """A free model `rock_<id>` for each dynamic rock, whose link's origin is its centre of mass."""
+    field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
     for row, tensor in enumerate(inertias(field, world.library)):
         link = element(
             "link",
             _inertial(float(field.mass[row]), tensor),
             visual("visual", _shape_uri(field, row, folder), scale=float(field.scale[row])),
-            *(_hulls(world, field, row, folder, options) if field.solid[row] else ()),
+            *(_hulls(world, field, row, folder, options) if field.collides[row] else ()),
             name="rock",
         )
         pose = element("pose", numbers(poses[row]))
@@ -79,9 +79,9 @@ def _hulls(
         yield compliant(
             f"collision_{part}",
             f"{folder.name}/{hull_file(prototype, part)}",
-            loose_contact(float(field.diameter[row])).sliding,
+            dynamic_contact(float(field.diameter[row])).sliding,
             scale=float(field.scale[row]),
-            modulus=options.loose_modulus_pa,
+            modulus=options.dynamic_modulus_pa,
         )
 
 
@@ -92,7 +92,7 @@ def _single_rocks(rocks: RockField, folder: Path, friction: float) -> Iterator[L
         uri, scale = _shape_uri(rocks, row, folder), float(rocks.scale[row])
         pose = element("pose", numbers(poses[row]))
         yield visual(f"rock_{identity}_visual", uri, pose=pose, scale=scale)
-        if rocks.solid[row]:
+        if rocks.collides[row]:
             name = f"rock_{identity}_collision"
             yield rigid(name, uri, friction, pose=pose, scale=scale)
 
@@ -109,7 +109,7 @@ def _merged_rocks(
     write_obj(path, vertices=vertices, faces=faces, normals=normals, material=material)
     uri = f"{path.parent.name}/{path.name}"
     yield visual(f"{path.stem}_visual", uri)
-    if rocks.solid[0]:
+    if rocks.collides[0]:
         yield rigid(f"{path.stem}_collision", uri, friction)
 
 

@@ -1,4 +1,4 @@
-"""The files that rocks share: a mesh per shape and population, hulls of loose ones, materials."""
+"""The files that rocks share: a mesh per shape and population, hulls of dynamic ones, materials."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .geometry import MATERIALS
 
 
 def write_shapes(world: World, rocks: RockField, folder: Path) -> None:
-    """Write the meshes that these rocks share, and the hulls of the loose ones among them."""
+    """Write the meshes that these rocks share, and the hulls of the dynamic ones among them."""
     kinds = np.unique(np.stack([rocks.prototype, rocks.population], axis=-1), axis=0)
     for prototype, population in kinds.tolist():
         shape = world.library.prototypes[prototype]
         _write_shape(shape, folder / shape_file(prototype, population), population)
-    for prototype in np.unique(rocks.prototype[rocks.loose]).tolist():
+    for prototype in np.unique(rocks.prototype[rocks.dynamic]).tolist():
         for part, hull in enumerate(world.library.prototypes[prototype].hulls):
             normals = vertex_normals(hull.vertices, hull.faces)
             path = folder / hull_file(prototype, part)
             write_obj(path, vertices=hull.vertices, faces=hull.faces, normals=normals)
 
 
-def write_looks(world: World, rocks: RockField, folder: Path) -> Iterator[MattMaterial]:
+def write_materials(world: World, rocks: RockField, folder: Path) -> Iterator[MattMaterial]:
     """Write the textures of these rocks' populations; yields the materials of all populations."""
     for population in range(len(world.field.populations)):
         if np.any(rocks.population == population):

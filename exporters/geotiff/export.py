@@ -38,7 +38,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 def _losses(world: World, options: Options, largest: float) -> tuple[str, ...]:
     """What rasters do not say."""
     losses = [
-        "Rasters hold one height per place: overhangs, masses, and which rocks are loose or cannot "
+        "Rasters hold one height per place: overhangs, masses, and which rocks are dynamic or "
+        "cannot "
         "be touched are lost; programs that interpolate between nodes otherwise than by the two "
         "triangles of a cell read other heights there."
     ]

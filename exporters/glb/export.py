@@ -38,7 +38,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         ExportError: if the world does not fit into the 4 GiB of a GLB.
     """
     rows, columns = world.ground.shape
-    require_room(options, nodes=rows * columns, rocks=len(world.field))
+    check_capacity(options, nodes=rows * columns, rocks=len(world.field))
     shapes = world.library.prototypes
     coarse = np.array([level_of_detail(shape, options.outline_error) for shape in shapes])
     with TemporaryFile(dir=directory) as binary:
@@ -88,7 +88,7 @@ def _tiles(
     return nodes
 
 
-def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     """Refuse, before the world is made, a ground or rocks that cannot fit into a file.
 
     Raises:
@@ -112,9 +112,9 @@ def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[
         "file, and no rock moves.",
         "The Sun's angular size and the colour of the sky are lost.",
     ]
-    unfelt = len(world.field) - int(world.field.solid.sum())
+    unfelt = len(world.field) - int(world.field.collides.sum())
     if unfelt:
-        losses.append(f"{unfelt} rocks that are there for the eye alone look like the others.")
+        losses.append(f"{unfelt} rocks that are visual-only look like the others.")
     if world.site.georeferenced:
         losses.append("Longitude, latitude and the datum's height are left out.")
     if world.trajectories:

@@ -1,6 +1,6 @@
 """Plain meshes: the world as OBJ, STL or PLY, for ray casters and for programs of any kind."""
 
-from .export import export, require_room
+from .export import check_capacity, export
 from .options import Options
 
-__all__ = ["Options", "export", "require_room"]
+__all__ = ["Options", "check_capacity", "export"]

@@ -30,7 +30,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         ExportError: if the ground has more nodes than one mesh can hold.
     """
     rows, columns = world.ground.shape
-    require_room(options, nodes=rows * columns, rocks=len(world.field))
+    check_capacity(options, nodes=rows * columns, rocks=len(world.field))
     detail = [level_of_detail(p, options.outline_error) for p in world.library.prototypes]
     rocks = options.rocks != "none"
     grounds: list[MattMaterial] = []
@@ -66,7 +66,7 @@ def _parts(world: World, detail: list[int], options: Options) -> Iterator[Part]:
         yield part(f"tile_{number:03}", tile)
 
 
-def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     """Refuse a ground of more nodes than one mesh holds.
 
     Raises:
@@ -104,11 +104,11 @@ def _rock_losses(world: World, detail: list[int], options: Options) -> Iterator[
     if options.rocks == "none":
         yield f"The {len(field)} rocks are left out."
         return
-    if field.loose.any():
-        yield f"{int(field.loose.sum())} loose rocks stand still, as the others do."
-    unfelt = len(field) - int(field.solid.sum())
+    if field.dynamic.any():
+        yield f"{int(field.dynamic.sum())} dynamic rocks stand still, as the others do."
+    unfelt = len(field) - int(field.collides.sum())
     if unfelt:
-        yield f"{unfelt} rocks that are there for the eye alone are in it like the others."
+        yield f"{unfelt} rocks that are visual-only are in it like the others."
     if options.rocks == "merged":
         yield f"{len(field)} rocks are merged, without names and textures."
         small = field.diameter < options.finest_min_m

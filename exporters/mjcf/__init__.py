@@ -1,7 +1,7 @@
 """MJCF: the world and the scene for MuJoCo, and for what else reads its XML."""
 
+from .capacity import check_capacity
 from .export import export
 from .options import Options
-from .room import require_room
 
-__all__ = ["Options", "export", "require_room"]
+__all__ = ["Options", "check_capacity", "export"]

@@ -2,7 +2,7 @@
 
 Of a pair of geoms MuJoCo keeps 50 contacts and drops the others without a word, row by row: a slab
 that lies on more than 4 × 4 cells of one field loses its support on one side and tips over. Under
-loose rocks that wide the ground becomes fields of 4 × 4 cells, which make 32 contacts at most;
+dynamic rocks that wide the ground becomes fields of 4 × 4 cells, which make 32 contacts at most;
 further away fields of doubling size do.
 """
 
@@ -40,8 +40,8 @@ class Block:
 
 
 def wide_rocks(field: RockField, spacing: float) -> RockField:
-    """The loose rocks that lie on more cells than one height field can hold them on."""
-    return field.select(field.loose & (field.diameter > CELLS * spacing))
+    """The dynamic rocks that lie on more cells than one height field can hold them on."""
+    return field.select(field.dynamic & (field.diameter > CELLS * spacing))
 
 
 def split_ground(ground: Heightfield, rocks: RockField) -> list[Block]:
@@ -55,9 +55,9 @@ def split_ground(ground: Heightfield, rocks: RockField) -> list[Block]:
     blocks = list(_split(near, Block(row=0, column=0, rows=whole, columns=whole), ground.shape))
     if len(blocks) > MOST:
         raise ExportError(
-            f"{len(rocks)} loose rocks are wider than {CELLS} cells of the ground, which would "
+            f"{len(rocks)} dynamic rocks are wider than {CELLS} cells of the ground, which would "
             f"become {len(blocks)} height fields, at most {MOST}: choose a coarser spacing_m, "
-            "fewer or smaller loose rocks, or `split_ground: false`, with which they may tip over"
+            "fewer or smaller dynamic rocks, or `split_ground: false`, with which they may tip over"
         )
     return blocks
 

@@ -8,20 +8,20 @@ import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.geometry import finest_texture, write_rover_meshes
-from terrain_forge.model import ExportReport, Grip, World, world_grip
+from terrain_forge.model import ExportReport, Friction, World, world_friction
 from terrain_forge.writers import file_name
 
 from .blocks import split_ground, wide_rocks
+from .capacity import require_counts
 from .contact import SOLIMP, SOLREF, SURFACE_PRIORITY, sliding
+from .dynamic import dynamic_rocks
 from .ground import GroundPart, ground_block, ground_part
-from .looks import rock_classes, rock_looks, texture_files
-from .loose import loose_rocks
 from .losses import list_losses
+from .materials import rock_classes, rock_materials, texture_files
 from .meshes import write_hulls, write_shapes
 from .options import Options
 from .replay import path_sites, path_table, replay_body
 from .rocks import fixed_rocks, has_own_shape, mesh_assets
-from .room import require_counts
 from .rover import (
     rover_actuators,
     rover_assets,
@@ -37,7 +37,7 @@ _LARGEST_FIELD = 4096
 _SCENE_EXTENT = 8.0
 """What the viewer of `scene.xml` opens with, around the rover [m]."""
 _MEMORY, _MEMORY_PER_ROCK, _MEMORY_PER_CONTACT = 64 * 2**20, 64 * 2**10, 8 * 2**10
-"""MuJoCo's memory for contacts where rocks are loose [bytes]: five times what 2000 of them used,
+"""MuJoCo's memory for contacts where rocks are dynamic [bytes]: five times what 2000 of them used,
 twice what the contacts of slabs that cover many cells did. Its own guess grows with the number of
 rocks squared."""
 
@@ -46,7 +46,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write `world.xml`, `scene.xml`, `assets/` and `paths/` into `directory`.
 
     Raises:
-        ExportError: if the world has too many rocks, or too many wide loose ones.
+        ExportError: if the world has too many rocks, or too many wide dynamic ones.
     """
     require_counts(world, options)
     tiles = list(world.tiles(cells=_LARGEST_FIELD))
@@ -98,15 +98,15 @@ def _world_xml(
     fields = [tile.field for tile in tiles]
     textured = bool(has_own_shape(world.field, options).any())
     assets = [asset for part in grounds for asset in part.assets]
-    assets += [_sky(world), *rock_looks(world, textured=textured)]
+    assets += [_sky(world), *rock_materials(world, textured=textured)]
     assets += mesh_assets(world.library, fields, options)
     bodies = [_sun(world), *(part.geom for part in grounds)]
     for field in fields:
         bodies += fixed_rocks(world.library, field, options)
-        bodies += loose_rocks(world.library, field, options)
+        bodies += dynamic_rocks(world.library, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
-    grip = world_grip(world.site.body.name, options)
+    grip = world_friction(world.site.body.name, options)
     static = [*_static(grip), *rock_classes(world, textured=textured, friction=grip.rock)]
     parts = [
         *_settings(world, options, shown=_extent(world)),
@@ -120,10 +120,10 @@ def _world_xml(
 
 
 def _memory(world: World) -> list[str]:
-    loose = world.field.select(world.field.loose)
-    if not len(loose):
+    dynamic = world.field.select(world.field.dynamic)
+    if not len(dynamic):
         return []
-    contacts = 2.0 * np.ceil(loose.diameter / world.ground.spacing + 1.0) ** 2
+    contacts = 2.0 * np.ceil(dynamic.diameter / world.ground.spacing + 1.0) ** 2
     each = np.maximum(_MEMORY_PER_ROCK, _MEMORY_PER_CONTACT * contacts)
     return [element("size", memory=str(_MEMORY + int(each.sum())))]
 
@@ -155,7 +155,7 @@ def _settings(world: World, options: Options, *, shown: float) -> list[str]:
     return [compiler, option, element("visual", visual)]
 
 
-def _static(grip: Grip) -> list[str]:
+def _static(grip: Friction) -> list[str]:
     """Defaults of ground and rocks: they meet what moves, never each other."""
     contact = element(
         "geom", contype=0, conaffinity=1, condim=3, priority=SURFACE_PRIORITY,
@@ -211,7 +211,7 @@ def _scene_xml(world: World, options: Options) -> str:
     if world.rover.links:
         bodies.append(rover_body(world.rover, position, quaternion))
         parts += [
-            element("default", rover_classes(world_grip(world.site.body.name, options).ground)),
+            element("default", rover_classes(world_friction(world.site.body.name, options).ground)),
             element("asset", rover_assets(world.rover, "assets")),
             element("equality", rover_equalities(world.rover)),
             element("actuator", rover_actuators(world.rover)),

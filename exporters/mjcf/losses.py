@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from terrain_forge.geometry import collision_losses, fixed_losses, texture_loss
+from terrain_forge.geometry import collision_losses, static_losses, texture_loss
 from terrain_forge.model import World
 
 from .blocks import CELLS, wide_rocks
+from .capacity import BYTES_PER_MESH, SECONDS_PER_MESH, count_geoms
 from .meshes import drawn_level
 from .options import Options
 from .rocks import SCALE_ERROR, has_own_shape
-from .room import BYTES_PER_MESH, SECONDS_PER_MESH, count_geoms
 
 _WHEEL_CELLS = 10
 """A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
 _MANY_MESHES = 5000
 """Beyond so many, loading them takes seconds."""
-SECONDS_PER_LOOSE = 25e-6
-"""What a loose rock that lies on the ground takes of each step [s], with 5 contacts as they have
+SECONDS_PER_DYNAMIC = 25e-6
+"""What a dynamic rock that lies on the ground takes of each step [s], with 5 contacts as they have
 on average: 5.5 ms for 221 of them (MuJoCo 3.17, one core)."""
 
 
@@ -24,7 +24,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
     """A sentence for each loss, with its size where there is one."""
     return (
         *_rock_losses(world, options),
-        *fixed_losses(world.field),
+        *static_losses(world.field),
         *collision_losses(world.library.prototypes),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
@@ -36,12 +36,12 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
 
 def _rock_losses(world: World, options: Options) -> list[str]:
     field, shapes = world.field, world.library.prototypes
-    rounded = int((~field.loose).sum()) if not options.exact_scale else 0
+    rounded = int((~field.dynamic).sum()) if not options.exact_scale else 0
     by_hull = int((~has_own_shape(field, options)).sum())
     losses = []
     if rounded:
         losses.append(
-            f"The sizes of {rounded} fixed rocks are rounded by at most {SCALE_ERROR:.0%}; "
+            f"The sizes of {rounded} static rocks are rounded by at most {SCALE_ERROR:.0%}; "
             "`exact_scale: true` keeps them."
         )
     meshes = sum(count_geoms(world, options)) if options.exact_scale else 0
@@ -68,18 +68,20 @@ def _contact_losses(world: World, options: Options) -> list[str]:
     wide = len(wide_rocks(world.field, world.ground.spacing))
     if wide and options.split_ground:
         losses.append(
-            f"{wide} loose rocks are wider than {CELLS} cells; the ground is cut into small height "
+            f"{wide} dynamic rocks are wider than {CELLS} cells; the ground is cut into small "
+            f"height "
             "fields where they lie, not where they may be pushed."
         )
     elif wide:
         losses.append(
-            f"{wide} loose rocks are wider than {CELLS} cells: MuJoCo may drop contacts of those "
+            f"{wide} dynamic rocks are wider than {CELLS} cells: MuJoCo may drop contacts of those "
             "that lie flat, which then tip over; `split_ground: true` keeps them."
         )
-    busy = SECONDS_PER_LOOSE * int(world.field.loose.sum())
+    busy = SECONDS_PER_DYNAMIC * int(world.field.dynamic.sum())
     if busy > options.timestep_s and not options.sleep:
         losses.append(
-            f"{int(world.field.loose.sum())} loose rocks take about {1000 * busy:.1f} ms of each "
+            f"{int(world.field.dynamic.sum())} dynamic rocks take about {1000 * busy:.1f} ms of "
+            f"each "
             f"step of {1000 * options.timestep_s:g} ms, slower than real time; with `sleep: true` "
             "those that lie still cost nothing in versions of MuJoCo that know it."
         )

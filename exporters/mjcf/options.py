@@ -25,15 +25,15 @@ class Options(Spec):
     """Whether each rock gets its exact size. MuJoCo stores a mesh per size, so by default sizes are
     rounded to steps that change no rock by more than 1 %, which loads many times faster."""
     visual_min_m: NotNegative = 0.5
-    """Rocks of at least this exposed diameter are drawn by their textured shapes, as all loose ones
-    are; smaller ones by their collision hulls, since each geom more slows every step."""
+    """Rocks of at least this exposed diameter are drawn by their textured shapes, as all dynamic
+    ones are; smaller ones by their collision hulls, since each geom more slows every step."""
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     split_ground: bool = True
-    """Whether the ground becomes small height fields under loose rocks that are wider than 4 of its
-    cells. MuJoCo keeps 50 contacts with each field and drops the others, and a rock that lies flat
-    on many cells of one field tips over."""
+    """Whether the ground becomes small height fields under dynamic rocks that are wider than 4 of
+    its cells. MuJoCo keeps 50 contacts with each field and drops the others, and a rock that lies
+    flat on many cells of one field tips over."""
     sleep: bool = False
-    """Whether to set MuJoCo's `sleep` flag: loose rocks that lie still then cost next to nothing of
-    a step, not 25 µs each; only versions of MuJoCo that know it can load the files then."""
+    """Whether to set MuJoCo's `sleep` flag: dynamic rocks that lie still then cost next to nothing
+    of a step, not 25 µs each; only versions of MuJoCo that know it can load the files then."""

@@ -1,6 +1,6 @@
-"""Fixed rocks as geoms right in the world body, where MuJoCo steps them fastest, and their meshes.
+"""Static rocks as geoms right in the world body, where MuJoCo steps them fastest, and their meshes.
 
-A rock that is large enough to look at, or loose, is drawn by its textured shape, and its convex
+A rock that is large enough to look at, or dynamic, is drawn by its textured shape, and its convex
 hulls are hidden; others are drawn by their hulls.
 """
 
@@ -32,8 +32,8 @@ def shape_sizes(field: RockField, options: Options) -> list[str]:
 
 
 def hull_sizes(field: RockField, options: Options) -> list[str]:
-    """Sizes of the rocks' hulls; loose rocks keep theirs, with which they were settled."""
-    exact = field.loose | options.exact_scale
+    """Sizes of the rocks' hulls; dynamic rocks keep theirs, with which they were settled."""
+    exact = field.dynamic | options.exact_scale
     return _texts(np.where(exact, field.scale, shared_scale(field.scale)))
 
 
@@ -44,7 +44,7 @@ def _texts(scale: NDArray[np.float64]) -> list[str]:
 def has_own_shape(field: RockField, options: Options) -> NDArray[np.bool_]:
     """Which rocks are drawn by their shapes rather than by their hulls."""
     large: NDArray[np.bool_] = field.diameter >= options.visual_min_m
-    return large | field.loose
+    return large | field.dynamic
 
 
 def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Options) -> list[str]:
@@ -52,7 +52,7 @@ def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Opti
     hulls, shapes = set[tuple[int, str]](), set[tuple[int, str]]()
     for field in fields:
         own_shape = has_own_shape(field, options)
-        touched = field.select(field.solid | ~own_shape)
+        touched = field.select(field.collides | ~own_shape)
         drawn = field.select(own_shape)
         hulls.update(zip(touched.prototype.tolist(), hull_sizes(touched, options), strict=True))
         shapes.update(zip(drawn.prototype.tolist(), shape_sizes(drawn, options), strict=True))
@@ -68,16 +68,16 @@ def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Opti
 
 
 def fixed_rocks(library: RockLibrary, field: RockField, options: Options) -> Iterator[str]:
-    """The geoms of the rocks that are not loose, named as `docs/exporters/mjcf.md` says."""
+    """The geoms of the rocks that are not dynamic, named as `docs/exporters/mjcf.md` says."""
     parts = [len(prototype.hulls) for prototype in library.prototypes]
-    field = field.select(~field.loose)
+    field = field.select(~field.dynamic)
     rows = zip(
         field.id.tolist(),
         field.population.tolist(),
         field.prototype.tolist(),
         hull_sizes(field, options),
         has_own_shape(field, options).tolist(),
-        field.solid.tolist(),
+        field.collides.tolist(),
         np.hstack([field.position, field.quaternion]).tolist(),
         strict=True,
     )

@@ -9,13 +9,13 @@ from terrain_forge.exporters.sdf import ground, rocks
 
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import coarse_shape, write_rover_meshes
-from terrain_forge.model import ExportReport, Mesh, World, world_grip
+from terrain_forge.model import ExportReport, Mesh, World, world_friction
 from terrain_forge.writers import file_name
 
 from .actor import replay_actor
+from .dynamic import dynamic_rocks
 from .heightmap import Heightmap, make_heightmap, write_heightmap
 from .load import require_loadable
-from .loose import loose_rocks
 from .losses import list_losses
 from .markup import Lines
 from .model import Model
@@ -44,12 +44,12 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     )
     coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]
     _write_models(world, *models, coarse=coarse, heightmap=heightmap, options=options)
-    loose_names = {f"rock_{rock}" for rock in world.field.id[world.field.loose].tolist()}
-    taken = loose_names | {model.name for model in models}
+    dynamic_names = {f"rock_{rock}" for rock in world.field.id[world.field.dynamic].tolist()}
+    taken = dynamic_names | {model.name for model in models}
     actors = _actors(world, options, rover_model=rover_model, taken=taken)
-    loose = loose_rocks(world, models[1])
+    dynamic = dynamic_rocks(world, models[1])
     sensing = bool(options.sensors and actors and world.rover.sensors)
-    for file, movers, sees in (("world", loose, False), ("scene", loose + actors, sensing)):
+    for file, movers, sees in (("world", dynamic, False), ("scene", dynamic + actors, sensing)):
         path = directory / f"{file}.sdf"
         write_world(path, world, name=name, models=models, movers=movers, sensing=sees)
     if options.ros_package:
@@ -108,7 +108,7 @@ def _write_models(
     parts: list[Lines] = []
     links: list[Lines] = []
     if heightmap:
-        friction = world_grip(world.site.body.name, options).ground
+        friction = world_friction(world.site.body.name, options).ground
         parts.append(write_heightmap(heightmap, world.ground, ground_model, friction=friction))
     for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
         names.append(f"ground_{number:03}")

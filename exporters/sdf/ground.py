@@ -16,7 +16,7 @@ from terrain_forge.geometry import (
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.model import World, world_grip
+from terrain_forge.model import World, world_friction
 from terrain_forge.writers import write_obj_faces, write_obj_rows, write_png
 
 from .markup import Lines, element
@@ -54,7 +54,7 @@ def write_tile(
     visual = element("visual", geometry, look, name=f"{name}_visual")
     if options.ground == "heightmap":
         return [visual]
-    touch = surface(world_grip(whole.site.body.name, options).ground)
+    touch = surface(world_friction(whole.site.body.name, options).ground)
     return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
 
 

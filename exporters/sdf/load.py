@@ -15,7 +15,7 @@ PART_MB, PART_MS = 0.27, 0.8
 """Memory [MB] and time [ms] that libsdformat takes for each visual and each collision: it copies
 the description of all that an element could hold. Measured with libsdformat 12, as below."""
 BODY_MB, BODY_MS = 2.3, 9.0
-"""The same for the model and link of a loose rock."""
+"""The same for the model and link of a dynamic rock."""
 MOST_MB = 8192.0
 """What loading may take [MB]."""
 WORTH_SAYING_MB = 1024.0
@@ -23,12 +23,12 @@ WORTH_SAYING_MB = 1024.0
 _ADVISED_MB = 512.0
 STEP = 0.002
 """Time step of the physics [s]."""
-SECONDS_PER_LOOSE = 1e-4
-"""What a loose rock that lies on the ground takes of each step [s]: 21 ms for 221 of them, in
+SECONDS_PER_DYNAMIC = 1e-4
+"""What a dynamic rock that lies on the ground takes of each step [s]: 21 ms for 221 of them, in
 Fortress' physics with DART on one core."""
 
 
-def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     """Refuse, before the world is made, more rocks of their own than libsdformat loads.
 
     How many are above `individual_min_m` is known only then; if all are, they can be told now.
@@ -74,19 +74,19 @@ def loading_losses(world: World, options: Options) -> list[str]:
 
 def stepping_losses(world: World) -> list[str]:
     """What a step of the physics takes, where that is more than the step."""
-    loose = int(world.field.loose.sum())
-    if SECONDS_PER_LOOSE * loose <= STEP:
+    dynamic = int(world.field.dynamic.sum())
+    if SECONDS_PER_DYNAMIC * dynamic <= STEP:
         return []
     return [
-        f"{loose} loose rocks take DART about {1000 * SECONDS_PER_LOOSE * loose:.0f} ms for each "
-        f"step of {1000 * STEP:g} ms: slower than real time; make fewer rocks loose."
+        f"{dynamic} dynamic rocks take DART about {1000 * SECONDS_PER_DYNAMIC * dynamic:.0f} ms "
+        f"for each step of {1000 * STEP:g} ms: slower than real time; make fewer rocks dynamic."
     ]
 
 
 def loading(world: World, options: Options) -> tuple[float, float]:
     """Memory [MB] and time [s] that libsdformat takes for the rocks that are not merged."""
     parts = _parts(world)[is_single(world.field, options)].sum()
-    bodies = world.field.loose.sum()
+    bodies = world.field.dynamic.sum()
     milliseconds = PART_MS * parts + BODY_MS * bodies
     return float(PART_MB * parts + BODY_MB * bodies), float(milliseconds / 1000.0)
 
@@ -95,21 +95,22 @@ def _parts(world: World) -> NDArray[np.int64]:
     """How many visuals and collisions each rock has of its own, shape [rocks]."""
     hulls = np.array([len(shape.hulls) for shape in world.library.prototypes], np.int64)
     field = world.field
-    return 1 + np.where(field.solid, hulls[field.prototype], 0)
+    return 1 + np.where(field.collides, hulls[field.prototype], 0)
 
 
 def _found(world: World, options: Options) -> str:
     single = int(is_single(world.field, options).sum())
-    return f"{single} rocks are elements of their own, {int(world.field.loose.sum())} of them loose"
+    dynamic = int(world.field.dynamic.sum())
+    return f"{single} rocks are elements of their own, {dynamic} of them dynamic"
 
 
 def _advice(world: World, options: Options) -> str:
-    """The least `individual_min_m` that makes the fixed rocks light, or else fewer loose rocks."""
-    fixed = world.field.select(~world.field.loose & is_single(world.field, options))
+    """The least `individual_min_m` that makes the static rocks light, or fewer dynamic rocks."""
+    fixed = world.field.select(~world.field.dynamic & is_single(world.field, options))
     order = np.argsort(-fixed.diameter)
     parts = _parts(world.replace(field=fixed))[order]
     kept = int(np.searchsorted(np.cumsum(parts * PART_MB), _ADVISED_MB))
     if kept < len(fixed):
         least = np.ceil(fixed.diameter[order[kept]] * 1000.0 + 1.0) / 1000.0
         return f"individual_min_m: {least:g} leaves {int((fixed.diameter >= least).sum())} of them"
-    return "make fewer rocks loose"
+    return "make fewer rocks dynamic"

@@ -6,8 +6,8 @@ from terrain_forge.exporters.sdf import rocks
 
 from terrain_forge.geometry import (
     collision_losses,
-    fixed_losses,
     largest_outline_error,
+    static_losses,
     texture_loss,
 )
 from terrain_forge.model import Mesh, World
@@ -36,7 +36,7 @@ def list_losses(
         options: The export's options.
     """
     losses = [
-        *fixed_losses(world.field),
+        *static_losses(world.field),
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
     ]
@@ -53,8 +53,8 @@ def list_losses(
             "Gazebo Classic shows no normal maps: its shader for them asks for tangents, which its "
             "mesh loader does not make."
         )
-    if world.field.loose.any():
-        losses.append("Loose rocks have no rolling friction, which SDF does not know.")
+    if world.field.dynamic.any():
+        losses.append("Dynamic rocks have no rolling friction, which SDF does not know.")
     if world.site.georeferenced and not knows_surface(world.site, version):
         losses.append(
             f"SDF {version} knows no surface but the Earth's: longitude and latitude are left out."

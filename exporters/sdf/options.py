@@ -29,7 +29,7 @@ class Options(Spec):
     individual_min_m: NotNegative = 0.5
     """Rocks of at least this exposed diameter are visuals and collisions of their own, which share
     their shapes' meshes; smaller ones are merged into one mesh per tile and population, since each
-    collision more slows every step of the physics. Loose rocks are never merged."""
+    collision more slows every step of the physics. Dynamic rocks are never merged."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.02
     """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
@@ -49,8 +49,8 @@ class Options(Spec):
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None
-    """Coulomb friction of ground and fixed rocks; without it each has its own, by body and
-    surface. Loose rocks keep what they were settled with."""
+    """Coulomb friction of ground and static rocks; without it each has its own, by body and
+    surface. Dynamic rocks keep what they were settled with."""
     sensors: bool = True
     """Whether the actors of scene.sdf carry the rover's cameras, lidar and IMU."""
     ros_package: bool = False

@@ -1,4 +1,4 @@
-"""The fixed rocks as a static model: large ones one by one, small ones merged per tile."""
+"""The static rocks as a static model: large ones one by one, small ones merged per tile."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from terrain_forge.exporters.sdf import material
 
 from terrain_forge.base import rpy_from_quaternion, srgb_from_linear
 from terrain_forge.geometry import mean_rock_colour, merge_rocks, rock_texture
-from terrain_forge.model import Mesh, RockField, World, world_grip
+from terrain_forge.model import Mesh, RockField, World, world_friction
 from terrain_forge.writers import index_corners, vertex_normals, write_obj, write_png, write_stl
 
 from .markup import Lines, element, numbers
@@ -25,7 +25,7 @@ def write_tile(
     coarse: list[Mesh],
     options: Options,
 ) -> Lines:
-    """Write the merged meshes of one tile's small rocks; returns the link of all its fixed rocks.
+    """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
     Args:
         tile: The tile.
@@ -36,15 +36,15 @@ def write_tile(
         options: The export's options.
     """
     single = is_single(tile.field, options)
-    friction = world_grip(whole.site.body.name, options).rock
+    friction = world_friction(whole.site.body.name, options).rock
     parts: list[Lines] = [
-        _single_rocks(whole, tile.field.select(single & ~tile.field.loose), model, friction)
+        _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
     ]
     small = tile.field.select(~single)
-    groups = np.unique(np.stack([small.population, ~small.solid], axis=-1), axis=0)
+    groups = np.unique(np.stack([small.population, ~small.collides], axis=-1), axis=0)
     for population, unseen in groups.tolist():
         name = f"{'seen' if unseen else 'small'}_{number:03}_{population}"
-        rocks = small.select((small.population == population) & (small.solid == (not unseen)))
+        rocks = small.select((small.population == population) & (small.collides == (not unseen)))
         _write_merged(rocks, coarse, whole, model, f"meshes/{name}.stl")
         look = _plain(whole, population)
         parts += _merged_rocks(model, name, look, None if unseen else friction)
@@ -52,9 +52,9 @@ def write_tile(
 
 
 def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
-    """Which rocks are elements of their own: the large and the loose ones."""
+    """Which rocks are elements of their own: the large and the dynamic ones."""
     large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
-    return large | field.loose
+    return large | field.dynamic
 
 
 def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
@@ -104,7 +104,7 @@ def _single_rocks(world: World, rocks: RockField, model: Model, friction: float)
     populations = range(len(rocks.populations))
     looks = ["".join(material.textured(model, texture_file(number))) for number in populations]
     hulls = [len(shape.hulls) for shape in world.library.prototypes]
-    columns = (rocks.id, rocks.prototype, rocks.population, rocks.scale, rocks.solid)
+    columns = (rocks.id, rocks.prototype, rocks.population, rocks.scale, rocks.collides)
     table = zip(poses, *(column.tolist() for column in columns), strict=True)
     lines: Lines = []
     for pose, identity, prototype, population, scale, solid in table:

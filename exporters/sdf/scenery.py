@@ -32,7 +32,7 @@ def write_world(
     movers: list[Lines],
     sensing: bool,
 ) -> None:
-    """Write a world file that includes the models and holds what moves: loose rocks, actors.
+    """Write a world file that includes the models and holds what moves: dynamic rocks, actors.
 
     Args:
         path: The file.
@@ -111,7 +111,8 @@ def _physics(flavour: str, *, name: str) -> Lines:
     ]
     if flavour == "classic":
         return element("physics", *timing, name=name, default="true", type="ode")
-    # With DART's bullet detector no mesh meets another one: loose rocks would fall into the ground.
+    # With DART's bullet detector no mesh meets another one: dynamic rocks would fall into the
+    # ground.
     dart = element(
         "dart",
         element("solver", element("solver_type", "dantzig")),

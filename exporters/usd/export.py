@@ -12,9 +12,9 @@ from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
     detail_loss,
-    fixed_losses,
     largest_outline_error,
     level_of_detail,
+    static_losses,
     texture_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
@@ -59,7 +59,7 @@ def _losses(
     losses = [
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),
-        *fixed_losses(world.field),
+        *static_losses(world.field),
         "USD lights have no physical unit: intensities are W/m² and want an exposure.",
         "USD does not say whose friction counts where two things touch: PhysX takes their mean.",
     ]
@@ -67,8 +67,8 @@ def _losses(
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
     if world.trajectories and any(s.kind != "camera" for s in world.rover.sensors):
         losses.append("Lidar and IMU are bare frames: no USD schema holds their figures.")
-    if world.field.loose.any():
-        losses.append("Loose rocks have no torsional and no rolling friction: USD knows neither.")
+    if world.field.dynamic.any():
+        losses.append("Dynamic rocks have no torsional and no rolling friction: USD knows neither.")
     losses += _outline_losses(world, coarse, levels, options)
     return (*losses, *collision_losses(world.library.prototypes))
 
@@ -76,22 +76,22 @@ def _losses(
 def _outline_losses(
     world: World, coarse: list[Mesh], levels: NDArray[np.int64], options: Options
 ) -> Iterator[str]:
-    """How far small fixed rocks are off, as they are drawn and as they are touched."""
+    """How far small static rocks are off, as they are drawn and as they are touched."""
     field, shapes = world.field, world.library.prototypes
-    if not field.loose.all():
+    if not field.dynamic.all():
         yield (
-            "Fixed rocks in pictures are turned by half-precision quaternions, off by below "
+            "Static rocks in pictures are turned by half-precision quaternions, off by below "
             "0.001 rad."
         )
-    small = ~field.loose & (field.diameter < options.collider_min_m)
+    small = ~field.dynamic & (field.diameter < options.collider_min_m)
     drawn = np.unique(field.prototype[small]).tolist()
     error = max((shapes[n].outline_errors[levels[n]] for n in drawn), default=0.0)
     if error:
         yield (
-            f"{int(small.sum())} fixed rocks below {options.collider_min_m:g} m are drawn by "
+            f"{int(small.sum())} static rocks below {options.collider_min_m:g} m are drawn by "
             f"coarser meshes, their outlines off by up to {100 * error:.2g} % of their size."
         )
-    small &= field.solid
+    small &= field.collides
     if small.any():
         used = np.unique(field.prototype[small]).tolist()
         error = largest_outline_error([coarse[n] for n in used], [shapes[n] for n in used])

@@ -30,5 +30,5 @@ class Options(Spec):
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None
-    """Coulomb friction of ground and fixed rocks; without it each has its own, by body and
-    surface. Loose rocks keep what they were settled with."""
+    """Coulomb friction of ground and static rocks; without it each has its own, by body and
+    surface. Dynamic rocks keep what they were settled with."""

@@ -1,6 +1,6 @@
-"""The rocks of a tile: fixed ones instanced for pictures, their colliders apart; loose bodies.
+"""The rocks of a tile: static ones instanced for pictures, their colliders apart; dynamic bodies.
 
-Importers of physics ignore what a PointInstancer holds, so the large fixed rocks are instanceable
+Importers of physics ignore what a PointInstancer holds, so the large static rocks are instanceable
 references to their hulls, and the small ones one static mesh; neither is seen in pictures.
 """
 
@@ -15,12 +15,12 @@ from terrain_forge.exporters.usd import library
 
 from terrain_forge.base import xyzw
 from terrain_forge.geometry import merge_in_parts, rock_texture
-from terrain_forge.model import Mesh, RockField, World, world_grip
+from terrain_forge.model import Mesh, RockField, World, world_friction
 from terrain_forge.writers import write_png
 
+from .dynamic import define_dynamic_groups, specify_dynamic
 from .layer import define_mesh, label, make_collider, new_stage
 from .library import specify_instance
-from .loose import define_loose_groups, specify_loose
 from .material import bind, define_textured
 from .options import Options
 from .specs import specify_place
@@ -48,23 +48,25 @@ def write_rocks(
         options: The export's options.
     """
     stage = new_stage(assets / f"{name}.usdc", name, kind=Kind.Tokens.component)
-    grip = world_grip(whole.site.body.name, options)
-    looks = _define_looks(stage, name, tile.field, grip.rock)
-    fixed, loose = (tile.field.select(tile.field.loose == is_loose) for is_loose in (False, True))
+    grip = world_friction(whole.site.body.name, options)
+    looks = _define_materials(stage, name, tile.field, grip.rock)
+    fixed, dynamic = (
+        tile.field.select(tile.field.dynamic == is_dynamic) for is_dynamic in (False, True)
+    )
     _define_visuals(stage, name, fixed, whole, looks, levels=levels, options=options)
     colliders = UsdGeom.Xform.Define(stage, f"/{name}/colliders")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
     if looks:
         bind(colliders.GetPrim(), next(iter(looks.values())))  # all have the same friction
-    solid = fixed.select(fixed.solid)
+    solid = fixed.select(fixed.collides)
     large = solid.diameter >= options.collider_min_m
     _define_merged(stage, f"/{name}/colliders/small", solid.select(~large), whole, coarse)
-    define_loose_groups(stage, f"/{name}", loose, looks)
+    define_dynamic_groups(stage, f"/{name}", dynamic, looks)
     layer = stage.GetRootLayer()
     del stage
     # Composing each rock while it is written would take ten times as long.
     _specify_hulls(layer, f"/{name}/colliders", solid.select(large))
-    specify_loose(layer, f"/{name}", loose, whole.library)
+    specify_dynamic(layer, f"/{name}", dynamic, whole.library)
     layer.Save()
 
 
@@ -78,7 +80,7 @@ def _texture_file(population: int) -> str:
     return f"rock_{population}.png"
 
 
-def _define_looks(
+def _define_materials(
     stage: Usd.Stage, name: str, field: RockField, friction: float
 ) -> dict[int, UsdShade.Material]:
     """The material of each population that occurs."""

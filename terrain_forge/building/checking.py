@@ -18,13 +18,13 @@ from terrain_forge.recipe import (
     require_exports,
     rocks_of,
 )
-from terrain_forge.rocks import expected_loose
+from terrain_forge.rocks import expected_dynamic
 from terrain_forge.validation import MOST_WATCHED
 
 SETTLING = 0.035
-"""Time to settle a loose rock [s], on 2 cores."""
+"""Time to settle a dynamic rock [s], on 2 cores."""
 WATCHING = 0.06
-"""Time to watch a loose rock in the exported world [s], on 2 cores."""
+"""Time to watch a dynamic rock in the exported world [s], on 2 cores."""
 
 
 def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
@@ -66,8 +66,8 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
             yield f"  path         {path.name}: planned on the finished ground"
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
-    loose = expected_loose(recipe.rocks.populations, size=site.size)
-    yield f"cost           {cost(expected_nodes(recipe), rocks, loose)}"
+    dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
+    yield f"cost           {cost(expected_nodes(recipe), rocks, dynamic)}"
 
 
 def check_raster(path: Path) -> list[str]:
@@ -89,11 +89,11 @@ def check_raster(path: Path) -> list[str]:
     raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
 
 
-def cost(nodes: float, rocks: float, loose: float = 0.0) -> str:
+def cost(nodes: float, rocks: float, dynamic: float = 0.0) -> str:
     """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
     seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3
-    seconds += loose * SETTLING + min(loose, MOST_WATCHED) * WATCHING
-    settled = f" ({loose:.0f} loose)" if loose else ""
+    seconds += dynamic * SETTLING + min(dynamic, MOST_WATCHED) * WATCHING
+    settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     return (
         f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s "
         f"without a drive, {memory_needed(nodes, rocks) / 1e9:.1f} GB"

@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from terrain_forge.base import Array
-from terrain_forge.driving.portrait import photograph
 from terrain_forge.driving.result import DriveResult
+from terrain_forge.driving.rover_picture import photograph
 from terrain_forge.model import World
 from terrain_forge.writers import write_png
 

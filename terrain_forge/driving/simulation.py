@@ -18,9 +18,9 @@ from terrain_forge.driving.controller import (
     wheel_rates,
     wheels_turn_rate,
 )
+from terrain_forge.driving.drive_log import ARRIVAL, Watch
 from terrain_forge.driving.planar_path import PlanarPath
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.driving.watch import ARRIVAL, Watch
 from terrain_forge.model import Rover, Trajectory
 from terrain_forge.recipe import DriveSpec
 

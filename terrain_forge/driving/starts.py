@@ -122,7 +122,7 @@ def line_from_start(world: World, spec: StartsSpec, number: int) -> Trajectory:
     reach = 0.5 * math.hypot(rover.length, rover.width) + _SPACE
     west, south, east, north = world.ground.bounds
     high = world.field.height > _LOW * min(wheel.radius for wheel in rover.wheels)
-    rocks = world.field.select(high & world.field.solid)
+    rocks = world.field.select(high & world.field.collides)
     for attempt in range(_TRIES):
         key = stage_key(world.site.seed, f"validation/drives/{number}/{attempt}")
         across, up, turn = uniforms(key, 3).tolist()

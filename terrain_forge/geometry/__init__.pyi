@@ -13,10 +13,10 @@ from .rock_bodies import inertias as inertias
 from .rock_bodies import principal_axes as principal_axes
 from .rock_mesh import coarse_shape as coarse_shape
 from .rock_mesh import collision_losses as collision_losses
-from .rock_mesh import fixed_losses as fixed_losses
 from .rock_mesh import largest_outline_error as largest_outline_error
 from .rock_mesh import merge_in_parts as merge_in_parts
 from .rock_mesh import merge_rocks as merge_rocks
+from .rock_mesh import static_losses as static_losses
 from .rock_surface import level_of_detail as level_of_detail
 from .rock_surface import surface as surface
 from .rock_textures import mean_rock_colour as mean_rock_colour

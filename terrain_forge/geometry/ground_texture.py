@@ -1,7 +1,7 @@
 """The ground's picture finer than its grid: colours and normals baked for formats that show one.
 
 It is what the preview shows of soil and small stones, down to the size of a pixel; it is addressed
-by place, so that tiles meet without a seam and nothing repeats. It is for the eye alone.
+by place, so that tiles meet without a seam and nothing repeats. It is visual only.
 """
 
 from __future__ import annotations

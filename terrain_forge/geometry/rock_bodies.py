@@ -1,4 +1,4 @@
-"""Loose rocks as rigid bodies: what a physics engine must know of each besides its shape."""
+"""Dynamic rocks as rigid bodies: what a physics engine must know of each besides its shape."""
 
 from __future__ import annotations
 

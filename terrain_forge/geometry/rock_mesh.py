@@ -45,9 +45,9 @@ def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
     )
 
 
-def fixed_losses(field: RockField) -> tuple[str, ...]:
+def static_losses(field: RockField) -> tuple[str, ...]:
     """What an export loses by fixing rocks to the ground, as a sentence."""
-    fixed = len(field) - int(field.loose.sum())
+    fixed = len(field) - int(field.dynamic.sum())
     return (f"{fixed} rocks are fixed: they have no mass.",) if fixed else ()
 
 

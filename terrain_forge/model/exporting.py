@@ -82,7 +82,7 @@ def plugins(group: str) -> dict[str, EntryPoint]:
     return found
 
 
-def require_room(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:
+def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:
     """Let an exporter refuse a world of that size before it is made, if it knows a limit.
 
     Args:
@@ -94,7 +94,7 @@ def require_room(exporter: Exporter, options: Any, *, nodes: float, rocks: float
     Raises:
         ExportError: if the format cannot hold such a world.
     """
-    check = getattr(exporter, "require_room", None)
+    check = getattr(exporter, "check_capacity", None)
     if check is not None:
         check(options, nodes=nodes, rocks=rocks)
 

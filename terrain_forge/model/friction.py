@@ -87,16 +87,16 @@ def surface_friction(body: str, surface: Surface) -> SurfaceFriction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grip:
+class Friction:
     """Coefficients of sliding friction of a world's fixed surfaces."""
 
     ground: float
     """On the ground."""
     rock: float
-    """On fixed rocks."""
+    """On static rocks."""
 
 
-class GripOptions(Protocol):
+class FrictionOptions(Protocol):
     """What an export's options say of friction."""
 
     @property
@@ -108,11 +108,11 @@ class GripOptions(Protocol):
         """Coefficient of both ground and rocks, instead of the body's."""
 
 
-def world_grip(body: str, options: GripOptions) -> Grip:
-    """Friction that an export gives to the ground and the fixed rocks of a body."""
+def world_friction(body: str, options: FrictionOptions) -> Friction:
+    """Friction that an export gives to the ground and the static rocks of a body."""
     if options.friction is not None:
-        return Grip(ground=options.friction, rock=options.friction)
-    return Grip(
+        return Friction(ground=options.friction, rock=options.friction)
+    return Friction(
         ground=surface_friction(body, options.surface).coefficient,
         rock=surface_friction(body, "rock").coefficient,
     )

@@ -42,7 +42,7 @@ class Route(Record):
     time: Array | None = None
     """Recorded time at each point [s], from 0, shape [points]; None where speed, acceleration and
     turn rate tell it."""
-    stance: Array | None = None
+    attitude: Array | None = None
     """Recorded height [m], roll and pitch [rad] at each point, shape [points, 3]; None where the
     ground tells them."""
 
@@ -53,8 +53,8 @@ class Route(Record):
         self.freeze("turns", np.int64, ("turns", 2))
         if self.time is not None:
             self.freeze("time", np.float64, (len(self.position),))
-        if self.stance is not None:
-            self.freeze("stance", np.float64, (len(self.position), 3))
+        if self.attitude is not None:
+            self.freeze("attitude", np.float64, (len(self.position), 3))
 
     @property
     def length(self) -> float:

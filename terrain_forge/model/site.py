@@ -120,7 +120,7 @@ class Table(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BroughtMesh(Record):
+class CustomMesh(Record):
     """A rock shape that the user brings, read and repaired when the site was planned."""
 
     path: str
@@ -132,7 +132,7 @@ class BroughtMesh(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Clearing(Record):
+class ExclusionZone(Record):
     """A circle that no rock above a clearance reaches into, such as a landing pad."""
 
     centre: tuple[float, float]
@@ -180,7 +180,7 @@ class Site(Record):
     """Images that layers and rocks use."""
     tables: tuple[Table, ...]
     """Tables that rocks use."""
-    meshes: tuple[BroughtMesh, ...]
+    meshes: tuple[CustomMesh, ...]
     """Rock shapes that the user brings."""
     orthoimage: Orthoimage | None = None
     """What the ground's colour is taken from, where the user has a picture of it."""
@@ -189,9 +189,9 @@ class Site(Record):
     `inputs.fingerprint`, the SHA-256 of all but the largest."""
     routes: tuple[Route, ...]
     """The recipe's routes, known before terrain and rocks."""
-    brought_rover: Rover | None = None
+    custom_rover: Rover | None = None
     """The rover of the user's own file, read when the site was planned; None for one of ours."""
-    clearings: tuple[Clearing, ...] = ()
+    exclusion_zones: tuple[ExclusionZone, ...] = ()
     """Circles free of rocks: those of the recipe, and the starts of routes without corridor."""
     recipe_json: str
     """The resolved recipe as canonical JSON, without absolute paths."""

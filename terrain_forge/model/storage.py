@@ -23,9 +23,9 @@ def save_world(world: World, directory: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, NDArray[Any]] = {}
     # A brought rover is the site's and the world's; its meshes are stored once.
-    shared = world.site.brought_rover == world.rover
+    shared = world.site.custom_rover == world.rover
     if shared:
-        world = world.replace(site=world.site.replace(brought_rover=None))
+        world = world.replace(site=world.site.replace(custom_rover=None))
     plain = {"format": FORMAT, "brought": shared, "world": to_plain(world, arrays, "world")}
     text, binary = folder / "world.json", folder / "arrays.npz"
     text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
@@ -47,7 +47,7 @@ def load_world(directory: Path) -> World:
             arrays = {name: archive[name] for name in archive.files}
         world = from_plain(plain["world"], arrays)
         if plain["brought"]:
-            world = world.replace(site=world.site.replace(brought_rover=world.rover))
+            world = world.replace(site=world.site.replace(custom_rover=world.rover))
     except OutputError:
         raise
     except (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError) as error:

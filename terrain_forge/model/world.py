@@ -199,11 +199,11 @@ class RockField(Record):
     """Volume of the whole rock [m³], shape [rocks]."""
     mass: Array
     """Mass [kg], shape [rocks]."""
-    loose: NDArray[np.bool_]
+    dynamic: NDArray[np.bool_]
     """Which rocks lie on the ground as bodies that can be pushed; the others are fixed, shape
     [rocks]."""
-    solid: NDArray[np.bool_]
-    """Which rocks can be touched; the others are there for the eye alone, shape [rocks]."""
+    collides: NDArray[np.bool_]
+    """Which rocks can be touched; the others are visual-only, shape [rocks]."""
 
     def __post_init__(self) -> None:
         for name in ("id", "population", "prototype"):
@@ -212,7 +212,7 @@ class RockField(Record):
         self.freeze("quaternion", np.float64, ("rocks", 4))
         for name in ("scale", "diameter", "height", "buried_fraction", "volume", "mass"):
             self.freeze(name, np.float64, ("rocks",))
-        for name in ("loose", "solid"):
+        for name in ("dynamic", "collides"):
             self.freeze(name, np.bool_, ("rocks",))
 
     def __len__(self) -> int:

@@ -27,7 +27,7 @@ class Curve:
     """Direction of travel, counter-clockwise from east [rad], continuous, shape [points]."""
     turns: tuple[tuple[int, int], ...] = ()
     """First and last point of each turn on the spot."""
-    stance: Array | None = None
+    attitude: Array | None = None
     """Recorded height [m], roll and pitch [rad] at each point, shape [points, 3]; None where the
     ground tells them."""
 

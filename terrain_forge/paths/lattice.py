@@ -18,7 +18,7 @@ MOVES = np.array(
 """Steps from a node in rows and columns, shape [16, 2]; no turn is sharper than 26.6°."""
 
 
-class Way(NamedTuple):
+class GridPath(NamedTuple):
     """What a search found."""
 
     nodes: NDArray[np.int64]
@@ -33,7 +33,7 @@ class Way(NamedTuple):
 
 def cheapest_way(
     weight: NDArray[np.float32], *, start: tuple[int, int], goal: tuple[int, int]
-) -> Way:
+) -> GridPath:
     """The cheapest way between two nodes of a grid in 16 directions.
 
     A step costs its length times the mean weight of the nodes that it joins and, for a knight's
@@ -49,12 +49,14 @@ def cheapest_way(
     parent, cost, nearest, reached = _search(weight, first, last, MOVES)
     near = (int(nearest) // columns, int(nearest) % columns)
     if not np.isfinite(cost):
-        return Way(np.zeros((0, 2), np.int64), np.inf, near, int(reached))
+        return GridPath(np.zeros((0, 2), np.int64), np.inf, near, int(reached))
     nodes = [last]
     while nodes[-1] != first:
         nodes.append(int(parent[nodes[-1]]))
     flat = np.array(nodes[::-1])
-    return Way(np.stack([flat // columns, flat % columns], -1), float(cost), near, int(reached))
+    return GridPath(
+        np.stack([flat // columns, flat % columns], -1), float(cost), near, int(reached)
+    )
 
 
 @kernel

@@ -113,7 +113,7 @@ class Obstacles(Record):
 
 def find_obstacles(rocks: RockField, library: RockLibrary, rover: Rover) -> Obstacles:
     """The rocks that stand higher above the ground than the rover goes over."""
-    high = rocks.select(rocks.solid & (rocks.height > highest_step(rover)))
+    high = rocks.select(rocks.collides & (rocks.height > highest_step(rover)))
     turns, buried = rotations(high), high.buried_fraction
     support = np.empty((len(high), DIRECTIONS))
     for shape in np.unique(high.prototype):

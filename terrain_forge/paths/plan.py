@@ -90,7 +90,7 @@ def as_route(
         acceleration=spec.acceleration_m_s2 or (ACCELERATION if stops else 0.0),
         turn_rate=float(np.radians(spec.turn_rate_deg_s)),
         time=time,
-        stance=curve.stance,
+        attitude=curve.attitude,
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
-from terrain_forge.paths.lattice import Way, cheapest_way
+from terrain_forge.paths.lattice import GridPath, cheapest_way
 from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.plan import as_route
 from terrain_forge.paths.smoothing import bend, straighten
@@ -156,7 +156,7 @@ def _leg(field: Traversability, weight: Weight, ends: tuple[Place, Place], key: 
     return points
 
 
-def _way(field: Traversability, weight: Weight, ends: tuple[Place, Place]) -> tuple[Way, int]:
+def _way(field: Traversability, weight: Weight, ends: tuple[Place, Place]) -> tuple[GridPath, int]:
     """The cheapest way on the coarsest grid that has one, and that grid's stride [nodes]."""
     stride = max(math.ceil(max(weight.shape) / MOST_NODES), 1)
     while True:

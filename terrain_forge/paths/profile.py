@@ -88,11 +88,11 @@ def pose_at(route: Route, time: Array) -> tuple[Array, Array]:
     return values[:, :2], values[:, 2]
 
 
-def stance_at(route: Route, time: Array) -> Array | None:
+def attitude_at(route: Route, time: Array) -> Array | None:
     """Recorded height [m], roll and pitch [rad] at times [s], shape [times, 3]; None without."""
-    if route.time is None or route.stance is None:
+    if route.time is None or route.attitude is None:
         return None
-    return np.stack([np.interp(time, route.time, column) for column in route.stance.T], -1)
+    return np.stack([np.interp(time, route.time, column) for column in route.attitude.T], -1)
 
 
 def _driving_time(length: float, speed: float, acceleration: float) -> float:

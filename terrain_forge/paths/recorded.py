@@ -42,7 +42,7 @@ class RecordedPoses:
     """Times from the first pose on [s], shape [poses]."""
     yaw: Array | None
     """Heading [rad], continuous, shape [poses]."""
-    stance: Array | None
+    attitude: Array | None
     """Height [m], roll and pitch [rad], continuous, shape [poses, 3]."""
 
 
@@ -66,7 +66,7 @@ def read_recorded(spec: Recorded, folder: Path, *, key: Key) -> RecordedPoses:
     angle = math.radians(spec.turn_deg)
     turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     position = np.stack([columns["x"], columns["y"]], -1) @ turn + np.asarray(spec.origin_m)
-    time, (yaw, stance) = columns.get("time"), _attitude(spec.file, columns, key)
+    time, (yaw, attitude) = columns.get("time"), _attitude(spec.file, columns, key)
     if time is not None and np.diff(time).min() <= 0.0:
         row = int(np.argmax(np.diff(time) <= 0.0)) + 2
         raise DataError(f"{spec.file}: time of pose {row} is not after the one before", key=key)
@@ -74,7 +74,7 @@ def read_recorded(spec: Recorded, folder: Path, *, key: Key) -> RecordedPoses:
         position=position,
         time=None if time is None else time - time[0],
         yaw=None if yaw is None else yaw + angle,
-        stance=stance,
+        attitude=attitude,
     )
 
 
@@ -82,10 +82,10 @@ def follow(spec: Recorded, poses: RecordedPoses, *, key: Key) -> tuple[Curve, Ar
     """The curve through a file's poses, and its times where the recipe wants the recorded ones.
 
     Raises:
-        DataError: if the recorded timing or stance is wanted and there is none, or nothing moves.
-        RecipeError: if the curve turns back on itself, or a stance is wanted without its times.
+        DataError: if the recorded timing or attitude is wanted and there is none, or nothing moves.
+        RecipeError: if the curve turns back on itself, or a attitude is wanted without its times.
     """
-    if spec.stance == "recorded":
+    if spec.attitude == "recorded":
         _require_stance(spec, poses, key)
     if spec.timing == "speed":
         points = _thinned(poses.position, spec.spacing_m, closed=spec.closed)
@@ -94,15 +94,17 @@ def follow(spec: Recorded, poses: RecordedPoses, *, key: Key) -> tuple[Curve, Ar
         return trace_spline(points, closed=spec.closed, key=key), None
     if poses.time is None:
         raise DataError(f"{spec.file} has no times for `timing: recorded`", key=key)
-    return _replay(poses.time, poses, stands=spec.stance == "recorded")
+    return _replay(poses.time, poses, stands=spec.attitude == "recorded")
 
 
 def _require_stance(spec: Recorded, poses: RecordedPoses, key: Key) -> None:
     if spec.timing != "recorded":
-        raise RecipeError("`stance: recorded` needs `timing: recorded`", key=(*key[:-1], "stance"))
-    if poses.stance is None:
+        raise RecipeError(
+            "`attitude: recorded` needs `timing: recorded`", key=(*key[:-1], "attitude")
+        )
+    if poses.attitude is None:
         raise DataError(
-            f"{spec.file} needs columns z and qw, qx, qy, qz for `stance: recorded`", key=key
+            f"{spec.file} needs columns z and qw, qx, qy, qz for `attitude: recorded`", key=key
         )
 
 
@@ -120,8 +122,8 @@ def _replay(time: Array, poses: RecordedPoses, *, stands: bool) -> tuple[Curve, 
         heading = CubicSpline(time, poses.yaw)(fine)
     else:
         heading = _direction(track(fine, 1))
-    stance = CubicSpline(time, poses.stance)(fine) if stands else None
-    return Curve(position=track(fine), heading=heading, stance=stance), fine
+    attitude = CubicSpline(time, poses.attitude)(fine) if stands else None
+    return Curve(position=track(fine), heading=heading, attitude=attitude), fine
 
 
 def _direction(velocity: Array) -> Array:
@@ -222,7 +224,7 @@ def _is_numeric(row: list[str]) -> bool:
 
 def _attitude(file: str, columns: dict[str, Array], key: Key) -> tuple[Array | None, Array | None]:
     """Yaw [rad], and height [m], roll and pitch [rad], as far as the columns tell them."""
-    yaw = stance = None
+    yaw = attitude = None
     if all(name in columns for name in ("qw", "qx", "qy", "qz")):
         quaternion = np.stack([columns[name] for name in ("qw", "qx", "qy", "qz")], -1)
         norm = np.linalg.norm(quaternion, axis=1, keepdims=True)
@@ -235,9 +237,9 @@ def _attitude(file: str, columns: dict[str, Array], key: Key) -> tuple[Array | N
         rpy = np.unwrap(rpy_from_quaternion(quaternion / norm), axis=0)
         yaw = rpy[:, 2]
         if "z" in columns:
-            stance = np.column_stack([columns["z"], rpy[:, :2]])
+            attitude = np.column_stack([columns["z"], rpy[:, :2]])
     if "yaw" in columns:
         yaw = np.unwrap(columns["yaw"])
     elif "yaw_deg" in columns:
         yaw = np.unwrap(np.radians(columns["yaw_deg"]))
-    return yaw, stance
+    return yaw, attitude

@@ -94,7 +94,7 @@ def _trace_corners(spec: Triangle | Lawnmower, key: Key) -> Curve:
         radius = spec.corner_radius_m
         lost = 3.0 * _shortening(radius, 2.0 * np.pi / 3.0)
         side = spec.size_m or ((spec.length_m or 0.0) + lost) / 3.0
-        _require_room(spec, side, 2.0 * math.sqrt(3.0) * radius, 3.0 * side - lost, key)
+        _check_capacity(spec, side, 2.0 * math.sqrt(3.0) * radius, 3.0 * side - lost, key)
         low, high = -side / math.sqrt(12.0), side / math.sqrt(3.0)
         points = np.array([(-0.5 * side, low), (0.5 * side, low), (0.0, high)])
         return trace_polyline(points, closed=True, radius=radius, key=(*key, "corner_radius_m"))
@@ -108,7 +108,7 @@ def _trace_corners(spec: Triangle | Lawnmower, key: Key) -> Curve:
     gaps = spec.rows - 1
     extra = gaps * (across - 2.0 * _shortening(radius, 0.5 * np.pi))
     row = spec.size_m or ((spec.length_m or 0.0) - extra) / spec.rows
-    _require_room(spec, row, 2.0 * radius, spec.rows * row + extra, key)
+    _check_capacity(spec, row, 2.0 * radius, spec.rows * row + extra, key)
     key = (*key, "corner_radius_m")
     return trace_polyline(_rows(spec, row), closed=False, radius=radius, key=key)
 
@@ -125,7 +125,7 @@ def _shortening(radius: float, turn: float) -> float:
     return radius * (2.0 * math.tan(0.5 * turn) - turn)
 
 
-def _require_room(
+def _check_capacity(
     spec: Triangle | Lawnmower, side: float, least: float, length: float, key: Key
 ) -> None:
     if side <= 0.0 or side < least * (1.0 - 1e-9):

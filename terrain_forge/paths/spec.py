@@ -48,7 +48,7 @@ class Recorded(Spec):
     timing: Literal["speed", "recorded"] = "speed"
     """`speed`: its track in the plane is followed, at the path's speed. `recorded`: its times too,
     and its yaw where it has one."""
-    stance: Literal["ground", "recorded"] = "ground"
+    attitude: Literal["ground", "recorded"] = "ground"
     """Height, roll and pitch. `ground`: of the ground's plane under the rover. `recorded`: the
     file's, from its z and qw, qx, qy, qz, such as the true motion of a suspension; with `timing:
     recorded`."""

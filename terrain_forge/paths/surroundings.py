@@ -103,7 +103,7 @@ def require_free_start(
             raise RecipeError(
                 f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within rock "
                 f"{obstacles.id[number]} at ({east:.2f}, {north:.2f}) m, "
-                f"{obstacles.height[number]:.2f} m high; rocks.keep_out keeps a circle free",
+                f"{obstacles.height[number]:.2f} m high; rocks.exclusion_zones keeps a circle free",
                 key=(*key, "route"),
             )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from terrain_forge.base import Array, rpy_from_matrix, stage_key, uniforms
 from terrain_forge.model import Heightfield, Route, Rover, Trajectory
-from terrain_forge.paths.profile import Stretch, duration, pose_at, stance_at, stretches
+from terrain_forge.paths.profile import Stretch, attitude_at, duration, pose_at, stretches
 from terrain_forge.paths.spec import PathSpec
 
 _FOOTPRINT = 5
@@ -29,9 +29,9 @@ def lay_trajectory(
     moments = np.linspace(0.0, planned, steps + 1)
     place, heading = pose_at(route, moments)
     height, rpy = stand(ground, rover, place, heading)
-    stance = stance_at(route, moments)
-    if stance is not None:
-        height, rpy[:, :2] = stance[:, 0], stance[:, 1:]
+    attitude = attitude_at(route, moments)
+    if attitude is not None:
+        height, rpy[:, :2] = attitude[:, 0], attitude[:, 1:]
     rpy += _shake(spec, steps, seed)
     turns = [(part.begin, part.end) for part in _spot_turns(route)]
     return Trajectory(

@@ -108,7 +108,7 @@ def traversability(
     slope, roughness, ground_step = _measure(ground, footprint, lag, border)
     obstacles = find_obstacles(rocks, library, rover)
     clearance = _clearance(ground, ground_step, obstacles, limit, far)
-    step = _with_rocks(ground_step, rocks.select(rocks.solid), ground)
+    step = _with_rocks(ground_step, rocks.select(rocks.collides), ground)
     widest = border + math.ceil(far / spacing)
     margins = tuple(widest if cut else border for cut in cut_sides)
     return Traversability(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from terrain_forge.base import DataError, Key
 from terrain_forge.dtm import RasterDtm, files_of_raster, read_image, require_file
-from terrain_forge.model import BroughtMesh, DtmPatch, Image, Table
+from terrain_forge.model import CustomMesh, DtmPatch, Image, Table
 from terrain_forge.paths import Recorded
 from terrain_forge.recipe.input_table import read_table
 from terrain_forge.recipe.schema import Recipe, recipe_json
@@ -127,7 +127,7 @@ def read_layer_tables(recipe: Recipe, folder: Path) -> tuple[Table, ...]:
     return tuple(tables.values())
 
 
-def read_meshes(recipe: Recipe, folder: Path) -> tuple[BroughtMesh, ...]:
+def read_meshes(recipe: Recipe, folder: Path) -> tuple[CustomMesh, ...]:
     """The user's own rock shapes, repaired, each file once under its portable name.
 
     Raises:
@@ -144,7 +144,7 @@ def read_meshes(recipe: Recipe, folder: Path) -> tuple[BroughtMesh, ...]:
             key = ("rocks", "library", "meshes", number, "file")
             require_file(folder / mesh.file, mesh.file, key)
             shape, repairs = read_rock_mesh(folder / mesh.file, key=key)
-            meshes[mesh.file] = BroughtMesh(path=names[mesh.file], mesh=shape, repairs=repairs)
+            meshes[mesh.file] = CustomMesh(path=names[mesh.file], mesh=shape, repairs=repairs)
     return tuple(meshes.values())
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 from math import dist
 
 from terrain_forge.base import ExportError, RecipeError
-from terrain_forge.model import Site, require_room
+from terrain_forge.model import Site, check_capacity
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.recipe.schema import ExportOrder, Recipe
 from terrain_forge.rocks import expected_count
@@ -138,7 +138,7 @@ def require_exports(orders: Sequence[ExportOrder], site: Site) -> None:
     nodes, rocks = expected_nodes(site.recipe), rocks_of(site)
     for order in orders:
         try:
-            require_room(order.exporter, order.options, nodes=nodes, rocks=rocks)
+            check_capacity(order.exporter, order.options, nodes=nodes, rocks=rocks)
         except ExportError as error:
             raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
 

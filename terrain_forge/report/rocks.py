@@ -1,4 +1,4 @@
-"""The rocks on the report page: their proof, their shapes, and how good the stand-ins are."""
+"""The rocks on the report page: size-frequency verification, shapes, stand-ins."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _SIGNS = {
 }
 
 
-def rocks_section(world: World, proof: dict[str, Any], truth: Path) -> list[Html]:
+def rocks_section(world: World, verification: dict[str, Any], truth: Path) -> list[Html]:
     """What a page says of a world's rocks.
 
     Args:
         world: The world.
-        proof: Content of truth/size_frequency.json, empty where it is missing.
+        verification: Content of truth/size_frequency.json, empty where it is missing.
         truth: The folder of truth.
     """
     if not len(world.field):
@@ -49,22 +49,35 @@ def rocks_section(world: World, proof: dict[str, Any], truth: Path) -> list[Html
     if (truth / "size_frequency.png").is_file():
         proven = "Cumulative number and cover of rocks over diameter"
         parts.append(plot(truth / "size_frequency.png", description=proven))
-    if proof:
-        rows = [*proof["populations"], *proof["lists"]]
-        if len(proof["populations"]) > 1:
-            rows.append({"name": "together", **proof["together"]})
+    if verification:
+        rows = [*verification["populations"], *verification["lists"]]
+        if len(verification["populations"]) > 1:
+            rows.append({"name": "together", **verification["together"]})
         parts += [Html("<h3>Numbers and sizes</h3>"), _sizes(rows)]
         parts += [Html("<h3>Cover and places</h3>"), _places(rows)]
-        parts.append(paragraph(_note(proof), "note"))
-        parts += [paragraph(words, "note") for words in map(_source, proof["populations"]) if words]
+        parts.append(paragraph(_note(verification), "note"))
+        parts += [
+            paragraph(words, "note") for words in map(_source, verification["populations"]) if words
+        ]
     parts += [Html("<h3>Shapes</h3>"), _sheet(world)]
-    if proof:
-        parts.append(_figures(proof))
+    if verification:
+        parts.append(_figures(verification))
     return parts
 
 
 def _sizes(rows: list[dict[str, Any]]) -> Html:
-    headings = ("Population", "Law", "D [m]", "Wanted", "Found", "z", "K–S", "p", "Unplaced", "")
+    headings = (
+        "Population",
+        "Law",
+        "D [m]",
+        "Expected",
+        "Found",
+        "z",
+        "K–S",
+        "p",
+        "Unplaced",
+        "",
+    )
     return table(headings, [_size_row(part) for part in rows], figures="llrrrrrrrl")
 
 
@@ -75,8 +88,8 @@ def _size_row(part: dict[str, Any]) -> list[Cell]:
         part["name"],
         _law(part),
         f"{ends[0]:.3g}–{ends[1]:.3g}" if ends else "–",
-        thousands(round(count["wanted"])) if "wanted" in count else "–",
-        thousands(count["realised"]),
+        thousands(round(count["expected"])) if "expected" in count else "–",
+        thousands(count["observed"]),
         signed(count.get("z")),
         f"{ks['distance']:.4f}" if ks else "–",
         f"{ks['p_value']:.3f}" if ks else "–",
@@ -88,7 +101,7 @@ def _size_row(part: dict[str, Any]) -> list[Cell]:
 def _verdict(part: dict[str, Any]) -> Html:
     """Whether number, cover and sizes are those of a right sampler."""
     count, cover, ks = part["count"], part["cover"], part.get("kolmogorov_smirnov")
-    if "wanted" not in count:
+    if "expected" not in count:
         return chip("as listed", "open")
     deviations = [count["z"] or 0.0, cover["z"] or 0.0]
     agrees = max(map(abs, deviations)) <= _LIMIT_Z and (ks is None or ks["p_value"] >= _LIMIT_P)
@@ -120,25 +133,25 @@ def _source(part: dict[str, Any]) -> str:
 
 
 def _places(rows: list[dict[str, Any]]) -> Html:
-    headings = ("Population", "Lies", "Cover wanted", "±", "Found", "z", "Seen from above",
-                "Clark–Evans", "Loose", "For the eye alone")  # fmt: skip
+    headings = ("Population", "Lies", "Cover expected", "±", "Found", "z", "Seen from above",
+                "Clark–Evans", "Dynamic", "Visual only")  # fmt: skip
     return table(headings, [_place_row(part) for part in rows], figures="llrrrrrrrr")
 
 
 def _place_row(part: dict[str, Any]) -> list[Cell]:
-    cover, evenness, loose = part["cover"], part.get("clark_evans"), part.get("loose")
-    wanted = "wanted" in cover
+    cover, evenness, dynamic = part["cover"], part.get("clark_evans"), part.get("dynamic")
+    wanted = "expected" in cover
     return [
         part["name"],
         _LIES.get(part.get("arrangement", ""), "as listed" if "file" in part else ""),
-        _percent(cover["wanted"]) if wanted else "–",
+        _percent(cover["expected"]) if wanted else "–",
         _percent(cover["standard_deviation"]) if wanted else "–",
-        _percent(cover["realised"]),
+        _percent(cover["observed"]),
         signed(cover.get("z")),
         _percent(cover["outline"]),
         f"{evenness['ratio']:.3f}" if evenness else "–",
-        f"{thousands(loose['loose'])} of {thousands(loose['wanted'])}" if loose else "–",
-        thousands(part["for_the_eye_alone"]) if "for_the_eye_alone" in part else "–",
+        f"{thousands(dynamic['dynamic'])} of {thousands(dynamic['expected'])}" if dynamic else "–",
+        thousands(part["visual_only"]) if "visual_only" in part else "–",
     ]
 
 
@@ -146,7 +159,7 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.3f} %"
 
 
-def _note(proof: dict[str, Any]) -> str:
+def _note(verification: dict[str, Any]) -> str:
     note = (
         "z: deviation in standard deviations of a right sampler. K–S: Kolmogorov–Smirnov distance "
         f"of the diameters from the law, and its p. Agrees: |z| ≤ {_LIMIT_Z} and p ≥ {_LIMIT_P}. "
@@ -155,10 +168,10 @@ def _note(proof: dict[str, Any]) -> str:
         "over that of random points; rocks that cannot overlap lie a little more evenly (above 1), "
         "clustered ones closer (below 1)."
     )
-    if proof["corridor_area_m2"] > 0:
+    if verification["corridor_area_m2"] > 0:
         note += (
-            f" Over {thousands(round(proof['area_m2']))} m²: corridors and clearings "
-            f"({thousands(round(proof['corridor_area_m2']))} m²) are left out."
+            f" Over {thousands(round(verification['area_m2']))} m²: corridors and exclusion zones "
+            f"({thousands(round(verification['corridor_area_m2']))} m²) are left out."
         )
     return note
 
@@ -189,8 +202,8 @@ def _chosen(prototypes: tuple[RockPrototype, ...]) -> list[RockPrototype]:
     return [prototypes[number] for _, number in sorted(turn)[:_SHOWN]]
 
 
-def _figures(proof: dict[str, Any]) -> Html:
-    overlaps, shapes = proof["overlaps"], proof["shapes"]
+def _figures(verification: dict[str, Any]) -> Html:
+    overlaps, shapes = verification["overlaps"], verification["shapes"]
     listed = overlaps["of_listed_rocks"]
     besides = f" (and {thousands(listed)} of listed rocks)" if listed else ""
     parts = [shape["collision_parts"] for shape in shapes["shapes"]]

@@ -12,7 +12,7 @@ from terrain_forge.report.style import Cell, Html, command, join, paragraph, tab
 _FOLDERS = {
     "preview.png": "the picture above",
     "world": "the world itself; World.load reads it back",
-    "truth": "GeoTIFFs of ground, top surface and rock ids; rocks.csv; proof of the rocks' sizes",
+    "truth": "GeoTIFFs of ground, top surface and rock ids; rocks.csv; size-frequency verification",
     "paths": "trajectories as CSV and in the TUM format",
     "validation": "every check with its figure, the driven path, pictures",
     "manifest.json": "the resolved recipe, versions, SHA-256 of every file",

@@ -13,9 +13,9 @@ import numpy as np
 
 from terrain_forge.base import MAX_NAME, DataError, is_file_name
 from terrain_forge.model import RockField, World, merge
-from terrain_forge.rocks.embedding import rest
+from terrain_forge.rocks.embedding.embed import embed
+from terrain_forge.rocks.embedding.outline import MAX_BURIED
 from terrain_forge.rocks.populations import MAX_ROCKS
-from terrain_forge.rocks.resting.outline import MAX_BURIED
 from terrain_forge.rocks.scattering.overlap import overlapping_pairs
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.settling import settle
@@ -35,7 +35,7 @@ def add_rock(
     buried_fraction: float = 0.3,
     population: str = BY_HAND,
     density: float | None = None,
-    loose: bool = False,
+    dynamic: bool = False,
     may_overlap: bool = False,
 ) -> World:
     """The world with one more rock, laid on the ground as the scattered ones are.
@@ -54,13 +54,13 @@ def add_rock(
             falls away beneath it.
         population: Name of the population that it joins.
         density: Density [kg/m³]; by default that of the population or else of the body's rocks.
-        loose: Whether it lies on the ground as a body that can be pushed, settled where it stays,
+        dynamic: Whether it lies on the ground as a body that can be pushed, settled where it stays,
             rather than buried.
         may_overlap: Whether it may overlap other rocks, seen from above.
 
     Raises:
         DataError: for values out of range, a rock that could reach beyond the world's ground, one
-            that overlaps another, or a loose one that finds no rest there.
+            that overlaps another, or a dynamic one that finds no rest there.
     """
     _check_numbers(world, diameter=diameter, prototype=prototype, yaw=yaw, density=density)
     if not 0.0 <= buried_fraction <= MAX_BURIED:
@@ -76,19 +76,19 @@ def add_rock(
         yaw=np.array([yaw]),
         buried=np.array([buried_fraction]),
         diameter=np.array([diameter]),
-        loose=np.array([loose]),
-        solid=np.array([True]),
+        dynamic=np.array([dynamic]),
+        collides=np.array([True]),
         unplaced=(0,),
     )
     density = density or _density(world, population)
-    rested = rest(
+    embedded = embed(
         scattered=scattered, library=world.library, ground=world.ground, density=[density]
     )
     settled = settle(
-        rocks=rested, library=world.library, ground=world.ground, gravity=world.site.body.gravity
+        rocks=embedded, library=world.library, ground=world.ground, gravity=world.site.body.gravity
     )
-    if loose and not settled.loose[0]:
-        raise DataError(f"a loose rock finds no rest at ({east:g}, {north:g}) m")
+    if dynamic and not settled.dynamic[0]:
+        raise DataError(f"a dynamic rock finds no rest at ({east:g}, {north:g}) m")
     populations = world.field.populations
     rock = settled.replace(
         populations=populations, population=np.array([populations.index(population)])

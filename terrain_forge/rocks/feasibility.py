@@ -21,7 +21,7 @@ from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
     MAX_ROCKS,
-    KeepOut,
+    ExclusionSpec,
     PopulationSpec,
     RockListSpec,
     RocksSpec,
@@ -59,14 +59,14 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
         _check_burial(listed, ("rocks", "lists", number))
         _check_families(listed, rocks.library, ("rocks", "lists", number))
     _check_cover(rocks, size)
-    _check_keep_out(rocks.keep_out, size)
+    _check_exclusion_zones(rocks.exclusion_zones, size)
 
 
 def expected_count(population: PopulationSpec, size: Size) -> float:
     """Rocks that a population is expected to have on a site, at most.
 
-    Density images, slope limits, corridors and clearings, which thin them out, are left aside, and
-    so is that craters lie partly outside or in one another.
+    Density images, slope limits, corridors and exclusion zones, which thin them out, are left
+    aside, and so is that craters lie partly outside or in one another.
     """
     area = size[0] * size[1]
     law, (smallest, largest) = population.size_frequency, population.diameter_range(area)
@@ -108,11 +108,11 @@ def _check_cover(rocks: RocksSpec, size: Size) -> None:
     level = np.ones(len(covers))
     most = _most_cover(rocks, size, covers, level)
     if covers.sum() > most:
-        loose = any(population.loose_m for population in rocks.populations)
+        dynamic = any(population.dynamic_m for population in rocks.populations)
         advice = "lower their numbers or raise the smallest diameter"
         raise RecipeError(
             f"the rocks would cover {covers.sum():.3g} of the ground, at most {most:.3g} of such "
-            f"rocks can be packed without overlap: {advice}{', or have fewer loose' * loose}",
+            f"rocks can be packed without overlap: {advice}{', or have fewer dynamic' * dynamic}",
             key=key,
         )
     for number, population in enumerate(rocks.populations):
@@ -194,10 +194,10 @@ def _check_range(population: PopulationSpec, size: Size, key: Key) -> None:
 
 
 def _check_touch(population: PopulationSpec, size: Size, key: Key) -> None:
-    """Refuse loose rocks that are none of the population's, or that cannot be touched."""
-    if population.loose_m is None:
+    """Refuse dynamic rocks that are none of the population's, or that cannot be touched."""
+    if population.dynamic_m is None:
         return
-    (low, high), key = population.loose_m, (*key, "loose_m")
+    (low, high), key = population.dynamic_m, (*key, "dynamic_m")
     if high <= low:
         raise RecipeError(f"from {low:g} to {high:g} m: the smaller one comes first", key=key)
     smallest, largest = population.diameter_range(size[0] * size[1])
@@ -260,7 +260,7 @@ def _reaches(crater: Crater, size: Size) -> bool:
     return bool(np.hypot(*beyond) < 0.5 * FARTHEST * crater.diameter_m)
 
 
-def _check_keep_out(circles: tuple[KeepOut, ...], size: Size) -> None:
+def _check_exclusion_zones(circles: tuple[ExclusionSpec, ...], size: Size) -> None:
     for number, circle in enumerate(circles):
         beyond = np.maximum(np.abs(circle.centre_m) - 0.5 * np.array(size), 0.0)
         if np.hypot(*beyond) >= circle.radius_m:
@@ -268,7 +268,7 @@ def _check_keep_out(circles: tuple[KeepOut, ...], size: Size) -> None:
             raise RecipeError(
                 f"a circle of {circle.radius_m:g} m about {x:g}, {y:g} m lies outside the "
                 f"site, which ends at ±{0.5 * size[0]:g}, ±{0.5 * size[1]:g} m",
-                key=("rocks", "keep_out", number),
+                key=("rocks", "exclusion_zones", number),
             )
     steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
     east, north = np.meshgrid(steps * size[0], steps * size[1])
@@ -278,4 +278,6 @@ def _check_keep_out(circles: tuple[KeepOut, ...], size: Size) -> None:
             away = np.hypot(east - circle.centre_m[0], north - circle.centre_m[1])
             free &= away > circle.radius_m
     if not free.any():
-        raise RecipeError("the circles leave no place for any rock", key=("rocks", "keep_out"))
+        raise RecipeError(
+            "the circles leave no place for any rock", key=("rocks", "exclusion_zones")
+        )

@@ -1,4 +1,4 @@
-"""Laying scattered rocks on the ground: fixed ones are embedded in it, loose ones settle on it."""
+"""Laying scattered rocks on the ground: static ones are embedded, dynamic ones settle on it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from terrain_forge.model import Heightfield, RockField, RockLibrary, Site
-from terrain_forge.rocks.embedding import rest
+from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.settling import settle
 
@@ -27,11 +27,11 @@ def lay_rocks(
         site: the place.
         library: their shapes.
         ground: the bare ground under all of them.
-        progress: called with the share of the loose ones that are settled, 0 to 1.
+        progress: called with the share of the dynamic ones that are settled, 0 to 1.
     """
     groups = site.recipe.rocks.groups
     density = np.array([group.density_kg_m3 or site.body.rock_density for group in groups])
-    laid = rest(scattered=scattered, library=library, ground=ground, density=density)
+    laid = embed(scattered=scattered, library=library, ground=ground, density=density)
     return settle(
         rocks=laid,
         library=library,

@@ -13,8 +13,8 @@ from numba import get_num_threads
 from numpy.random import Generator, Philox
 
 from terrain_forge.base import Array, Spec, mix, stage_key
-from terrain_forge.model import BroughtMesh, Mesh, RockLibrary, RockPrototype
-from terrain_forge.rocks.resting import outline
+from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
+from terrain_forge.rocks.embedding import outline
 from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
 from terrain_forge.rocks.shapes.families import FAMILIES, Family
@@ -80,12 +80,12 @@ class LibrarySpec(Spec):
         return tuple(dict.fromkeys([*made, *(mesh.family_name for mesh in self.meshes)]))
 
 
-def make_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) -> RockLibrary:
+def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> RockLibrary:
     """Make the library; equal specs give equal bytes, and shape n does not depend on how many.
 
     Args:
         spec: What is wanted.
-        brought: The user's own shapes, by the paths that the spec names.
+        custom: The user's own shapes, by the paths that the spec names.
 
     Raises:
         RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
@@ -100,7 +100,7 @@ def make_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) ->
         meshes = lay_down(carve(blank, sphere), blank.axes)
         return _prototype(family, meshes, spec, name=f"shape {n} ({family})")
 
-    files = {mesh.path: mesh.mesh for mesh in brought}
+    files = {mesh.path: mesh.mesh for mesh in custom}
     with ThreadPoolExecutor(get_num_threads()) as threads:
         prototypes = [*threads.map(made, range(spec.shapes))]
     prototypes += [_own_prototype(own, files[own.file], spec) for own in spec.meshes]
@@ -159,7 +159,7 @@ def lay_down(meshes: tuple[Mesh, ...], axes: Array) -> tuple[Mesh, ...]:
     centre of mass, which becomes the origin.
     """
     solid = mass_properties(meshes[0])
-    rotation = resting_axes(meshes[0].vertices - solid.centre, solid.inertia)
+    rotation = lying_axes(meshes[0].vertices - solid.centre, solid.inertia)
     turned = [projections(mesh.vertices - solid.centre, rotation) for mesh in meshes]
     stretch = axes / np.ptp(turned[0], axis=0)
     return _same_volume([vertices * stretch for vertices in turned], meshes)
@@ -174,7 +174,7 @@ def lay_as_it_is(meshes: tuple[Mesh, ...], *, upright: bool) -> tuple[Mesh, ...]
     """
     solid = mass_properties(meshes[0])
     centred = meshes[0].vertices - solid.centre
-    rotation = np.eye(3) if upright else resting_axes(centred, solid.inertia)
+    rotation = np.eye(3) if upright else lying_axes(centred, solid.inertia)
     extents = np.ptp(projections(centred, rotation), axis=0)
     return _same_volume(
         [projections(mesh.vertices - solid.centre, rotation) / extents.mean() for mesh in meshes],
@@ -192,7 +192,7 @@ def _same_volume(vertices: list[Array], meshes: tuple[Mesh, ...]) -> tuple[Mesh,
     )
 
 
-def resting_axes(vertices: Array, inertia: Array) -> Array:
+def lying_axes(vertices: Array, inertia: Array) -> Array:
     """Axes of a rock that lies on its most stable side: x long and level, z up.
 
     Args:

@@ -57,11 +57,11 @@ class PopulationSpec(Spec):
     the surface under it, nor any node of its cell by central differences over two cells."""
     families: Annotated[tuple[str, ...], MinLen(1)] | None = None
     """Families of the library's shapes that these rocks have; by default any."""
-    loose_m: tuple[Positive, Positive] | None = None
+    dynamic_m: tuple[Positive, Positive] | None = None
     """Smallest and largest diameter [m] of rocks that lie on the ground as bodies that a rover can
     push; the others are fixed in it."""
     collision_min_m: NotNegative = 0.0
-    """Rocks smaller than this [m] are there for the eye alone: nothing touches them."""
+    """Rocks smaller than this [m] are visual-only: nothing touches them."""
     rgb: tuple[Fraction, Fraction, Fraction] | None = None
     """Colour, sRGB 0 to 1; by default that of the body's rocks."""
     density_kg_m3: Annotated[float, Interval(ge=100, le=20000)] | None = None
@@ -111,7 +111,7 @@ class RockListSpec(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeepOut(Spec):
+class ExclusionSpec(Spec):
     """A circle that is kept free of scattered rocks; listed ones lie where the user has them."""
 
     centre_m: Pair
@@ -132,7 +132,7 @@ class RocksSpec(Spec):
     """The populations; none for bare ground. Rocks are numbered population by population."""
     lists: tuple[RockListSpec, ...] = ()
     """The user's own rocks, each placed as it is listed; scattered rocks keep clear of them."""
-    keep_out: tuple[KeepOut, ...] = ()
+    exclusion_zones: tuple[ExclusionSpec, ...] = ()
     """Circles that no scattered rock reaches into, as a landing pad or the rover's start; listed
     rocks are left where they are."""
 

@@ -1,4 +1,4 @@
-"""Loose rocks come to rest: each one settles by physics, alone on its own piece of ground.
+"""Dynamic rocks come to rest: each one settles by physics, alone on its own piece of ground.
 
 A geometrically stable pose is not one on rough ground: of rocks that are laid down on their stable
 side most begin to rock or roll. So each is let go in MuJoCo, damped, until it hardly moves, and is
@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, matrix_from_quaternion
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype
-from terrain_forge.rocks.resting.contact import LooseContact, loose_contact
-from terrain_forge.rocks.resting.lattice import Lattice, lattice, piece
-from terrain_forge.rocks.resting.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
-from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM
+from terrain_forge.rocks.embedding.contact import DynamicContact, dynamic_contact
+from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
+from terrain_forge.rocks.embedding.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
+from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 
 TIMESTEP = 0.002
 """Time step in which rocks are tested [s]."""
@@ -58,22 +58,22 @@ def settle(
     gravity: float,
     progress: Callable[[float], None] | None = None,
 ) -> RockField:
-    """Lay loose rocks on the ground where they stay; their exposed diameters stay exact.
+    """Lay dynamic rocks on the ground where they stay; their exposed diameters stay exact.
 
-    A rock that does not come to rest, or only outside its room (`size_classes.LOOSE_ROOM`), stays
-    as it is, a fixed one.
+    A rock that does not come to rest, or only outside its room (`size_classes.DYNAMIC_SPACE`),
+    stays as it is, a fixed one.
 
     Args:
-        rocks: All rocks, laid down as fixed ones (`rest`); `loose` tells which ones to settle.
+        rocks: All rocks, laid down as static ones (`rest`); `dynamic` tells which ones to settle.
         library: Their shapes.
         ground: Bare ground under all of them, with a margin of `scatter.margin` around the window.
         gravity: Gravity [m/s²].
-        progress: Told the share of the loose rocks that have settled, now and then.
+        progress: Told the share of the dynamic rocks that have settled, now and then.
 
     Returns:
-        The same rocks; of those that are `loose`, pose and size are the settled ones.
+        The same rocks; of those that are `dynamic`, pose and size are the settled ones.
     """
-    wanted = np.flatnonzero(rocks.loose)
+    wanted = np.flatnonzero(rocks.dynamic)
     grid = lattice(ground)
     supports = {
         n: footprint(library.prototypes[n].meshes[0])
@@ -105,9 +105,9 @@ class _Rock(Record):
     density: float
     """Density [kg/m³]."""
     position: Array
-    """Centre of mass as a fixed rock, in the world frame [m], shape [3]."""
+    """Centre of mass as a static rock, in the world frame [m], shape [3]."""
     quaternion: Array
-    """Rotation as a fixed rock, shape [4]."""
+    """Rotation as a static rock, shape [4]."""
     support: Array
     """Support function of its footprint over the diameter, as `outline.footprint` has it."""
     gravity: float
@@ -166,7 +166,7 @@ def _rock(
 
 def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
     """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
-    room = LOOSE_ROOM * rock.prototype.reach * rock.diameter
+    room = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=room + grid.spacing)
     pose = _laid_down(rock, ground, rock.position - place)
     for _ in range(_TESTS):
@@ -216,8 +216,8 @@ def _in_room(rock: _Rock, pose: _Pose, place: Array) -> bool:
     plan = pose.scale / rock.diameter * turned
     moved = (pose.position + place - rock.position)[:2] / rock.diameter
     yaw = 2.0 * np.arctan2(rock.quaternion[3], rock.quaternion[0])
-    room = LOOSE_ROOM * rock.support
-    near = fits(plan + moved, yaw=yaw, support=room, reach=LOOSE_ROOM * reach)
+    room = DYNAMIC_SPACE * rock.support
+    near = fits(plan + moved, yaw=yaw, support=room, reach=DYNAMIC_SPACE * reach)
     return near and bool(np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
 
 
@@ -289,7 +289,7 @@ def _model(rock: _Rock, ground: Heightfield, pose: _Pose) -> tuple[Any, Array]:
     import mujoco
 
     spec = mujoco.MjSpec()
-    contact = loose_contact(rock.diameter)
+    contact = dynamic_contact(rock.diameter)
     spec.option.timestep = TIMESTEP
     spec.option.gravity = (0.0, 0.0, -rock.gravity)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -321,7 +321,7 @@ def _model(rock: _Rock, ground: Heightfield, pose: _Pose) -> tuple[Any, Array]:
     return model, _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
 
 
-def _add_ground(spec: Any, ground: Heightfield, contact: LooseContact) -> None:
+def _add_ground(spec: Any, ground: Heightfield, contact: DynamicContact) -> None:
     import mujoco
 
     west, south, east, north = ground.bounds
@@ -369,9 +369,9 @@ def _with_poses(
 ) -> RockField:
     """The rocks with the poses that were found; those without one are fixed."""
     columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
-    new = {name: getattr(rocks, name).copy() for name in (*columns, "loose")}
+    new = {name: getattr(rocks, name).copy() for name in (*columns, "dynamic")}
     for row, found in zip(rows.tolist(), outcomes, strict=True):
-        new["loose"][row] = found is not None
+        new["dynamic"][row] = found is not None
         if found is None:
             continue
         volume = library.prototypes[rocks.prototype[row]].volume * found.pose.scale**3

@@ -1,8 +1,8 @@
 """Rovers: those of ours, and the user's from URDF, xacro or MJCF."""
 
-from .brought import FileRover as FileRover
 from .catalogue import RoverChoice as RoverChoice
 from .catalogue import find_rover as find_rover
 from .catalogue import require_ground as require_ground
 from .catalogue import resolve_rover as resolve_rover
 from .catalogue import rover_of as rover_of
+from .custom import FileRover as FileRover

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Tag
 
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Rover
-from terrain_forge.rovers.brought import FileRover
+from terrain_forge.rovers.custom import FileRover
 from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
 from terrain_forge.rovers.skid4 import Skid4Spec, skid4
 
@@ -118,7 +118,7 @@ def _require_step(rover: Rover) -> None:
 
 def rover_of(site: Site) -> Rover:
     """The rover of a planned site."""
-    return site.brought_rover or resolve_rover(site.recipe.rover, Path()).rover
+    return site.custom_rover or resolve_rover(site.recipe.rover, Path()).rover
 
 
 def require_ground(rover: Rover, *, spacing: float) -> None:

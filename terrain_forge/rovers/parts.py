@@ -97,7 +97,7 @@ def look(
     *,
     rpy: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Shape:
-    """A shape for the eye alone: it neither weighs nor collides."""
+    """A shape visual only: it neither weighs nor collides."""
     return make_shape(kind, size, position, rgb, rpy=rpy, collides=False)
 
 
@@ -176,12 +176,12 @@ def wheel_link(
         "motor",
         origin,
         [(solid, mass)],
-        looks=_wheel_looks(wheel, grousers, detailed=detailed),
+        looks=_wheel_material(wheel, grousers, detailed=detailed),
         damping=_WHEEL_DAMPING,
     )
 
 
-def _wheel_looks(wheel: Wheel, grousers: GrouserSpec | None, *, detailed: bool) -> list[Shape]:
+def _wheel_material(wheel: Wheel, grousers: GrouserSpec | None, *, detailed: bool) -> list[Shape]:
     if not detailed and grousers is None:
         return []
     touched = grousers is not None and grousers.collides

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, DataError, rpy_from_matrix
 from terrain_forge.model import Coupling, Link, Rover, Shape, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, Solid, placed
-from terrain_forge.rovers.brought import FileRover
+from terrain_forge.rovers.custom import FileRover
 from terrain_forge.rovers.tread import Tread, measure_tread
 
 FILE = ("rover", "file")

@@ -1,6 +1,6 @@
 """Texture finer than the ground's grid, made where a picture needs it: grain, clasts, rock faces.
 
-It is for the eye alone: no height in it is part of the world. All of it is addressed by position,
+It is visual only: no height in it is part of the world. All of it is addressed by position,
 so that it never repeats and never swims between two pictures.
 """
 

@@ -10,9 +10,9 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, inner, kernel
+from terrain_forge.scene.borrow import borrow
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
-from terrain_forge.scene.lend import lend
 from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
 from terrain_forge.scene.packets import (
     ACTIVE,
@@ -242,8 +242,8 @@ def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point
 
 @kernel
 def _expose_band(scene, queries, view, land, tracks, stones, light, band, ray, point, image):  # type: ignore[no-untyped-def]
-    land, tracks, stones = lend(land), lend(tracks), lend(stones)
-    ray, point, pixels = lend((ray, point, image))
+    land, tracks, stones = borrow(land), borrow(tracks), borrow(stones)
+    ray, point, pixels = borrow((ray, point, image))
     for half in range(2 * (image.shape[1] // _TILE)):
         left, top = half // 2 * _TILE, band * _TILE + half % 2 * (_TILE // 2)
         _expose_packet(

@@ -8,8 +8,8 @@ from .appearance import stencil_reach as stencil_reach
 from .cratering.craters import Craters as Craters
 from .cratering.equilibrium import LIMITS as LIMITS
 from .cratering.fresh import fresh_shapes as fresh_shapes
-from .cratering.making import make_craters as make_craters
-from .cratering.making import population_of as population_of
+from .cratering.layer_craters import make_craters as make_craters
+from .cratering.layer_craters import population_of as population_of
 from .cratering.production import CraterPowerLaw as CraterPowerLaw
 from .cratering.production import CraterTable as CraterTable
 from .cratering.production import HartmannDaubar as HartmannDaubar
@@ -17,7 +17,6 @@ from .cratering.production import Ivanov as Ivanov
 from .cratering.production import Neukum as Neukum
 from .detail import DetailSpec as DetailSpec
 from .detail import ground_detail as ground_detail
-from .evidence import write_terrain_figure as write_terrain_figure
 from .ground import shape_ground as shape_ground
 from .layer import Layer as Layer
 from .layer import check_layers as check_layers
@@ -35,3 +34,4 @@ from .spectra import rms_deviation as rms_deviation
 from .statistics import TerrainStatistics as TerrainStatistics
 from .statistics import slope_statistics as slope_statistics
 from .statistics import terrain_statistics as terrain_statistics
+from .terrain_figure import write_terrain_figure as write_terrain_figure

@@ -1,7 +1,7 @@
 """The ground close by: a tile of soil texture that repeats both ways without a seam.
 
 It holds nothing that is large or that stands out, so that it does not show at first sight that it
-repeats; what is larger is in the ground's colours and heights. It is for the eye alone.
+repeats; what is larger is in the ground's colours and heights. It is visual only.
 """
 
 from __future__ import annotations

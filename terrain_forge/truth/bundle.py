@@ -14,7 +14,7 @@ from terrain_forge.writers import write_geotiff
 
 
 def write_truth(world: World, directory: Path) -> list[Path]:
-    """Write the ground, its rocks and the proof of them into `directory`/truth.
+    """Write the ground, its rocks and the verification of them into `directory`/truth.
 
     Returns:
         The files.
@@ -39,7 +39,7 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     )  # fmt: skip
     rocks = truth / "rocks.csv"
     write_rocks(world, rocks)
-    proof = write_size_frequency(world, truth, rock_id=rock_id)
+    verification = write_size_frequency(world, truth, rock_id=rock_id)
     craters = write_craters(world, truth)
     rated = write_traversability(world, truth)
-    return [surface, surface_with_rocks, ids, rocks, *proof, *craters, *rated]
+    return [surface, surface_with_rocks, ids, rocks, *verification, *craters, *rated]

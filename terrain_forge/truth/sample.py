@@ -1,4 +1,4 @@
-"""The rocks of a world that its proof is about, and the ground that they lie on."""
+"""The rocks of a world that its verification is about, and the ground that they lie on."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Sample:
         """Rocks of each population that found no place."""
         inside = in_corridor(world.site, world.field.position[:, :2])
         self.in_corridors = _count(world.field, inside)
-        """Rocks of each population in corridors and clearings."""
+        """Rocks of each population in corridors and exclusion zones."""
         self._seen = _outside(merge(world.field, world.neighbours), world)
         self._nodes = _count_nodes(self._seen, rock_id)
         self._node_area = world.ground.spacing**2

@@ -1,4 +1,4 @@
-"""The proof that a world's rocks have the sizes, numbers, cover and shapes that were asked for."""
+"""Size-frequency verification: whether a world's rocks are as many and as large as asked for."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array
 from terrain_forge.model import RockField, World
 from terrain_forge.rocks import find_overlaps
+from terrain_forge.truth.expected_counts import ExpectedCounts
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.sample import Sample
 from terrain_forge.truth.shapes import shape_figures
@@ -24,7 +25,6 @@ from terrain_forge.truth.statistics import (
     deviation,
     kolmogorov_smirnov,
 )
-from terrain_forge.truth.wanted import Wanted
 
 if TYPE_CHECKING:
     from terrain_forge.rocks import PopulationSpec, RockListSpec, RocksSpec
@@ -46,10 +46,10 @@ def write_size_frequency(
     """
     from terrain_forge.truth.size_frequency_figure import write_figure
 
-    proof = size_frequency(world, rocks=rocks, rock_id=rock_id)
+    verification = size_frequency(world, rocks=rocks, rock_id=rock_id)
     text, picture = directory / "size_frequency.json", directory / "size_frequency.png"
-    text.write_text(json.dumps(proof, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    write_figure(proof, picture)
+    text.write_text(json.dumps(verification, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_figure(verification, picture)
     return [text, picture]
 
 
@@ -59,11 +59,11 @@ def size_frequency(
     rocks: RocksSpec | None = None,
     rock_id: NDArray[np.int32] | None = None,
 ) -> dict[str, Any]:
-    """Wanted and realised rocks of each population and of all together, and what else is proven.
+    """Expected and observed rocks of each population and of all together, and their shapes.
 
     Diameters are exposed plan diameters [m]; densities and covers are over `area_m2`, that of the
-    window without corridors and clearings, whose rocks are left out too; cover is Σ π D²/4. For
-    each population:
+    window without corridors and exclusion zones, whose rocks are left out too; cover is Σ π D²/4.
+    For each population:
 
     - `law`: its numbers; `extrapolated_below_m`, if it was fitted to larger rocks only than wanted;
     - `arrangement`, and `effective_area_m2`: the area on which the law alone gives that number;
@@ -78,12 +78,13 @@ def size_frequency(
       Poisson populations lie a little more evenly than random points, all the more the denser;
     - `curve`: number per m² and cover of rocks above each diameter, with the band that holds a
       right sampler at each diameter with a probability of 95 %;
-    - `loose`: rocks of the diameters that are to be loose, and how many are; null if none are to;
-    - `for_the_eye_alone`: rocks that nothing touches;
+    - `dynamic`: rocks of the diameters that are to be dynamic, and how many are; null if none are
+      to;
+    - `visual_only`: rocks that nothing touches;
     - `unplaced`: rocks of the window that found no free place.
 
     `lists` has the rocks that the user listed one by one, which no law describes, and how many more
-    of them lie `in_corridors` or clearings, where they are left; `overlaps` the
+    of them lie `in_corridors` or exclusion zones, where they are left; `overlaps` the
     pairs of rocks whose plan outlines overlap, those between listed rocks apart; `shapes` the
     library (`shape_figures`). Rocks of populations that nobody asked for, such as rocks added by
     hand, are in the overlaps alone.
@@ -97,11 +98,11 @@ def size_frequency(
     sample = Sample(world, rock_rasters(world)[1] if rock_id is None else rock_id)
     # Corridors may cover everything: then there is nothing to prove.
     populations = rocks.populations if sample.area > 0.0 else ()
-    wanted = [Wanted.of(spec, world) for spec in populations]
+    wanted = [ExpectedCounts.of(spec, world) for spec in populations]
     together = None
     if populations:
         names = [spec.name for spec in populations]
-        together = {**_proof(sample, wanted, names), "unplaced": sum(world.unplaced)}
+        together = {**_verification(sample, wanted, names), "unplaced": sum(world.unplaced)}
     return {
         "area_m2": sample.area,
         "corridor_area_m2": sample.left_out,
@@ -120,16 +121,16 @@ def size_frequency(
     }
 
 
-def _population(sample: Sample, spec: PopulationSpec, wanted: Wanted) -> dict[str, Any]:
+def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) -> dict[str, Any]:
     field = sample.select([spec.name])
     return {
         "name": spec.name,
         "law": _law(spec),
         "arrangement": spec.arrangement.kind,
         "effective_area_m2": wanted.expectation.area,
-        **_proof(sample, [wanted], [spec.name]),
-        "loose": _loose(field, spec.loose_m),
-        "for_the_eye_alone": int(np.count_nonzero(~field.solid)),
+        **_verification(sample, [wanted], [spec.name]),
+        "dynamic": _dynamic(field, spec.dynamic_m),
+        "visual_only": int(np.count_nonzero(~field.collides)),
         "unplaced": sample.unplaced.get(spec.name, 0),
     }
 
@@ -142,17 +143,17 @@ def _law(spec: PopulationSpec) -> dict[str, Any]:
     return {**report, "extrapolated_below_m": known}
 
 
-def _loose(field: RockField, diameters: tuple[float, float] | None) -> dict[str, int] | None:
-    """Rocks of the diameters that are to be loose, and how many of them are loose and fixed."""
+def _dynamic(field: RockField, diameters: tuple[float, float] | None) -> dict[str, int] | None:
+    """Rocks of the diameters that are to be dynamic, and how many of them are dynamic and fixed."""
     if diameters is None:
         return None
     low, high = diameters
     within = (field.diameter >= low) & (field.diameter <= high)
-    loose = int(np.count_nonzero(field.loose))
+    dynamic = int(np.count_nonzero(field.dynamic))
     return {
-        "wanted": int(np.count_nonzero(within)),
-        "loose": loose,
-        "fixed": int(np.count_nonzero(within & ~field.loose)),
+        "expected": int(np.count_nonzero(within)),
+        "dynamic": dynamic,
+        "fixed": int(np.count_nonzero(within & ~field.dynamic)),
     }
 
 
@@ -166,17 +167,17 @@ def _list(sample: Sample, spec: RockListSpec) -> dict[str, Any]:
         "name": spec.name,
         "file": spec.file,
         "diameter_m": ends if len(diameters) else None,
-        "count": {"realised": len(diameters)},
+        "count": {"observed": len(diameters)},
         "in_corridors": sample.in_corridors.get(spec.name, 0),
         "cover": {
-            "realised": float(np.sum(0.25 * np.pi * diameters**2) / sample.area),
+            "observed": float(np.sum(0.25 * np.pi * diameters**2) / sample.area),
             "outline": outline,
             "outline_error": error,
         },
         "curve": {
             "diameter_m": at.tolist(),
-            "number_realised": (larger / sample.area).tolist(),
-            "cover_realised": (found / sample.area).tolist(),
+            "number_observed": (larger / sample.area).tolist(),
+            "cover_observed": (found / sample.area).tolist(),
         },
     }
 
@@ -190,7 +191,9 @@ def _overlaps(world: World, lists: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _proof(sample: Sample, wanted: Sequence[Wanted], names: Sequence[str]) -> dict[str, Any]:
+def _verification(
+    sample: Sample, wanted: Sequence[ExpectedCounts], names: Sequence[str]
+) -> dict[str, Any]:
     """The comparison of the rocks of some populations with the sum of what they should be."""
     field = sample.select(names)
     diameters = np.sort(field.diameter)
@@ -204,14 +207,14 @@ def _proof(sample: Sample, wanted: Sequence[Wanted], names: Sequence[str]) -> di
     return {
         "diameter_m": [smallest, max(part.largest for part in wanted)],
         "count": {
-            "wanted": number,
-            "realised": len(diameters),
+            "expected": number,
+            "observed": len(diameters),
             "standard_deviation": float(np.sqrt(variance)),
             "z": deviation(len(diameters), number, variance),
         },
         "cover": {
-            "wanted": covered / sample.area,
-            "realised": cover / sample.area,
+            "expected": covered / sample.area,
+            "observed": cover / sample.area,
             "standard_deviation": float(np.sqrt(covered_variance)) / sample.area,
             "z": deviation(cover, covered, covered_variance),
             "outline": outline,
@@ -227,7 +230,9 @@ def _proof(sample: Sample, wanted: Sequence[Wanted], names: Sequence[str]) -> di
     }
 
 
-def _expected_above(wanted: Sequence[Wanted], at: Array) -> tuple[Array, Array, Array, Array]:
+def _expected_above(
+    wanted: Sequence[ExpectedCounts], at: Array
+) -> tuple[Array, Array, Array, Array]:
     """Expected number above diameters and its variance, then summed πD²/4 [m²] and its variance."""
     sums = [
         np.sum(values, axis=0)
@@ -247,8 +252,10 @@ def _expected_above(wanted: Sequence[Wanted], at: Array) -> tuple[Array, Array, 
     return sums[0], sums[1], sums[2], sums[3]
 
 
-def _curve(diameters: Array, wanted: Sequence[Wanted], area: float) -> dict[str, list[float]]:
-    """Wanted and found number per m² and cover above logarithmically spaced diameters."""
+def _curve(
+    diameters: Array, wanted: Sequence[ExpectedCounts], area: float
+) -> dict[str, list[float]]:
+    """Expected and observed number per m² and cover above logarithmically spaced diameters."""
     ends = min(part.smallest for part in wanted), max(part.largest for part in wanted)
     at = np.geomspace(*ends, _POINTS)
     number, variance, covered, covered_variance = _expected_above(wanted, at)
@@ -257,14 +264,14 @@ def _curve(diameters: Array, wanted: Sequence[Wanted], area: float) -> dict[str,
     larger, found = _found_above(diameters, at)
     columns = {
         "diameter_m": at,
-        "number_wanted": number / area,
+        "number_expected": number / area,
         "number_low": low / area,
         "number_high": high / area,
-        "number_realised": larger / area,
-        "cover_wanted": covered / area,
+        "number_observed": larger / area,
+        "cover_expected": covered / area,
         "cover_low": np.maximum(covered - spread, 0.0) / area,
         "cover_high": (covered + spread) / area,
-        "cover_realised": found / area,
+        "cover_observed": found / area,
     }
     return {name: values.tolist() for name, values in columns.items()}
 

@@ -1,4 +1,4 @@
-"""The picture of the size-frequency proof, truth/size_frequency.png."""
+"""The picture of the size-frequency verification, truth/size_frequency.png."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ _BARE = 1e-4, 1.0
 _TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
 
 
-def write_figure(proof: dict[str, Any], path: Path) -> None:
-    """Draw cumulative number and cover over diameter; equal proof, equal bytes."""
+def write_figure(verification: dict[str, Any], path: Path) -> None:
+    """Draw cumulative number and cover over diameter; equal verification, equal bytes."""
     figure = Figure(figsize=(11, 4.8), dpi=120, layout=None, facecolor="white")
     FigureCanvasAgg(figure)
     number, cover = figure.subplots(1, 2)
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.13, top=0.89, wspace=0.2)
-    parts = _parts(proof)
+    parts = _parts(verification)
     for part, colour, width in parts:
         _draw(number, part, "number", colour, width)
         _draw(cover, part, "cover", colour, width)
     _finish(number, "Cumulative number", "Rocks larger than D per m²")
     _finish(cover, "Cumulative cover, Σ πD²/4", "Area covered by rocks larger than D")
-    if proof["populations"]:
+    if verification["populations"]:
         everything = parts[0][0]
-        _limit(number, everything, "number", proof["area_m2"])
-        _limit(cover, everything, "cover", proof["area_m2"])
+        _limit(number, everything, "number", verification["area_m2"])
+        _limit(cover, everything, "cover", verification["area_m2"])
     if parts:
         handles, _ = number.get_legend_handles_labels()
         more = len(handles) - _NAMED
@@ -51,32 +51,32 @@ def write_figure(proof: dict[str, Any], path: Path) -> None:
             labelcolor=_INK,
             title=f"and {more} more" if more > 0 else None,
         )
-        _explain(cover, proof["confidence"])
+        _explain(cover, verification["confidence"])
     figure.savefig(path, metadata={"Software": None})
 
 
-def _parts(proof: dict[str, Any]) -> list[tuple[dict[str, Any], str, float]]:
+def _parts(verification: dict[str, Any]) -> list[tuple[dict[str, Any], str, float]]:
     """What is drawn, in which colour and how wide: the sum of all first, then each of them."""
-    curves = [*proof["populations"], *proof["lists"]]
+    curves = [*verification["populations"], *verification["lists"]]
     parts = [(part, _COLOURS[n % len(_COLOURS)], 1.8) for n, part in enumerate(curves)]
-    if len(proof["populations"]) > 1:
-        parts.insert(0, ({"name": "together", **proof["together"]}, _TOGETHER, 4.5))
+    if len(verification["populations"]) > 1:
+        parts.insert(0, ({"name": "together", **verification["together"]}, _TOGETHER, 4.5))
     return parts
 
 
 def _draw(axes: Axes, part: dict[str, Any], quantity: str, colour: str, width: float) -> None:
     curve = part["curve"]
     diameter = curve["diameter_m"]
-    realised = [value if value > 0 else float("nan") for value in curve[f"{quantity}_realised"]]
-    axes.plot(diameter, realised, color=colour, linewidth=width, label=_label(part))
-    if f"{quantity}_wanted" in curve:
+    observed = [value if value > 0 else float("nan") for value in curve[f"{quantity}_observed"]]
+    axes.plot(diameter, observed, color=colour, linewidth=width, label=_label(part))
+    if f"{quantity}_expected" in curve:
         low, high = curve[f"{quantity}_low"], curve[f"{quantity}_high"]
         axes.fill_between(diameter, low, high, color=colour, alpha=0.16, linewidth=0)
-        axes.plot(diameter, curve[f"{quantity}_wanted"], color=_INK, linewidth=1, linestyle="--")
+        axes.plot(diameter, curve[f"{quantity}_expected"], color=_INK, linewidth=1, linestyle="--")
 
 
 def _label(part: dict[str, Any]) -> str:
-    number = f"{part['count']['realised']:,}".replace(",", " ")
+    number = f"{part['count']['observed']:,}".replace(",", " ")
     how = {"clustered": ", clustered", "craters": ", around craters"}
     kind = how.get(part.get("arrangement", ""), ", listed" if "file" in part else "")
     # The number stands first, since matplotlib hides labels that begin with "_".
@@ -113,9 +113,9 @@ def _power_of_ten(value: float, _: int | None) -> str:
 def _limit(axes: Axes, part: dict[str, Any], quantity: str, area: float) -> None:
     """Show down to half an expected rock: beyond, a cumulative law falls to zero."""
     curve = part["curve"]
-    expected = [number * area for number in curve["number_wanted"]]
+    expected = [number * area for number in curve["number_expected"]]
     last = max((n for n, count in enumerate(expected) if count >= 0.5), default=0)
-    lowest, highest = curve[f"{quantity}_wanted"][last], curve[f"{quantity}_wanted"][0]
+    lowest, highest = curve[f"{quantity}_expected"][last], curve[f"{quantity}_expected"][0]
     if lowest > 0:
         axes.set_ylim(0.6 * lowest, 1.8 * highest)
     possible = [

@@ -21,7 +21,7 @@ def write_rocks(world: World, path: Path) -> None:
     Longitude (east, -180 to 180) and latitude follow where the site is georeferenced; latitude is
     that of the body's ellipsoid. Then, always: a_m, b_m, c_m, the rock's extents along its
     prototype's x, y and z axes; collision_parts, how many convex parts stand in for it (0 where it
-    is there for the eye alone); loose and solid, 1 where it can be pushed or touched.
+    is visual-only); dynamic and solid, 1 where it can be pushed or touched.
     """
     rocks, shapes = world.field, world.library.prototypes
     names = np.array([quoted(name) for name in rocks.populations], dtype=object)
@@ -45,9 +45,9 @@ def write_rocks(world: World, path: Path) -> None:
     parts = np.array([len(shape.hulls) for shape in shapes], np.int64)[rocks.prototype]
     columns += [
         *_columns(("a_m", "b_m", "c_m"), axes.T, "%.7f"),
-        Column(name="collision_parts", values=parts * rocks.solid, form="%d"),
-        Column(name="loose", values=rocks.loose, form="%d"),
-        Column(name="solid", values=rocks.solid, form="%d"),
+        Column(name="collision_parts", values=parts * rocks.collides, form="%d"),
+        Column(name="dynamic", values=rocks.dynamic, form="%d"),
+        Column(name="collides", values=rocks.collides, form="%d"),
     ]
     write_table(path, columns)
 

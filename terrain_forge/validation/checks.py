@@ -25,7 +25,7 @@ from terrain_forge.terrain import TerrainStatistics, terrain_statistics
 from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.conformance.entry import Entry
 from terrain_forge.validation.craters import crater_checks
-from terrain_forge.validation.loose import loose_checks
+from terrain_forge.validation.dynamic import dynamic_checks
 from terrain_forge.validation.paths import path_checks
 from terrain_forge.validation.replays import replay_checks
 from terrain_forge.validation.rocks import rock_checks
@@ -61,7 +61,7 @@ def validate(
     """Check the world and what was exported of it; write the report into `directory`/validation.
 
     A check that fails is a result, not an error. The MJCF is exported into the validation folder
-    where a drive is asked for, or rocks are loose, and the recipe has none.
+    where a drive is asked for, or rocks are dynamic, and the recipe has none.
 
     Args:
         world: The world.
@@ -75,7 +75,7 @@ def validate(
     checks = rock_checks(world, directory, points=spec.points)
     driven = _drives(world, directory, spec, progress)
     checks += driven.checks
-    checks += loose_checks(world, directory)
+    checks += dynamic_checks(world, directory)
     checks += crater_checks(directory)
     agreed = ground_agreement(world, directory, points=spec.points)
     shown = ", ".join(altered[:3])

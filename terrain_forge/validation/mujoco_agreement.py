@@ -23,7 +23,7 @@ ROCK_LIMIT = 0.01
 """A rock's top may be off by this part of its size, to which sizes are rounded: of its exposed
 diameter, or of its mean axis where most of it is buried."""
 MASS_LIMIT = 1e-6
-"""A loose rock's mass and moments of inertia may be off by this part of them."""
+"""A dynamic rock's mass and moments of inertia may be off by this part of them."""
 _UPWARD = 0.3  # least cosine to the vertical of a face that a ray is sent down to
 _GROUND_GROUPS, _ROCK_GROUPS = (0,), (1, 3)
 """Groups of the geoms that rays meet: of the ground, of rocks seen and hidden."""
@@ -116,11 +116,11 @@ def _rock_of(geom: str) -> str:
 
 
 def _sampled_rows(world: World) -> NDArray[np.int64]:
-    """Rows of the solid rocks that are looked at: evenly over all, loose ones, and the largest."""
-    solid = np.flatnonzero(world.field.solid)
+    """Rows of the colliding rocks to look at: evenly over all, dynamic ones, and the largest."""
+    solid = np.flatnonzero(world.field.collides)
     largest = solid[np.argsort(world.field.diameter[solid], kind="stable")[-1:]]
-    loose = np.flatnonzero(world.field.solid & world.field.loose)
-    return np.unique(np.concatenate([_spread(solid), _spread(loose), largest]))
+    dynamic = np.flatnonzero(world.field.collides & world.field.dynamic)
+    return np.unique(np.concatenate([_spread(solid), _spread(dynamic), largest]))
 
 
 def _spread(rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -151,8 +151,8 @@ def _rock_checks(world: World, model: Any, data: Any, name: str) -> list[Check]:
 
 
 def _mass_checks(world: World, model: Any, name: str) -> list[Check]:
-    """Masses and moments of inertia of the loose rocks among the sampled ones."""
-    rows = [row for row in _sampled_rows(world) if world.field.loose[row]]
+    """Masses and moments of inertia of the dynamic rocks among the sampled ones."""
+    rows = [row for row in _sampled_rows(world) if world.field.dynamic[row]]
     if not rows:
         return []
     field = world.field.select(np.array(rows))
@@ -162,7 +162,7 @@ def _mass_checks(world: World, model: Any, name: str) -> list[Check]:
     off_mass = np.abs([body.mass[0] for body in bodies] / field.mass - 1.0).max()
     off = max(float(off_mass), float(np.abs(found / moments - 1.0).max()))
     note = f"largest relative difference of mass and moments of inertia, {len(rows)} rocks"
-    return [at_most(f"{name}: loose rocks", off, MASS_LIMIT, note=note)]
+    return [at_most(f"{name}: dynamic rocks", off, MASS_LIMIT, note=note)]
 
 
 def _top(world: World, row: int) -> Array:

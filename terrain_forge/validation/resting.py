@@ -1,4 +1,4 @@
-"""Whether fixed rocks stand in the ground as they should: their feet below it, their tops above."""
+"""Whether static rocks are embedded as they should: their feet below the ground, tops above."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _LIMIT = 0.005
 
 
 def resting_checks(world: World) -> list[Check]:
-    """Daylight under fixed rocks, and tops below the ground, over a sample of the rocks.
+    """Daylight under static rocks, and tops below the ground, over a sample of the rocks.
 
     A rock shows no daylight where its foot, the cross-section at a twentieth of its extent, lies
     below the ground all around.
     """
-    fixed = world.field.select(~world.field.loose)
+    fixed = world.field.select(~world.field.dynamic)
     if len(fixed) > _ROCKS:
         drawn = uniforms(stage_key(world.site.seed, "resting"), _ROCKS)
         fixed = fixed.select(np.unique((drawn * len(fixed)).astype(np.intp)))

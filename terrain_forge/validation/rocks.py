@@ -27,21 +27,21 @@ def rock_checks(world: World, directory: Path, *, points: int) -> list[Check]:
         directory: Its built folder.
         points: Nodes at which the truth's top surface is compared with rays.
     """
-    proof = _read(directory / "truth" / "size_frequency.json")
+    verification = _read(directory / "truth" / "size_frequency.json")
     return [
-        *_place_checks(world, [part["name"] for part in proof.get("lists", ())]),
+        *_place_checks(world, [part["name"] for part in verification.get("lists", ())]),
         *(resting_checks(world) if len(world.field) else ()),
-        *_size_checks(proof),
-        *_shape_checks(world, proof.get("shapes", {})),
+        *_size_checks(verification),
+        *_shape_checks(world, verification.get("shapes", {})),
         *top_surface_checks(world, directory / "truth", points=points),
     ]
 
 
-def _read(proof: Path) -> dict[str, Any]:
-    """The truth bundle's proof, empty where there is none."""
-    if not proof.is_file():
+def _read(verification: Path) -> dict[str, Any]:
+    """The truth bundle's verification, empty where there is none."""
+    if not verification.is_file():
         return {}
-    content: dict[str, Any] = json.loads(proof.read_text(encoding="utf-8"))
+    content: dict[str, Any] = json.loads(verification.read_text(encoding="utf-8"))
     return content
 
 
@@ -61,16 +61,16 @@ def _place_checks(world: World, lists: list[str]) -> list[Check]:
     ]
 
 
-def _size_checks(proof: dict[str, Any]) -> list[Check]:
+def _size_checks(verification: dict[str, Any]) -> list[Check]:
     """Kolmogorov–Smirnov p-values of the populations, as the truth bundle has them."""
     return [
         at_least(
             f"rocks: sizes of {population['name']}",
             population["kolmogorov_smirnov"]["p_value"],
             SIGNIFICANCE,
-            note=f"p-value of the size law, {population['count']['realised']} rocks",
+            note=f"p-value of the size law, {population['count']['observed']} rocks",
         )
-        for population in proof.get("populations", ())
+        for population in verification.get("populations", ())
         if population["kolmogorov_smirnov"]
     ]
 

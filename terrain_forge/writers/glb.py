@@ -103,7 +103,7 @@ class Gltf:
             file.write(b"]}")
             file.write(b" " * (-file.tell() % 4))
             text_end = file.tell()
-            _require_room(text_end + _CHUNK_HEADER + self._length)
+            _check_capacity(text_end + _CHUNK_HEADER + self._length)
             file.write(_chunk_header(self._length, b"BIN\0"))
             self._binary.seek(0)
             shutil.copyfileobj(self._binary, file, 1 << 20)
@@ -128,7 +128,7 @@ class Gltf:
 
     def _add_view(self, content: bytes | memoryview, view: dict[str, int]) -> int:
         length = memoryview(content).nbytes
-        _require_room(self._length + length)
+        _check_capacity(self._length + length)
         place = {"buffer": 0, "byteOffset": self._length, "byteLength": length}
         self._binary.write(content)
         self._binary.write(bytes(-length % 4))
@@ -148,7 +148,7 @@ def _write_joined(file: BinaryIO, texts: Iterable[str]) -> None:
         separator = b","
 
 
-def _require_room(length: int) -> None:
+def _check_capacity(length: int) -> None:
     if length > LARGEST_FILE:
         raise ExportError(
             f"a GLB holds 4 GiB at most, this world has more than {length / 2**30:.1f} GiB: choose "

@@ -16,18 +16,18 @@ _LINES_PER_HALF_WIDTH = 25
 
 
 class Corridors(NamedTuple):
-    """The corridors of a site, then its clearings, which are kept free alike.
+    """The corridors of a site, then its exclusion zones, which are kept free alike.
 
     The corridors' segments are sorted into square bins for fast distances.
     """
 
     half_width: Array
-    """Half the width of each corridor, radius of each clearing [m], shape [corridors +
-    clearings]."""
+    """Half the width of each corridor, radius of each exclusion_zone [m], shape [corridors +
+    exclusion_zones]."""
     clearance: Array
-    """Height that no rock within exceeds [m], shape [corridors + clearings]."""
+    """Height that no rock within exceeds [m], shape [corridors + exclusion_zones]."""
     centre: Array
-    """East and north of each clearing's centre [m], shape [clearings, 2]."""
+    """East and north of each exclusion_zone's centre [m], shape [exclusion_zones, 2]."""
     segments: Array
     """East and north of both ends [m], shape [segments, 4]."""
     corridor: NDArray[np.int64]
@@ -45,9 +45,9 @@ class Corridors(NamedTuple):
 
 
 def corridors(site: Site) -> Corridors:
-    """The corridors of those routes of a site that have one, and its clearings."""
+    """The corridors of those routes of a site that have one, and its exclusion zones."""
     kept = [route for route in site.routes if route.corridor_width > 0.0]
-    circles = site.clearings
+    circles = site.exclusion_zones
     pairs = [np.hstack([r.position[:-1], r.position[1:]]) for r in kept]
     segments = np.concatenate(pairs) if pairs else np.zeros((0, 4))
     ends = segments.reshape(-1, 2)
@@ -73,13 +73,13 @@ def corridors(site: Site) -> Corridors:
 
 
 def in_corridor(site: Site, xy: Array) -> NDArray[np.bool_]:
-    """Which points (east, north) [m], shape [points, 2], lie in a corridor or clearing."""
+    """Which points (east, north) [m], shape [points, 2], lie in a corridor or exclusion zone."""
     inside: NDArray[np.bool_] = _inside(corridors(site), np.asarray(xy, np.float64))
     return inside
 
 
 def corridor_area(site: Site, window: Window) -> float:
-    """Area [m²] of a window that lies in a corridor or clearing, overlaps counted once.
+    """Area [m²] of a window that lies in a corridor or exclusion zone, overlaps counted once.
 
     Exact along east, by lines half a fiftieth of a corridor apart along north.
     """
@@ -111,7 +111,7 @@ def _sort_into_bins(
 
 @inner
 def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
-    """Distance [m] of a point to each corridor's middle, at most `limit`, and each clearing's."""
+    """Distance [m] of a point to each corridor's middle, at most `limit`, and each zone's."""
     squares = np.empty(len(strips.half_width))
     lanes = len(squares) - len(strips.centre)
     for c in range(len(squares)):

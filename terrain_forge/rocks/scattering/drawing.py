@@ -26,7 +26,7 @@ from terrain_forge.rocks.scattering.addresses import (
 from terrain_forge.rocks.scattering.cells import Region
 from terrain_forge.rocks.scattering.clusters import TRUNCATION, Parents, offspring
 from terrain_forge.rocks.scattering.intensity import Intensity, weights
-from terrain_forge.rocks.scattering.size_classes import SizeClass, is_loose, shapes_of
+from terrain_forge.rocks.scattering.size_classes import SizeClass, is_dynamic, shapes_of
 
 
 class Drawn(NamedTuple):
@@ -48,7 +48,7 @@ class Drawn(NamedTuple):
     """Turn about the ground's normal [rad]."""
     buried: Array
     """Part of the rock's extent below the ground."""
-    loose: NDArray[np.bool_]
+    dynamic: NDArray[np.bool_]
     """Whether it can be pushed."""
 
 
@@ -57,8 +57,8 @@ def join(parts: list[Drawn]) -> Drawn:
     if parts:
         return Drawn(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     real, whole = np.zeros(0), np.zeros(0, np.int64)
-    address, loose = np.zeros(0, np.uint64), np.zeros(0, np.bool_)
-    return Drawn(whole, whole, address, np.zeros((0, 2)), real, whole, real, real, loose)
+    address, dynamic = np.zeros(0, np.uint64), np.zeros(0, np.bool_)
+    return Drawn(whole, whole, address, np.zeros((0, 2)), real, whole, real, real, dynamic)
 
 
 class _Candidates(NamedTuple):
@@ -101,7 +101,7 @@ def draw_class(
         found, diameter = found.of(kept), diameter[kept]
     shapes = shapes_of(population.families, library, ("rocks", "populations"))
     shallow, deep = population.buried_fraction
-    loose = is_loose(population, diameter)
+    dynamic = is_dynamic(population, diameter)
     buried = shallow + (deep - shallow) * draw(found.address, BURIED)
     drawn = Drawn(
         id=found.id,
@@ -111,8 +111,8 @@ def draw_class(
         diameter=diameter,
         prototype=shapes[(draw(found.address, PROTOTYPE) * len(shapes)).astype(np.int64)],
         yaw=2.0 * np.pi * draw(found.address, YAW),
-        buried=np.where(loose, 0.0, buried),
-        loose=loose,
+        buried=np.where(dynamic, 0.0, buried),
+        dynamic=dynamic,
     )
     return drawn, np.bincount(found.cell, minlength=region.columns * region.rows)
 

@@ -66,7 +66,7 @@ def expected(
     ground: Heightfield | None = None,
     given_clusters: bool = False,
 ) -> Expectation:
-    """Effective area of a window, without corridors and clearings, for a population.
+    """Effective area of a window, without corridors and exclusion zones, for a population.
 
     Exact for plain Poisson populations and slope limits; by the midpoint rule where something else
     shapes the weight, on 1000 points each way, or on 300 around each crater. Clusters' tails beyond
@@ -112,7 +112,7 @@ class _Grid:
     """Weights at the middles of the cells of a grid."""
 
     weight: Array
-    """Weights, 0 in corridors and clearings, shape [rows, columns]."""
+    """Weights, 0 in corridors and exclusion zones, shape [rows, columns]."""
     corner: Array
     """South-western corner [m], shape [2]."""
     step: Array

@@ -162,7 +162,8 @@ def require_place(
         intensity: Their weights with slopes, where the whole site's are known.
 
     Raises:
-        RecipeError: if slope limit, image, craters, corridors and clearings together leave nothing.
+        RecipeError: if slope limit, image, craters, corridors and exclusion zones together leave
+            nothing.
     """
     known = intensity or make_intensity(populations, site)._replace(
         steepest=np.full(len(populations), np.inf)
@@ -272,7 +273,7 @@ def has_place(intensity, population, strips, diameter):  # type: ignore[no-untyp
 
 @inner
 def _is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
-    """Whether a place lies in a corridor or clearing."""
+    """Whether a place lies in a corridor or exclusion zone."""
     away = distances(strips, x, y, limit)
     for s in range(len(away)):
         if away[s] < strips.half_width[s]:

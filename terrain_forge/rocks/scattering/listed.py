@@ -47,7 +47,7 @@ def draw_list(
         prototype=prototype.astype(np.int64),
         yaw=2.0 * np.pi * draw(address, YAW) if yaw is None else np.radians(yaw),
         buried=shallow + (deep - shallow) * draw(address, BURIED) if buried is None else buried,
-        loose=np.zeros(count, np.bool_),
+        dynamic=np.zeros(count, np.bool_),
     )
 
 

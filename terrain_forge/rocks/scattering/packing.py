@@ -19,14 +19,15 @@ import numpy as np
 from terrain_forge.base import Array
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM, is_loose
+from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, is_dynamic
 
 LEAST_CHANCE = exp(-3.0)
 """Chance of a free place at which a rock in a thousand is unplaced at most.
 
 Found by placing rocks of the default library at random. Of 0.9 to 1.0 m, 0.5 to 1 m, 0.2 to
-0.25 m, 4 to 5 m, exponential cover with and without loose rocks, number ∝ D⁻³ and four populations
-together, 0.015 % at most were unplaced at this chance, 0.07 % at exp(-3.2), 1 % at exp(-4)."""
+0.25 m, 4 to 5 m, exponential cover with and without dynamic rocks, number ∝ D⁻³ and four
+populations together, 0.015 % at most were unplaced at this chance, 0.07 % at exp(-3.2), 1 % at
+exp(-4)."""
 MAX_COVER = 0.4
 """Part of the ground that all rocks may cover, whatever their sizes: more was not tried."""
 
@@ -94,7 +95,7 @@ def _steps(
     number, cover = (-np.diff(f(ends)) for f in (law.cumulative_number, law.cumulative_area))
     there = number > 0.0
     number, diameter = number[there], np.sqrt(cover[there] / number[there] / (0.25 * pi))
-    room = np.where(is_loose(population, diameter), LOOSE_ROOM, 1.0) * diameter
+    room = np.where(is_dynamic(population, diameter), DYNAMIC_SPACE, 1.0) * diameter
     # Nearer than their circle to the site's border there is none: the others stand closer.
     within = (1.0 - _REACH * room / size[0]) * (1.0 - _REACH * room / size[1])
     area, perimeter = _footprint(population, library)

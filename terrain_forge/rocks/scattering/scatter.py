@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
+from terrain_forge.rocks.embedding.outline import footprint
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
-from terrain_forge.rocks.resting.outline import footprint
 from terrain_forge.rocks.scattering import placement
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
@@ -39,7 +39,7 @@ from terrain_forge.rocks.scattering.intensity import (
 )
 from terrain_forge.rocks.scattering.listed import by_octave, draw_list
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
-from terrain_forge.rocks.scattering.size_classes import LOOSE_ROOM, size_classes
+from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,9 +62,9 @@ class Scattered(Record):
     """Part of the rock's extent that should lie below the ground, 0 to 1, shape [rocks]."""
     diameter: Array
     """Exposed plan diameter [m], shape [rocks]."""
-    loose: NDArray[np.bool_]
+    dynamic: NDArray[np.bool_]
     """Which rocks lie unburied, as bodies that can be pushed, shape [rocks]."""
-    solid: NDArray[np.bool_]
+    collides: NDArray[np.bool_]
     """Which rocks can be touched, shape [rocks]."""
     unplaced: tuple[int, ...]
     """Rocks of each population, of those first put into the window, that found no free place."""
@@ -75,7 +75,7 @@ class Scattered(Record):
         self.freeze("xy", np.float64, ("rocks", 2))
         for name in ("yaw", "buried", "diameter"):
             self.freeze(name, np.float64, ("rocks",))
-        for name in ("loose", "solid"):
+        for name in ("dynamic", "collides"):
             self.freeze(name, np.bool_, ("rocks",))
 
     def __len__(self) -> int:
@@ -94,10 +94,10 @@ def scatter(
     """The rocks whose centre lies in a window of the site, and all that could reach into it.
 
     No two rocks' footprints overlap, but those of listed rocks; a footprint holds all of a rock,
-    buried parts too, however it comes to rest (`outline.footprint`), and of a loose rock
-    `LOOSE_ROOM` times as much. The circle around it (the prototype's `reach` times the diameter)
-    stays on the site. A rock that could stand above a corridor's or clearing's clearance is left
-    out if it falls into it, and kept off it with all of its circle if it falls beside; no move
+    buried parts too, however it comes to rest (`outline.footprint`), and of a dynamic rock
+    `DYNAMIC_SPACE` times as much. The circle around it (the prototype's `reach` times the diameter)
+    stays on the site. A rock that could stand above a corridor's or exclusion zone's clearance is
+    left out if it falls into it, and kept off it with all of its circle if it falls beside; no move
     takes a rock across its border. Listed rocks lie where the user has them, there too.
 
     Args:
@@ -139,8 +139,8 @@ def scatter(
         yaw=drawn.yaw[kept],
         buried=drawn.buried[kept],
         diameter=drawn.diameter[kept],
-        loose=drawn.loose[kept],
-        solid=_solid(drawn, populations, lists)[kept],
+        dynamic=drawn.dynamic[kept],
+        collides=_solid(drawn, populations, lists)[kept],
         unplaced=tuple(
             int(np.count_nonzero(lost & (drawn.population == n)))
             for n in range(len(populations) + len(lists))
@@ -158,14 +158,14 @@ def rock_margin(
     """Ground [m] that must be known around a window for its rocks to rest on.
 
     A rock that reaches into the window has its centre up to its own reach outside, and looks as far
-    again for its ground; a loose one somewhat farther.
+    again for its ground; a dynamic one somewhat farther.
     """
     area = site.size[0] * site.size[1]
     rooms = [0.0]
     for population in populations:
         _, largest = population.diameter_range(area)
-        loose = min(largest, (population.loose_m or (0.0, 0.0))[1])
-        rooms.append(max(largest, LOOSE_ROOM * loose))
+        dynamic = min(largest, (population.dynamic_m or (0.0, 0.0))[1])
+        rooms.append(max(largest, DYNAMIC_SPACE * dynamic))
     for spec in lists:
         rooms.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
     reach = max(prototype.reach for prototype in library.prototypes)
@@ -241,7 +241,7 @@ def _hull(area: Rectangle, cells: list[Cells], needed: list[Region], site: Site)
 def _at_first_places(crowd: _Crowd, library: RockLibrary) -> Rocks:
     drawn = crowd.drawn
     reach, rise = (np.array([getattr(p, n) for p in library.prototypes]) for n in ("reach", "rise"))
-    room = np.where(drawn.loose, LOOSE_ROOM, 1.0) * drawn.diameter
+    room = np.where(drawn.dynamic, DYNAMIC_SPACE, 1.0) * drawn.diameter
     bins = sum(
         c.split**2 * r.columns * r.rows for c, r in zip(crowd.cells, crowd.needed, strict=True)
     )
@@ -283,8 +283,8 @@ def _solid(
 ) -> NDArray[np.bool_]:
     """Which rocks can be touched."""
     smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists), np.float64)
-    solid: NDArray[np.bool_] = drawn.loose | (drawn.diameter >= smallest[drawn.population])
-    return solid
+    collides: NDArray[np.bool_] = drawn.dynamic | (drawn.diameter >= smallest[drawn.population])
+    return collides
 
 
 def _distance(xy: Array, area: Rectangle) -> Array:

@@ -17,8 +17,8 @@ from terrain_forge.rocks.scattering.cells import Cells, divide
 from terrain_forge.rocks.scattering.clusters import Parents
 from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
 
-LOOSE_ROOM = 1.25
-"""Room that a loose rock is given, over what it needs at rest: it is yet to settle on the ground,
+DYNAMIC_SPACE = 1.25
+"""Room that a dynamic rock is given, over what it needs at rest: it is yet to settle on the ground,
 and no neighbour may hold it."""
 
 _MAX_ROCKS_PER_CELL = 500.0
@@ -89,11 +89,11 @@ def shapes_of(
     return np.flatnonzero(chosen)
 
 
-def is_loose(population: PopulationSpec, diameter: Array) -> NDArray[np.bool_]:
-    """Which diameters [m] are those of loose rocks."""
-    smallest, largest = population.loose_m or (np.inf, np.inf)
-    loose: NDArray[np.bool_] = (diameter >= smallest) & (diameter <= largest)
-    return loose
+def is_dynamic(population: PopulationSpec, diameter: Array) -> NDArray[np.bool_]:
+    """Which diameters [m] are those of dynamic rocks."""
+    smallest, largest = population.dynamic_m or (np.inf, np.inf)
+    dynamic: NDArray[np.bool_] = (diameter >= smallest) & (diameter <= largest)
+    return dynamic
 
 
 def _octaves(
@@ -162,8 +162,8 @@ def _cells(
     site: Site, population: PopulationSpec, sizes: tuple[float, float], reach: float, *, local: bool
 ) -> Cells:
     low, high = sizes
-    loose_low, loose_high = population.loose_m or (np.inf, np.inf)
-    room = LOOSE_ROOM if loose_low <= high and loose_high >= low else 1.0
+    dynamic_low, dynamic_high = population.dynamic_m or (np.inf, np.inf)
+    room = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
     return divide(
         site,
         density=_density(population, sizes) * max(crowding(population.arrangement), 1.0),

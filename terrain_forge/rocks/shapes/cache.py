@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import from_plain, to_plain
-from terrain_forge.model import BroughtMesh, RockLibrary
+from terrain_forge.model import CustomMesh, RockLibrary
 from terrain_forge.rocks.library import LibrarySpec, make_library
 
 logger = getLogger(__name__)
@@ -37,25 +37,25 @@ _MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
 _BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
 
 
-def find_library(spec: LibrarySpec, *, brought: tuple[BroughtMesh, ...] = ()) -> RockLibrary:
+def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> RockLibrary:
     """The library that `make_library` makes, to the bit, from the cache where it holds it.
 
     A cache that cannot be read or written is only logged: the library is then made.
 
     Args:
         spec: What is wanted.
-        brought: The user's own shapes, by the paths that the spec names.
+        custom: The user's own shapes, by the paths that the spec names.
 
     Raises:
         RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
     """
     folder = cache_folder()
     if folder is None:
-        return make_library(spec, brought=brought)
-    file = folder / f"rocks-{library_key(spec, brought)}.npz"
+        return make_library(spec, custom=custom)
+    file = folder / f"rocks-{library_key(spec, custom)}.npz"
     library = _read(file)
     if library is None:
-        library = make_library(spec, brought=brought)
+        library = make_library(spec, custom=custom)
         _write(file, library)
     return library
 
@@ -80,11 +80,11 @@ def _at_home(folder: Path) -> Path:
         return folder
 
 
-def library_key(spec: LibrarySpec, brought: tuple[BroughtMesh, ...]) -> str:
+def library_key(spec: LibrarySpec, custom: tuple[CustomMesh, ...]) -> str:
     """SHA-256 of all that a library follows from, hexadecimal: wishes, meshes, code, packages."""
     wishes = json.dumps(asdict(spec), sort_keys=True)
     digest = sha256(f"{wishes}\n{_origin()}".encode())
-    for own in brought:
+    for own in custom:
         digest.update(f"{own.path}\n{len(own.mesh.vertices)}\n".encode())
         digest.update(own.mesh.vertices.tobytes())
         digest.update(own.mesh.faces.tobytes())

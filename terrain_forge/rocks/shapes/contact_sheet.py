@@ -142,8 +142,8 @@ def _lay(levels: Sequence[RockPrototype], columns: Array) -> RockField:
         buried_fraction=buried,
         volume=volume,
         mass=volume,
-        loose=np.zeros(count, np.bool_),
-        solid=np.ones(count, np.bool_),
+        dynamic=np.zeros(count, np.bool_),
+        collides=np.ones(count, np.bool_),
     )
 
 

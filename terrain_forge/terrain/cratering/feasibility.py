@@ -12,7 +12,7 @@ from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.chronology import OLDEST
 from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.fresh import LARGEST_SIMPLE
-from terrain_forge.terrain.cratering.making import (
+from terrain_forge.terrain.cratering.layer_craters import (
     FEWEST_NODES,
     NOT_GIVEN,
     UNRESOLVED,

@@ -12,7 +12,7 @@ from terrain_forge.model import Site, Window
 from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
 from terrain_forge.terrain.cratering.feasibility import check_craters
-from terrain_forge.terrain.cratering.making import NOT_GIVEN, make_craters
+from terrain_forge.terrain.cratering.layer_craters import NOT_GIVEN, make_craters
 from terrain_forge.terrain.cratering.production import Production
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import InputTable, Layer

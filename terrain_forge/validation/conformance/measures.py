@@ -139,7 +139,7 @@ def _rocks(
     touched = np.maximum(ROCK_LIMIT, (export.outline_error + export.scale_error) * size)
     seen = np.maximum(touched, ROCK_LIMIT + np.array(levels)[field.prototype] * size)
     looks: list[tuple[Solids | None, NDArray[np.bool_], Array]] = [
-        (reading.touched, field.solid, touched),
+        (reading.touched, field.collides, touched),
         (reading.seen, np.ones(len(field), np.bool_), seen if export.drawn_level else touched),
     ]
     worst, limit = np.zeros(len(field)), touched
@@ -164,21 +164,21 @@ def _masses(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry 
     if reading.bodies is None:
         return None
     field = sample.world.field
-    loose = field.select(field.loose)
-    if not len(loose):
-        return replace(entry, status="not carried", note="no rock is loose")
+    dynamic = field.select(field.dynamic)
+    if not len(dynamic):
+        return replace(entry, status="not carried", note="no rock is dynamic")
     place = {rock: n for n, rock in enumerate(reading.bodies.rock.tolist())}
-    missing = [rock for rock in loose.id.tolist() if rock not in place]
-    if missing or len(place) != len(loose):
+    missing = [rock for rock in dynamic.id.tolist() if rock not in place]
+    if missing or len(place) != len(dynamic):
         first = f"rock {missing[0]}" if missing else "one too many"
-        note = f"{len(place)} bodies for {len(loose)} loose rocks; {first}"
+        note = f"{len(place)} bodies for {len(dynamic)} dynamic rocks; {first}"
         return replace(entry, status="fail", note=note)
-    order = [place[rock] for rock in loose.id.tolist()]
-    tensors = inertias(loose, sample.world.library)
+    order = [place[rock] for rock in dynamic.id.tolist()]
+    tensors = inertias(dynamic, sample.world.library)
     off = np.abs(reading.bodies.inertia[order] - tensors).max(axis=(1, 2))
     off /= np.abs(tensors).max(axis=(1, 2))
-    mass = np.abs(reading.bodies.mass[order] / loose.mass - 1.0)
-    note = f"largest relative error of mass and inertia, {len(loose)} loose rocks"
+    mass = np.abs(reading.bodies.mass[order] / dynamic.mass - 1.0)
+    note = f"largest relative error of mass and inertia, {len(dynamic)} dynamic rocks"
     return _judged(entry, float(max(off.max(), mass.max())), MASS_LIMIT, note=note)
 
 
@@ -201,7 +201,7 @@ def _frames(sample: Sample, _: Export, reading: Reading, entry: Entry) -> Entry 
     what = ["edges of the ground"]
     if reading.bodies is not None and len(reading.bodies.rock):
         worst = max(worst, _body_error(sample, reading))
-        what.append("poses of loose rocks")
+        what.append("poses of dynamic rocks")
     return _judged(entry, worst, PLACE_LIMIT, unit="m", note=" and ".join(what))
 
 

@@ -121,7 +121,7 @@ def _bodies(model: Any, data: Any) -> Bodies:
 
 
 def _rest(sample: Sample, path: Path) -> Array:
-    """Where the balls come to rest in the exported world [m]; loose rocks are left out."""
+    """Where the balls come to rest in the exported world [m]; dynamic rocks are left out."""
     import mujoco
 
     spec = mujoco.MjSpec.from_file(str(path))

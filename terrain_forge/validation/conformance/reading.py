@@ -84,7 +84,7 @@ class Reading:
     gravity: float | None = None
     """Acceleration along z [m/s²]."""
     bodies: Bodies | None = None
-    """Loose rocks."""
+    """Dynamic rocks."""
     tracks: tuple[Track, ...] | None = None
     """The paths."""
     balls: Array | None = None

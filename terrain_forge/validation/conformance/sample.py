@@ -22,7 +22,7 @@ SETTLING = 3.0
 """How long it may take to rest [s]."""
 BALL_RADIUS = 0.2
 """Radius of the balls where the world's rover has no wheels [m]."""
-_LOOSE = 50
+_DYNAMIC = 50
 _PLACES = 1000
 
 
@@ -103,12 +103,12 @@ def draw_sample(world: World, *, points: int) -> Sample:
 
 
 def _rock_rows(world: World) -> NDArray[np.int64]:
-    """Rocks evenly over all, loose ones, and the largest."""
+    """Rocks evenly over all, dynamic ones, and the largest."""
     rows = np.arange(len(world.field))
     largest = np.argsort(world.field.diameter, kind="stable")[-1:]
-    loose = np.flatnonzero(world.field.loose)
-    most = ROCKS - _LOOSE - 1 if len(loose) else ROCKS - 1
-    return np.unique(np.concatenate([_spread(rows, most), _spread(loose, _LOOSE), largest]))
+    dynamic = np.flatnonzero(world.field.dynamic)
+    most = ROCKS - _DYNAMIC - 1 if len(dynamic) else ROCKS - 1
+    return np.unique(np.concatenate([_spread(rows, most), _spread(dynamic, _DYNAMIC), largest]))
 
 
 def _spread(rows: NDArray[np.intp], most: int) -> NDArray[np.int64]:

@@ -276,7 +276,7 @@ int Rest(const std::string &path, const std::string &plugin, double seconds) {
       const auto *model = description->ModelByIndex(n);
       const bool ball = model->Name().rfind("probe_ball_", 0) == 0;
       if (ball) balls.push_back(model->Name());
-      if (!ball && !model->Static()) continue;  // loose rocks would only take time
+      if (!ball && !model->Static()) continue;  // dynamic rocks would only take time
       world->ConstructModel(*model);
       Attach(world, *model);
     }

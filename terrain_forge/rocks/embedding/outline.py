@@ -103,7 +103,7 @@ def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
 
 
 @kernel
-def resting_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
+def embedding_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
     """The rotation that turns by `yaw` [rad] about z, then leans z the short way to a unit normal.
 
     Returns:
@@ -369,7 +369,7 @@ def _leaning(step):  # type: ignore[no-untyped-def]
     """Rotation of a rock on the ground at one step of the sweep, shape [3, 3]."""
     tilt, azimuth = _tilt(step), 2.0 * np.pi * step / _BOUND_YAWS
     east, north = np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
-    return rotation_matrix(resting_rotation(east, north, np.cos(tilt), 0.0))
+    return rotation_matrix(embedding_rotation(east, north, np.cos(tilt), 0.0))
 
 
 @inner

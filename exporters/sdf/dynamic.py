@@ -1,4 +1,4 @@
-"""Loose rocks: a model each, which gravity holds and a rover can push."""
+"""Dynamic rocks: a model each, which gravity holds and a rover can push."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from terrain_forge.exporters.sdf import material
 from terrain_forge.base import Array, rpy_from_quaternion
 from terrain_forge.geometry import inertias
 from terrain_forge.model import World
-from terrain_forge.rocks import loose_contact
+from terrain_forge.rocks import dynamic_contact
 
 from .markup import Lines, element, numbers
 from .model import Model, surface
 from .rocks import hull_file, scaled_mesh, shape_file, texture_file
 
 
-def loose_rocks(world: World, model: Model) -> list[Lines]:
-    """A model `rock_<id>` for each loose rock, sharing meshes and textures with the fixed ones.
+def dynamic_rocks(world: World, model: Model) -> list[Lines]:
+    """A model `rock_<id>` for each dynamic rock, sharing meshes and textures with the static ones.
 
     Args:
         world: The world.
-        model: The model of the fixed rocks.
+        model: The model of the static rocks.
     """
-    field = world.field.select(world.field.loose)
+    field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
     looks = [
         "".join(material.textured(model, texture_file(n))) for n in range(len(field.populations))
@@ -54,10 +54,10 @@ def _inertial(mass: float, tensor: Array) -> Lines:
 
 
 def _contact(diameter: float) -> Lines:
-    """Friction of a loose rock, as it was settled.
+    """Friction of a dynamic rock, as it was settled.
 
     SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
     """
-    contact = loose_contact(diameter)
+    contact = dynamic_contact(diameter)
     radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
     return surface(contact.sliding, patch_radius=radius)

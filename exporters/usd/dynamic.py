@@ -1,4 +1,4 @@
-"""Loose rocks: rigid bodies that a rover can push, seen and touched through instances."""
+"""Dynamic rocks: rigid bodies that a rover can push, seen and touched through instances."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from terrain_forge.exporters.usd import library as shapes
 from terrain_forge.base import Array
 from terrain_forge.geometry import inertias, principal_axes
 from terrain_forge.model import RockField, RockLibrary
-from terrain_forge.rocks import loose_contact
+from terrain_forge.rocks import dynamic_contact
 
 from .layer import gf_quaternion, label
 from .library import specify_instance
@@ -17,14 +17,14 @@ from .material import bind, bind_friction, define_friction
 from .specs import apply_schemas, specify, specify_place
 
 
-def define_loose_groups(
+def define_dynamic_groups(
     stage: Usd.Stage, root: str, rocks: RockField, looks: dict[int, UsdShade.Material]
 ) -> None:
-    """A group `loose_<population>` for each population's loose rocks, with its materials."""
+    """A group `dynamic_<population>` for each population's dynamic rocks, with its materials."""
     if not len(rocks):
         return
-    sliding = loose_contact(float(rocks.diameter[0])).sliding  # the same for all sizes
-    friction = define_friction(stage, f"{root}/Looks/loose", sliding)
+    sliding = dynamic_contact(float(rocks.diameter[0])).sliding  # the same for all sizes
+    friction = define_friction(stage, f"{root}/Looks/dynamic", sliding)
     for population in np.unique(rocks.population).tolist():
         group = UsdGeom.Xform.Define(stage, _group(root, population)).GetPrim()
         label(group, "rock")
@@ -32,8 +32,8 @@ def define_loose_groups(
         bind_friction(group, friction)
 
 
-def specify_loose(layer: Sdf.Layer, root: str, rocks: RockField, library: RockLibrary) -> None:
-    """A body `rock_<id>` for each loose rock, in the groups of `define_loose_groups`.
+def specify_dynamic(layer: Sdf.Layer, root: str, rocks: RockField, library: RockLibrary) -> None:
+    """A body `rock_<id>` for each dynamic rock, in the groups of `define_dynamic_groups`.
 
     The body itself is not scaled, so that its mass properties are in metres and kilograms.
     """
@@ -65,4 +65,4 @@ def _specify_mass(body: Sdf.PrimSpec, mass: float, moments: Array, axes: Array) 
 
 
 def _group(root: str, population: int) -> str:
-    return f"{root}/loose_{population}"
+    return f"{root}/dynamic_{population}"

@@ -7,10 +7,10 @@ import numpy as np
 from terrain_forge.base import srgb_from_linear
 from terrain_forge.geometry import mean_rock_colour, rock_texture
 from terrain_forge.model import World
-from terrain_forge.rocks import loose_contact
+from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import encode_png
 
-from .contact import LOOSE_PRIORITY, sliding
+from .contact import DYNAMIC_PRIORITY, sliding
 from .xml import element
 
 _MATT = {"specular": 0.0, "shininess": 0.0}
@@ -19,7 +19,7 @@ _ROCK_GROUP, _PICTURE_GROUP, _HIDDEN_GROUP = 1, 2, 3
 """Groups of geoms: seen and touched, seen alone, touched alone (viewers hide groups above 2)."""
 
 
-def rock_looks(world: World, *, textured: bool) -> list[str]:
+def rock_materials(world: World, *, textured: bool) -> list[str]:
     """A material per population in the mean of its colours, and one that shows its texture."""
     looks = []
     for n in range(len(world.field.populations)):
@@ -47,9 +47,9 @@ def rock_classes(world: World, *, textured: bool, friction: float) -> list[str]:
     """Default classes, so that a rock's line holds only what is its own.
 
     Per population `rock_<n>` is seen and touched, `seen_<n>` seen alone, `shape_<n>` too, with its
-    texture; `hull` is touched alone, and so is `loose`, which also meets what is fixed.
+    texture; `hull` is touched alone, and so is `dynamic`, which also meets what is fixed.
     """
-    classes = [_class("hull", group=_HIDDEN_GROUP), _loose_class()]
+    classes = [_class("hull", group=_HIDDEN_GROUP), _dynamic_class()]
     for n in range(len(world.field.populations)):
         picture = {"group": _PICTURE_GROUP, **_UNTOUCHABLE}
         classes.append(_class(f"rock_{n}", material=f"rock_{n}"))
@@ -60,15 +60,15 @@ def rock_classes(world: World, *, textured: bool, friction: float) -> list[str]:
     return [element("default", [rock, *classes], class_="rock")]
 
 
-def _loose_class() -> str:
+def _dynamic_class() -> str:
     # Torsional and rolling friction grow with the rock and stand with each.
-    contact = loose_contact(1.0)
+    contact = dynamic_contact(1.0)
     return _class(
-        "loose",
+        "dynamic",
         group=_HIDDEN_GROUP,
         contype=1,
         conaffinity=1,
-        priority=LOOSE_PRIORITY,
+        priority=DYNAMIC_PRIORITY,
         condim=contact.condim,
         solref=np.array(contact.solref),
     )

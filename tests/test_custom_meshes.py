@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from terrain_forge.base import DataError
-from terrain_forge.model import BroughtMesh, Mesh
+from terrain_forge.model import CustomMesh, Mesh
 from terrain_forge.rocks import (
     LibrarySpec,
     cache_folder,
@@ -178,7 +178,7 @@ def test_a_mesh_on_a_maps_coordinates_is_the_same_rock(tmp_path, offset):
     np.testing.assert_allclose(one.inertia, other.inertia, atol=1e-5)
     made = make_library(
         LibrarySpec(shapes=0, meshes=(MeshSpec(file="far.obj"),)),
-        brought=(BroughtMesh(path="far.obj", mesh=there, repairs=()),),
+        custom=(CustomMesh(path="far.obj", mesh=there, repairs=()),),
     )
     moments = np.linalg.eigvalsh(made.prototypes[0].inertia)
     assert moments[0] > 0.0
@@ -285,16 +285,16 @@ def test_a_moebius_strip_has_no_inside(tmp_path):
     assert "cannot all look outward" in refused(written(tmp_path, strip, "strip.ply"))
 
 
-def brought(body, path):
-    return BroughtMesh(path=path, mesh=Mesh(vertices=body.vertices, faces=body.faces), repairs=())
+def custom(body, path):
+    return CustomMesh(path=path, mesh=Mesh(vertices=body.vertices, faces=body.faces), repairs=())
 
 
 @pytest.fixture(scope="module")
 def own_library():
     own = (MeshSpec(file="shapes/hook.stl"), MeshSpec(file="ball.ply", family="mine", keep_up=True))
     spec = LibrarySpec(shapes=1, meshes=own, hull_excess=0.25, hull_distance=0.15)
-    shapes = (brought(rough_ball(4), "ball.ply"), brought(hook(), "shapes/hook.stl"))
-    return make_library(spec, brought=shapes)
+    shapes = (custom(rough_ball(4), "ball.ply"), custom(hook(), "shapes/hook.stl"))
+    return make_library(spec, custom=shapes)
 
 
 def test_users_shapes_become_prototypes(own_library):
@@ -406,7 +406,7 @@ def test_cache_can_be_off_or_out_of_reach(tmp_path, monkeypatch):
 
 
 def test_cache_key_follows_wishes_and_meshes():
-    one, other = brought(rough_ball(2), "a.ply"), brought(rough_ball(1), "a.ply")
+    one, other = custom(rough_ball(2), "a.ply"), custom(rough_ball(1), "a.ply")
     keys = {
         library_key(LibrarySpec(), ()),
         library_key(LibrarySpec(seed=1), ()),

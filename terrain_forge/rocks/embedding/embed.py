@@ -16,21 +16,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, inner, kernel, matrix_from_quaternion, over_chunks
 from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary
-from terrain_forge.rocks.resting.exposure import (
+from terrain_forge.rocks.embedding.exposure import (
     DEEPEST,
     Exposure,
     exposed_width,
     exposure,
     upright_width,
 )
-from terrain_forge.rocks.resting.lattice import Lattice, height, lattice, onto
-from terrain_forge.rocks.resting.outline import (
+from terrain_forge.rocks.embedding.lattice import Lattice, height, lattice, onto
+from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
     edges,
+    embedding_rotation,
     fits,
     footprint,
-    resting_rotation,
     rotation_matrix,
 )
 from terrain_forge.rocks.scattering.scatter import Scattered
@@ -44,7 +44,7 @@ _RING_RADIUS = 0.4
 _RING_POINTS = 12
 
 
-def rest(
+def embed(
     *, scattered: Scattered, library: RockLibrary, ground: Heightfield, density: ArrayLike
 ) -> RockField:
     """Lay rocks on the ground.
@@ -56,7 +56,7 @@ def rest(
         density: Density of each population's rocks [kg/m³], shape [populations].
 
     Returns:
-        The rocks in the order of `scattered`, all of them fixed and buried; `loose` says as there
+        The rocks in the order of `scattered`, all of them fixed and buried; `dynamic` says as there
         which ones are yet to be settled.
 
     Raises:
@@ -86,8 +86,8 @@ def rest(
         buried_fraction=lain.buried,
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
-        loose=scattered.loose,
-        solid=scattered.solid,
+        dynamic=scattered.dynamic,
+        collides=scattered.collides,
     )
 
 
@@ -189,7 +189,7 @@ def _lay_some(first, last, rocks, exposure, foot, ground, deepest, lain):  # typ
         low, span = exposure.low[p], exposure.span[p]
         plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter[n], ground.spacing))
         upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
-        turn = resting_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[n])
+        turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[n])
         rotation = rotation_matrix(turn)
         burial = rocks.buried[n]
         size = diameter[n] / upright_width(exposure, p, low + burial * span)

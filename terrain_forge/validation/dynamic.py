@@ -1,4 +1,4 @@
-"""Whether loose rocks stay where they lie when a simulator loads the exported world."""
+"""Whether dynamic rocks stay where they lie when a simulator loads the exported world."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from terrain_forge.driving import load_scene
 from terrain_forge.model import Check, World, at_least, exporter, failed
 
 TIME = 5.0
-"""How long loose rocks are watched [s]."""
+"""How long dynamic rocks are watched [s]."""
 MOST_SHIFT = 0.02
 """Part of its diameter by which a rock that stays may move."""
 MOST_TURN = np.radians(3.0)
 """Angle by which a rock that stays may turn [rad]."""
 STAYING = 0.95
-"""Part of the loose rocks that must stay."""
+"""Part of the dynamic rocks that must stay."""
 MOST_WATCHED = 200
-"""Loose rocks that are watched; of more, so many are taken evenly from all."""
+"""Dynamic rocks that are watched; of more, so many are taken evenly from all."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stay(Record):
-    """How far loose rocks moved under gravity alone."""
+    """How far dynamic rocks moved under gravity alone."""
 
     id: NDArray[np.int32]
-    """Ids of the loose rocks, shape [rocks]."""
+    """Ids of the dynamic rocks, shape [rocks]."""
     shift: Array
     """How far the centre of mass moved, over the diameter, shape [rocks]."""
     turn: Array
@@ -50,20 +50,20 @@ class Stay(Record):
         return np.asarray((self.shift <= MOST_SHIFT) & (self.turn <= MOST_TURN))
 
 
-def loose_checks(world: World, directory: Path) -> list[Check]:
-    """Loose rocks of the exported MJCF, or of one made for this, after 5 s under gravity.
+def dynamic_checks(world: World, directory: Path) -> list[Check]:
+    """Dynamic rocks of the exported MJCF, or of one made for this, after 5 s under gravity.
 
-    None where the world has no loose rocks.
+    None where the world has no dynamic rocks.
     """
-    if not world.field.loose.any():
+    if not world.field.dynamic.any():
         return []
-    title = f"rocks: loose ones that stay for {TIME:g} s"
+    title = f"rocks: dynamic ones that stay for {TIME:g} s"
     try:
         stay = watch(world, _world_xml(world, directory))
     except SimulationError as error:
         return [failed(title, str(error))]
     count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
-    every = int(np.count_nonzero(world.field.loose))
+    every = int(np.count_nonzero(world.field.dynamic))
     worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
     note = (
         f"part of {count} of {every} within {MOST_SHIFT:.0%} of the diameter and "
@@ -74,18 +74,18 @@ def loose_checks(world: World, directory: Path) -> list[Check]:
 
 
 def watch(world: World, scene: Path) -> Stay:
-    """Load an exported world.xml and let at most `MOST_WATCHED` of its loose rocks be for 5 s.
+    """Load an exported world.xml and let at most `MOST_WATCHED` of its dynamic rocks be for 5 s.
 
     Args:
         world: The world that was exported.
         scene: Its `world.xml`.
 
     Raises:
-        SimulationError: if MuJoCo cannot load it, a loose rock is missing in it, or the simulation
-            diverges.
+        SimulationError: if MuJoCo cannot load it, a dynamic rock is missing in it, or the
+            simulation diverges.
     """
     model = load_scene(scene)
-    rocks = world.field.select(world.field.loose)
+    rocks = world.field.select(world.field.dynamic)
     bodies = np.array([_body(model, f"rock_{rock}") for rock in rocks.id.tolist()])
     watched = np.unique(np.linspace(0, len(rocks) - 1, MOST_WATCHED).round().astype(np.intp))
     parts = np.array_split(watched, min(get_num_threads(), len(watched)))
@@ -98,7 +98,7 @@ def watch(world: World, scene: Path) -> Stay:
 def _let_be(
     whole: Any, bodies: NDArray[np.intp], watched: NDArray[np.intp], scene: Path
 ) -> tuple[Array, Array]:
-    """How far some of the loose rocks move [m] and turn [rad] where the others are not."""
+    """How far some of the dynamic rocks move [m] and turn [rad] where the others are not."""
     import mujoco
 
     model = copy(whole)
@@ -109,7 +109,7 @@ def _let_be(
     position, quaternion = data.xpos[bodies].copy(), data.xquat[bodies].copy()
     mujoco.mj_step(model, data, nstep=round(TIME / model.opt.timestep))
     if data.warning.number.any():
-        raise SimulationError(f"{scene}: MuJoCo warns while the loose rocks rest")
+        raise SimulationError(f"{scene}: MuJoCo warns while the dynamic rocks rest")
     cosine = np.abs((data.xquat[bodies] * quaternion).sum(axis=1))
     shift = np.linalg.norm(data.xpos[bodies] - position, axis=1)
     return shift, 2.0 * np.arccos(np.minimum(cosine, 1.0))

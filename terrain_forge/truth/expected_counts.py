@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class ExpectedCounts:
     """The rocks of one population that a window should have."""
 
     law: SizeLaw
@@ -28,12 +28,12 @@ class Wanted:
     """Where the law holds, up to which diameter, and how sure that is."""
 
     @staticmethod
-    def of(spec: PopulationSpec, world: World) -> Wanted:
+    def of(spec: PopulationSpec, world: World) -> ExpectedCounts:
         """What a population of a world should have."""
         east, north = world.site.size
         smallest, _ = spec.diameter_range(east * north)
         expectation = expected(spec, site=world.site, window=world.window, ground=world.ground)
-        return Wanted(law=spec.size_frequency, smallest=smallest, expectation=expectation)
+        return ExpectedCounts(law=spec.size_frequency, smallest=smallest, expectation=expectation)
 
     @property
     def largest(self) -> float:

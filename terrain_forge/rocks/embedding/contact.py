@@ -1,7 +1,7 @@
-"""How a loose rock touches the ground: in one place, for settling, exporting and checking alike.
+"""How a dynamic rock touches the ground: in one place, for settling, exporting and checking alike.
 
 A rock that was settled with one set of contact parameters rolls away under another, so whoever
-simulates a loose rock takes them from here.
+simulates a dynamic rock takes them from here.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from terrain_forge.base import Record
 SLIDING = 0.7
 """Coefficient of sliding friction with which rocks are settled."""
 ROLLING = 0.05
-"""Torsional and rolling friction of a loose rock, as a part of its diameter."""
+"""Torsional and rolling friction of a dynamic rock, as a part of its diameter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LooseContact(Record):
-    """Contact parameters of a loose rock, in MuJoCo's terms."""
+class DynamicContact(Record):
+    """Contact parameters of a dynamic rock, in MuJoCo's terms."""
 
     condim: int
     """Dimensions of a contact: 6 for sliding, torsional and rolling friction."""
@@ -39,9 +39,9 @@ class LooseContact(Record):
         return self.sliding, self.torsional, self.rolling
 
 
-def loose_contact(diameter: float, *, sliding: float = SLIDING) -> LooseContact:
-    """Contact parameters of a loose rock of an exposed diameter [m]."""
-    return LooseContact(
+def dynamic_contact(diameter: float, *, sliding: float = SLIDING) -> DynamicContact:
+    """Contact parameters of a dynamic rock of an exposed diameter [m]."""
+    return DynamicContact(
         condim=6,
         sliding=sliding,
         torsional=ROLLING * diameter,

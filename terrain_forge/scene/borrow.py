@@ -12,7 +12,7 @@ from numba import types
 from numba.extending import intrinsic
 
 
-def _lend(_typing, members):  # type: ignore[no-untyped-def]
+def _borrow(_typing, members):  # type: ignore[no-untyped-def]
     """The tuple or named tuple with all its arrays lent."""
 
     def build(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
@@ -28,5 +28,5 @@ def _lend(_typing, members):  # type: ignore[no-untyped-def]
     return members(members), build
 
 
-lend: Any = intrinsic(_lend)
+borrow: Any = intrinsic(_borrow)
 """The tuple or named tuple with all its arrays lent; to be called in kernels."""

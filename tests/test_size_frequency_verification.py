@@ -1,4 +1,4 @@
-"""The proof of the rocks: sizes, numbers, cover, places, shapes and overlaps."""
+"""The verification of the rocks: sizes, numbers, cover, places, shapes and overlaps."""
 
 import json
 from dataclasses import replace
@@ -26,10 +26,10 @@ from terrain_forge.rocks import (
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.rocks.size_frequency import Counts, Golombek, PowerLaw
 from terrain_forge.truth import shape_figures
+from terrain_forge.truth.expected_counts import ExpectedCounts
 from terrain_forge.truth.shapes import is_closed
 from terrain_forge.truth.size_frequency import size_frequency, write_size_frequency
 from terrain_forge.truth.statistics import clark_evans, count_band
-from terrain_forge.truth.wanted import Wanted
 from tests import worlds
 
 ALPHA = 0.001
@@ -79,8 +79,8 @@ def scattered(diameters, *, side=100.0, seed=11):
 def test_the_wanted_figures_are_the_golden_ones():
     spec = population("p0")
     found = size_frequency(scattered([np.array([0.2])]), rocks=rocks(spec))["populations"][0]
-    assert found["count"]["wanted"] == pytest.approx(13842.68, abs=0.01)
-    assert found["cover"]["wanted"] == pytest.approx(0.0469199, abs=1e-7)
+    assert found["count"]["expected"] == pytest.approx(13842.68, abs=0.01)
+    assert found["cover"]["expected"] == pytest.approx(0.0469199, abs=1e-7)
     assert found["cover"]["standard_deviation"] == pytest.approx(0.00080622, abs=1e-8)
 
 
@@ -104,7 +104,7 @@ def test_right_samples_agree_and_kolmogorov_smirnov_is_scipys():
     )
     assert test["p_value"] > ALPHA
     cover = np.pi / 4 * np.sum(diameters**2) / 1e4
-    assert found["cover"]["realised"] == pytest.approx(cover, rel=1e-12)
+    assert found["cover"]["observed"] == pytest.approx(cover, rel=1e-12)
     for name in ("count", "cover"):
         assert abs(found[name]["z"]) < stats.norm.isf(ALPHA / 2)
 
@@ -132,9 +132,9 @@ def test_populations_add_up_and_strangers_stay_out():
     random = np.random.default_rng(10)
     specs = [population("p0", diameter=(0.2, 0.5)), population("p1", diameter=(0.5, 1.5))]
     world = scattered([*(draw(random, spec, 1e4) for spec in specs), np.full(100, 5.0)])
-    proof = size_frequency(world, rocks=rocks(*specs))
-    one, two, both = *proof["populations"], proof["together"]
-    for name in ("wanted", "realised"):
+    verification = size_frequency(world, rocks=rocks(*specs))
+    one, two, both = *verification["populations"], verification["together"]
+    for name in ("expected", "observed"):
         assert both["count"][name] == pytest.approx(one["count"][name] + two["count"][name])
         assert both["cover"][name] == pytest.approx(one["cover"][name] + two["cover"][name])
     assert both["diameter_m"] == [0.2, 1.5]
@@ -146,13 +146,13 @@ def test_the_band_is_the_poisson_one_and_the_curve_counts():
     spec = population("p0")
     diameters = draw(np.random.default_rng(12), spec, 1e4)
     curve = size_frequency(scattered([diameters]), rocks=rocks(spec))["populations"][0]["curve"]
-    wanted = np.array(curve["number_wanted"]) * 1e4
+    wanted = np.array(curve["number_expected"]) * 1e4
     for name, tail in (("number_low", 0.025), ("number_high", 0.975)):
         np.testing.assert_allclose(np.array(curve[name]) * 1e4, stats.poisson.ppf(tail, wanted))
     n = 20
     larger = diameters[diameters >= curve["diameter_m"][n]]
-    assert curve["number_realised"][n] == pytest.approx(len(larger) / 1e4)
-    assert curve["cover_realised"][n] == pytest.approx(np.pi / 4 * np.sum(larger**2) / 1e4)
+    assert curve["number_observed"][n] == pytest.approx(len(larger) / 1e4)
+    assert curve["cover_observed"][n] == pytest.approx(np.pi / 4 * np.sum(larger**2) / 1e4)
 
 
 def test_rocks_and_area_of_corridors_stay_out():
@@ -173,13 +173,15 @@ def test_rocks_and_area_of_corridors_stay_out():
     world = world.replace(site=world.site.replace(routes=(route,)))
     swept = np.hypot(np.maximum(np.abs(world.field.position[:, 0]) - 40, 0),
                      world.field.position[:, 1] - 3.0) < 4.0  # fmt: skip
-    proof = size_frequency(world.replace(field=world.field.select(~swept)), rocks=rocks(spec))
-    assert proof["corridor_area_m2"] == pytest.approx(80 * 8 + np.pi * 16, rel=2e-3)
-    assert proof["together"]["count"]["realised"] == np.sum(~swept)
-    assert abs(proof["together"]["count"]["z"]) < stats.norm.isf(ALPHA / 2)
+    verification = size_frequency(
+        world.replace(field=world.field.select(~swept)), rocks=rocks(spec)
+    )
+    assert verification["corridor_area_m2"] == pytest.approx(80 * 8 + np.pi * 16, rel=2e-3)
+    assert verification["together"]["count"]["observed"] == np.sum(~swept)
+    assert abs(verification["together"]["count"]["z"]) < stats.norm.isf(ALPHA / 2)
     with_swept = size_frequency(world, rocks=rocks(spec))["together"]
     for name in ("count", "kolmogorov_smirnov", "clark_evans", "curve"):
-        assert with_swept[name] == proof["together"][name]
+        assert with_swept[name] == verification["together"][name]
     listed = rocks(lists=(RockListSpec(name="p0", file="mine.csv"),))
     assert size_frequency(world, rocks=listed)["lists"][0]["in_corridors"] == np.sum(swept)
 
@@ -224,7 +226,7 @@ def test_clusters_scatter_more_than_poisson_by_just_what_is_stated():
     squares, poisson = [], []
     for seed in range(seeds):
         here = site.replace(seed=seed)
-        wanted = Wanted(
+        wanted = ExpectedCounts(
             law=spec.size_frequency,
             smallest=0.2,
             expectation=expected(spec, site=here, window=here.window),
@@ -242,7 +244,7 @@ def test_clusters_scatter_more_than_poisson_by_just_what_is_stated():
 def test_parts_of_a_law_add_up_and_end_at_their_largest_rock():
     law = Golombek(k=0.05)
     parts = ((100.0, 0.5), (50.0, 1.2), (10.0, 0.1))
-    wanted = Wanted(
+    wanted = ExpectedCounts(
         law=law, smallest=0.2, expectation=Expectation(parts=parts, area_variance=160.0**2 * 0.01)
     )
     at = np.array([0.1, 0.3, 0.7, 1.3])
@@ -274,18 +276,18 @@ def test_parts_of_a_law_add_up_and_end_at_their_largest_rock():
     assert wanted.largest == 1.2
 
 
-def test_loose_rocks_and_those_for_the_eye_are_counted():
+def test_dynamic_rocks_and_those_for_the_eye_are_counted():
     diameters = np.array([0.2, 0.25, 0.3, 0.35, 0.4, 0.5])
     world = scattered([diameters])
-    loose = np.array([False, True, True, False, False, False])
+    dynamic = np.array([False, True, True, False, False, False])
     solid = np.array([False, True, True, True, True, True])
-    world = world.replace(field=world.field.replace(loose=loose, solid=solid))
-    spec = replace(population("p0", diameter=(0.15, 1.0)), loose_m=(0.25, 0.35))
+    world = world.replace(field=world.field.replace(dynamic=dynamic, collides=solid))
+    spec = replace(population("p0", diameter=(0.15, 1.0)), dynamic_m=(0.25, 0.35))
     found = size_frequency(world, rocks=rocks(spec))["populations"][0]
-    assert found["loose"] == {"wanted": 3, "loose": 2, "fixed": 1}
-    assert found["for_the_eye_alone"] == 1
+    assert found["dynamic"] == {"expected": 3, "dynamic": 2, "fixed": 1}
+    assert found["visual_only"] == 1
     plain = size_frequency(world, rocks=rocks(population("p0", diameter=(0.15, 1.0))))
-    assert plain["populations"][0]["loose"] is None
+    assert plain["populations"][0]["dynamic"] is None
 
 
 def test_listed_rocks_stand_apart_and_their_overlaps_are_no_fault():
@@ -296,13 +298,13 @@ def test_listed_rocks_stand_apart_and_their_overlaps_are_no_fault():
     wanted = rocks(
         population("p0", diameter=(0.2, 1.5)), lists=(RockListSpec(name="p1", file="mine.csv"),)
     )
-    proof = size_frequency(world, rocks=wanted)
-    assert [part["name"] for part in proof["populations"]] == ["p0"]
-    assert proof["together"]["count"]["realised"] == 1
-    (listed,) = proof["lists"]
-    assert (listed["file"], listed["count"]) == ("mine.csv", {"realised": 2})
-    assert listed["cover"]["realised"] == pytest.approx(2 * np.pi / 4 / 1e4)
-    assert proof["overlaps"] == {"pairs": 0, "first": None, "of_listed_rocks": 1}
+    verification = size_frequency(world, rocks=wanted)
+    assert [part["name"] for part in verification["populations"]] == ["p0"]
+    assert verification["together"]["count"]["observed"] == 1
+    (listed,) = verification["lists"]
+    assert (listed["file"], listed["count"]) == ("mine.csv", {"observed": 2})
+    assert listed["cover"]["observed"] == pytest.approx(2 * np.pi / 4 / 1e4)
+    assert verification["overlaps"] == {"pairs": 0, "first": None, "of_listed_rocks": 1}
     position[0] = (-0.3, 0.0, 0.0)
     world = world.replace(field=world.field.replace(position=position))
     overlaps = size_frequency(world, rocks=wanted)["overlaps"]
@@ -313,14 +315,14 @@ def test_populations_without_any_rock_are_said_to_have_none(tmp_path):
     world = scattered([np.zeros(0)])
     write_size_frequency(world, tmp_path, rocks=rocks(population("p0")))
     found = json.loads((tmp_path / "size_frequency.json").read_text())["populations"][0]
-    assert found["count"]["realised"] == 0
+    assert found["count"]["observed"] == 0
     assert found["kolmogorov_smirnov"] is None
     assert found["clark_evans"] is None
     few = PowerLaw(number_per_m2=1e-9, exponent=2.0)
     none = PopulationSpec(name="p0", size_frequency=few, diameter_m=(0.5, None))
     write_size_frequency(world, tmp_path, rocks=rocks(none))  # any warning fails the test
     (found,) = json.loads((tmp_path / "size_frequency.json").read_text())["populations"]
-    assert (found["count"]["wanted"], found["count"]["realised"]) == (0.0, 0)
+    assert (found["count"]["expected"], found["count"]["observed"]) == (0.0, 0)
     write_size_frequency(world, tmp_path, rocks=rocks())
     assert json.loads((tmp_path / "size_frequency.json").read_text())["together"] is None
 

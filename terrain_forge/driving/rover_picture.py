@@ -208,8 +208,8 @@ def _as_rocks(
         buried_fraction=np.zeros(count),
         volume=np.ones(count),
         mass=np.ones(count),
-        loose=np.zeros(count, np.bool_),
-        solid=np.ones(count, np.bool_),
+        dynamic=np.zeros(count, np.bool_),
+        collides=np.ones(count, np.bool_),
     )
 
 

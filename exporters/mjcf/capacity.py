@@ -26,7 +26,7 @@ _FEWER = (
 )
 
 
-def require_room(options: Options, *, nodes: float, rocks: float) -> None:
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     """Refuse, before the world is made, more rocks than MuJoCo steps at any useful rate.
 
     Raises:
@@ -66,7 +66,7 @@ def count_geoms(world: World, options: Options) -> tuple[int, int]:
     field = world.field
     parts = np.array([len(shape.hulls) for shape in world.library.prototypes], np.int64)
     own_shape = has_own_shape(field, options)
-    by_hulls = field.solid | ~own_shape
+    by_hulls = field.collides | ~own_shape
     return int(parts[field.prototype[by_hulls]].sum()), int(own_shape.sum())
 
 
