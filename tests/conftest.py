@@ -2,8 +2,8 @@ from functools import partial
 
 import pytest
 
-from tests import worlds
-from tests.gazebo import compile_program
+from tests.helpers import worlds
+from tests.helpers.gazebo import compile_program
 
 
 @pytest.fixture(scope="session")

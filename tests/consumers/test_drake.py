@@ -1,0 +1,251 @@
+import json
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from scipy.spatial.transform import Rotation
+from terrain_forge.exporters.drake import Options, export
+
+from terrain_forge.model import rotations
+from tests.helpers.ground_pictures import PIXELS, shows_its_nodes, speckled
+from tests.helpers.places import PROGRAMS
+from tests.helpers.surfaces import random_points, top_under
+
+DRAKE = "{http://drake.mit.edu}"
+CONSUMER = PROGRAMS / "drake_world.py"
+
+
+def exported(world, directory, **options):
+    directory.mkdir()
+    report = export(world, directory, options=Options(**options))
+    found = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    assert list(report.files) == found
+    return directory
+
+
+def mixed(world):
+    """The world with two dynamic rocks and three that cannot be touched, one of these a large
+    one."""
+    field = world.field
+    order = np.argsort(field.diameter)
+    dynamic, solid = np.zeros(len(field), bool), np.ones(len(field), bool)
+    dynamic[order[[5, -5]]] = True
+    solid[order[[0, 1, -1]]] = False
+    return world.replace(field=field.replace(dynamic=dynamic, collides=solid))
+
+
+@pytest.fixture(scope="module")
+def drake(small_world, tmp_path_factory):
+    """The small world in four tiles, with rocks of all kinds."""
+    return exported(mixed(small_world), tmp_path_factory.mktemp("drake") / "drake", tile_cells=48)
+
+
+def models(directory):
+    root = ET.parse(directory / "world.sdf").getroot()
+    return {model.get("name"): model for model in root.find("world").iter("model")}
+
+
+def numbers(element):
+    return np.array(element.text.split(), float)
+
+
+def meshes(directory, model, kind):
+    """Name, vertices in the model's frame and faces of a model's visuals or collisions."""
+    for part in model.iter(kind):
+        mesh = part.find("geometry/mesh")
+        read = trimesh.load(directory / mesh.findtext("uri"), force="mesh", process=False)
+        vertices = read.vertices * (numbers(s) if (s := mesh.find("scale")) is not None else 1)
+        if (pose := part.find("pose")) is not None:
+            turn = Rotation.from_euler("xyz", numbers(pose)[3:])
+            vertices = turn.apply(vertices) + numbers(pose)[:3]
+        yield part.get("name"), vertices, read.faces
+
+
+def test_the_texture_lies_the_right_way(small_world, tmp_path):
+    world = speckled(small_world)
+    directory = exported(world, tmp_path / "drake", tile_cells=48, texture_pixels=PIXELS)
+    assets = directory / "assets"
+    found = sorted(assets.glob("ground_*.obj"))
+    assert len(found) == 4
+    for path in found:
+        rows = [line.split() for line in path.read_text().splitlines()]
+        vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+        u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
+        with Image.open(path.with_suffix(".png")) as image:
+            assert shows_its_nodes(np.asarray(image), u, v, world, vertices)
+    text = (assets / "world.mtl").read_text()
+    assert "newmtl ground_003" in text
+    assert "map_Kd ground_003.png" in text
+
+
+def test_every_reference_leads_to_a_file(drake):
+    for uri in ET.parse(drake / "world.sdf").getroot().iter("uri"):
+        assert (drake / uri.text).is_file()
+    known = {}
+    for line in (drake / "assets/world.mtl").read_text().splitlines():
+        if line.startswith("newmtl"):
+            name = line.split()[1]
+        if line.startswith("map_Kd"):
+            assert (drake / "assets" / line.split()[1]).is_file()
+        known[name] = True
+    for path in drake.glob("assets/*.obj"):
+        lines = path.read_text().splitlines()
+        used = [line.split()[1] for line in lines if line.startswith("usemtl")]
+        assert set(used) <= set(known)
+        assert bool(used) != ("hull" in path.name)
+    assert ET.parse(drake / "package.xml").getroot().findtext("name") == "by-hand"
+
+
+def test_the_ground_reads_back_and_is_rigid(small_world, drake):
+    ground = models(drake)["ground"]
+    assert ground.findtext("static") == "true"
+    points = random_points(small_world.ground, 2000, 41)
+    heights = np.full(len(points), -np.inf)
+    for _, vertices, faces in meshes(drake, ground, "collision"):
+        heights = np.maximum(heights, top_under(vertices, faces, points))
+    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
+    assert np.abs(heights - wanted).max() < 1e-6
+    contacts = [c.find(f"{DRAKE}proximity_properties") for c in ground.iter("collision")]
+    assert len(contacts) == 4
+    for contact in contacts:
+        assert contact.find(f"{DRAKE}rigid_hydroelastic") is not None
+
+
+def test_each_rock_is_fixed_or_dynamic_touched_or_seen(small_world, drake):
+    field, found = mixed(small_world).field, models(drake)
+    dynamic = {f"rock_{identity}" for identity in field.id[field.dynamic]}
+    assert {name for name in found if name.startswith("rock_")} == dynamic
+    fixed = [model for name, model in found.items() if name.startswith("rocks_")]
+    single = (field.diameter >= 0.5) & ~field.dynamic
+    for kind, wanted in (("visual", single), ("collision", single & field.collides)):
+        names = {part.get("name") for model in fixed for part in model.iter(kind)}
+        rocks = {name for name in names if name.startswith("rock_")}
+        assert rocks == {f"rock_{identity}_{kind}" for identity in field.id[wanted]}
+    assert (single & ~field.collides).any()
+    merged = [
+        [part for model in fixed for part in model.iter(kind) if "_seen" in part.get("name")]
+        for kind in ("visual", "collision")
+    ]
+    assert merged[0]
+    assert not merged[1]
+
+
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+def test_fixed_rocks_are_where_they_are(small_world, drake, kind):
+    field, turns = mixed(small_world).field, rotations(small_world.field)
+    everything = np.concatenate(
+        [
+            vertices
+            for name, model in models(drake).items()
+            if name.startswith("rocks_")
+            for _, vertices, _ in meshes(drake, model, kind)
+        ]
+    )
+    wanted = ~field.dynamic & (field.collides | (kind == "visual"))
+    assert wanted.sum() > 30
+    for row in np.flatnonzero(wanted):
+        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+        points = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
+        for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1)):
+            above = points[points[:, 2] > field.position[row, 2]]
+            far = above[(sign * above[:, axis]).argmax()]
+            apart = np.linalg.norm(everything - far, axis=1).min()
+            assert apart < 1e-4 * field.diameter[row]
+
+
+def test_equal_worlds_make_equal_bytes(small_world, drake, tmp_path):
+    again = exported(mixed(small_world), tmp_path / "drake", tile_cells=48)
+    for path in drake.rglob("*.*"):
+        assert (again / path.relative_to(drake)).read_bytes() == path.read_bytes()
+
+
+def test_a_bare_world(small_world, tmp_path):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    directory = exported(small_world.replace(field=nothing), tmp_path / "drake")
+    assert list(models(directory)) == ["ground"]
+
+
+def ask(directory, **order):
+    """What Drake finds, in the Python that TERRAIN_FORGE_DRAKE_PYTHON names or else in ours."""
+    python = os.environ.get("TERRAIN_FORGE_DRAKE_PYTHON", sys.executable)
+    found = subprocess.run([python, "-c", "import pydrake"], capture_output=True, check=False)
+    if found.returncode:
+        pytest.skip("drake is not installed (TERRAIN_FORGE_DRAKE_PYTHON)")
+    text = json.dumps({"world": str(directory / "world.sdf"), "gravity": 3.711, **order})
+    run = subprocess.run(
+        [python, CONSUMER], input=text, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+@pytest.mark.consumer
+def test_drake_loads_it_strictly_with_masses_and_frames(small_world, drake):
+    answer = ask(drake)
+    assert answer["complaints"] == []
+    assert set(answer["models"]) == set(models(drake))
+    field, turns = mixed(small_world).field, rotations(small_world.field)
+    assert set(answer["free"]) == {f"rock_{identity}" for identity in field.id[field.dynamic]}
+    for row in np.flatnonzero(field.dynamic):
+        rock = answer["free"][f"rock_{field.id[row]}"]
+        density = field.mass[row] / field.volume[row]
+        unit = small_world.library.prototypes[field.prototype[row]].inertia
+        assert rock["mass"] == pytest.approx(field.mass[row], rel=1e-8)
+        assert rock["centre"] == [0, 0, 0]
+        assert np.allclose(rock["inertia"], unit * density * field.scale[row] ** 5, rtol=1e-7)
+        assert np.allclose(rock["position"], field.position[row], atol=1e-7)
+        assert np.allclose(rock["rotation"], turns[row], atol=1e-7)
+
+
+@pytest.mark.consumer
+def test_drake_measures_distances_to_the_ground_itself(small_world, tmp_path):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    directory = exported(small_world.replace(field=nothing), tmp_path / "drake")
+    ground = small_world.ground
+    low, high = np.array([-10, -6]), np.array([10, 6])
+    points = np.random.default_rng(42).uniform(low, high, (200, 2))
+    heights = ground.height_at(points[:, 0], points[:, 1])
+    on = ask(directory, points=np.column_stack([points, heights]).tolist())
+    assert max(abs(d) for point in on["distances"] for d in point.values()) < 1e-5
+    above = ask(directory, points=np.column_stack([points, heights + 0.5]).tolist())
+    assert all(0.2 < d <= 0.5 + 1e-6 for point in above["distances"] for d in point.values())
+
+
+def resting_height(ground, x, y, radius):
+    """Height of a ball's centre that is let down onto the ground: closed form over a fine grid."""
+    east, north = np.meshgrid(*[np.linspace(-radius, radius, 801)] * 2)
+    inside = east**2 + north**2 < radius**2
+    z = ground.height_at(x + east[inside], y + north[inside])
+    return float((z + np.sqrt(radius**2 - east[inside] ** 2 - north[inside] ** 2)).max())
+
+
+@pytest.mark.consumer
+def test_balls_rest_on_the_ground_in_drake(small_world, tmp_path):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    directory = exported(small_world.replace(field=nothing), tmp_path / "drake", tile_cells=48)
+    places = [(6.3, -3.4), (-9.13, 5.77), (0.02, 0.01), (3.4, -6.1)]
+    wanted = [resting_height(small_world.ground, x, y, 0.2) for x, y in places]
+    balls = [(x, y, z + 0.3) for (x, y), z in zip(places, wanted, strict=True)]
+    assert ask(directory, balls=balls, seconds=4)["balls"] == pytest.approx(wanted, abs=0.002)
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("merged", [False, True])
+def test_a_ball_rests_on_a_rock_in_drake(small_world, tmp_path, merged):
+    field = small_world.field.select(np.array([small_world.field.diameter.argmax()]))
+    world = small_world.replace(field=field)
+    directory = exported(world, tmp_path / "drake", individual_min_m=10 if merged else 0)
+    shape = world.library.prototypes[field.prototype[0]].meshes[0]
+    placed = field.scale[0] * shape.vertices @ rotations(field)[0].T + field.position[0]
+    x, y, _ = placed[placed[:, 2].argmax()]
+    dense = trimesh.Trimesh(placed, shape.faces, process=False).subdivide_to_size(0.005)
+    offset = ((dense.vertices[:, :2] - (x, y)) ** 2).sum(1)
+    near = offset < 0.2**2
+    wanted = float((dense.vertices[near, 2] + np.sqrt(0.2**2 - offset[near])).max())
+    found = ask(directory, balls=[(x, y, wanted + 0.3)], seconds=4)["balls"]
+    assert found == pytest.approx([wanted], abs=0.002)

@@ -1,0 +1,144 @@
+"""Exporters and layers from other packages, installed as a user would: found by entry point."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import rasterio
+
+from tests.helpers.places import ROOT
+
+RECIPE = """
+schema: 1
+name: plugged
+body: moon
+dtm: {kind: flat, size_m: [6, 4]}
+terrain: {spacing_m: 0.25, layers: [{kind: fractal}, {kind: terraces, width_m: 2, rise_m: 0.5}]}
+exports: EXPORTS
+"""
+BROKEN = {
+    "broken-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n",
+    "broken-1.0.dist-info/entry_points.txt": "[terrain_forge.exporters]\n"
+    "broken = broken_plugin\nempty = empty_plugin\nloud = loud_plugin\nusd = other_usd\n"
+    "[terrain_forge.layers]\nbroken = broken_plugin\nloud = loud_plugin\ntwin = twin_layer\n",
+    "broken_plugin.py": "import a_module_that_nobody_has\n",
+    "empty_plugin.py": "Options = None\n",
+    "loud_plugin.py": "raise RuntimeError('a' * 3 + '\\n' + 'b' * 3)\n",
+    "other_usd.py": "Options = None\n",
+    "twin_layer.py": "from dataclasses import dataclass\n"
+    "from typing import Literal\n"
+    "from terrain_forge.terrain.layer import Layer\n"
+    "@dataclass(frozen=True, kw_only=True)\n"
+    "class Twin(Layer):\n"
+    "    kind: Literal['craters'] = 'craters'\n",
+}
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A folder with the example package as pip installs it, and a broken package beside it."""
+    work = tmp_path_factory.mktemp("plugin")
+    shutil.copytree(ROOT / "tests" / "example_exporter", work / "source")
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check"]
+    command = [sys.executable, "-m", "pip", "install", *options, "--target", work / "site"]
+    done = subprocess.run([*command, work / "source"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name, text in BROKEN.items():
+        path = work / "site" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    return work / "site"
+
+
+def python(installed, *arguments):
+    environment = os.environ | {"PYTHONPATH": str(installed)}
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def build(installed, folder, exports):
+    path = folder / "plugged.yaml"
+    path.write_text(RECIPE.replace("EXPORTS", exports))
+    return python(installed, "-m", "terrain_forge", "build", path, "-o", folder / "out")
+
+
+def test_foreign_exporter_and_layer(installed, tmp_path):
+    done = build(installed, tmp_path, "[xyz]")
+    assert done.returncode == 0, done.stderr
+    points = np.loadtxt(tmp_path / "out" / "xyz" / "points.xyz")
+    assert points.shape == (25 * 17, 3)
+    with rasterio.open(tmp_path / "out" / "truth" / "surface.tif") as file:
+        truth = file.read(1)[::-1]
+    assert points[:, 2].reshape(17, 25).astype(np.float32).tobytes() == truth.tobytes()
+    assert points[:2, :2].tolist() == [[-3, -2], [-2.75, -2]]
+    step = points[:, 2][points[:, 0] == 1.0] - points[:, 2][points[:, 0] == 0.75]
+    assert abs(step.mean() - 0.5) < 0.2  # the terrace, above the fractal's few centimetres
+
+
+def test_options_and_losses(installed, tmp_path):
+    done = build(installed, tmp_path, "{thin: {kind: xyz, every: 2, separator: comma}}")
+    assert done.returncode == 0, done.stderr
+    points = np.loadtxt(tmp_path / "out" / "thin" / "points.xyz", delimiter=",")
+    assert points.shape == (13 * 9, 3)
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["losses"]["thin"] == [
+        "Points have no triangles: the surface between the nodes is left to the reader.",
+        "Only every 2. node of the ground is written.",
+    ]
+    assert "thin/points.xyz" in manifest["outputs"]
+
+
+WRONG = {
+    "{xyz: {every: 0}}": ["option 'every' of xyz", "greater than or equal to 1"],
+    "{xyz: {evry: 2}}": ["no option 'evry'", "every, separator"],
+    "[xzy]": ["unknown exporter 'xzy'", "installed: broken, drake, empty, geotiff, glb, loud"],
+    "[broken]": ["exporter 'broken' is installed but broken"],
+    "[empty]": ["exporter 'empty' is installed but broken"],
+    "[loud]": ["exporter 'loud' is installed but broken"],
+}
+
+
+def test_wrong_exports_are_refused(installed, tmp_path):
+    """And a broken plugin warns, while the others work beside it."""
+    for number, exports in enumerate(WRONG):
+        (tmp_path / f"{number}.yaml").write_text(RECIPE.replace("EXPORTS", exports))
+    script = (
+        "import logging, sys, terrain_forge as tf\n"
+        "from terrain_forge.recipe.schema import export_orders\n"
+        "logging.basicConfig()\n"
+        "for path in sys.argv[1:]:\n"
+        "    try:\n"
+        "        export_orders(tf.load_recipe(path).recipe)\n"
+        "    except tf.RecipeError as error:\n"
+        "        print(error)\n"
+    )
+    paths = [tmp_path / f"{number}.yaml" for number in range(len(WRONG))]
+    done = python(installed, "-c", script, *paths)
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(WRONG), done.stderr
+    for line, words in zip(lines, WRONG.values(), strict=True):
+        assert all(word in line for word in words), line
+    for warning in (
+        "layer 'broken' (broken_plugin) is skipped: No module named",
+        "exporter 'broken' (broken_plugin) is skipped: No module named",
+        "exporter 'empty' (empty_plugin) is skipped: has no export",
+        "exporter 'loud' (loud_plugin) is skipped: aaa bbb\n",
+        "layer 'loud' (loud_plugin) is skipped: aaa bbb\n",
+        "layer 'craters' of twin_layer is skipped: terrain_forge.terrain.layers.craters has that",
+        "exporter 'usd' of other_usd is skipped: terrain_forge.exporters.usd has that name\n",
+    ):
+        assert done.stderr.count(warning) == 1
+
+
+def test_command_line_tells_of_a_broken_plugin(installed, tmp_path):
+    done = build(installed, tmp_path, "[broken, xyz]")
+    assert done.returncode == 2
+    assert "exporter 'broken' (broken_plugin) is skipped" in done.stderr
+    assert "is installed but broken" in done.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,105 @@
+"""What holds for the whole package: documented types, lazy imports, contents of the wheel."""
+
+from __future__ import annotations
+
+import ast
+import pkgutil
+import shutil
+import subprocess
+import sys
+from dataclasses import fields
+from importlib import import_module
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import terrain_forge
+from terrain_forge.base import Spec, records
+from tests.helpers.places import ROOT
+
+
+def all_modules():
+    names = [m.name for m in pkgutil.walk_packages(terrain_forge.__path__, "terrain_forge.")]
+    return [n for n in names if ".dtm_samples" not in n and ".recipes" not in n]
+
+
+def documented_fields(cls):
+    """Names of a class's fields that have a string below them."""
+    path = Path(sys.modules[cls.__module__].__file__)
+    body = next(
+        node.body
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef) and node.name == cls.__name__
+    )
+    return {
+        one.target.id
+        for one, two in pairwise(body)
+        if isinstance(one, ast.AnnAssign)
+        and isinstance(two, ast.Expr)
+        and isinstance(two.value, ast.Constant)
+    }
+
+
+def test_every_field_of_every_type_is_documented():
+    for name in all_modules():
+        import_module(name)
+    types = [*records._TYPES.values(), *walk(Spec)]
+    ours = [cls for cls in types if cls.__module__.startswith("terrain_forge")]
+    assert len(ours) > 30
+    for cls in ours:
+        own = {f.name for f in fields(cls) if f.name in cls.__annotations__} - {"kind"}
+        missing = own - documented_fields(cls)
+        assert not missing, f"{cls.__module__}.{cls.__name__}: {missing}"
+        parameters = cls.__dataclass_params__
+        assert parameters.frozen
+
+
+def walk(cls):
+    for sub in cls.__subclasses__():
+        yield sub
+        yield from walk(sub)
+
+
+def loaded_by(code):
+    script = f"{code}\nimport sys; print(' '.join(sorted(sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(out.stdout.split())
+
+
+def test_importing_pulls_in_no_simulator():
+    heavy = {"mujoco", "pxr", "matplotlib", "trimesh", "coacd", "embreex", "numba", "scipy"}
+    assert not heavy & loaded_by("import terrain_forge")
+    assert not heavy & loaded_by("import terrain_forge.cli")
+    core = loaded_by("import terrain_forge.pipeline")
+    assert not {"mujoco", "pxr", "matplotlib", "trimesh", "coacd"} & core
+    assert not {name for name in core if name.startswith("terrain_forge.exporters.")}
+
+
+def test_public_names():
+    for name in terrain_forge.__all__:
+        assert getattr(terrain_forge, name) is not None
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = terrain_forge.nothing
+
+
+@pytest.mark.slow
+def test_wheel_holds_the_tree(tmp_path):
+    import zipfile
+
+    tree = tmp_path / "tree"  # setuptools leaves a folder `build` behind
+    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".*", "__pycache__", "build"))
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "-o", tmp_path, tree],
+        check=True,
+        capture_output=True,
+    )
+    names = set(zipfile.ZipFile(next(tmp_path.glob("*.whl"))).namelist())
+    homes = {"terrain_forge": "terrain_forge", "exporters": "terrain_forge/exporters"}
+    homes |= {f: f"terrain_forge/{f}" for f in ("recipes", "dtm_samples")}
+    for folder, home in homes.items():
+        for path in (ROOT / folder).rglob("*"):
+            kinds = (".py", ".yaml", ".tif", ".css", ".js", ".three")
+            wanted = path.suffix in kinds and "__pycache__" not in path.parts
+            if wanted and path.name != "make_samples.py":
+                assert f"{home}/{path.relative_to(ROOT / folder).as_posix()}" in names

@@ -1,0 +1,508 @@
+"""What may be wrong with a DTM, and must not become wrong ground: units, holes, stairs, size."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rasterio.transform import Affine
+from rasterio.windows import Window as RasterWindow
+
+from terrain_forge.base import DataError
+from terrain_forge.dtm import (
+    RasterDtm,
+    describe,
+    geographic_crs,
+    open_raster,
+    scale_error,
+    site_facts,
+    survey,
+    transform,
+)
+from terrain_forge.dtm.description import ground_steps
+from terrain_forge.dtm.projection import datum_radius, local_crs
+from terrain_forge.dtm.quality import assess, planar_posts
+from terrain_forge.dtm.repair import destair
+from terrain_forge.dtm.spec import Centre
+from terrain_forge.model import MARS, MOON
+from terrain_forge.pipeline import plan as planned
+from terrain_forge.recipe import Recipe, TerrainSpec, inputs
+from terrain_forge.terrain import shape_ground
+from terrain_forge.writers import write_geotiff
+from tests.helpers import worlds
+from tests.helpers.places import DATA
+
+MOON_LL = "+proj=longlat +R=1737400"
+MOON_EQC = "+proj=eqc +lat_ts=0 +lon_0=0 +R=1737400"
+EQC = "+proj=eqc +lat_ts=0 +lon_0=137.4 +R=3396190"
+SPEC = RasterDtm(source="dtm.tif", size_m=(100.0, 60.0))
+"""A recipe's DTM part for the rasters of this file."""
+
+
+def write_raster(folder, values, *, crs=EQC, transform=None, **profile):
+    """dtm.tif; by default 1 m pixels on Mars."""
+    units = profile.pop("units", None)
+    scale, offset = profile.pop("scale", 1.0), profile.pop("offset", 0.0)
+    with rasterio.open(
+        folder / "dtm.tif", "w", driver="GTiff", count=1, dtype=values.dtype, crs=crs,
+        height=values.shape[0], width=values.shape[1],
+        transform=transform or Affine(1.0, 0.0, 5000.0, 0.0, -1.0, -272000.0), **profile,
+    ) as file:  # fmt: skip
+        file.write(values, 1)
+        file.scales, file.offsets = (scale,), (offset,)
+        if units:
+            file.units = (units,)
+
+
+def plan(folder, spec=SPEC, *, body=MARS, spacing=1.0):
+    """The site of a DTM and its ground."""
+    found = survey(spec, body=body, folder=folder, heights=None)
+    site = worlds.site().replace(size=spec.size_m, spacing=spacing, body=body, **vars(found))
+    return site, shape_ground(site=site, window=site.window, layers=())
+
+
+def words(folder, spec=SPEC, *, body=MARS):
+    """All that `check` says of a raster."""
+    raster = open_raster(spec, body=body, folder=folder)
+    with raster.dataset:
+        found = describe(raster)
+    return " ".join([*(value for _, value in found.facts), *found.warnings])
+
+
+def rough(shape=(300, 400), seed=1):
+    """Rough ground of some metres [m]."""
+    return np.random.default_rng(seed).normal(0.0, 0.05, shape).cumsum(0).cumsum(1) / 40.0
+
+
+@pytest.mark.parametrize(
+    ("dtype", "scale", "offset", "units", "stored"),
+    [
+        ("int16", 0.5, 1737400.0, "METER", lambda h: h / 0.5),  # LOLA
+        ("int16", 0.5, 1737400.0, None, lambda h: h / 0.5),  # the same, no unit
+        ("float32", 1.0, 1737.4, "KILOMETER", lambda h: h / 1000.0),  # LOLA, floats
+        ("float32", 1.0, 1737.4, None, lambda h: h / 1000.0),
+        ("float64", 1.0, 0.0, None, lambda h: h + 1737400.0),  # values are radii
+        ("float64", 1.0, 0.0, "km", lambda h: (h + 1737400.0) / 1000.0),
+        ("float64", 1.0, 0.0, None, lambda h: (h + 1737400.0) / 1000.0),
+        ("float32", 1.0, 0.0, "km", lambda h: h / 1000.0),
+        ("float32", 1.0, 0.0, "cm", lambda h: h * 100.0),
+        ("float32", 1.0, 0.0, "feet", lambda h: h / 0.3048),
+        ("float32", 1.0, 0.0, "", lambda h: h),
+    ],
+)
+def test_any_unit_becomes_metres_above_the_datum(tmp_path, dtype, scale, offset, units, stored):
+    heights = -1900.0 + 0.5 * np.round(rough() * 2.0 + np.mgrid[0:300, 0:400][1] * 0.2)
+    write_raster(
+        tmp_path, stored(heights).astype(dtype), crs=MOON_EQC, scale=scale, offset=offset,
+        units=units, transform=Affine(1.0, 0.0, 900.0, 0.0, -1.0, 500.0),
+    )  # fmt: skip
+    site, ground = plan(tmp_path, body=MOON)
+    assert site.datum_height == pytest.approx(heights[149:151, 199:201].mean(), abs=0.5)
+    tilt = np.polyfit(ground.east, ground.elevation.mean(axis=0), 1)[0]
+    assert tilt == pytest.approx(0.1, rel=0.05)
+
+
+def test_radius_is_taken_above_the_ellipsoid_at_its_latitude():
+    crs = rasterio.crs.CRS.from_proj4("+proj=longlat +a=3396190 +b=3376200").to_wkt()
+    assert datum_radius(crs, 0.0) == pytest.approx(3396190.0)
+    assert datum_radius(crs, 90.0) == pytest.approx(3376200.0)
+    assert 3376200.0 < datum_radius(crs, 45.0) < 3396190.0
+
+
+def test_unit_that_is_no_length_is_reported(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"), units="degree")
+    assert "no length" in words(tmp_path)
+
+
+@pytest.mark.parametrize("spec", [{"nodata": -7777.0}, {"nodata_range": (-1e5, -5000.0)}])
+def test_nodata_by_value_or_range(tmp_path, spec):
+    heights = rough().astype("float32")
+    heights[148:151, 190:195] = -7777.0
+    write_raster(tmp_path, heights)
+    site, ground = plan(tmp_path, replace(SPEC, **spec))
+    assert site.dtm.filled == 15
+    assert np.abs(ground.elevation).max() < 50.0
+
+
+def test_nodata_by_mask(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    with rasterio.open(tmp_path / "dtm.tif", "r+") as file:
+        mask = np.full((300, 400), 255, np.uint8)
+        mask[148:151, 190:195] = 0
+        file.write_mask(mask)
+    site, _ = plan(tmp_path)
+    assert site.dtm.filled == 15
+
+
+def test_undeclared_mark_of_no_data_is_refused(tmp_path):
+    heights = rough().astype("float32")
+    heights[148:151, 190:195] = -32768.0
+    write_raster(tmp_path, heights)
+    with pytest.raises(DataError, match=r"15 samples of the value -32768.*dtm.nodata"):
+        plan(tmp_path)
+    assert "-32768" in words(tmp_path)
+    assert plan(tmp_path, replace(SPEC, nodata=-32768.0))[0].dtm.filled == 15
+
+
+@pytest.mark.parametrize(
+    ("mark", "dtype", "scale"),
+    [(0.0, "float32", 1.0), (-1e10, "float32", 1.0), (-99999.9, "float64", 1.0),
+     (0.0, "uint16", 0.01), (65535.0, "uint16", 0.01)],
+)  # fmt: skip
+def test_any_number_far_from_all_others_is_asked_about(tmp_path, mark, dtype, scale):
+    heights = (rough() + 300.0) / scale
+    heights[148:152, 190:195] = mark
+    write_raster(tmp_path, heights.astype(dtype), scale=scale)
+    with pytest.raises(DataError, match=r"20 samples of the value .*dtm.nodata"):
+        plan(tmp_path)
+    assert plan(tmp_path, replace(SPEC, nodata=mark))[0].dtm.filled == 20
+
+
+def test_a_block_that_somebody_has_put_there_is_no_mark(tmp_path):
+    heights = rough().astype("float32")
+    heights[140:160, 190:210] = heights.max() + 2.0
+    write_raster(tmp_path, heights)
+    assert np.ptp(plan(tmp_path)[1].elevation) > 2.0
+
+
+def test_radii_are_known_where_most_of_a_raster_is_empty(tmp_path):
+    radii = np.full((1200, 1600), -9999.0)
+    radii[560:700, 700:840] = 1737400.0 - 1900.0 + rough((140, 140))
+    grid = Affine(1.0, 0.0, 900.0, 0.0, -1.0, 500.0)
+    write_raster(tmp_path, radii, crs=MOON_EQC, transform=grid, nodata=-9999.0)
+    spec = replace(SPEC, size_m=(60.0, 60.0), centre=Centre(offset_m=(-30.0, -30.0)))
+    assert plan(tmp_path, spec, body=MOON)[0].datum_height == pytest.approx(-1900.0, abs=20.0)
+
+
+def test_heights_as_large_as_the_body_are_refused(tmp_path):
+    """Numbers of an unknown unit, or radii of another body's size."""
+    write_raster(tmp_path, (1e6 + rough()).astype("float64"))
+    with pytest.raises(DataError, match=r"1e\+06 m from the datum, mars's radius is 3.39e\+06 m"):
+        plan(tmp_path)
+
+
+def test_a_scale_of_zero_is_refused(tmp_path):
+    write_raster(tmp_path, np.ones((300, 400), np.int16), scale=0.0)
+    with pytest.raises(DataError, match=r"scale in dtm\.tif is 0"):
+        plan(tmp_path)
+    assert plan(tmp_path, replace(SPEC, height_scale=2.0))[0].datum_height == pytest.approx(2.0)
+
+
+def test_deep_ground_is_no_mark(tmp_path):
+    """-9999 among its neighbours is a height: LOLA's integers pass through it."""
+    heights = (np.mgrid[0:300, 0:400][1] - 10199).astype("int16")
+    write_raster(tmp_path, heights)
+    assert plan(tmp_path)[0].datum_height == pytest.approx(-9999.5, abs=1.0)
+
+
+def test_range_upside_down_is_refused(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    with pytest.raises(DataError, match="the lower value first"):
+        plan(tmp_path, replace(SPEC, nodata_range=(5.0, -5.0)))
+
+
+def test_wide_hole_is_an_error_that_says_where(tmp_path):
+    heights = rough().astype("float32")
+    heights[140:160, 220:240] = np.nan
+    write_raster(tmp_path, heights)
+    with pytest.raises(DataError, match=r"19 m \(19 samples\) wide around 29 m east, 0 m nor"):
+        plan(tmp_path)
+    site, ground = plan(tmp_path, replace(SPEC, fill_holes_m=25.0))
+    assert "400 samples in holes up to 19 m" in site.dtm.repairs[0]
+    assert "inverse-distance" in site.dtm.repairs[0]
+    assert np.isfinite(ground.elevation).all()
+    with pytest.raises(DataError, match="holes of up to 0 m are filled"):
+        plan(tmp_path, replace(SPEC, fill_holes_m=0.0))
+
+
+def test_hole_beside_the_site_is_no_error(tmp_path):
+    heights = rough().astype("float32")
+    heights[:80] = np.nan
+    write_raster(tmp_path, heights)
+    site, _ = plan(tmp_path)
+    assert site.dtm.filled == 0
+    assert site.dtm.repairs == ()
+
+
+def test_stairs_go_and_samples_stay_within_half_a_step(tmp_path):
+    row, column = np.mgrid[0:300, 0:400]
+    truth = 12.0 + 0.012 * column + 2.0 * np.sin(row / 60.0) + 1.2 * np.cos(column / 45.0)
+    quantum = 0.1
+    write_raster(tmp_path, np.round(truth / quantum).astype(np.uint8), scale=quantum)
+    plain, _ = plan(tmp_path)
+    site, _ = plan(tmp_path, replace(SPEC, destair=True))
+    before, after = plain.dtm.heights, site.dtm.heights
+    rows, columns = (slice(n // 2 - 100, n // 2 + 100) for n in after.shape)
+    assert np.abs(after - before).max() <= 0.5 * quantum + 1e-9
+    # Steps of a whole quantum between neighbours are gone, and the truth is nearer.
+    step_before, step_after = (np.abs(np.diff(z[rows, columns], axis=1)) for z in (before, after))
+    assert (step_before > 0.9 * quantum).mean() > 0.1
+    assert step_after.max() < 0.7 * quantum
+    assert (step_after < 0.01 * quantum).mean() < 0.2 * (step_before < 0.01 * quantum).mean()
+    assert "half a step" in site.dtm.repairs[0]
+    assert "destair" in words(tmp_path)
+
+
+def test_destairing_brings_the_truth_nearer():
+    row, column = np.mgrid[0:160, 0:160]
+    truth = 0.03 * column + 1.5 * np.sin(row / 40.0)
+    steps = np.round(truth / 0.1) * 0.1
+    smooth = destair(steps, 0.1)
+    assert np.std((smooth - truth)[20:-20, 20:-20]) < 0.35 * np.std((steps - truth)[20:-20, 20:-20])
+
+
+def test_destair_is_for_integers(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    with pytest.raises(DataError, match="only integers have stairs"):
+        plan(tmp_path, replace(SPEC, destair=True))
+
+
+def test_facets_are_found(tmp_path):
+    heights = rough()
+    heights[100:200, 150:250] = 0.05 * np.arange(100)[:, None] + 0.02 * np.arange(100)[None, :]
+    write_raster(tmp_path, heights.astype("float32"))
+    site, _ = plan(tmp_path)
+    patch = site.dtm.heights.size
+    assert site.dtm.planar_fraction == pytest.approx(96**2 / patch, rel=0.05)
+    assert "exact planes" in words(tmp_path)
+    assert not planar_posts(rough()).any()
+
+
+def test_seams_are_found():
+    heights = rough()
+    valid = np.ones(heights.shape, bool)
+    assert assess(heights, valid, quantum=None).seams == ()
+    heights[:, 123:] += 0.4
+    found = assess(heights, valid, quantum=None).seams
+    assert [(line, number) for line, number, _ in found] == [("column", 123)]
+    assert found[0][2] == pytest.approx(0.4, rel=0.1)
+
+
+def test_a_dtm_of_twenty_gigabytes_costs_its_crop(tmp_path):
+    """A sparse file: what was never written takes no space, but would if it were read."""
+    rows, columns = 100_000, 50_000
+    with rasterio.open(
+        tmp_path / "dtm.tif", "w", driver="GTiff", count=1, dtype="float32", crs=EQC, height=rows,
+        width=columns, transform=Affine(1.0, 0.0, -25000.0, 0.0, -1.0, 50000.0), tiled=True,
+        blockxsize=256, blockysize=256, SPARSE_OK=True, BIGTIFF="YES", nodata=0.0,
+    ) as file:  # fmt: skip
+        piece = RasterWindow(24000, 49000, 2048, 2048)
+        file.write(5.0 + rough((2048, 2048)).astype("float32"), 1, window=piece)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    site, _ = plan(tmp_path)
+    text = words(tmp_path)
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert site.dtm.heights.shape == (256, 256)
+    assert grown < 400_000  # KiB, of 20 million
+    assert "in the pieces looked at" in text
+
+
+def sparse(path, *, size, written, offset):
+    """A tiled raster of metres of which only a piece was ever written."""
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, dtype="float32", crs=EQC, height=size, width=size,
+        transform=Affine(1.0, 0.0, -0.5 * size, 0.0, -1.0, 0.5 * size), tiled=True,
+        blockxsize=256, blockysize=256, SPARSE_OK=True, BIGTIFF="YES", nodata=0.0,
+    ) as file:  # fmt: skip
+        file.write(written, 1, window=RasterWindow(offset, offset, *written.shape[::-1]))
+
+
+def test_planning_on_a_huge_raster_needs_little(tmp_path):
+    """160 GB of heights, planned after a small raster in a process of its own."""
+    heights = 5.0 + rough((1024, 1024)).astype("float32")
+    sparse(tmp_path / "huge.tif", size=200_000, written=heights, offset=99_488)
+    sparse(tmp_path / "small.tif", size=1024, written=heights, offset=0)
+    program = (
+        "import resource, terrain_forge as tf\n"
+        "from terrain_forge.dtm.spec import RasterDtm\n"
+        "from terrain_forge.recipe.schema import TerrainSpec\n"
+        "for name in ('small.tif', 'huge.tif'):\n"
+        "    dtm = RasterDtm(source=name, size_m=(100.0, 60.0))\n"
+        "    terrain = TerrainSpec(spacing_m=0.5)\n"
+        "    tf.plan(tf.Recipe(name='a', body='mars', exports=(), dtm=dtm, terrain=terrain))\n"
+        "    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    before, after = (int(line) for line in done.stdout.split())
+    assert after - before < 250_000  # KiB
+
+
+def test_large_inputs_are_told_by_a_part_of_them(tmp_path, monkeypatch):
+    heights = 5.0 + rough((1024, 1024)).astype("float32")
+    sparse(tmp_path / "dtm.tif", size=4096, written=heights, offset=1536)
+    recipe = Recipe(
+        name="part", body="mars", dtm=SPEC, terrain=TerrainSpec(spacing_m=1.0), exports=()
+    )
+    small = dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"]
+    assert small == hashlib.sha256((tmp_path / "dtm.tif").read_bytes()).hexdigest()
+    monkeypatch.setattr(inputs, "WHOLE_BYTES", 2**20)
+    first = dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"]
+    assert first.startswith("pieces:")
+    assert dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"] == first
+    with rasterio.open(tmp_path / "dtm.tif", "r+") as file:
+        middle = RasterWindow(2048, 2048, 1, 1)
+        file.write(file.read(1, window=middle) + 1.0, 1, window=middle)
+    assert dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"] != first
+
+
+def test_pieces_of_a_large_file_reach_from_end_to_end(tmp_path):
+    path = tmp_path / "large.bin"
+    with path.open("wb") as file:
+        file.truncate(inputs.WHOLE_BYTES + 12_345)  # takes no space
+    empty = inputs.fingerprint(path)
+    for place in (0, path.stat().st_size - 1):
+        with path.open("r+b") as file:
+            file.seek(place)
+            file.write(b"x")
+        changed = inputs.fingerprint(path)
+        assert changed != empty
+        empty = changed
+    assert inputs.fingerprint(path, used=b"1") != inputs.fingerprint(path)
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    quantum=st.floats(1e-3, 50.0),
+    slope=st.floats(0.0, 3.0),
+    jump=st.integers(0, 60),
+    shape=st.tuples(st.integers(3, 60), st.integers(3, 60)),
+)
+def test_destaired_heights_stay_within_half_a_step(seed, quantum, slope, jump, shape):
+    """Whatever the ground: smooth, steep, noisy, with cliffs."""
+    random = np.random.default_rng(seed)
+    row, column = np.mgrid[0 : shape[0], 0 : shape[1]]
+    steps = slope * column + random.normal(0.0, random.uniform(0.0, 3.0), shape) - 0.2 * row
+    steps += jump * (column > shape[1] // 2)
+    heights = np.round(steps) * quantum - 4000.0
+    smooth = destair(heights, quantum)
+    assert np.abs(smooth - heights).max() <= 0.5 * quantum * (1.0 + 1e-9) + 1e-9
+    level = destair(np.full(shape, 7.0 * quantum), quantum)
+    assert np.allclose(level, 7.0 * quantum, rtol=0.0, atol=1e-9 * quantum)
+
+
+def test_context_moves_off_the_edge(tmp_path):
+    write_raster(tmp_path, rough((400, 400)).astype("float32"))
+    site, _ = plan(tmp_path, replace(SPEC, centre=Centre(offset_m=(-140.0, 160.0))))
+    assert site.dtm.heights.shape == (256, 256)
+
+
+PROJECTIONS = {
+    "degrees": (MOON_LL, 1.0 / 30323.0, (30.0, 20.0)),
+    "polar": ("+proj=stere +lat_0=-90 +lat_ts=-90 +lon_0=0 +R=1737400", 1.0, (40.0, -85.0)),
+    "sinusoidal": ("+proj=sinu +lon_0=0 +R=1737400", 1.0, (30.0, 40.0)),
+    "equirectangular": ("+proj=eqc +lat_ts=0 +lon_0=0 +R=1737400", 1.0, (12.0, -35.0)),
+    "orthographic": ("+proj=ortho +lat_0=10 +lon_0=20 +R=1737400", 1.0, (24.0, 14.0)),
+}
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+@pytest.mark.parametrize("name", PROJECTIONS)
+def test_known_points_land_where_they_are(tmp_path, name, turn):
+    """Peaks at known longitudes and latitudes, found again in the GeoTIFF that we write."""
+    proj, step, (lon, lat) = PROJECTIONS[name]
+    crs = rasterio.crs.CRS.from_proj4(proj).to_wkt()
+    geographic = geographic_crs(crs)
+    x0, y0 = (float(v[0]) for v in transform(geographic, crs, np.array([lon]), np.array([lat])))
+    to_crs = (
+        Affine.translation(x0, y0)
+        @ Affine.rotation(np.degrees(turn))
+        @ Affine.scale(step, -step)
+        @ Affine.translation(-200.0, -200.0)
+    )
+    row, column = np.mgrid[0:400, 0:400] + 0.5
+    x, y = (
+        to_crs.a * column + to_crs.b * row + to_crs.c,
+        to_crs.d * column + to_crs.e * row + to_crs.f,
+    )
+    local = local_crs(crs, lon, lat)
+    east, north = transform(crs, local, x, y)
+    peaks = [(0.0, 0.0), (40.0, 25.0), (-45.0, 30.0), (35.0, -40.0)]
+    heights = sum(4.0 * np.exp(-((east - e) ** 2 + (north - n) ** 2) / 18.0) for e, n in peaks)
+    write_raster(tmp_path, heights.astype("float32"), crs=crs, transform=to_crs)
+    spec = RasterDtm(source="dtm.tif", size_m=(140.0, 120.0), centre=Centre(lonlat_deg=(lon, lat)))
+    site, ground = plan(tmp_path, spec, body=MOON, spacing=0.5)
+    write_geotiff(tmp_path / "out.tif", ground.elevation, world_ground=ground, site=site)
+    with rasterio.open(tmp_path / "out.tif") as file:
+        written, away = file.read(1), file.crs.to_wkt()
+        for e, n in peaks:
+            at_lon, at_lat = transform(local, geographic, np.array([e]), np.array([n]))
+            px, py = transform(geographic, away, at_lon, at_lat)
+            r, c = file.index(float(px[0]), float(py[0]))
+            piece = written[r - 6 : r + 7, c - 6 : c + 7]
+            top = np.unravel_index(np.argmax(piece), piece.shape)
+            weight = np.maximum(piece - piece.max() + 1.0, 0.0)
+            middle = (weight * np.arange(-6, 7)[:, None]).sum(), (weight * np.arange(-6, 7)).sum()
+            assert np.hypot(*middle) * 0.5 / weight.sum() < 0.5 * ground_posting(tmp_path, spec)
+            assert abs(top[0] - 6) <= 1
+            assert abs(top[1] - 6) <= 1
+    assert np.all(np.abs(ground.elevation.max() - 4.0 + site.datum_height) < 0.25)
+
+
+def ground_posting(folder, spec):
+    """Smaller distance of samples on the ground [m]."""
+    raster = open_raster(spec, body=MOON, folder=folder)
+    with raster.dataset:
+        return min(ground_steps(raster))
+
+
+def test_scale_error_is_that_of_the_projection():
+    """Lengths in the local CRS at the edge of 40 km, against the sphere's arc."""
+    crs = local_crs(rasterio.crs.CRS.from_proj4(MOON_LL).to_wkt(), 30.0, 20.0)
+    error = scale_error(crs, (40_000.0, 10_000.0))
+    lon, lat = transform(crs, geographic_crs(crs), np.full(2, 20_000.0), np.array([-50.0, 50.0]))
+    lon, lat = np.radians(lon), np.radians(lat)
+    arc = 2.0 * np.arcsin(
+        np.sqrt(
+            np.sin(0.5 * np.ptp(lat)) ** 2
+            + np.cos(lat[0]) * np.cos(lat[1]) * np.sin(0.5 * np.ptp(lon)) ** 2
+        )
+    )
+    assert 100.0 / (arc * 1737400.0) - 1.0 == pytest.approx(error, rel=0.02)
+
+
+def test_facts_of_a_site(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    site, _ = plan(tmp_path)
+    text = " ".join(site_facts(site))
+    assert "in a million" in text
+    assert "256 × 256 samples" in text
+
+
+LABEL = DATA / "labels"
+"""Holds the label of the Curiosity landing site's DTM, whose pixels are not at hand."""
+
+
+@pytest.mark.skipif(not LABEL.is_dir(), reason="the PDS3 label is not at hand")
+def test_attached_pds3_label_of_a_hirise_dtm(tmp_path):
+    """The label as it stands, but for its size, before an image of our own."""
+    text = next(LABEL.glob("DTEEC*")).read_text(errors="replace").replace("\r", "")
+    rows, columns = 300, 400
+    for key, value in (
+        ("RECORD_BYTES", 4 * columns), ("FILE_RECORDS", rows + 20), ("LABEL_RECORDS", 20),
+        ("LINES", rows), ("LINE_SAMPLES", columns), (r"\^IMAGE", 21), ("LINE_LAST_PIXEL", rows),
+        ("SAMPLE_LAST_PIXEL", columns),
+    ):  # fmt: skip
+        text = re.sub(rf"(?m)^(\s*{key}\s*=\s*)\S+", rf"\g<1>{value}", text)
+    heights = (-4500.0 + rough()).astype("<f4")
+    heights[10:30, 10:30] = np.frombuffer(bytes.fromhex("fbff7fff"), "<f4")[0]
+    label = text.replace("\n", "\r\n").encode().ljust(20 * 4 * columns)
+    (tmp_path / "dtm.tif").write_bytes(label + heights.tobytes())
+    site, ground = plan(tmp_path)
+    assert site.datum_height == pytest.approx(heights[149:151, 199:201].mean(), abs=0.01)
+    lon, lat = np.degrees(site.lonlat)
+    assert 137.2 < lon < 137.6
+    assert -4.75 < lat < -4.35
+    assert site.dtm.posting == pytest.approx(1.0118, abs=0.01)
+    assert ground.shape == (61, 101)

@@ -1,0 +1,104 @@
+"""Worlds that Drake's parser would sit over, and a foreign rover in those that it takes."""
+
+import re
+
+import numpy as np
+import pytest
+from terrain_forge.exporters.drake import Options, check_capacity, export
+from terrain_forge.exporters.drake.load import parsing, parsing_losses, require_parsable
+
+from terrain_forge.base import ExportError
+from tests.consumers.test_drake import ask
+from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
+
+
+def many(world, count, *, dynamic=False):
+    field = world.field.select(np.arange(count) % len(world.field))
+    diameter = np.linspace(0.2, 1.4, count)
+    return world.replace(
+        field=field.replace(
+            id=np.arange(count), diameter=diameter, dynamic=np.full(count, dynamic, np.bool_)
+        )
+    )
+
+
+def advised(error):
+    """The options that a refusal names."""
+    found = re.findall(r"(individual_min_m|outline_error): ([\d.]+)", str(error))
+    assert found
+    return Options(**({"individual_min_m": 0} | {name: float(value) for name, value in found}))
+
+
+def test_too_many_rocks_of_their_own_are_refused_with_a_size_that_works(small_world, tmp_path):
+    world = many(small_world, 16_000)
+    with pytest.raises(ExportError, match=r"load .* 16,000 static rocks .*at most 300 s") as caught:
+        export(world, tmp_path, options=Options(individual_min_m=0))
+    assert not list(tmp_path.iterdir())
+    options = advised(caught.value)
+    load = parsing(world, options)
+    assert 1_900 <= load.single <= 2_000
+    assert load.bearable
+    export(world, tmp_path, options=options)
+
+
+def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
+    world = many(small_world, 60_000)
+    with pytest.raises(ExportError, match=r"GB .*larger collision_min_m or diameter_m") as caught:
+        export(world, tmp_path, options=Options(individual_min_m=9))
+    assert "individual_min_m" not in str(caught.value)
+    untouched = world.replace(field=world.field.replace(collides=np.zeros(60_000, np.bool_)))
+    assert parsing(untouched, Options(individual_min_m=9)).bearable
+
+
+def test_the_triangles_are_those_that_are_written(small_world, tmp_path):
+    world = many(small_world, 900)
+    options = Options(individual_min_m=1.0)
+    export(world, tmp_path, options=options)
+    merged = ("ground_", "rocks_")
+    lines = (
+        line
+        for path in tmp_path.glob("assets/*.obj")
+        if path.name.startswith(merged)
+        for line in path.read_bytes().splitlines()
+    )
+    written = sum(line.startswith(b"f ") for line in lines)
+    single = world.field.prototype[world.field.diameter >= 1.0]
+    finest = np.array([len(p.meshes[0].faces) for p in world.library.prototypes])
+    assert parsing(world, options).faces == pytest.approx(written + finest[single].sum(), rel=0.02)
+
+
+@pytest.mark.parametrize(("count", "said"), [(2_000, False), (2_600, True)])
+def test_what_parsing_takes_is_said_from_twenty_seconds_on(small_world, tmp_path, count, said):
+    losses = export(many(small_world, count), tmp_path, options=Options(individual_min_m=0)).losses
+    assert any("2,600 static rocks" in loss for loss in losses) == said
+
+
+def test_too_many_dynamic_rocks_are_said_and_refused(small_world, tmp_path):
+    lots = many(small_world, 4_100, dynamic=True)
+    losses = " ".join(parsing_losses(lots, Options()))
+    assert "4,100 dynamic ones" in losses
+    with pytest.raises(ExportError, match="make fewer rocks dynamic"):
+        require_parsable(many(small_world, 61_000, dynamic=True), Options())
+
+
+def test_a_ground_that_is_too_large_is_refused_before_it_is_made():
+    check_capacity(Options(), nodes=1025**2, rocks=0)
+    with pytest.raises(ExportError, match=r"16.8 M nodes .* larger spacing_m"):
+        check_capacity(Options(), nodes=4097**2, rocks=0)
+
+
+@pytest.mark.consumer
+def test_a_foreign_rover_stands_on_drakes_ground(small_world, tmp_path):
+    """Its wheels are round and say nothing of contact, as in a file written for Gazebo."""
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    world = small_world.replace(field=nothing)
+    (tmp_path / "drake").mkdir()
+    export(world, tmp_path / "drake", options=Options(tile_cells=48))
+    east, north = 0.0, 4.0
+    height = float(world.ground.height_at(np.array([east]), np.array([north]))[0])
+    rover = four_wheeler(east, north, height + 0.2, wheels="sphere")
+    file = tmp_path / "rover.sdf"
+    file.write_text(f'<sdf version="1.9">{rover}</sdf>', encoding="utf-8")
+    x, y, z = ask(tmp_path / "drake", rovers=[str(file)], seconds=2)["places"]["foreign_rover"]
+    below = float(world.ground.height_at(np.array([x]), np.array([y]))[0])
+    assert z - below == pytest.approx(WHEEL - HUB, abs=0.03)

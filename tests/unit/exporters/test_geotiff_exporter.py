@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+import rasterio
+from terrain_forge.exporters.geotiff import Options, export
+
+from terrain_forge.base import RecipeError
+from terrain_forge.model import rotations
+from tests.helpers.surfaces import top_under
+
+PRODUCTS = ["elevation", "hillshade", "orthoimage", "rock_id", "slope", "surface_with_rocks"]
+
+
+def exported(world, directory, **options):
+    """Each raster written, rows run north."""
+    directory.mkdir()
+    report = export(world, directory, options=Options(**options))
+    found = sorted(path.name for path in directory.iterdir())
+    assert list(map(str, report.files)) == found
+    rasters = {}
+    for name in found:
+        with rasterio.open(directory / name) as file:
+            values = np.moveaxis(file.read(), 0, -1)[::-1]
+            rasters[name.removesuffix(".tif")] = values[..., 0] if file.count == 1 else values
+    return rasters
+
+
+def tilted(world, east, north):
+    """The world on a plane that rises so much per metre."""
+    ground = world.ground
+    plane = east * ground.east + (north * ground.north)[:, None]
+    return world.replace(ground=ground.replace(elevation=plane))
+
+
+def test_heights_and_ids_are_those_of_the_world(small_world, tmp_path):
+    rasters = exported(small_world, tmp_path / "geotiff")
+    assert sorted(rasters) == PRODUCTS
+    ground, field = small_world.ground, small_world.field
+    assert np.array_equal(rasters["elevation"], ground.elevation)
+    east, north = np.meshgrid(ground.east, ground.north)
+    nodes = np.stack([east.ravel(), north.ravel()], axis=-1)
+    top, wanted = ground.elevation.astype(float).ravel(), np.full(len(nodes), -1)
+    for row, turn in enumerate(rotations(field)):
+        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+        placed = field.scale[row] * shape.vertices @ turn.T + field.position[row]
+        near = np.flatnonzero(np.abs(nodes - field.position[row, :2]).max(axis=1) < 2)
+        heights = top_under(placed, shape.faces, nodes[near])
+        higher = heights > top[near]
+        top[near[higher]], wanted[near[higher]] = heights[higher], field.id[row]
+    assert (wanted >= 0).sum() > 100
+    assert np.array_equal(rasters["rock_id"].ravel(), wanted)
+    assert np.abs(rasters["surface_with_rocks"].ravel() - top).max() < 1e-5
+
+
+def test_slope_and_shade_of_a_plane(small_world, tmp_path):
+    rasters = exported(tilted(small_world, 0.3, -0.4), tmp_path / "geotiff")
+    assert rasters["slope"] == pytest.approx(np.degrees(np.arctan(0.5)), abs=1e-3)
+    normal = np.array([-0.3, 0.4, 1]) / np.sqrt(1.25)
+    light = max(0.0, normal @ small_world.lighting.towards_sun)
+    assert 0.1 < light < 0.9
+    assert np.abs(rasters["hillshade"].astype(float) - 255 * light).max() <= 0.51
+
+
+def test_the_side_away_from_the_sun_is_black(small_world, tmp_path):
+    east, north, _ = small_world.lighting.towards_sun
+    rasters = exported(tilted(small_world, 2 * east, 2 * north), tmp_path / "geotiff")
+    assert rasters["hillshade"].max() == 0
+
+
+def test_the_orthoimage_shows_ground_and_rocks(small_world, tmp_path):
+    colours = np.random.default_rng(8).integers(0, 256, (65, 97, 3)).astype(np.uint8)
+    looks = small_world.appearance.replace(ground_rgb=colours)
+    rasters = exported(small_world.replace(appearance=looks), tmp_path / "geotiff")
+    rock = rasters["rock_id"]
+    assert np.array_equal(rasters["orthoimage"][rock < 0], colours[rock < 0])
+    field = small_world.field
+    rows = np.searchsorted(field.id, rock[rock >= 0])
+    wanted = small_world.appearance.rock_rgb[field.population[rows]]
+    assert np.array_equal(rasters["orthoimage"][rock >= 0], wanted)
+
+
+def test_heights_above_the_datum(small_world, tmp_path):
+    site = small_world.site.replace(datum_height=-4500.0, slope=(0.01, -0.02))
+    rasters = exported(small_world.replace(site=site), tmp_path / "geotiff", heights="datum")
+    ground = small_world.ground
+    plane = 0.01 * ground.east - 0.02 * ground.north[:, None] - 4500
+    for name in ("elevation", "surface_with_rocks"):
+        world = exported(small_world, tmp_path / name, products=(name,))[name]
+        assert np.abs(rasters[name] - (world + plane)).max() < 0.0003
+
+
+def test_only_the_products_that_were_asked_for(small_world, tmp_path):
+    rasters = exported(small_world, tmp_path / "geotiff", products=("slope", "rock_id"))
+    assert sorted(rasters) == ["rock_id", "slope"]
+    with pytest.raises(RecipeError, match="slope is named twice"):
+        Options(products=("slope", "rock_id", "slope"))
+
+
+def test_cloud_optimized(small_world, tmp_path):
+    plain = exported(small_world, tmp_path / "plain")
+    cloud = exported(small_world, tmp_path / "cloud", cloud_optimized=True)
+    for name in PRODUCTS:
+        assert np.array_equal(plain[name], cloud[name])
+        with rasterio.open(tmp_path / "cloud" / f"{name}.tif") as file:
+            assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+    with rasterio.open(tmp_path / "cloud" / "orthoimage.tif") as file:
+        assert [colour.name for colour in file.colorinterp] == ["red", "green", "blue"]
+
+
+@pytest.mark.parametrize("cloud", [False, True])
+def test_equal_worlds_make_equal_bytes(small_world, tmp_path, cloud):
+    for name in ("one", "two"):
+        exported(small_world, tmp_path / name, cloud_optimized=cloud)
+    for product in PRODUCTS:
+        one, two = (tmp_path / name / f"{product}.tif" for name in ("one", "two"))
+        assert one.read_bytes() == two.read_bytes()

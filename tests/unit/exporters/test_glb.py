@@ -1,0 +1,326 @@
+import json
+import os
+import shutil
+import struct
+import subprocess
+from importlib import import_module
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation, Slerp
+from terrain_forge.exporters.glb import Options, export
+from terrain_forge.exporters.glb.node_text import rock_nodes
+
+from terrain_forge.base import ExportError, xyzw
+from terrain_forge.model import rotations
+from tests.helpers.ground_pictures import (
+    PIXELS,
+    detailed,
+    shows_its_detail,
+    shows_its_nodes,
+    speckled,
+)
+from tests.helpers.surfaces import random_points, top_under
+
+COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def exported(world, directory, **options):
+    directory.mkdir()
+    report = export(world, directory, options=Options(**options))
+    assert [path.name for path in directory.iterdir()] == ["world.glb"]
+    assert list(map(str, report.files)) == ["world.glb"]
+    return directory / "world.glb"
+
+
+def chunks(path):
+    """The JSON and the binary chunk, read by hand."""
+    data = path.read_bytes()
+    magic, version, total, length, kind = struct.unpack_from("<4sIII4s", data)
+    assert (magic, version, total, kind) == (b"glTF", 2, len(data), b"JSON")
+    rest, kind = struct.unpack_from("<I4s", data, 20 + length)
+    assert kind == b"BIN\0"
+    assert 28 + length + rest == total
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def array(path, accessor):
+    text, binary = chunks(path)
+    accessor = text["accessors"][accessor]
+    view = text["bufferViews"][accessor["bufferView"]]
+    assert accessor["componentType"] == 5126
+    width = COMPONENTS[accessor["type"]]
+    count = accessor["count"] * width
+    return np.frombuffer(binary, "<f4", count, view["byteOffset"]).reshape(-1, width)
+
+
+@pytest.fixture(scope="module")
+def glb(small_world, tmp_path_factory):
+    """The small world in four tiles, its larger rocks one by one."""
+    directory = tmp_path_factory.mktemp("glb") / "glb"
+    return exported(detailed(small_world), directory, tile_cells=48, instances_min_m=0.5)
+
+
+@pytest.fixture(scope="module")
+def scene(glb):
+    return trimesh.load(glb, process=False)
+
+
+def placed(scene, prefix):
+    """Names, vertices in the world's frame (east, north, up) and faces of the nodes so named."""
+    for node in sorted(scene.graph.nodes_geometry):
+        if node.startswith(prefix):
+            matrix, geometry = scene.graph[node]
+            mesh = scene.geometry[geometry]
+            x, y, z = trimesh.transform_points(mesh.vertices, matrix).T
+            yield node, np.stack([x, -z, y], axis=-1), mesh.faces
+
+
+def test_the_ground_reads_back(small_world, scene):
+    points = random_points(small_world.ground, 2000, 21)
+    heights = np.full(len(points), -np.inf)
+    tiles = list(placed(scene, "ground_"))
+    assert len(tiles) == 4
+    for _, vertices, faces in tiles:
+        heights = np.maximum(heights, top_under(vertices, faces, points))
+    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
+    assert np.abs(heights - wanted).max() < 1e-5
+
+
+def test_large_rocks_stand_where_they_are(small_world, scene):
+    field, shapes = small_world.field, small_world.library.prototypes
+    found = {name: vertices for name, vertices, _ in placed(scene, "rock_")}
+    large = np.flatnonzero(field.diameter >= 0.5)
+    assert set(found) == {f"rock_{field.id[row]}" for row in large}
+    turns = rotations(field)
+    for row in large:
+        points = shapes[field.prototype[row]].meshes[0].vertices * field.scale[row]
+        wanted = points @ turns[row].T + field.position[row]
+        vertices = found[f"rock_{field.id[row]}"]
+        tolerance = 1e-5 * field.diameter[row]
+        assert vertices.min(0) == pytest.approx(wanted.min(0), abs=tolerance)
+        assert vertices.max(0) == pytest.approx(wanted.max(0), abs=tolerance)
+        apart = np.linalg.norm(wanted[:, None] - vertices, axis=2).min(axis=1)
+        assert apart.max() < tolerance
+
+
+def test_large_rocks_share_their_meshes(small_world, glb):
+    text, _ = chunks(glb)
+    field = small_world.field
+    large = field.diameter >= 0.5
+    kinds = set(zip(field.prototype[large], field.population[large], strict=True))
+    shared = [mesh for mesh in text["meshes"] if mesh["name"].startswith("rock_shape_")]
+    assert len(shared) == len(kinds) < large.sum()
+    positions = {mesh["primitives"][0]["attributes"]["POSITION"] for mesh in shared}
+    assert len(positions) == len({prototype for prototype, _ in kinds})
+
+
+def test_small_rocks_are_merged(small_world, scene):
+    field, turns = small_world.field, rotations(small_world.field)
+    merged = np.concatenate([vertices for _, vertices, _ in placed(scene, "rocks_")])
+    small = np.flatnonzero(field.diameter < 0.5)
+    assert len(small) > 5
+    for row in small:
+        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+        points = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
+        top = points[points[:, 2].argmax()]
+        assert np.linalg.norm(merged - top, axis=1).min() < 1e-5
+
+
+def test_the_texture_lies_the_right_way(small_world, tmp_path):
+    world = speckled(small_world)
+    path = exported(world, tmp_path / "glb", tile_cells=48, texture_pixels=PIXELS)
+    scene = trimesh.load(path, process=False)
+    for name, vertices, _ in placed(scene, "ground_"):
+        mesh = scene.geometry[scene.graph[name][1]]
+        pixels = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
+        u, v = mesh.visual.uv.T  # trimesh turns v over: here it runs up
+        assert shows_its_nodes(pixels, u, v, world, vertices)
+    assert "KHR_texture_transform" not in chunks(path)[0]["extensionsUsed"]
+
+
+def test_the_soils_normals_repeat_where_they_belong(small_world, glb, scene):
+    text, _ = chunks(glb)
+    assert "KHR_texture_transform" in text["extensionsUsed"]
+    looks = {material["name"]: material for material in text["materials"]}
+    for name, vertices, _ in placed(scene, "ground_"):
+        normals = looks[name]["normalTexture"]
+        texture = text["textures"][normals["index"]]
+        sampler = text["samplers"][texture["sampler"]]
+        assert (sampler["wrapS"], sampler["wrapT"]) == (10497, 10497)
+        place = normals["extensions"]["KHR_texture_transform"]
+        mesh = scene.geometry[scene.graph[name][1]]
+        part = next(m for m in text["meshes"] if m["name"] == name)["primitives"][0]
+        tangents = array(glb, part["attributes"]["TANGENT"])
+        upright = array(glb, part["attributes"]["NORMAL"])
+        assert np.allclose(np.linalg.norm(tangents[:, :3], axis=1), 1, atol=1e-6)
+        assert np.abs((tangents[:, :3] * upright).sum(axis=1)).max() < 1e-6
+        across = np.cross(upright, tangents[:, :3]) * tangents[:, 3:]
+        assert tangents[:, 0].min() > 0.8
+        assert across[:, 1].min() > 0.8  # the image's top is north
+        u, v = mesh.visual.uv.T
+        down = np.stack([u, 1 - v], axis=-1)  # as in the file
+        s, t = (down * place["scale"] + place["offset"]).T
+        pixels = np.asarray(mesh.visual.material.normalTexture.convert("RGB"))
+        assert shows_its_detail(pixels, s, 1 - t, detailed(small_world), vertices)
+
+
+def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
+    field = small_world.field
+    row = int(field.diameter.argmax())
+    mesh = scene.geometry[scene.graph[f"rock_{field.id[row]}"][1]]
+    shape = small_world.library.prototypes[field.prototype[row]]
+    wanted = np.concatenate([shape.meshes[0].vertices[shape.meshes[0].faces], shape.uvs[0]], axis=2)
+    found = np.concatenate([mesh.vertices[mesh.faces], mesh.visual.uv[mesh.faces]], axis=2)
+    assert np.allclose(found, wanted, atol=1e-6)
+    image = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
+    brightest = small_world.library.texture[::-1] == small_world.library.texture.max()
+    rgb = small_world.appearance.rock_rgb[field.population[row]]
+    assert np.abs(image[brightest].astype(int) - rgb).max() <= 3
+
+
+def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):
+    text, _ = chunks(glb)
+    node = next(node for node in text["nodes"] if node["name"] == "sun")
+    shines = Rotation.from_quat(node["rotation"]).apply([0, 0, -1])
+    assert np.allclose(shines, -small_world.lighting.towards_sun, atol=1e-12)
+    root = text["nodes"][text["scenes"][text["scene"]]["nodes"][0]]
+    up = Rotation.from_quat(root["rotation"]).apply([0, 0, 1])
+    assert np.allclose(up, [0, 1, 0])
+    light = text["extensions"]["KHR_lights_punctual"]["lights"][0]
+    assert light["type"] == "directional"
+    assert light["intensity"] == pytest.approx(98 * small_world.lighting.irradiance)
+    dim, _ = chunks(exported(small_world, tmp_path / "dim", sun_lux=3))
+    assert dim["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] == 3
+
+
+def test_paths_move_a_node(small_world, glb):
+    trajectory, text = small_world.trajectories[0], chunks(glb)[0]
+    animation = text["animations"][0]
+    assert animation["name"] == "arc"
+    channels = {channel["target"]["path"]: channel for channel in animation["channels"]}
+    assert set(channels) == {"translation", "rotation"}
+    assert text["nodes"][channels["rotation"]["target"]["node"]]["name"] == "path_arc"
+    samplers = {name: animation["samplers"][c["sampler"]] for name, c in channels.items()}
+    time = array(glb, samplers["translation"]["input"])[:, 0].astype(float)
+    positions = array(glb, samplers["translation"]["output"]).astype(float)
+    turns = array(glb, samplers["rotation"]["output"]).astype(float)
+    assert np.allclose(time, trajectory.time, atol=1e-6)
+    assert np.allclose(positions, trajectory.position, atol=1e-5)
+    assert (turns[1:] * turns[:-1]).sum(axis=1).min() > 0.99
+    asked = np.random.default_rng(4).uniform(1, 18, 500)
+    wanted = trajectory.at(asked)
+    between = np.stack([np.interp(asked, time, positions[:, n]) for n in range(3)], axis=-1)
+    assert np.linalg.norm(between - wanted.position, axis=1).max() < 0.005
+    blended = Slerp(time, Rotation.from_quat(turns))(asked)
+    off = blended * Rotation.from_quat(xyzw(wanted.quaternion)).inv()
+    assert off.magnitude().max() < 0.001
+
+
+def test_a_quaternion_never_flips_over(small_world, tmp_path):
+    rpy = small_world.trajectories[0].rpy.copy()
+    rpy[:, 2] = np.linspace(0, 40, len(rpy))
+    trajectory = small_world.trajectories[0].replace(rpy=rpy)
+    path = exported(small_world.replace(trajectories=(trajectory,)), tmp_path / "glb")
+    sampler = chunks(path)[0]["animations"][0]["samplers"][1]
+    turns = array(path, sampler["output"])
+    assert (turns[1:] * turns[:-1]).sum(axis=1).min() > 0.9
+
+
+def test_names_survive(small_world, tmp_path):
+    name = 'Gale "crater" <7> Ωå 火星'
+    world = small_world.replace(
+        site=small_world.site.replace(name=name),
+        field=small_world.field.replace(populations=("кiesel & co", "boulders")),
+        trajectories=(small_world.trajectories[0].replace(name="zum Großen Stein"),),
+    )
+    text, _ = chunks(exported(world, tmp_path / "glb"))
+    assert text["nodes"][0]["name"] == name
+    assert text["nodes"][1]["name"] == "path_zum Großen Stein"
+    assert any("кiesel & co" in material["name"] for material in text["materials"])
+
+
+def test_equal_worlds_make_equal_bytes(small_world, glb, tmp_path):
+    again = exported(detailed(small_world), tmp_path / "glb", tile_cells=48, instances_min_m=0.5)
+    assert again.read_bytes() == glb.read_bytes()
+
+
+def test_a_bare_world_without_paths(small_world, tmp_path):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    world = small_world.replace(field=nothing, trajectories=())
+    text, _ = chunks(exported(world, tmp_path / "glb"))
+    assert "animations" not in text
+    assert [node["name"] for node in text["nodes"]] == ["by-hand", "sun", "ground_000"]
+
+
+@pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.export"])
+def test_what_a_glb_cannot_hold(small_world, tmp_path, monkeypatch, module):
+    monkeypatch.setattr(import_module(f"terrain_forge.{module}"), "LARGEST_FILE", 100_000)
+    with pytest.raises(ExportError, match=r"4 GiB.*choose"):
+        exported(small_world, tmp_path / "glb")
+
+
+def test_losses_name_what_is_merged(small_world, tmp_path):
+    directory = tmp_path / "glb"
+    directory.mkdir()
+    report = export(small_world, directory, options=Options(instances_min_m=0.5))
+    small = int((small_world.field.diameter < 0.5).sum())
+    assert any(loss.startswith(f"{small} rocks below 0.5 m are merged") for loss in report.losses)
+
+
+VALIDATE = """
+const fs = require("fs");
+require("gltf-validator").validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
+  .then((report) => console.log(JSON.stringify(report.issues)));
+"""
+
+
+@pytest.mark.consumer
+def test_khronos_validator_finds_nothing(glb):
+    """Wants `npm install gltf-validator`, and NODE_PATH to lead to its node_modules."""
+    found = shutil.which("node") and subprocess.run(
+        ["node", "-e", 'require("gltf-validator")'], capture_output=True, check=False
+    )
+    if not found or found.returncode:
+        pytest.skip("node with gltf-validator is not installed")
+    command = ["node", "-e", VALIDATE, glb]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
+    issues = json.loads(run.stdout)
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+def test_nodes_are_json_as_python_writes_it(small_world):
+    """Whatever the numbers: whole, negative, tiny, far away."""
+    field = small_world.field
+    random = np.random.default_rng(8)
+    position = random.normal(0.0, 1.0, (len(field), 3)) * 10.0 ** random.integers(-8, 5, (40, 3))
+    position[0], position[1] = (0.0, -0.0, 1.0), (-4e-8, 123456.0, -7.0)
+    rocks = field.replace(
+        position=position, id=(7 ** np.arange(20, dtype=np.int64)).repeat(2) % 2**31
+    )
+    meshes = np.arange(40) * 999
+    nodes = json.loads(f"[{rock_nodes(rocks, meshes)}]")
+    assert [node["name"] for node in nodes] == [f"rock_{rock}" for rock in rocks.id]
+    assert [node["mesh"] for node in nodes] == meshes.tolist()
+    assert np.abs([node["translation"] for node in nodes] - position).max() <= 0.51e-7
+    turns = np.array([node["rotation"] for node in nodes])
+    assert np.abs(turns - np.roll(field.quaternion, -1, axis=1)).max() <= 0.51e-7
+    assert np.abs([node["scale"] for node in nodes] - field.scale[:, None]).max() <= 0.51e-7
+
+
+def test_many_merged_rocks_become_several_meshes(small_world, tmp_path, monkeypatch):
+    """So that memory does not grow with their number; together they are the same."""
+    files = []
+    for part in (1000, 7):
+        monkeypatch.setattr("terrain_forge.geometry.rock_mesh._PART", part)
+        (tmp_path / str(part)).mkdir()
+        export(small_world, tmp_path / str(part), options=Options(instances_min_m=9.0))
+        files.append(trimesh.load(tmp_path / str(part) / "world.glb", process=False))
+    one, many = (
+        {name: mesh for name, mesh in file.geometry.items() if name.startswith("rocks")}
+        for file in files
+    )
+    assert len(one) == 2
+    assert len(many) > 4
+    assert sum(len(m.faces) for m in many.values()) == sum(len(m.faces) for m in one.values())

@@ -1,0 +1,242 @@
+from importlib import import_module
+from io import BytesIO
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from terrain_forge.exporters.mesh import Options, export
+
+from terrain_forge.base import ExportError, RecipeError
+from terrain_forge.geometry import grid_faces
+from terrain_forge.model import rotations
+from terrain_forge.writers import write_obj_faces, write_obj_grid_faces
+from tests.helpers.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
+from tests.helpers.surfaces import random_points, top_under
+
+TILES = {"merged": {}, "tiled": {"tiles": "tiled", "tile_cells": 48}}
+
+
+def exported(world, directory, **options):
+    directory.mkdir()
+    report = export(world, directory, options=Options(**options))
+    found = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    assert list(report.files) == found
+    return directory
+
+
+def objects(path):
+    """Name, vertices and faces of each object of a mesh file."""
+    if path.suffix != ".obj":
+        mesh = trimesh.load(path, process=False)
+        return [("all", mesh.vertices, mesh.faces)]
+    return [(name, vertices, faces) for name, vertices, faces, _ in obj_objects(path)]
+
+
+def obj_objects(path):
+    """Name, vertices, faces and the corners' texture coordinates of an OBJ's objects, by hand."""
+    rows = {b"v": [], b"vt": [], b"vn": []}
+    parts = {}
+    for line in path.read_bytes().splitlines():
+        tag, *words = line.split()
+        if tag in rows:
+            rows[tag].append(words)
+        elif tag == b"o":
+            parts[words[0].decode()] = corners = []
+        elif tag == b"f":
+            corners.append([[int(n or 0) for n in word.split(b"/")] for word in words])
+    vertices, coordinates = (np.array(rows[tag], float) for tag in (b"v", b"vt"))
+    normals = np.linalg.norm(np.array(rows[b"vn"], float), axis=1)
+    assert np.abs(normals - 1).max() < 2e-4
+    assert len(normals) == len(vertices)
+    for name, corners in parts.items():
+        position, texture, normal = np.moveaxis(np.array(corners) - 1, -1, 0)
+        assert np.array_equal(position, normal)
+        used, faces = np.unique(position, return_inverse=True)
+        yield name, vertices[used], faces.reshape(-1, 3), coordinates[texture]
+
+
+@pytest.mark.parametrize("form", ["obj", "stl", "ply"])
+@pytest.mark.parametrize("tiles", ["merged", "tiled"])
+def test_the_ground_reads_back(small_world, tmp_path, form, tiles):
+    options = TILES[tiles] | {"format": form, "rocks": "none"}
+    directory = exported(small_world, tmp_path / "mesh", **options)
+    files = sorted(directory.glob(f"*.{form}"))
+    names = ["world"] if tiles == "merged" else [f"tile_{n:03}" for n in range(4)]
+    assert [path.stem for path in files] == names
+    points = random_points(small_world.ground, 2000, 31)
+    heights = np.full(len(points), -np.inf)
+    for path in files:
+        for _, vertices, faces in objects(path):
+            heights = np.maximum(heights, top_under(vertices, faces, points))
+    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
+    assert np.abs(heights - wanted).max() < 3e-6
+
+
+@pytest.mark.parametrize("form", ["obj", "stl", "ply"])
+def test_merged_rocks_are_the_rocks(small_world, tmp_path, form):
+    directory = exported(small_world, tmp_path / "mesh", format=form, tile_cells=48)
+    vertices = np.concatenate([part[1] for part in objects(directory / f"world.{form}")])
+    field, turns = small_world.field, rotations(small_world.field)
+    for row in range(len(field)):
+        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+        points = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
+        above = points[points[:, 2] > field.position[row, 2] + 0.1 * field.diameter[row]]
+        for axis in range(3):
+            for far in (above[above[:, axis].argmin()], above[above[:, axis].argmax()]):
+                apart = np.linalg.norm(vertices - far, axis=1).min()
+                assert apart < 0.001 * field.diameter[row]
+
+
+def test_the_merged_surface_is_the_highest(small_world, tmp_path):
+    """As a ray caster sees it: rocks and ground from above, against the shapes themselves."""
+    directory = exported(small_world, tmp_path / "mesh", format="stl")
+    points = random_points(small_world.ground, 500, 32)
+    found = top_under(*objects(directory / "world.stl")[0][1:], points)
+    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
+    field, turns = small_world.field, rotations(small_world.field)
+    for row in range(len(field)):
+        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
+        placed = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
+        wanted = np.maximum(wanted, top_under(placed, shape.faces, points))
+    assert (wanted > small_world.ground.height_at(points[:, 0], points[:, 1])).sum() > 20
+    assert np.abs(found - wanted).max() < 1e-5
+
+
+def test_rocks_as_objects(small_world, tmp_path):
+    directory = exported(small_world, tmp_path / "mesh", rocks="objects")
+    parts = {name: part for name, *part in obj_objects(directory / "world.obj")}
+    field, turns = small_world.field, rotations(small_world.field)
+    assert set(parts) == {"ground", *(f"rock_{identity}" for identity in field.id)}
+    for row in range(len(field)):
+        prototype = small_world.library.prototypes[field.prototype[row]]
+        shape, uvs = prototype.meshes[0], prototype.uvs[0]
+        wanted = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
+        vertices, faces, coordinates = parts[f"rock_{field.id[row]}"]
+        assert vertices.min(0) == pytest.approx(wanted.min(0), abs=2e-6)
+        assert vertices.max(0) == pytest.approx(wanted.max(0), abs=2e-6)
+        assert np.abs(vertices[faces] - wanted[shape.faces]).max() < 2e-6
+        assert np.abs(coordinates - uvs).max() < 2e-6
+
+
+def test_trimesh_reads_the_obj_with_its_looks(small_world, tmp_path):
+    directory = exported(small_world, tmp_path / "mesh", texture_pixels=PIXELS)
+    mesh = trimesh.load(directory / "world.obj", force="mesh", process=False)
+    points = random_points(small_world.ground, 200, 33)
+    heights = top_under(mesh.vertices, mesh.faces, points)
+    bare = small_world.ground.height_at(points[:, 0], points[:, 1])
+    assert (heights > bare - 1e-5).all()
+    assert np.median(heights - bare) < 1e-5
+    scene = trimesh.load(directory / "world.obj", process=False)
+    images = [part.visual.material.image for part in scene.geometry.values()]
+    assert [image.size for image in images if image] == [(97 * FINER, 65 * FINER)]
+
+
+def test_materials_lead_to_files(small_world, tmp_path):
+    directory = exported(small_world, tmp_path / "mesh", tiles="tiled", tile_cells=48)
+    text = (directory / "world.mtl").read_text()
+    known = {line.split()[1] for line in text.splitlines() if line.startswith("newmtl")}
+    images = {line.split()[1] for line in text.splitlines() if line.startswith("map_Kd")}
+    assert images == {f"ground_{n:03}.png" for n in range(4)}
+    assert all((directory / image).is_file() for image in images)
+    for path in directory.glob("*.obj"):
+        lines = path.read_text().splitlines()
+        assert {line.split()[1] for line in lines if line.startswith("usemtl")} <= known
+        assert [line for line in lines if line.startswith("mtllib")] == ["mtllib world.mtl"]
+
+
+@pytest.mark.parametrize("tiles", ["merged", "tiled"])
+def test_the_texture_lies_the_right_way(small_world, tmp_path, tiles):
+    world = speckled(small_world)
+    options = TILES[tiles] | {"texture_pixels": PIXELS, "rocks": "none"}
+    directory = exported(world, tmp_path / "mesh", **options)
+    found = sorted(directory.glob("*.obj"))
+    assert len(found) == (1 if tiles == "merged" else 4)
+    for path in found:
+        rows = [line.split() for line in path.read_text().splitlines()]
+        vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+        u, v = np.array([row[1:] for row in rows if row[0] == "vt"], float).T
+        look = next(row[1] for row in rows if row[0] == "usemtl")
+        with Image.open(directory / f"{look}.png") as image:
+            assert shows_its_nodes(np.asarray(image), u, v, world, vertices)
+
+
+def test_ply_has_the_nodes_colours(small_world, tmp_path):
+    world = speckled(small_world)
+    exported(world, tmp_path / "ply", format="ply", rocks="none")
+    mesh = trimesh.load(tmp_path / "ply" / "world.ply", process=False)
+    i, j = nodes(world, mesh.vertices)
+    assert np.array_equal(mesh.visual.vertex_colors[:, :3], world.appearance.ground_rgb[j, i])
+
+
+@pytest.mark.parametrize("form", ["obj", "stl", "ply"])
+def test_bands_do_not_show(small_world, tmp_path, monkeypatch, form):
+    whole = exported(small_world, tmp_path / "whole", format=form)
+    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.part"), "_BAND_NODES", 300)
+    banded = exported(small_world, tmp_path / "banded", format=form)
+    name = f"world.{form}"
+    assert (banded / name).read_bytes() == (whole / name).read_bytes()
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (5, 3), (3, 5), (70, 151)])
+def test_faces_of_a_grid_are_those_of_its_mesh(rows, columns):
+    fast, plain = BytesIO(), BytesIO()
+    faces = grid_faces(rows, columns)
+    write_obj_grid_faces(fast, rows, columns)
+    write_obj_faces(plain, faces, texture_faces=faces)
+    assert fast.getvalue() == plain.getvalue()
+
+
+@pytest.mark.parametrize("form", ["obj", "stl", "ply"])
+def test_a_bare_world(small_world, tmp_path, form):
+    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
+    directory = exported(small_world.replace(field=nothing), tmp_path / "mesh", format=form)
+    assert sum(len(faces) for _, _, faces in objects(directory / f"world.{form}")) == 2 * 96 * 64
+
+
+WRONG = {
+    "rocks": [({"format": "stl", "rocks": "objects"}, "stl has no objects; choose format: obj")],
+    "texture_pixels": [({"format": "ply", "texture_pixels": 64}, "ply has no textures")],
+    "finest_min_m": [
+        ({"rocks": "none", "finest_min_m": 1.0}, "for rocks: merged, here none"),
+        ({"rocks": "objects", "finest_min_m": 1.0}, "for rocks: merged, here objects"),
+    ],
+    "outline_error": [({"rocks": "none", "outline_error": 0.1}, "for rocks: merged, here none")],
+    "tile_cells": [({"rocks": "none", "tile_cells": 64}, "choose tiles: tiled")],
+}
+
+
+@pytest.mark.parametrize("option", WRONG)
+def test_options_without_effect_are_refused(option):
+    for options, words in WRONG[option]:
+        with pytest.raises(RecipeError, match=words) as caught:
+            Options(**options)
+        assert caught.value.key == (option,)
+
+
+def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
+    field = small_world.field
+    row = np.arange(len(field))
+    solid = row % 3 > 0
+    world = small_world.replace(field=field.replace(collides=solid, dynamic=solid & (row % 4 == 1)))
+    said = {}
+    for rocks in ("merged", "objects", "none"):
+        (tmp_path / rocks).mkdir()
+        said[rocks] = " ".join(export(world, tmp_path / rocks, options=Options(rocks=rocks)).losses)
+    for words in ("visual-only", "dynamic rocks stand still"):
+        assert words in said["merged"]
+        assert words in said["objects"]
+        assert words not in said["none"]
+    assert "The 40 rocks are left out." in said["none"]
+    assert "40 rocks are merged" in said["merged"]
+    assert "merged" not in said["objects"] + said["none"]
+    bare = world.replace(field=field.select(row < 0))
+    (tmp_path / "bare").mkdir()
+    assert "rock" not in " ".join(export(bare, tmp_path / "bare", options=Options()).losses)
+
+
+def test_a_ground_too_large_for_one_mesh(small_world, tmp_path, monkeypatch):
+    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.export"), "_MOST_NODES", 6000)
+    with pytest.raises(ExportError, match=r"6305 nodes.*choose tiles: tiled"):
+        exported(small_world, tmp_path / "merged")
+    exported(small_world, tmp_path / "tiled", tiles="tiled", tile_cells=48)

@@ -1,0 +1,277 @@
+"""The report page: self-contained, escaped, complete, the same bytes for the same world."""
+
+import json
+import re
+from base64 import b64encode
+from hashlib import sha256
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from terrain_forge.report import write_report_page
+from terrain_forge.report.checks import measure_facts
+from terrain_forge.report.facts import describe
+from terrain_forge.report.lines import ground_lines
+from terrain_forge.report.section import Built
+from terrain_forge.report.style import join, plot
+from terrain_forge.report.view import scripts
+from terrain_forge.terrain import slope_statistics
+from terrain_forge.truth.size_frequency import write_size_frequency
+from terrain_forge.writers import write_png
+from tests.helpers import worlds
+from tests.unit.truth.test_size_frequency_verification import population, rocks
+
+HOSTILE = "<script>alert('&\"x\"')</script>"
+CHECKS = [
+    {"name": "mjcf: ground", "figure": 3.25e-6, "unit": "m", "limit": 0.001, "passed": True,
+     "note": "2000 points"},
+    {"name": "drive: completed", "figure": True, "unit": "", "limit": True, "passed": True,
+     "note": ""},
+    {"name": f"drive: {HOSTILE}", "figure": 0.62, "unit": "m", "limit": 0.5, "passed": False,
+     "note": f"at <40 s> {HOSTILE}"},
+]  # fmt: skip
+VOID = {"meta", "img", "rect", "line", "input", "source"}
+
+
+class Page(HTMLParser):
+    """What a browser would see, load and run."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.sources, self.words, self.style = [], [], [], [], ""
+        self.links, self.anchors, self.scripts, self.policy = [], set(), [], ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        for name, value in attributes:
+            assert not name.startswith("on"), name
+            if tag == "a":
+                self.links += [value] if name == "href" else []
+            elif name in ("src", "href", "srcset", "data", "action", "poster"):
+                self.sources.append(value)
+            if name == "id":
+                self.anchors.add(value)
+        if ("http-equiv", "Content-Security-Policy") in attributes:
+            self.policy = dict(attributes)["content"]
+        if tag == "script":
+            self.scripts.append("")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] == "style":
+            self.style += data
+        elif self.open and self.open[-1] == "script":
+            self.scripts[-1] += data
+        elif data.strip():
+            self.words.append(data.strip())
+
+    @property
+    def text(self):
+        return " ".join(self.words)
+
+
+def build(folder, *, name="Gale & co", validated=True, fill=True):
+    world = worlds.world()
+    classic = {"kind": "sdf", "flavour": "classic"}
+    recipe = {
+        "dtm": {"kind": "raster", "source": f"../dtm/{HOSTILE}.tif"},
+        "exports": {"sdf": {}, "old gazebo": classic},
+    }
+    world = world.replace(site=world.site.replace(name=name, recipe_json=json.dumps(recipe)))
+    if fill:
+        (folder / "truth").mkdir(parents=True)
+        specs = (population("pebbles", diameter=(0.2, 0.7)),
+                 population("boulders", diameter=(0.7, 1.2)))  # fmt: skip
+        write_size_frequency(world, folder / "truth", rocks=rocks(*specs))
+        write_png(folder / "preview.png", np.full((72, 128, 3), 90, np.uint8))
+        for path in ("sdf/scene.sdf", "old gazebo/scene.sdf", "mjcf/scene.xml", "usd/scene.usdc"):
+            (folder / path).parent.mkdir()
+            (folder / path).touch()
+    if validated:
+        (folder / "validation").mkdir()
+        report = {"passed": False, "checks": CHECKS}
+        (folder / "validation" / "report.json").write_text(json.dumps(report))
+        write_png(folder / "validation" / "drive.png", np.zeros((8, 8, 3), np.uint8))
+    return write_report_page(world, folder)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("OUT")).read_text(encoding="utf-8")
+
+
+def test_the_page_needs_nothing_but_itself(report):
+    page = Page(report)
+    assert page.open == []
+    assert len(page.sources) == 5
+    assert all(re.match(r"data:image/(png|jpeg);base64,[A-Za-z0-9+/=]+$", s) for s in page.sources)
+    assert not {"link", "iframe", "object", "base", "form"} & set(page.tags)
+    assert "url(" not in page.style
+    assert "@import" not in page.style
+    for script in page.scripts:
+        report = report.replace(script, "")
+    assert "://" not in report
+
+
+def test_the_page_runs_its_own_scripts_and_forbids_the_rest(report):
+    page = Page(report)
+    model, *ours = page.scripts
+    assert tuple(ours) == scripts()
+    assert re.fullmatch(r"[A-Za-z0-9+/=]+", model)
+    for script in ours:
+        assert f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" in page.policy
+    assert page.policy.startswith("default-src 'none'; img-src data: blob:; connect-src blob:;")
+    assert "unsafe" not in page.policy.partition("script-src")[2]
+    assert re.findall(r"https?://[^\"'`) ]*", "".join(ours)) == ["http://www.w3.org/1999/xhtml"]
+    assert "Copyright © 2010-2026 three.js authors" in ours[0]
+
+
+def test_every_link_leads_to_a_section(report):
+    page = Page(report)
+    assert len(page.links) >= 7
+    assert {link.removeprefix("#") for link in page.links} <= page.anchors
+
+
+def test_what_others_wrote_is_escaped(tmp_path):
+    text = build(tmp_path, name=HOSTILE).read_text(encoding="utf-8")
+    page = Page(text)
+    assert tuple(page.scripts[1:]) == scripts()
+    assert page.words.count(HOSTILE) >= 2
+    assert f"drive: {HOSTILE}" in page.words
+    assert f"../dtm/{HOSTILE}.tif" in page.words
+
+
+def test_every_check_stands_there_with_figure_limit_and_verdict(report):
+    text = Page(report).text
+    assert "1 of 3 checks failed" in text
+    assert f"1 of 3 checks failed drive: {HOSTILE}" in text
+    assert "mjcf: ground 2000 points 3.25e\u221206 m 0.001 m pass" in text
+    assert "drive: completed yes yes pass" in text
+    assert f"drive: {HOSTILE} at <40 s> {HOSTILE} 0.62 m 0.5 m fail" in text
+
+
+def test_the_proof_of_the_sizes_stands_there(report):
+    text = Page(report).text
+    for words in ("pebbles golombek, k 0.07, q 3.96 0.2–0.7", "boulders", "together", "differs"):
+        assert words in text
+
+
+def test_each_simulator_has_its_command(report):
+    text = Page(report).text
+    assert "python -m mujoco.viewer --mjcf=mjcf/scene.xml" in text
+    assert 'GZ_SIM_RESOURCE_PATH="$PWD"/sdf/models gz sim sdf/scene.sdf' in text
+    assert "GAZEBO_MODEL_PATH=\"$PWD\"/'old gazebo'/models gazebo 'old gazebo'/scene.sdf" in text
+    assert "usdview usd/scene.usdc" in text
+
+
+def test_what_is_missing_is_said(tmp_path):
+    text = Page(build(tmp_path, validated=False, fill=False).read_text(encoding="utf-8")).text
+    assert "not validated" in text
+    assert "terrain-forge validate" in text
+    assert "checks passed" not in text
+
+
+def test_equal_worlds_have_equal_pages(tmp_path, report):
+    (tmp_path / "elsewhere").mkdir()
+    assert build(tmp_path / "elsewhere").read_text(encoding="utf-8") == report
+
+
+def test_what_was_only_measured_is_no_pass():
+    checks = [
+        {"name": "drive loop: largest tilt", "figure": 12.0, "unit": "deg", "limit": 30.0,
+         "passed": True},
+        {"name": "drive loop: distance", "figure": 59.68, "unit": "m", "limit": None,
+         "passed": True},
+        {"name": "drive loop: slip", "figure": -0.25, "unit": "", "limit": None, "passed": True},
+    ]  # fmt: skip
+    text = Page(join(measure_facts(checks)).text).text
+    assert text == "Measured, without a limit Distance 59.68 m Slip \u22120.25"
+
+
+def test_any_report_can_be_shown():
+    content = {
+        "mean_speed_m_s": 0.25,
+        "arrived": True,
+        "heights_m": list(range(100)),
+        "rocks": ["rock_1", "rock_2"],
+        "energy": {"driving_j": 1234567, "note": "<b>"},
+        "wheels": [{"name": "front_left", "slip": 0.1, "torque_n_m": 4.0}, {"name": "rear_left"}],
+        "joints": {"left": {"angle_deg": 2}, "right": {"angle_deg": -3}},
+    }
+    page = Page(join(describe(content)).text)
+    assert page.text == (
+        "Mean speed 0.25 m/s Arrived yes Rocks rock_1, rock_2 Energy Driving 1\u202f234\u202f567 J "
+        "Note <b> Wheels Name Slip Torque [N m] front_left 0.1 4 rear_left – – "
+        "Joints Name Angle [°] left 2 right -3"
+    )
+
+
+def test_a_section_for_what_nobody_foresaw(tmp_path):
+    (tmp_path / "validation").mkdir()
+    found = {"checks": CHECKS, "traversability": {"passable_share": 0.75}}
+    (tmp_path / "validation" / "report.json").write_text(json.dumps(found))
+    text = Page(build(tmp_path, validated=False, fill=False).read_text(encoding="utf-8")).text
+    assert "Further figures Traversability Passable share 0.75" in text
+
+
+def test_tracks_are_drawn_where_they_were_driven(tmp_path):
+    folder = tmp_path / "validation"
+    folder.mkdir()
+    track = "time_s,x_m,y_m,z_m\n" + "".join(f"{n},{n / 500},2.0,0\n" for n in range(5000))
+    (folder / "drive_arc.csv").write_text(track)
+    (folder / "drive_arc_wheels.csv").write_text("time_s,front_left_rad_s\n0,1\n1,1\n")
+    (folder / "drives.csv").write_text("number,arrived,x_m,y_m,time_s\n0,1,2.0,3.0,4.0\n")
+    path, driven = ground_lines(Built(worlds.world(), tmp_path))
+    assert (path.name, path.driven, len(path.points)) == ("path arc", False, 240)
+    assert (driven.name, driven.driven, len(driven.points)) == ("driven arc", True, 1500)
+    np.testing.assert_allclose(driven.points[[0, -1]], [(0, 2), (4999 / 500, 2)])
+    shown = build(tmp_path, validated=False, fill=False).read_text(encoding="utf-8")
+    across, down = re.findall(r'<polyline points="([0-9.]+),([0-9.]+) ', shown)[1]
+    # The world is 24 m wide and 16 m high, its map 1024 pixels wide.
+    assert float(across) == pytest.approx(12 / 24 * 1024, abs=0.1)
+    assert float(down) == pytest.approx(6 / 16 * 683, abs=0.1)
+
+
+def test_an_animated_picture_stands_still_for_who_wants_that(tmp_path, monkeypatch):
+    from PIL import Image
+
+    frames = [Image.new("RGB", (40, 30), colour) for colour in ("red", "blue", "green")]
+    frames[0].save(tmp_path / "drive.gif", save_all=True, append_images=frames[1:])
+    page = Page(plot(tmp_path / "drive.gif", description="A drive").text)
+    assert [source.partition(";")[0] for source in page.sources] == [
+        "data:image/jpeg", "data:image/gif",
+    ]  # fmt: skip
+    monkeypatch.setattr("terrain_forge.report.style.LARGEST_ANIMATION", 10)
+    page = Page(plot(tmp_path / "drive.gif", description="A drive").text)
+    assert page.sources == []
+    assert page.text.endswith("drive.gif, beside this page.")
+
+
+def test_slopes_of_a_plane_are_its_own():
+    ground = worlds.ground()
+    plane = 0.3 * ground.east[None, :] - 0.4 * ground.north[:, None]
+    found = slope_statistics(ground.replace(elevation=plane))
+    slope = np.degrees(np.arctan(0.5))
+    assert found.steepest_deg == pytest.approx(slope, abs=1e-3)
+    assert found.rms_deg == pytest.approx(slope, abs=1e-3)
+    assert found.median_deg == pytest.approx(slope, abs=0.011)
+    assert found.shares[26] == pytest.approx(1.0)
+
+
+def test_slopes_are_those_of_the_triangles():
+    # One raised node: six of the eight triangles around a cell's corner meet it.
+    elevation = np.zeros((3, 3))
+    elevation[1, 1] = 1.0
+    found = slope_statistics(worlds.ground().replace(elevation=elevation, spacing=1.0))
+    assert found.shares[0] == pytest.approx(2 / 8)
+    assert found.shares[45] == pytest.approx(4 / 8)
+    assert found.shares[54] == pytest.approx(2 / 8)
+    assert found.rms_deg == pytest.approx(np.degrees(np.arctan(1.0)))

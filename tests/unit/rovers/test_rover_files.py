@@ -1,0 +1,348 @@
+"""Rovers of the user's own: what URDF, xacro and MJCF files become."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.model import World
+from terrain_forge.pipeline import plan, realise
+from terrain_forge.recipe import recipe_from_json
+from terrain_forge.rovers import FileRover, resolve_rover
+from terrain_forge.rovers.custom import CouplingSpec
+from tests.helpers import rovers
+from tests.helpers.places import DATA
+
+CURIOSITY = Path("curiosity_rover/curiosity_description/models/urdf/curiosity_mars_rover.xacro")
+
+
+@pytest.fixture(scope="module")
+def tub(tmp_path_factory):
+    return rovers.rocker_urdf(tmp_path_factory.mktemp("urdf"))
+
+
+@pytest.fixture(scope="module")
+def buggy(tmp_path_factory):
+    return rovers.buggy_mjcf(tmp_path_factory.mktemp("mjcf"))
+
+
+def changed(file, tmp_path, *changes, **choices):
+    """The rover of a file with some of its text replaced."""
+    text = file.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    other = tmp_path / "other.urdf"
+    other.write_text(text)
+    return rovers.read(other, packages={"tub": str(file.parents[1])}, **choices)
+
+
+def test_a_urdf_becomes_a_rover_on_the_ground(tub):
+    rover = rovers.read(tub)
+    assert [link.name for link in rover.links if link.joint == "passive"] == [
+        "left_rocker",
+        "right_rocker",
+    ]
+    assert [wheel.link for wheel in rover.wheels] == [
+        *("left_front_wheel", "right_front_wheel", "left_rear_wheel", "right_rear_wheel")
+    ]
+    # The rockers stand pitched by 0.1 rad, so the rear wheels touch first.
+    x = 0.4 * math.cos(0.1)
+    drop = 0.8 * math.sin(0.1)
+    amid = (0.4 * math.cos(0.1) - 0.4 * math.cos(0.1)) / 2 - 0.2 * math.sin(0.1)
+    centres = rover.wheel_centres
+    np.testing.assert_allclose(centres[:, 0] - amid, [x, x, -x, -x] - np.float64(amid), atol=1e-9)
+    np.testing.assert_allclose(centres[:, 1], [0.42, -0.42, 0.42, -0.42], atol=1e-9)
+    low = rovers.RADIUS
+    heights = [low, low, low + drop, low + drop]
+    np.testing.assert_allclose(centres[:, 2], heights, atol=1e-9)
+    for wheel in rover.wheels:
+        assert wheel.radius == pytest.approx(rovers.RADIUS, rel=1e-6)
+        assert wheel.width == pytest.approx(rovers.WIDTH, rel=1e-6)
+    assert rover.torque_limit == 12.0
+    assert rover.notes == ("Held at rest: pan, left_steer_wheel_joint, right_steer_wheel_joint.",)
+
+
+def test_wheels_turn_forward_about_plus_y_and_roll_on_cylinders(tub):
+    rover = rovers.read(tub)
+    for link in rover.links:
+        if link.joint != "motor":
+            continue
+        np.testing.assert_allclose(link.axis, (0, 1, 0), atol=1e-9)
+        assert (link.damping, link.friction) == (0.05, 0.01)
+        touching = [shape for shape in link.shapes if shape.collides]
+        assert [shape.kind for shape in touching] == ["cylinder"]
+        assert not touching[0].visible
+        assert [shape.kind for shape in link.shapes if shape.visible] == ["mesh"]
+
+
+def test_limits_damping_and_the_differential_are_kept(tub):
+    rover = rovers.read(tub)
+    rocker = next(link for link in rover.links if link.name == "left_rocker")
+    assert rocker.limits == (-0.5, 0.4)
+    assert (rocker.damping, rocker.friction) == (4.0, 0.2)
+    (gear,) = rover.couplings
+    assert (gear.link, gear.leader, gear.ratio) == ("right_rocker", "left_rocker", -1.0)
+
+
+@pytest.mark.parametrize("kind", ["tub", "buggy"])
+def test_masses_and_inertia_are_those_that_mujoco_reads_in_the_file(kind, request, tmp_path):
+    file = request.getfixturevalue(kind)
+    if kind == "tub":
+        wheels = ()
+        text = file.read_text().replace("package://tub/meshes/", f"{file.parents[1]}/meshes/")
+        keep = '<mujoco><compiler fusestatic="false" strippath="false"/></mujoco><link name="base_f'
+        source = tmp_path / "plain.urdf"
+        source.write_text(text.replace('<link name="base_f', keep, 1))
+        model = mujoco.MjModel.from_xml_path(str(source))
+    else:
+        wheels = ("lf", "lr", "rf", "rr")
+        model = mujoco.MjModel.from_xml_path(str(file))
+    rover = rovers.read(file, wheels=wheels)
+    mass, _, inertia = rovers.in_mujoco(model)
+    ours, at, tensor = rovers.at_rest(rover)
+    assert ours == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(np.linalg.eigvalsh(tensor), np.linalg.eigvalsh(inertia), rtol=1e-9)
+    assert np.linalg.norm(at[:2]) < 0.2
+    if kind == "tub":  # its base is not turned against the file's axes
+        np.testing.assert_allclose(tensor, inertia, atol=1e-9)
+
+
+def test_an_mjcf_becomes_a_rover(buggy):
+    rover = rovers.read(buggy, wheels=("lf", "lr", "rf", "rr"))
+    assert {wheel.link for wheel in rover.wheels} == {
+        *("left_front", "left_rear", "right_front", "right_rear")
+    }
+    places = rovers.origins(rover)
+    amid = rover.wheel_centres[:, :2].mean(axis=0)
+    np.testing.assert_allclose(amid, 0.0, atol=1e-9)
+    # Its hinge is 5 cm ahead of its frame, which is 5 cm ahead of the chassis' and 25 cm off.
+    right = places["right_rear"] - places["arm"]
+    np.testing.assert_allclose(right, (-0.3, -0.5, -0.05), atol=1e-9)
+    arm = next(link for link in rover.links if link.name == "arm")
+    assert arm.joint == "passive"
+    assert arm.limits == pytest.approx((math.radians(-20), math.radians(30)))
+    assert all(wheel.radius == pytest.approx(0.12) for wheel in rover.wheels)
+    assert rover.torque_limit == 9.0
+    seen = [shape for shape in rover.links[0].shapes if shape.rgb == (1.0, 0.0, 0.0)]
+    assert [(shape.kind, shape.collides) for shape in seen] == [("mesh", False)]
+
+
+@pytest.mark.parametrize("kind", ["tub", "buggy"])
+def test_a_foreign_rover_stands_drives_straight_and_turns_left(kind, request, tmp_path):
+    wheels = () if kind == "tub" else ("lf", "lr", "rf", "rr")
+    rover = rovers.read(request.getfixturevalue(kind), wheels=wheels)
+    model = rovers.on_the_flat(rover, tmp_path)
+    moved, yaw, start, stood = rovers.drive(model, rover, speed=0.3, turn_rate=0.0, seconds=5.0)
+    assert np.linalg.norm(start[:2]) < 0.1
+    assert moved[0] == pytest.approx(1.5, rel=0.06)
+    assert abs(moved[1]) < 0.05
+    assert abs(yaw) < 0.05
+    if kind == "tub":  # the differential
+        assert stood["left_rocker"] == pytest.approx(-stood["right_rocker"], abs=0.01)
+    moved, yaw, *_ = rovers.drive(model, rover, speed=0.0, turn_rate=0.6, seconds=3.0)
+    assert 0.3 < yaw < 1.8
+    assert np.linalg.norm(moved[:2]) < 0.25
+
+
+def test_what_the_recipe_says_goes_before_what_the_file_seems_to_say(tub):
+    rover = rovers.read(
+        tub,
+        held=("right_rocker_joint",),
+        passive=("pan",),
+        wheel_radius_m=0.2,
+        torque_limit_n_m=7.0,
+        tilt_limit_deg=20.0,
+    )
+    passive = {link.name for link in rover.links if link.joint == "passive"}
+    assert passive == {"left_rocker", "mast"}
+    assert rover.couplings == ()
+    assert {wheel.radius for wheel in rover.wheels} == {0.2}
+    assert rover.torque_limit == 7.0
+    assert rover.tilt_limit == pytest.approx(math.radians(20))
+
+
+def test_gears_that_the_file_lacks_come_from_the_recipe(tub, tmp_path):
+    gear = CouplingSpec(joint="right_rocker_joint", follows="left_rocker_joint", ratio=-0.5)
+    mimic = '<mimic joint="left_rocker_joint" multiplier="-1"/>'
+    rover = changed(tub, tmp_path, (mimic, ""), couplings=(gear,))
+    assert [(c.link, c.ratio) for c in rover.couplings] == [("right_rocker", -0.5)]
+    assert changed(tub, tmp_path, (mimic, "")).couplings == ()
+
+
+def test_driven_joints_are_held_and_wheels_without_a_motor_roll_freely(tub, tmp_path):
+    commands = "".join(
+        f'<joint name="{joint}"><command_interface name="velocity"/></joint>'
+        for joint in ("left_front_wheel_joint", "right_front_wheel_joint", "left_rocker_joint")
+    )
+    control = f'<ros2_control name="c" type="system">{commands}</ros2_control></robot>'
+    rover = changed(tub, tmp_path, ("</robot>", control))
+    assert [wheel.link for wheel in rover.wheels] == ["left_front_wheel", "right_front_wheel"]
+    passive = {link.name for link in rover.links if link.joint == "passive"}
+    assert passive == {"right_rocker", "left_rear_wheel", "right_rear_wheel"}
+    assert "left_rocker_joint" in rover.notes[0]
+
+
+def test_a_base_that_looks_another_way_is_turned(tub):
+    rover = rovers.read(tub)
+    with pytest.raises(DataError, match=r"wheel '\w+' turns about .*, not across the rover"):
+        rovers.read(tub, forward="y")
+    back = rovers.read(tub, forward="-x")
+    np.testing.assert_allclose(back.wheel_centres[:, :2].mean(axis=0), 0, atol=1e-9)
+    assert back.wheels[0].link == "right_rear_wheel"
+    _, centre, _ = rovers.at_rest(rover)
+    _, turned, _ = rovers.at_rest(back)
+    np.testing.assert_allclose(turned[:2], -centre[:2], atol=1e-9)
+    assert turned[2] == pytest.approx(centre[2])
+
+
+@pytest.mark.parametrize(
+    ("changes", "choices", "message", "key"),
+    [
+        ([('"continuous"', '"revolute"')], {}, "found 0 wheels .*left_rocker_joint", "wheels"),
+        ([], {"wheels": ("front",)}, "no joint or link 'front' that turns, it has: pan", "wheels"),
+        ([], {"base": "hull"}, "has no link 'hull', it has: base_footprint", "base"),
+        ([('value="1.5"', 'value="0"')], {}, "link '.*_wheel' moves but has no mass", "file"),
+        ([('ixx="0.009"', 'ixx="0"'), ('iyy="0.009"', 'iyy="0"'), ('izz="0.015"', 'izz="0"')],
+         {}, "link '.*_wheel' has no inertia", "file"),
+        ([('value="2"', 'value="-2"')], {}, "link 'mast' has a mass of -2 kg", "file"),
+        ([("wheel.stl", "tyre.stl")], {}, "mesh tyre.stl is missing", "file"),
+        ([('xyz="0 0 1"', 'xyz="0 0 up"')], {}, "axis xyz='0 0 up': must be 3 numbers", "file"),
+        ([('<link name="base_footprint"/>', "")], {}, "names the link 'base_footprint'", "file"),
+        ([('<child link="mast"/>', '<child link="left_rocker"/>')], {}, "child of two", "file"),
+        ([("</robot>", "")], {}, "not XML", "file"),
+        ([("robot", "sdf")], {}, "is a <sdf>, allowed: a URDF or xacro", "file"),
+        ([], {"couplings": (CouplingSpec(joint="pan", follows="left_rocker_joint"),)},
+         "'pan' is no passive joint, there are: left_rocker, right_rocker", "couplings"),
+        ([("package://tub", "package://bath")], {}, "package 'bath' is not found", "packages"),
+    ],
+)  # fmt: skip
+def test_what_is_no_rover_is_refused(tub, tmp_path, changes, choices, message, key):
+    with pytest.raises(DataError, match=message) as caught:
+        changed(tub, tmp_path, *changes, **choices)
+    assert caught.value.key[:2] == ("rover", key)
+
+
+def test_missing_files_are_refused(tmp_path):
+    with pytest.raises(DataError, match=r"no such file: tub\.urdf"):
+        rovers.read(tmp_path / "tub.urdf")
+    (tmp_path / "bad.xml").write_text("<mujoco><nothing/></mujoco>")
+    with pytest.raises(DataError, match="MuJoCo cannot load it"):
+        rovers.read(tmp_path / "bad.xml")
+
+
+def test_a_suspension_that_cannot_move_is_held(tub, tmp_path):
+    rover = changed(tub, tmp_path, ('lower="-0.5" upper="0.4"', 'lower="0" upper="0"'))
+    assert {link.joint for link in rover.links} == {"free", "motor"}
+    assert "left_rocker_joint, right_rocker_joint" in rover.notes[0]
+
+
+def test_an_inertia_that_no_body_has_is_evened_out_and_told(tub, tmp_path):
+    rover = changed(tub, tmp_path, ('izz="0.015"', 'izz="0.15"'))
+    assert "No body has the inertia of left_front_wheel: its mean was taken." in rover.notes
+    wheel = next(link for link in rover.links if link.name == "left_front_wheel")
+    np.testing.assert_allclose(wheel.inertia, np.eye(3) * (0.15 + 0.018) / 3)
+
+
+def test_a_xacro_is_expanded(tub, tmp_path):
+    pytest.importorskip("xacro")
+    text = tub.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
+    text = text.replace("package://tub", "file://$(find tub)")
+    head, tail = text.split('<link name="mast">')
+    extra = '<xacro:property name="heavy" value="${2 * 3}"/>'
+    include = '<xacro:include filename="$(find tub)/urdf/more.xacro"/>'
+    more = f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{extra}</robot>'
+    (tub.parent / "more.xacro").write_text(more)
+    body = f'{head}{include}<link name="mast">{tail}'.replace(
+        '<mass value="2"/>', '<mass value="${heavy}"/>'
+    )
+    file = tub.parent / "tub.urdf.xacro"
+    file.write_text(body)
+    found = resolve_rover(FileRover(file=file.name), file.parent)
+    assert found.rover.mass == pytest.approx(rovers.read(tub).mass + 4.0)
+    assert [path.name for path in found.files] == ["tub.urdf.xacro", "more.xacro", "wheel.stl"]
+
+
+def test_substitutions_left_over_in_a_urdf_are_made(tub, tmp_path):
+    pytest.importorskip("xacro")
+    change = ('<origin xyz="0.4 0 0.2"/>', '<origin xyz="0.4 0 0.2" rpy="$(optenv PAN 0 0 0)"/>')
+    assert changed(tub, tmp_path, change) == rovers.read(tub)
+
+
+def recipe(rover, spacing=0.1):
+    return recipe_from_json(
+        json.dumps(
+            {
+                "name": "yard",
+                "body": "mars",
+                "dtm": {"kind": "flat", "size_m": [6, 4]},
+                "terrain": {"spacing_m": spacing},
+                "rover": rover,
+                "exports": [],
+            }
+        )
+    )
+
+
+def test_a_world_keeps_the_rover_and_the_hashes_of_its_files(tub, tmp_path):
+    file = str(tub)
+    site = plan(recipe({"kind": "file", "file": file, "packages": {"tub": str(tub.parents[1])}}))
+    world = realise(site)
+    assert world.rover == rovers.read(tub)
+    world.save(tmp_path)
+    assert World.load(tmp_path) == world
+    with np.load(tmp_path / "world" / "arrays.npz") as arrays:
+        assert sum("rover" in name and name.endswith("vertices") for name in arrays) == 4
+    assert [name for name, _ in site.inputs] == ["tub.urdf", "../meshes/wheel.stl"]
+    assert str(tub.parents[1]) not in site.recipe_json
+
+
+def test_wheels_below_the_grounds_spacing_are_refused(tub):
+    spec = {"kind": "morpheus", "dimensions": {"wheel_radius_m": 0.08}}
+    with pytest.raises(RecipeError, match=r"wheel radius 0.08 m is below .* spacing, 0.1 m") as e:
+        plan(recipe(spec))
+    assert e.value.key == ("rover",)
+    with pytest.raises(RecipeError, match="below the ground's spacing"):
+        plan(recipe({"kind": "file", "file": str(tub)}, spacing=0.2))
+
+
+@pytest.fixture(scope="module")
+def curiosity():
+    pytest.importorskip("xacro")
+    for folder in (DATA / "rover" / "curiosity",):
+        if (folder / CURIOSITY).is_file():
+            return folder
+    pytest.skip("the Curiosity model is not here")
+
+
+def test_curiosity_stands_and_drives(curiosity, tmp_path):
+    arms = ("F_L", "B_L", "F_R", "B_R", "B2_L", "B2_R")
+    name = "suspension_arm_{}_joint".format
+    gears = tuple(
+        CouplingSpec(joint=name(arm), follows=name("F_L"), ratio=ratio)
+        for arm, ratio in (("B_L", 1.0), ("F_R", -1.0), ("B_R", -1.0))
+    )
+    stiff = FileRover(file=str(CURIOSITY))
+    bogies = FileRover(file=str(CURIOSITY), passive=tuple(map(name, arms)), couplings=gears)
+    for number, spec in enumerate((stiff, bogies)):
+        rover = resolve_rover(spec, curiosity).rover
+        assert len(rover.wheels) == 6
+        assert 850 < rover.mass < 950
+        model = rovers.on_the_flat(rover, tmp_path / str(number))
+        moved, yaw, start, stood = rovers.drive(
+            model, rover, speed=0.4, turn_rate=0.0, seconds=12.5
+        )
+        assert abs(yaw) < 0.05
+        assert np.linalg.norm(start) < 0.03
+        assert len(stood) == 6 * number
+        assert moved[0] == pytest.approx(5.0, abs=0.15)
+        assert abs(moved[1]) < 0.1
+        moved, yaw, *_ = rovers.drive(model, rover, speed=0.0, turn_rate=0.4, seconds=4.0)
+        assert yaw > 0.3
+        assert np.linalg.norm(moved[:2]) < 0.6

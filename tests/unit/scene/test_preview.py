@@ -1,0 +1,208 @@
+"""Pictures: what must be visible in them, that they repeat, and the colour of the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from terrain_forge.base import compass_to_direction
+from terrain_forge.model import MOON, Window
+from terrain_forge.scene import RayScene, open_scene, render_preview, take_picture, write_preview
+from terrain_forge.scene.camera import map_camera
+from terrain_forge.scene.preview import render_map
+from terrain_forge.terrain import AppearanceSpec, colour_ground, stencil_reach
+from tests.helpers import worlds
+
+
+@pytest.fixture(scope="module")
+def flat_world():
+    """Level grey ground on the Moon with one boulder at (3, 2), the Sun low in the east."""
+    world = worlds.world(rocks=1)
+    ground = world.ground.replace(elevation=np.zeros_like(world.ground.elevation))
+    rock = world.field.replace(
+        position=np.array([[3.0, 2.0, 0.3]]), scale=np.array([1.5]), diameter=np.array([1.5])
+    )
+    grey = np.full_like(world.appearance.ground_rgb, 107)
+    return world.replace(
+        site=world.site.replace(body=MOON),
+        ground=ground,
+        field=rock,
+        trajectories=(),
+        appearance=world.appearance.replace(ground_rgb=grey),
+        lighting=world.lighting.replace(
+            sun_azimuth=np.pi / 2, sun_elevation=0.5, sky_rgb=MOON.sky_rgb
+        ),
+    )
+
+
+def aerial(world, width=240, height=160):
+    with open_scene(world) as scene:
+        camera = map_camera(middle=(0, 0), top=50, pixel=0.1, width=width, height=height)
+        return take_picture(world, scene, camera, world.lighting)
+
+
+def patch(image, east, north, reach=3):
+    """Mean of the pixels about a place in a picture of 0.1 m pixels centred on the origin."""
+    column, row = int(120 + east * 10), int(80 - north * 10)
+    return image[row - reach : row + reach + 1, column - reach : column + reach + 1].mean()
+
+
+def test_shadow_falls_away_from_the_sun_and_is_as_long_as_geometry_says(flat_world):
+    image = aerial(flat_world)
+    lit, shadow = patch(image, 6.0, 2.0), patch(image, 1.75, 2.0, reach=1)
+    assert shadow < 0.5 * lit
+    top = rock_top(flat_world)
+    length = top / np.tan(flat_world.lighting.sun_elevation)
+    assert patch(image, 3.0 - length - 1.6, 2.0) == pytest.approx(lit, rel=0.25)
+    assert patch(image, 3.0, -2.0) == pytest.approx(lit, rel=0.25)
+
+
+def edge_width(world):
+    """Width [m] over which the end of a wall's shadow brightens from 15 % to 85 % of its range."""
+    wall = np.zeros_like(world.ground.elevation)
+    wall[:, world.ground.east > 5.0] = 0.6
+    lighting = world.lighting.replace(sun_elevation=0.1)
+    image = aerial(world.replace(ground=world.ground.replace(elevation=wall), lighting=lighting))
+    rows = np.r_[30:55, 95:130]  # those that the boulder's shadow does not cross
+    light = (image[rows, 60:160].mean(axis=(0, 2)) / 255.0) ** 2.2  # 6 m west to 4 m east
+    dark, lit = light[60:90].mean(), light[:15].mean()
+    part = (light - dark) / (lit - dark)
+    return 0.1 * np.count_nonzero((part > 0.15) & (part < 0.85))
+
+
+def test_edges_of_shadows_are_as_soft_as_the_sun_is_wide(flat_world):
+    """h·d/sin²(elevation) in all; of a disc, 59 % of that lie between 15 and 85 % of its light."""
+    body = flat_world.site.body
+    point = flat_world.replace(site=flat_world.site.replace(body=body.replace(sun_diameter=0.0)))
+    wide = flat_world.replace(
+        site=flat_world.site.replace(body=body.replace(sun_diameter=2 * body.sun_diameter))
+    )
+    whole = 0.6 * body.sun_diameter / np.sin(0.1) ** 2
+    assert edge_width(point) <= 0.2
+    assert edge_width(wide) == pytest.approx(0.585 * 2 * whole, abs=0.2)
+
+
+def rock_top(world):
+    with open_scene(world) as scene:
+        return 50.0 - scene.cast([3.0, 2.0, 50.0], [0, 0, -1]).distance[0]
+
+
+def test_level_sunlit_ground_shows_in_its_own_colour(flat_world):
+    for elevation in (0.2, 0.6, 1.2):
+        lighting = flat_world.lighting.replace(sun_elevation=elevation)
+        image = aerial(flat_world.replace(lighting=lighting))
+        assert image[20:140, 10:80].mean() == pytest.approx(107, rel=0.12)
+
+
+def test_slope_towards_the_sun_is_brighter(small_world):
+    tilted = small_world.ground.replace(
+        elevation=np.broadcast_to(0.15 * small_world.ground.east, small_world.ground.shape)
+    )
+    bare = small_world.replace(
+        ground=tilted, field=small_world.field.select(np.arange(0)), trajectories=()
+    )
+    west = bare.lighting.replace(sun_azimuth=np.radians(270), sun_elevation=0.5)
+    east = bare.lighting.replace(sun_azimuth=np.radians(90), sun_elevation=0.5)
+    assert compass_to_direction(np.radians(90), 0.0)[0] == pytest.approx(1.0)
+    towards, away = (aerial(bare.replace(lighting=light)).mean() for light in (west, east))
+    assert towards > 1.1 * away
+
+
+def test_preview_shows_sky_above_ground_and_repeats(small_world):
+    image = render_preview(small_world, width=322, height=181)
+    assert image.shape == (181, 322, 3)
+    assert image.dtype == np.uint8
+    sky, ground = image[:20].astype(float), image[-60:].astype(float)
+    assert sky.std(axis=1).max() < 3.0
+    assert ground.std() > 8.0
+    np.testing.assert_array_equal(image, render_preview(small_world, width=322, height=181))
+
+
+def test_moon_has_a_black_sky(flat_world):
+    image = render_preview(flat_world, width=160, height=90)
+    assert image[:10].max() == 0
+
+
+def test_written_picture_is_the_rendered_one(small_world, tmp_path):
+    write_preview(small_world, tmp_path / "preview.png")
+    image = np.asarray(Image.open(tmp_path / "preview.png"))
+    assert image.shape == (720, 1280, 3)
+    np.testing.assert_array_equal(image, render_preview(small_world))
+
+
+def test_map_is_north_up_with_the_path_on_it(small_world):
+    image = render_map(small_world, size=240).astype(int)
+    assert image.shape == (160, 240, 3)
+    cyan = (image[..., 2] > 200) & (image[..., 0] < 120)
+    rows, columns = np.nonzero(cyan)
+    position = small_world.trajectories[0].position
+    assert columns.min() == pytest.approx(120 + 10 * position[:, 0].min(), abs=6)
+    assert rows.min() == pytest.approx(80 - 10 * position[:, 1].max(), abs=6)
+    assert rows.max() == pytest.approx(80 - 10 * position[:, 1].min(), abs=6)
+
+
+def test_world_without_rocks_and_paths_has_a_picture(flat_world):
+    bare = flat_world.replace(field=flat_world.field.select(np.arange(0)))
+    assert render_preview(bare, width=64, height=36).shape == (36, 64, 3)
+
+
+def test_ground_colour_is_the_same_in_every_window(small_world):
+    site, ground = small_world.site, small_world.ground
+    whole = colour_ground(site=site, window=site.window, ground=ground, spec=AppearanceSpec())
+    for column, row, columns, rows in ((0, 0, 20, 11), (13, 9, 40, 30), (70, 50, 26, 14)):
+        window = Window(column=column, row=row, columns=columns, rows=rows)
+        padded = site.padded(window, stencil_reach(site))
+        part = ground.cut(
+            column=padded.column, row=padded.row, columns=padded.columns, rows=padded.rows
+        )
+        colour = colour_ground(site=site, window=window, ground=part, spec=AppearanceSpec())
+        np.testing.assert_array_equal(
+            colour, whole[row : row + rows + 1, column : column + columns + 1]
+        )
+
+
+def test_ground_colour_is_the_wanted_one_and_varies_as_told(small_world):
+    site, ground = small_world.site, small_world.ground
+    wanted = (0.2, 0.5, 0.7)
+    spread = {}
+    for variation in (0.0, 0.3, 1.0):
+        spec = AppearanceSpec(ground_rgb=wanted, variation=variation)
+        colour = colour_ground(site=site, window=site.window, ground=ground, spec=spec)
+        spread[variation] = colour.astype(float).std(axis=(0, 1)).max()
+        np.testing.assert_allclose(colour.mean(axis=(0, 1)) / 255, wanted, atol=0.1)
+    assert spread[0.0] == 0.0
+    assert 1.0 < spread[0.3] < 0.5 * spread[1.0]
+
+
+def test_steep_ground_and_hollows_are_darker(small_world):
+    site = small_world.site
+    east, north = site.axes(site.window)
+    bowl = 0.15 * (east[None, :] ** 2 + north[:, None] ** 2)
+    shape = small_world.ground
+    images = [
+        colour_ground(
+            site=site,
+            window=site.window,
+            ground=shape.replace(elevation=elevation),
+            spec=AppearanceSpec(variation=1.0),
+        ).astype(float)
+        for elevation in (np.zeros(shape.shape), bowl)
+    ]
+    assert np.all(images[1].mean(axis=2) <= images[0].mean(axis=2) + 1)
+    assert images[1].mean() < images[0].mean() - 5
+
+
+def test_picture_module_needs_no_plotting_library():
+    import subprocess
+    import sys
+
+    code = "import sys, terrain_forge.scene.preview; print('matplotlib' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"
+
+
+def test_rocks_of_the_scene_are_the_world_s(small_world):
+    with open_scene(small_world) as scene:
+        assert isinstance(scene, RayScene)
+        assert scene.rocks == small_world.field
