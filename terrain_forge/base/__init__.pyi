@@ -23,6 +23,9 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import over_chunks as over_chunks
 from .mujoco_files import load_model as load_model
+from .registry import load_plugin as load_plugin
+from .registry import parts as parts
+from .registry import skip_plugin as skip_plugin
 from .progress import Progress as Progress
 from .progress import Stopwatch as Stopwatch
 from .progress import silent as silent

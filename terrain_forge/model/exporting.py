@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, is_dataclass
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from terrain_forge.base import RecipeError, Spec
+from terrain_forge.base import RecipeError, Spec, load_plugin, plugins, skip_plugin
 
 if TYPE_CHECKING:
     from terrain_forge.model.world import World
 
 EXPORTERS = "terrain_forge.exporters"
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,24 +61,6 @@ def exporter(name: str) -> Exporter:
     return cast(Exporter, module)
 
 
-@cache
-def plugins(group: str) -> dict[str, EntryPoint]:
-    """The entry points of a group by their names, of which each has one.
-
-    Where several packages give one name, ours has it, or else the first by its module's name; the
-    others are skipped with a warning.
-    """
-    found: dict[str, EntryPoint] = {}
-    for point in sorted(set(entry_points(group=group)), key=_precedence):
-        first = found.setdefault(point.name, point)
-        if first.value != point.value:
-            _log.warning(
-                "%s %r of %s is skipped: %s has that name",
-                group.rpartition(".")[2].removesuffix("s"), point.name, point.value, first.value,
-            )  # fmt: skip
-    return found
-
-
 def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:
     """Let an exporter refuse a world of that size before it is made, if it knows a limit.
 
@@ -99,21 +78,14 @@ def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: flo
         check(options, nodes=nodes, rocks=rocks)
 
 
-def _precedence(point: EntryPoint) -> tuple[bool, str]:
-    return not point.value.startswith("terrain_forge."), point.value
-
-
 def _load(point: EntryPoint) -> ModuleType | None:
-    try:
-        module = point.load()
-        missing = [part for part in ("Options", "export") if not hasattr(module, part)]
-        if not missing and not is_dataclass(module.Options):
-            missing = ["dataclass Options"]
-    except Exception as error:  # whatever a foreign package raises must not break ours
-        why = " ".join(str(error).split()) or type(error).__name__
-        _log.warning("exporter %r (%s) is skipped: %s", point.name, point.value, why)
+    module = load_plugin(point, EXPORTERS)
+    if module is None:
         return None
+    missing = [part for part in ("Options", "export") if not hasattr(module, part)]
+    if not missing and not is_dataclass(module.Options):
+        missing = ["dataclass Options"]
     if missing:
-        _log.warning("exporter %r (%s) is skipped: has no %s", point.name, point.value, missing[0])
+        skip_plugin(point, EXPORTERS, f"has no {missing[0]}")
         return None
-    return cast(ModuleType, module)
+    return module

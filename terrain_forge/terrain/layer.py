@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import logging
-import pkgutil
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import RecipeError, Spec
+from terrain_forge.base import RecipeError, Spec, parts
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.masks import Mask, mask_weight
 
 LAYERS = "terrain_forge.layers"
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,29 +112,4 @@ def check_layers(layers: tuple[Layer, ...], site: Site) -> None:
 @cache
 def layer_types() -> tuple[type[Layer], ...]:
     """All kinds of layers that are installed, in the order of their names."""
-    from terrain_forge.terrain import layers
-
-    names = [m.name for m in pkgutil.iter_modules(layers.__path__, f"{layers.__name__}.")]
-    modules = [import_module(name) for name in names]
-    modules += [module for point in entry_points(group=LAYERS) if (module := _load(point))]
-    found: dict[str, type[Layer]] = {}
-    for module in modules:  # ours come first and keep their kinds
-        for member in vars(module).values():
-            if isinstance(member, type) and issubclass(member, Layer) and member is not Layer:
-                kind = getattr(member, "kind", member.__name__)
-                first = found.setdefault(kind, member)
-                if first is not member:
-                    _log.warning(
-                        "layer %r of %s is skipped: %s has that kind",
-                        kind, member.__module__, first.__module__,
-                    )  # fmt: skip
-    return tuple(sorted(found.values(), key=lambda layer: layer.__name__))
-
-
-def _load(point: EntryPoint) -> ModuleType | None:
-    try:
-        return import_module(point.module)
-    except Exception as error:  # whatever a foreign package raises must not break ours
-        why = " ".join(str(error).split()) or type(error).__name__
-        _log.warning("layer %r (%s) is skipped: %s", point.name, point.value, why)
-        return None
+    return parts(Layer, "terrain_forge.terrain.layers", LAYERS)

@@ -1,0 +1,83 @@
+"""Finding what can be plugged in: modules in a folder of ours, and those of other packages.
+
+A kind of part (a layer, a size law, …) is a class with a literal `kind`. Adding one is adding a
+module to our folder of that kind, or naming a module of another package by an entry point.
+"""
+
+from __future__ import annotations
+
+import logging
+import pkgutil
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+from typing import TypeVar
+
+_log = logging.getLogger(__name__)
+_Part = TypeVar("_Part")
+
+
+@cache
+def plugins(group: str) -> dict[str, EntryPoint]:
+    """The entry points of a group by their names, of which each has one.
+
+    Where several packages give one name, ours has it, or else the first by its module's name; the
+    others are skipped with a warning.
+    """
+    found: dict[str, EntryPoint] = {}
+    for point in sorted(set(entry_points(group=group)), key=_precedence):
+        first = found.setdefault(point.name, point)
+        if first.value != point.value:
+            _log.warning(
+                "%s %r of %s is skipped: %s has that name",
+                _what(group), point.name, point.value, first.value,
+            )  # fmt: skip
+    return found
+
+
+def load_plugin(point: EntryPoint, group: str) -> ModuleType | None:
+    """The module that an entry point names; None, with a warning, where it cannot be imported."""
+    try:
+        return import_module(point.module)
+    except Exception as error:  # whatever a foreign package raises must not break ours
+        skip_plugin(point, group, " ".join(str(error).split()) or type(error).__name__)
+        return None
+
+
+def skip_plugin(point: EntryPoint, group: str, why: str) -> None:
+    """Warn that a plugin is skipped."""
+    _log.warning("%s %r (%s) is skipped: %s", _what(group), point.name, point.value, why)
+
+
+def parts(base: type[_Part], folder: str, group: str) -> tuple[type[_Part], ...]:
+    """All installed subclasses of a base class, in the order of their names.
+
+    Args:
+        base: the base class; subclasses tell themselves apart by their class attribute `kind`.
+        folder: our package, each of whose modules defines some.
+        group: entry points that name modules of other packages. Ours keep their kinds.
+    """
+    names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
+    modules = [import_module(name) for name in names]
+    points = sorted(set(entry_points(group=group)), key=_precedence)
+    modules += [module for point in points if (module := load_plugin(point, group))]
+    found: dict[str, type[_Part]] = {}
+    for module in modules:
+        for member in vars(module).values():
+            if isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind"):
+                first = found.setdefault(str(vars(member).get("kind", member.__name__)), member)
+                if first is not member:
+                    _log.warning(
+                        "%s %r of %s is skipped: %s has that kind",
+                        _what(group), getattr(member, "kind", ""), member.__module__, first.__module__,
+                    )  # fmt: skip
+    return tuple(sorted(found.values(), key=lambda part: part.__name__))
+
+
+def _what(group: str) -> str:
+    return group.rpartition(".")[2].removesuffix("s").replace("_", " ")
+
+
+def _precedence(point: EntryPoint) -> tuple[bool, str]:
+    return not point.value.startswith("terrain_forge."), point.value
