@@ -66,11 +66,12 @@ def parts(base: type[_Part], folder: str, group: str) -> tuple[type[_Part], ...]
     for module in modules:
         for member in vars(module).values():
             if isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind"):
-                first = found.setdefault(str(vars(member).get("kind", member.__name__)), member)
+                kind = str(vars(member).get("kind", member.__name__))
+                first = found.setdefault(kind, member)
                 if first is not member:
                     _log.warning(
                         "%s %r of %s is skipped: %s has that kind",
-                        _what(group), getattr(member, "kind", ""), member.__module__, first.__module__,
+                        _what(group), kind, member.__module__, first.__module__,
                     )  # fmt: skip
     return tuple(sorted(found.values(), key=lambda part: part.__name__))
 

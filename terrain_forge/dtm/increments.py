@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from terrain_forge.base import Array, Mask
+from terrain_forge.base import Array, Mask, portable
 
 _QUADRATURE = 24
 _PRIOR = 0.02  # weight of the overall mean, beside up to two increments at each post
@@ -79,4 +79,5 @@ def _variogram_of_means(hurst: float, lag: int) -> float:
     steps = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE * 2.0 - 1.0
     weights = (1.0 - np.abs(steps)) * 2.0 / _QUADRATURE
     distance = np.hypot(lag + steps[None, :], steps[:, None])
-    return float(0.5 * weights @ distance ** (2.0 * hurst) @ weights)
+    power = portable.power(distance, 2.0 * hurst)
+    return 0.5 * float(portable.product(portable.product(weights, power), weights))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from terrain_forge.base import Array, Mask
+from terrain_forge.base import Array, Mask, portable
 from terrain_forge.dtm.increments import (
     expected_increment,
     local_square_increments,
@@ -131,7 +133,7 @@ def _shortest_resolved(squares: list[float]) -> int:
         point = squares[n + 1] / squares[n]
         # What averaging over pixels alone takes away, for an exponent in the middle.
         pixel = expected_increment(0.75, 2 * lag) / expected_increment(0.75, lag) / 4.0**0.75
-        if 0.5 * np.log2(point / pixel) <= limit:
+        if 0.5 * math.log2(point / pixel) <= limit:
             return lag
         limit = _ROUGH
     return 4
@@ -145,11 +147,11 @@ def _long_enough(heights: Array, resolved: int) -> bool:
 def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
     """Exponent of the second increments; what pixels average away depends on it in turn."""
     lags = [n * resolved for n in BASELINES]
-    logs = np.log([mean_square_increment(heights, lag, trusted) for lag in lags])
+    logs = portable.log([mean_square_increment(heights, lag, trusted) for lag in lags])
     hurst = 0.75
     for _ in range(6):
-        pixel = np.log([expected_increment(hurst, n) / n ** (2 * hurst) for n in lags])
-        slope = float(np.polyfit(np.log(lags), logs - pixel, 1)[0])
+        pixel = portable.log([expected_increment(hurst, n) / n ** (2 * hurst) for n in lags])
+        slope = portable.fit_line(portable.log(lags), logs - pixel)[0]
         hurst = round(float(np.clip(0.5 * slope, 0.05, 0.98)), 6)
     return 0.5 * slope
 

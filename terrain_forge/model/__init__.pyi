@@ -1,16 +1,16 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
 from .bodies import BODIES as BODIES
-from .bodies import Body as Body
 from .bodies import MARS as MARS
 from .bodies import MOON as MOON
+from .bodies import Body as Body
 from .check import Check as Check
 from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
-from .exporting import ExportReport as ExportReport
 from .exporting import Exporter as Exporter
+from .exporting import ExportReport as ExportReport
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.model import Shape
 
 
@@ -31,7 +31,7 @@ def solid_inertia(shape: Shape, mass: float) -> Array:
         raise ValueError(f"shape of kind {shape.kind!r}: box, cylinder or sphere")
     rotation = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
     # Right angles leave 1e-17 where a product of inertia is zero.
-    return np.round(rotation @ np.diag(diagonal) @ rotation.T, 14)
+    return np.round(portable.product(rotation * diagonal, rotation.T), 14)
 
 
 def combine(parts: Sequence[tuple[Shape, float]]) -> tuple[float, Array, Array]:
@@ -44,6 +44,6 @@ def combine(parts: Sequence[tuple[Shape, float]]) -> tuple[float, Array, Array]:
     inertia = np.zeros((3, 3))
     for shape, part_mass in parts:
         arm = shape.position - centre
-        steiner = part_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        steiner = part_mass * (portable.product(arm, arm) * np.eye(3) - np.outer(arm, arm))
         inertia += solid_inertia(shape, part_mass) + steiner
     return mass, centre, inertia

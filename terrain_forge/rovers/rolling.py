@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, rpy_from_matrix
+from terrain_forge.base import Array, DataError, portable, rpy_from_matrix
 from terrain_forge.model import Coupling, Link, Rover, Shape, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, Solid, placed
 from terrain_forge.rovers.custom import FileRover
@@ -23,6 +23,10 @@ _ACROSS = 0.95
 _TURNS = 4 * math.pi
 """Range of a limited joint that may be a wheel's all the same [rad]."""
 _EARTH = 9.81
+_ROUNDING = 1e-12
+"""What rounding may leave of an inertia about the origin that is taken away again."""
+_THINNEST = 1e-9
+"""Smallest principal inertia over the largest; a thin rod of 10 m and 1 mm has 1e-8."""
 _HEADINGS = {"x": 0.0, "-x": math.pi, "y": -math.pi / 2, "-y": math.pi / 2}
 
 
@@ -86,12 +90,12 @@ class _Machine:
         angle = _HEADINGS[self.spec.forward]
         cosine, sine = math.cos(angle), math.sin(angle)
         turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        return np.round(turn, 15) @ pose[:3, :3].T
+        return portable.product(np.round(turn, 15), pose[:3, :3].T)
 
     def axis(self, name: str) -> Array:
         """Axis of a body's joint in base_link's axes."""
-        axis: Array = self.base @ self.poses[name][:3, :3] @ self.bodies[name].joint.axis
-        return axis
+        turned = portable.product(self.base, self.poses[name][:3, :3])
+        return portable.product(turned, self.bodies[name].joint.axis)
 
     def body_named(self, name: str, key: tuple[str | int, ...]) -> str:
         """The body that a link's or a joint's name means."""
@@ -195,23 +199,32 @@ class _Machine:
                     f"rover: forward is {self.spec.forward}, choose another of x, -x, y, -y",
                     key=("rover", "forward"),
                 )
-        raised = {n: placed(np.zeros(3), self.base) @ pose for n, pose in self.poses.items()}
+        raised = {
+            n: portable.product(placed(np.zeros(3), self.base), pose)
+            for n, pose in self.poses.items()
+        }
         treads = self._treads(wheels, raised)
         lowest = min(tread.centre[2] - tread.radius for tread in treads.values())
         amid = np.mean([tread.centre for tread in treads.values()], axis=0)
         origin = np.array([amid[0], amid[1], lowest])
         shift = placed(-origin, np.eye(3))
-        bodies = [replace(b, placement=shift @ raised[n]) for n, b in self.bodies.items()]
+        bodies = [
+            replace(b, placement=portable.product(shift, raised[n])) for n, b in self.bodies.items()
+        ]
         return bodies, {n: tread.moved(-origin) for n, tread in treads.items()}
 
     def _treads(self, wheels: set[str], poses: dict[str, Array]) -> dict[str, Tread]:
         """Treads of the wheels, front left first."""
         treads = {}
         for name in sorted(wheels):
-            solids = [(poses[name] @ s.placement, s) for s in self.bodies[name].solids]
+            solids = [
+                (portable.product(poses[name], s.placement), s) for s in self.bodies[name].solids
+            ]
             for other, body in self.bodies.items():  # a tyre may be a link of its own
                 if body.joint.kind == "fixed" and name in self._ancestors(other):
-                    solids += [(poses[other] @ s.placement, s) for s in body.solids]
+                    solids += [
+                        (portable.product(poses[other], s.placement), s) for s in body.solids
+                    ]
             treads[name] = measure_tread(
                 name,
                 solids,
@@ -244,7 +257,7 @@ def _poses(bodies: tuple[Body, ...]) -> dict[str, Array]:
     """Pose of each body in the root's frame at rest, shape [4, 4]."""
     poses: dict[str, Array] = {}
     for body in bodies:
-        poses[body.name] = poses.get(body.parent, np.eye(4)) @ body.placement
+        poses[body.name] = portable.product(poses.get(body.parent, np.eye(4)), body.placement)
     return poses
 
 
@@ -261,15 +274,15 @@ class _Mass:
     def add(self, body: Body) -> None:
         """Add a body that stands in base_link's frame."""
         rotation = body.placement[:3, :3]
-        at = rotation @ body.centre_of_mass + body.placement[:3, 3]
+        at = portable.product(rotation, body.centre_of_mass) + body.placement[:3, 3]
         self.mass += body.mass
         self.moment = self.moment + body.mass * at
-        turned = rotation @ body.inertia @ rotation.T
+        turned = portable.product(portable.product(rotation, body.inertia), rotation.T)
         self.about_origin = self.about_origin + turned + body.mass * _steiner(at)
 
 
 def _steiner(arm: Array) -> Array:
-    matrix: Array = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    matrix: Array = portable.product(arm, arm) * np.eye(3) - np.outer(arm, arm)
     return matrix
 
 
@@ -311,12 +324,20 @@ def _make_link(
         where = f"link {name!r} moves but" if name else "the body of the rover"
         raise DataError(f"{where} has no mass, must be above 0 kg", key=FILE)
     centre = total.moment / total.mass
-    inertia, said = _possible(total.about_origin - total.mass * _steiner(centre), name)
+    inertia, said = _possible(
+        total.about_origin - total.mass * _steiner(centre), total.about_origin, name
+    )
     solids = [
-        (body.placement @ solid.placement, solid) for body in members for solid in body.solids
+        (portable.product(body.placement, solid.placement), solid)
+        for body in members
+        for solid in body.solids
     ]
     joint = members[0].joint
-    axis = members[0].placement[:3, :3] @ joint.axis if name else np.array([1.0, 0.0, 0.0])
+    axis = (
+        portable.product(members[0].placement[:3, :3], joint.axis)
+        if name
+        else np.array([1.0, 0.0, 0.0])
+    )
     # A wheel that rolls forward turns about +y, to whichever side its axis pointed.
     forward = -1.0 if name in wheels and axis[1] < 0 else 1.0
     shapes = [_shape(pose, solid, origin) for pose, solid in solids]
@@ -339,14 +360,18 @@ def _make_link(
     return link, said
 
 
-def _possible(inertia: Array, name: str) -> tuple[Array, list[str]]:
-    """The inertia, or its mean about all axes where no body could have it."""
+def _possible(inertia: Array, about_origin: Array, name: str) -> tuple[Array, list[str]]:
+    """The inertia, or its mean about all axes where no body could have it.
+
+    It is what is left of that about the frame's origin, which leaves rounding errors of that size.
+    """
     inertia = (inertia + inertia.T) / 2
-    small, middle, large = np.linalg.eigvalsh(inertia)
-    if small > 0 and large <= (small + middle) * (1 + 1e-6):
+    small, middle, large = portable.eigh(inertia)[0]
+    rounding = _ROUNDING * float(np.trace(about_origin))
+    if small > max(rounding, _THINNEST * large) and large <= (small + middle) * (1 + 1e-6):
         return inertia, []
     mean = float(np.trace(inertia)) / 3
-    if not mean > 0:
+    if not mean > rounding:
         raise DataError(f"link {name or 'base_link'!r} has no inertia, must be above 0", key=FILE)
     called = _called(name)
     return mean * np.eye(3), [f"No body has the inertia of {called}: its mean was taken."]
