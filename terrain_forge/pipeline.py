@@ -59,6 +59,7 @@ from terrain_forge.recipe import (
     resolve_laws,
 )
 from terrain_forge.rocks import (
+    check_packing,
     check_rocks,
     exclusion_zones,
     find_library,
@@ -172,13 +173,15 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     ground and its rocks, only in the world of the whole site.
 
     Raises:
-        RecipeError: if a planned path cannot be found, or the driven one starts within a rock.
+        RecipeError: if rocks cannot be packed so densely, a planned path cannot be found, or the
+            driven one starts within a rock.
     """
     recipe, window = site.recipe, window or site.window
     populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
     progress("rock library", 0.0)
     library = find_library(recipe.rocks.library, custom=site.meshes)
+    check_packing(populations, site.size, library)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
     around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, matrix_from_quaternion
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype
-from terrain_forge.rocks.embedding.contact import DynamicContact, dynamic_contact
+from terrain_forge.rocks.embedding.dynamic import DynamicContact, dynamic_contact
+from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, fits, footprint
+from terrain_forge.rocks.embedding.hull import mean_width
 from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
-from terrain_forge.rocks.embedding.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 
 TIMESTEP = 0.002
@@ -109,7 +110,7 @@ class _Rock(Record):
     quaternion: Array
     """Rotation as a static rock, shape [4]."""
     support: Array
-    """Support function of its footprint over the diameter, as `outline.footprint` has it."""
+    """Support function of its footprint over the diameter, as `footprint.footprint` has it."""
     gravity: float
     """Gravity [m/s²]."""
 

@@ -23,14 +23,13 @@ from terrain_forge.rocks.embedding.exposure import (
     exposure,
     upright_width,
 )
+from terrain_forge.rocks.embedding.footprint import fits, footprint
 from terrain_forge.rocks.embedding.lattice import Lattice, height, lattice, onto
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
     edges,
     embedding_rotation,
-    fits,
-    footprint,
     rotation_matrix,
 )
 from terrain_forge.rocks.scattering.scatter import Scattered

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel
-from terrain_forge.model import Site, Window
+from terrain_forge.model import ExclusionZone, Route, Rover, Site, Window
+from terrain_forge.rocks.populations import ExclusionSpec
 
 _BIN = 1.0
 _MAX_BINS = 1000
@@ -42,6 +44,34 @@ class Corridors(NamedTuple):
     """Where each bin's segments begin in `members`, row by row, shape [bins + 1]."""
     members: NDArray[np.int64]
     """Segments that touch a bin."""
+
+
+def exclusion_zones(
+    exclusion_zones: tuple[ExclusionSpec, ...], *, routes: tuple[Route, ...], rover: Rover
+) -> tuple[ExclusionZone, ...]:
+    """The circles that a recipe keeps free, then the starts of routes that have no corridor.
+
+    A start is cleared of all rocks as far as the rover reaches, whichever way it is turned.
+
+    Args:
+        exclusion_zones: the recipe's circles.
+        routes: all routes of the site.
+        rover: who drives them.
+    """
+    own = [
+        ExclusionZone(centre=circle.centre_m, radius=circle.radius_m, clearance=circle.clearance_m)
+        for circle in exclusion_zones
+    ]
+    starts = [
+        ExclusionZone(
+            centre=(float(route.position[0, 0]), float(route.position[0, 1])),
+            radius=0.5 * hypot(rover.length, rover.width),
+            clearance=0.0,
+        )
+        for route in routes
+        if route.corridor_width == 0.0
+    ]
+    return (*own, *starts)
 
 
 def corridors(site: Site) -> Corridors:

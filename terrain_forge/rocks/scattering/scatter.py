@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
-from terrain_forge.rocks.embedding.outline import footprint
+from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering import placement
+from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, join
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
-from terrain_forge.rocks.scattering.drawing import Drawn, draw_class, join
 from terrain_forge.rocks.scattering.intensity import (
     Intensity,
     make_intensity,
@@ -94,7 +94,7 @@ def scatter(
     """The rocks whose centre lies in a window of the site, and all that could reach into it.
 
     No two rocks' footprints overlap, but those of listed rocks; a footprint holds all of a rock,
-    buried parts too, however it comes to rest (`outline.footprint`), and of a dynamic rock
+    buried parts too, however it comes to rest (`footprint.footprint`), and of a dynamic rock
     `DYNAMIC_SPACE` times as much. The circle around it (the prototype's `reach` times the diameter)
     stays on the site. A rock that could stand above a corridor's or exclusion zone's clearance is
     left out if it falls into it, and kept off it with all of its circle if it falls beside; no move
@@ -175,7 +175,7 @@ def rock_margin(
 class _Crowd(NamedTuple):
     """All rocks at their first places, and the cells that they are placed in, class by class."""
 
-    drawn: Drawn
+    drawn: Candidates
     cells: list[Cells]
     needed: list[Region]
     """The cells that matter."""
@@ -279,7 +279,7 @@ def _layout(crowd: _Crowd, site: Site) -> Layout:
 
 
 def _solid(
-    drawn: Drawn, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
+    drawn: Candidates, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
 ) -> NDArray[np.bool_]:
     """Which rocks can be touched."""
     smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists), np.float64)
