@@ -35,7 +35,7 @@ from terrain_forge.building import (
 )
 from terrain_forge.dtm import require_straight, survey
 from terrain_forge.model import BODIES, Lighting, Site, Window, World, owned, touches
-from terrain_forge.paths import lay_trajectories, plan_routes
+from terrain_forge.paths import make_trajectories, plan_routes
 from terrain_forge.recipe import (
     ExportOrder,
     Recipe,
@@ -64,7 +64,7 @@ from terrain_forge.rocks import (
     exclusion_zones,
     find_library,
     largest_rock,
-    lay_rocks,
+    place_rocks,
     require_dynamic,
     require_place,
     rock_margin,
@@ -201,7 +201,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         window=window,
         ground=land,
     )
-    rocks = lay_rocks(
+    rocks = place_rocks(
         scattered,
         site=site,
         library=library,
@@ -219,7 +219,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         library=library,
         field=rocks.select(own),
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
-        trajectories=lay_trajectories(site, window, ground, rocks, library, rover),
+        trajectories=make_trajectories(site, window, ground, rocks, library, rover),
         rover=rover,
         lighting=_light(site),
         unplaced=scattered.unplaced,

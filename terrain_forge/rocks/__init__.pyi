@@ -25,7 +25,6 @@ from .laws.law import SizeLaw as SizeLaw
 from .laws.power_law import PowerLaw as PowerLaw
 from .laws.tabulated import MAX_ROWS as MAX_ROWS
 from .laws.tabulated import Tabulated as Tabulated
-from .laying import lay_rocks as lay_rocks
 from .library import LibrarySpec as LibrarySpec
 from .library import MeshSpec as MeshSpec
 from .library import make_library as make_library
@@ -39,7 +38,6 @@ from .scattering.corridor import in_corridor as in_corridor
 from .scattering.expectation import Expectation as Expectation
 from .scattering.expectation import expected as expected
 from .scattering.intensity import make_intensity as make_intensity
-from .scattering.intensity import require_place as require_place
 from .scattering.intensity import weights as weights
 from .scattering.layer_craters import with_layer_craters as with_layer_craters
 from .scattering.listed import MAX_LISTED as MAX_LISTED
@@ -49,9 +47,11 @@ from .scattering.listed import check_list as check_list
 from .scattering.overlap import find_overlaps as find_overlaps
 from .scattering.overlap import overlapping_pairs as overlapping_pairs
 from .scattering.packing import check_packing as check_packing
+from .scattering.places import require_place as require_place
 from .scattering.scatter import Scattered as Scattered
 from .scattering.scatter import rock_margin as rock_margin
 from .scattering.scatter import scatter as scatter
+from .settling import place_rocks as place_rocks
 from .settling import settle as settle
 from .shapes.cache import cache_folder as cache_folder
 from .shapes.cache import find_library as find_library

@@ -18,7 +18,7 @@ from terrain_forge.rocks.embedding.hull import mean_width
 MAX_TILT = np.radians(40.0)
 """Steepest ground that a rock follows [rad]; on steeper ground it lies as on this."""
 MAX_BURIED = 0.6
-"""Largest part of a rock's extent that resting buries, but for a few rocks with room for more."""
+"""Largest part of a rock's extent that embedding buries, but for a few where more fits."""
 
 
 def edges(mesh: Mesh) -> NDArray[np.int32]:

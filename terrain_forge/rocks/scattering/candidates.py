@@ -149,7 +149,7 @@ def _in_clusters(
     near = np.all((parents.xy >= low - reach) & (parents.xy <= high + reach), axis=1)
     close = Parents(xy=parents.xy[near], address=parents.address[near])
     counts = size_class.counts[near]
-    address, xy = offspring(close, counts, key=size_class.key, radius=radius)
+    address, xy = offspring(close, counts, size_class.key, radius)
     first_id = size_class.first_id + _before(size_class.counts)
     ids = _numbered(first_id[near], counts)
     column, row = (cells.of(xy, site) - (region.column, region.row)).T

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel
+from terrain_forge.base import Array, inner, kernel, segment_square_distance
 from terrain_forge.model import ExclusionZone, Route, Rover, Site, Window
 from terrain_forge.rocks.populations import ExclusionSpec
 
@@ -158,7 +158,7 @@ def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
             for m in range(strips.first[b], strips.first[b + 1]):
                 s = strips.members[m]
                 c = strips.corridor[s]
-                squares[c] = min(squares[c], _square_distance(strips.segments[s], x, y))
+                squares[c] = min(squares[c], segment_square_distance(strips.segments[s], x, y))
     for c in range(len(squares)):
         squares[c] = np.sqrt(squares[c])
     return squares
@@ -171,16 +171,6 @@ def search_radius(strips, radius):  # type: ignore[no-untyped-def]
     for c in range(len(strips.half_width) - len(strips.centre)):
         limit = max(limit, strips.half_width[c] + radius)
     return limit
-
-
-@inner
-def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
-    dx, dy = segment[2] - segment[0], segment[3] - segment[1]
-    px, py = x - segment[0], y - segment[1]
-    square = dx * dx + dy * dy
-    part = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    ex, ey = px - part * dx, py - part * dy
-    return ex * ex + ey * ey
 
 
 @inner

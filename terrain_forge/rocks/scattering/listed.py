@@ -111,7 +111,6 @@ def by_octave(
             rows=1,
             side=site.size,
             split=max(int(bins), 1),
-            listed=True,
         )
         found.append((part, cells))
     return found

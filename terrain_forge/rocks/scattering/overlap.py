@@ -97,7 +97,7 @@ def _outer_vertices(library: RockLibrary) -> list[Array]:
 
 @kernel
 def _circles(centre, radius, pairs):  # type: ignore[no-untyped-def]
-    """Number of pairs of circles that meet, those that find room in `pairs` written into it.
+    """Number of pairs of circles that meet, as many as `pairs` holds written into it.
 
     Circles ascend by their western edge.
     """

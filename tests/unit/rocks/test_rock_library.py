@@ -12,11 +12,12 @@ import trimesh
 from numpy.random import Generator, Philox
 from pydantic import TypeAdapter, ValidationError
 
+from terrain_forge.base import fibonacci_sphere
 from terrain_forge.model import Mesh
 from terrain_forge.rocks import FAMILIES, LibrarySpec, make_library
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.library import MeshSpec, lay_down
-from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces, fibonacci_sphere
+from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces
 from terrain_forge.rocks.shapes.collision import collision_hull
 from terrain_forge.rocks.shapes.families import block
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
