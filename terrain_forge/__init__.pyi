@@ -54,7 +54,7 @@ from .paths import Shake as Shake
 from .paths import Spiral as Spiral
 from .paths import Spline as Spline
 from .paths import Triangle as Triangle
-from .paths import lay_trajectory as lay_trajectory
+from .paths import make_trajectory as make_trajectory
 from .paths import plan_path as plan_path
 from .paths import traversability as traversability
 from .pipeline import build as build

@@ -35,7 +35,7 @@ from terrain_forge.building import (
 )
 from terrain_forge.dtm import require_straight, survey
 from terrain_forge.model import BODIES, Lighting, Site, Window, World, owned, touches
-from terrain_forge.paths import lay_trajectories, plan_routes
+from terrain_forge.paths import make_trajectories, plan_routes
 from terrain_forge.recipe import (
     ExportOrder,
     Recipe,
@@ -59,11 +59,12 @@ from terrain_forge.recipe import (
     resolve_laws,
 )
 from terrain_forge.rocks import (
+    check_packing,
     check_rocks,
     exclusion_zones,
     find_library,
     largest_rock,
-    lay_rocks,
+    place_rocks,
     require_dynamic,
     require_place,
     rock_margin,
@@ -172,13 +173,15 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
     ground and its rocks, only in the world of the whole site.
 
     Raises:
-        RecipeError: if a planned path cannot be found, or the driven one starts within a rock.
+        RecipeError: if rocks cannot be packed so densely, a planned path cannot be found, or the
+            driven one starts within a rock.
     """
     recipe, window = site.recipe, window or site.window
     populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
     progress("rock library", 0.0)
     library = find_library(recipe.rocks.library, custom=site.meshes)
+    check_packing(populations, site.size, library)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
     around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))
@@ -198,7 +201,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         window=window,
         ground=land,
     )
-    rocks = lay_rocks(
+    rocks = place_rocks(
         scattered,
         site=site,
         library=library,
@@ -216,7 +219,7 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         library=library,
         field=rocks.select(own),
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
-        trajectories=lay_trajectories(site, window, ground, rocks, library, rover),
+        trajectories=make_trajectories(site, window, ground, rocks, library, rover),
         rover=rover,
         lighting=_light(site),
         unplaced=scattered.unplaced,

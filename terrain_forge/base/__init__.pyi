@@ -19,6 +19,10 @@ from .frames import quaternion_from_rpy as quaternion_from_rpy
 from .frames import rpy_from_matrix as rpy_from_matrix
 from .frames import rpy_from_quaternion as rpy_from_quaternion
 from .frames import xyzw as xyzw
+from .geometry import fibonacci_sphere as fibonacci_sphere
+from .geometry import segment_square_distance as segment_square_distance
+from .heap import heap_pop as heap_pop
+from .heap import heap_push as heap_push
 from .kernels import inlined as inlined
 from .kernels import inner as inner
 from .kernels import kernel as kernel

@@ -1,18 +1,20 @@
 """Reading digital terrain models: rasters, projections, heights, quality, roughness."""
 
-from .conservative import NEAR as NEAR
-from .conservative import STENCIL as STENCIL
-from .conservative import add_cell_means as add_cell_means
+from .interpolation import NEAR as NEAR
+from .interpolation import STENCIL as STENCIL
+from .interpolation import add_cell_means as add_cell_means
 from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts
-from .gridify import dtm_heights as dtm_heights
-from .kernel import cubic as cubic
+from .interpolation import dtm_heights as dtm_heights
+from .interpolation import cubic as cubic
 from .lattice import Nodes as Nodes
 from .lattice import PixelFrame as PixelFrame
 from .lattice import Places as Places
+from .lattice import bilinear as bilinear
 from .lattice import node_places as node_places
 from .lattice import patch_pixels as patch_pixels
+from .lattice import pixel_of as pixel_of
 from .lattice import require_straight as require_straight
 from .pixels import Pixels as Pixels
 from .projection import ellipsoid as ellipsoid

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, inner
 from terrain_forge.dtm.projection import pole_distance, transform
 from terrain_forge.model import DtmPatch
 
@@ -59,12 +59,8 @@ class Nodes:
     @classmethod
     def of(cls, window: Window) -> Nodes:
         """The nodes of a window."""
-        return cls(
-            column=window.column,
-            row=window.row,
-            columns=window.columns + 1,
-            rows=window.rows + 1,
-        )
+        columns, rows = window.columns + 1, window.rows + 1
+        return cls(column=window.column, row=window.row, columns=columns, rows=rows)
 
     def cut(self, values: Array, part: Nodes) -> Array:
         """A copy of the values of those of these nodes that are in `part`, of the same stride."""
@@ -78,8 +74,7 @@ class Nodes:
         return site.west + columns * site.spacing, site.south + rows * site.spacing
 
 
-@dataclass(frozen=True, kw_only=True)
-class Places:
+class Places(NamedTuple):
     """Fractional pixel columns and rows of nodes: exact at anchors, linear between them."""
 
     anchors: Array
@@ -93,6 +88,44 @@ class Places:
     row_part: Array
     """How far each row of nodes lies from its southern anchor to the next, 0 to 1."""
 
+    def grid(self) -> tuple[Array, Array]:
+        """Pixel column and row of each node, shape [rows, columns]."""
+        columns, rows = (self.column_index, self.column_part), (self.row_index, self.row_part)
+        column, row = (bilinear(values, columns, rows) for values in self.anchors)
+        return column, row
+
+
+@inner
+def pixel_of(places, j, i):  # type: ignore[no-untyped-def]
+    """Fractional pixel column and row of the node in row j and column i, for kernels."""
+    c, u, r, v = (
+        places.column_index[i],
+        places.column_part[i],
+        places.row_index[j],
+        places.row_part[j],
+    )
+    w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
+    column = w00 * places.anchors[0, r, c] + w01 * places.anchors[0, r, c + 1]
+    column += w10 * places.anchors[0, r + 1, c] + w11 * places.anchors[0, r + 1, c + 1]
+    row = w00 * places.anchors[1, r, c] + w01 * places.anchors[1, r, c + 1]
+    row += w10 * places.anchors[1, r + 1, c] + w11 * places.anchors[1, r + 1, c + 1]
+    return column, row
+
+
+Steps = tuple[NDArray[np.int64], Array]
+"""The sample before each of some places along an axis, and the part of the way to the next one."""
+
+
+def bilinear(values: Array, columns: Steps, rows: Steps) -> Array:
+    """Values between the samples of a grid, shape [rows, columns]; its edge goes on beyond it."""
+    (i, u), (j, v) = columns, rows
+    right, above = (
+        np.minimum(n + 1, size - 1) for n, size in ((i, values.shape[1]), (j, len(values)))
+    )
+    line = values[:, i] * (1.0 - u) + values[:, right] * u
+    result: Array = line[j] * (1.0 - v)[:, None] + line[above] * v[:, None]
+    return result
+
 
 def node_places(site: Site, nodes: Nodes, raster: Georeferenced | None = None) -> Places:
     """Where nodes lie in a raster, by default the site's DTM.
@@ -101,18 +134,12 @@ def node_places(site: Site, nodes: Nodes, raster: Georeferenced | None = None) -
     """
     raster = raster or site.dtm
     assert raster is not None
-    columns, column_index, column_part = _anchors(nodes.column, nodes.columns)
-    rows, row_index, row_part = _anchors(nodes.row, nodes.rows)
+    columns, across = anchors(nodes.column, nodes.columns, ANCHOR_CELLS)
+    rows, down = anchors(nodes.row, nodes.rows, ANCHOR_CELLS)
     east = site.west + columns * nodes.stride * site.spacing
     north = site.south + rows * nodes.stride * site.spacing
     exact = patch_pixels(raster, site.crs, *np.meshgrid(east, north))
-    return Places(
-        anchors=np.stack(exact),
-        column_index=column_index,
-        column_part=column_part,
-        row_index=row_index,
-        row_part=row_part,
-    )
+    return Places(np.stack(exact), *across, *down)
 
 
 def require_straight(site: Site) -> None:
@@ -133,13 +160,12 @@ def require_straight(site: Site) -> None:
         )
 
 
-def _anchors(first: int, count: int) -> tuple[Array, NDArray[np.int64], Array]:
-    """Node numbers of the anchors along one axis, and each node's anchor and fraction."""
-    nodes = first + np.arange(count, dtype=np.int64)
-    start = first // ANCHOR_CELLS
-    stop = (first + count - 1) // ANCHOR_CELLS + 2
-    anchors = np.arange(start, stop, dtype=np.float64) * ANCHOR_CELLS
-    return anchors, nodes // ANCHOR_CELLS - start, (nodes % ANCHOR_CELLS) / ANCHOR_CELLS
+def anchors(first: int, count: int, every: int) -> tuple[Array, Steps]:
+    """Every so manieth number around some along an axis, and how those lie between them."""
+    numbers = first + np.arange(count, dtype=np.int64)
+    start, stop = first // every, (first + count - 1) // every + 2
+    found = np.arange(start, stop, dtype=np.float64) * every
+    return found, (numbers // every - start, (numbers % every) / every)
 
 
 def patch_pixels(
@@ -179,15 +205,11 @@ class PixelFrame:
         step = 0.5 * site.dtm.posting
         east, north = np.array([-step, step, 0.0, 0.0]), np.array([0.0, 0.0, -step, step])
         column, row = patch_pixels(site.dtm, site.crs, east, north)
-        return cls(
-            per_metre=(
-                (
-                    float(column[1] - column[0]) / (2 * step),
-                    float(column[3] - column[2]) / (2 * step),
-                ),
-                (float(row[1] - row[0]) / (2 * step), float(row[3] - row[2]) / (2 * step)),
-            )
+        across, down = (
+            (float(n[1] - n[0]) / (2 * step), float(n[3] - n[2]) / (2 * step))
+            for n in (column, row)
         )
+        return cls(per_metre=(across, down))
 
     def extent(self, length: float) -> tuple[float, float]:
         """Extent along columns and rows of a square of that side [pixels]."""

@@ -5,10 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel, over_chunks
-from terrain_forge.dtm.lattice import Nodes, PixelFrame, node_places, patch_points
+from terrain_forge.dtm.lattice import (
+    Nodes,
+    PixelFrame,
+    anchors,
+    bilinear,
+    node_places,
+    patch_points,
+)
 from terrain_forge.model import Site
 
 _ANCHOR_PIXELS = 8
@@ -30,9 +36,9 @@ class Pixels:
     @classmethod
     def under(cls, site: Site, nodes: Nodes, margin: int) -> Pixels:
         """All pixels that hold nodes, and some around them."""
-        anchors = node_places(site, nodes).anchors
-        low = np.floor(anchors.min(axis=(1, 2))).astype(int) - margin
-        high = np.ceil(anchors.max(axis=(1, 2))).astype(int) + margin
+        exact = node_places(site, nodes).anchors
+        low = np.floor(exact.min(axis=(1, 2))).astype(int) - margin
+        high = np.ceil(exact.max(axis=(1, 2))).astype(int) + margin
         return cls(
             column=int(low[0]),
             row=int(low[1]),
@@ -46,10 +52,10 @@ class Pixels:
         Exact at every eighth pixel, linear between.
         """
         assert site.dtm is not None
-        columns, across = _spread(self.column, self.columns)
-        rows, down = _spread(self.row, self.rows)
+        columns, across = anchors(self.column, self.columns, _ANCHOR_PIXELS)
+        rows, down = anchors(self.row, self.rows, _ANCHOR_PIXELS)
         exact = patch_points(site.dtm, site.crs, *np.meshgrid(columns, rows))
-        return np.stack([_between(values, across, down) for values in exact])
+        return np.stack([bilinear(values, across, down) for values in exact])
 
     def nodes(self, site: Site, stride: int) -> Nodes:
         """The nodes over all these pixels."""
@@ -69,12 +75,9 @@ class Pixels:
         NaN where there are none.
         """
         frame, step = PixelFrame.of(site), nodes.stride * site.spacing
-        centres = self.centres(site)
+        east, north = self.centres(site)
         lattice = np.stack(
-            [
-                (centres[0] - site.west) / step - nodes.column,
-                (centres[1] - site.south) / step - nodes.row,
-            ]
+            [(east - site.west) / step - nodes.column, (north - site.south) / step - nodes.row]
         )
         means = np.empty((self.rows, self.columns))
         per_step = np.array(frame.per_metre) * step
@@ -83,27 +86,6 @@ class Pixels:
             np.array(frame.extent(step)), means,
         )  # fmt: skip
         return means
-
-
-def _spread(first: int, count: int) -> tuple[Array, tuple[NDArray[np.int64], Array]]:
-    """Every eighth pixel around some pixels of an axis, and how those lie between them."""
-    pixels = first + np.arange(count, dtype=np.int64)
-    start = first // _ANCHOR_PIXELS
-    stop = (first + count - 1) // _ANCHOR_PIXELS + 2
-    part = (pixels % _ANCHOR_PIXELS) / _ANCHOR_PIXELS
-    anchors = np.arange(start, stop, dtype=np.float64) * _ANCHOR_PIXELS
-    return anchors, (pixels // _ANCHOR_PIXELS - start, part)
-
-
-def _between(
-    values: Array,
-    across: tuple[NDArray[np.int64], Array],
-    down: tuple[NDArray[np.int64], Array],
-) -> Array:
-    (c, u), (r, v) = across, down
-    line = values[:, c] * (1.0 - u) + values[:, c + 1] * u
-    result: Array = line[r] * (1.0 - v)[:, None] + line[r + 1] * v[:, None]
-    return result
 
 
 @kernel

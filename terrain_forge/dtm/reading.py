@@ -6,12 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, Mask
-from terrain_forge.dtm.conservative import FAR, STENCIL
+from terrain_forge.dtm.interpolation import FAR, STENCIL
 from terrain_forge.dtm.lattice import patch_pixels, patch_points
 from terrain_forge.dtm.projection import meridian_period, pole_distance, wrap_around
-from terrain_forge.dtm.quality import planar_posts
+from terrain_forge.dtm.quality import (
+    FILL_METHOD,
+    destair,
+    farthest_filled,
+    fill_holes,
+    planar_posts,
+)
 from terrain_forge.dtm.raster import Raster, ground_steps
-from terrain_forge.dtm.repair import FILL_METHOD, destair, farthest_filled, fill_holes
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.model import DtmPatch
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.base import Array, DataError, Mask, RecipeError
-from terrain_forge.dtm.kernel import cubic
+from terrain_forge.dtm.interpolation import cubic
 from terrain_forge.dtm.lattice import patch_pixels
 from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
 from terrain_forge.dtm.quality import planar_posts

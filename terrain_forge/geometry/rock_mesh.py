@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel
+from terrain_forge.base import Array, fibonacci_sphere, inner, kernel
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, rotations
 
 # A face goes only where it is this fraction of the rock's diameter under the ground.
@@ -22,7 +22,7 @@ def outline_error(mesh: Mesh, reference: Mesh) -> float:
     The largest difference of the two support functions over directions spread evenly on the sphere;
     so it covers the top and every silhouette, and says nothing of dents.
     """
-    directions = _fibonacci_sphere(256)
+    directions = fibonacci_sphere(256)
     support = (mesh.vertices @ directions.T).max(axis=0)
     wanted = (reference.vertices @ directions.T).max(axis=0)
     return float(np.abs(support - wanted).max())
@@ -106,14 +106,6 @@ def merge_in_parts(
         vertices, faces = merge_rocks(field.select(rows), shapes, ground)
         if len(faces):
             yield vertices, faces
-
-
-def _fibonacci_sphere(count: int) -> Array:
-    """Evenly spread unit vectors, shape [count, 3] (golden-angle spiral)."""
-    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
-    z = 1 - (2 * np.arange(count) + 1) / count
-    radius = np.sqrt(1 - z * z)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=-1)
 
 
 def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic], NDArray[np.int64]]:

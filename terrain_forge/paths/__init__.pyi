@@ -18,7 +18,7 @@ from .plan import require_inside as require_inside
 from .planner import plan_path as plan_path
 from .profile import duration as duration
 from .recorded import read_recorded as read_recorded
-from .routes import lay_trajectories as lay_trajectories
+from .routes import make_trajectories as make_trajectories
 from .routes import plan_routes as plan_routes
 from .shape_spec import FigureEight as FigureEight
 from .shape_spec import Lawnmower as Lawnmower
@@ -38,7 +38,7 @@ from .surroundings import Surroundings as Surroundings
 from .surroundings import require_free_start as require_free_start
 from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
-from .trajectory import lay_trajectory as lay_trajectory
+from .trajectory import make_trajectory as make_trajectory
 from .traversability_field import IMPASSABLE as IMPASSABLE
 from .traversability_field import UNKNOWN as UNKNOWN
 from .traversability_field import Traversability as Traversability

@@ -1,4 +1,4 @@
-"""Cheapest ways over a grid: A* (Hart, Nilsson & Raphael 1968, doi:10.1109/TSSC.1968.300136)."""
+"""Cheapest paths over a grid: A* (Hart, Nilsson & Raphael 1968, doi:10.1109/TSSC.1968.300136)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import inner, kernel
+from terrain_forge.base import heap_pop, heap_push, inner, kernel
 
 MOVES = np.array(
     [
@@ -22,19 +22,19 @@ class GridPath(NamedTuple):
     """What a search found."""
 
     nodes: NDArray[np.int64]
-    """Rows and columns from start to goal, shape [nodes, 2]; none where there is no way."""
+    """Rows and columns from start to goal, shape [nodes, 2]; none where there is no path."""
     cost: float
-    """Sum of length [cells] times weight; infinite where there is no way."""
+    """Sum of length [cells] times weight; infinite where there is no path."""
     nearest: tuple[int, int]
     """Row and column of the node nearest to the goal that can be reached."""
     reached: int
     """Number of nodes that were reached."""
 
 
-def cheapest_way(
+def cheapest_path(
     weight: NDArray[np.float32], *, start: tuple[int, int], goal: tuple[int, int]
 ) -> GridPath:
-    """The cheapest way between two nodes of a grid in 16 directions.
+    """The cheapest path between two nodes of a grid in 16 directions.
 
     A step costs its length times the mean weight of the nodes that it joins and, for a knight's
     step, of the two between them. No step leads over or diagonally past a node of infinite weight.
@@ -72,10 +72,10 @@ def _search(weight, start, goal, moves):  # type: ignore[no-untyped-def]
     if not np.isfinite(weight[start // columns, start % columns]):
         return parent, np.inf, nearest, reached
     best[start] = 0.0
-    size = _push(keys, nodes, 0, 0.0, start)
+    size = heap_push(keys, nodes, 0, 0.0, start)
     while size:
         node = nodes[0]
-        size = _pop(keys, nodes, size)
+        size = heap_pop(keys, nodes, size)
         if settled[node]:
             continue
         settled[node] = True
@@ -111,7 +111,7 @@ def _relax(weight, moves, node, target, best, parent, keys, nodes, size):  # typ
         if total < best[other]:
             best[other], parent[other] = total, node
             ahead = np.hypot(row - target[0], column - target[1])
-            size = _push(keys, nodes, size, total + ahead, other)
+            size = heap_push(keys, nodes, size, total + ahead, other)
     return size
 
 
@@ -129,37 +129,3 @@ def _step_cost(weight, j, i, down, right):  # type: ignore[no-untyped-def]
     between = np.float64(weight[j + half_down, i + half_right])
     between += weight[j + rest_down, i + rest_right]
     return np.sqrt(5.0) * 0.25 * (ends + between)
-
-
-@inner
-def _push(keys, nodes, size, key, node):  # type: ignore[no-untyped-def]
-    """Put a node into the heap; returns its new size."""
-    at = size
-    while at > 0:
-        above = (at - 1) // 2
-        if keys[above] <= key:
-            break
-        keys[at], nodes[at] = keys[above], nodes[above]
-        at = above
-    keys[at], nodes[at] = key, node
-    return size + 1
-
-
-@inner
-def _pop(keys, nodes, size):  # type: ignore[no-untyped-def]
-    """Take the first node out of the heap; returns its new size."""
-    size -= 1
-    key, node = keys[size], nodes[size]
-    at = 0
-    while True:
-        below = 2 * at + 1
-        if below >= size:
-            break
-        if below + 1 < size and keys[below + 1] < keys[below]:
-            below += 1
-        if keys[below] >= key:
-            break
-        keys[at], nodes[at] = keys[below], nodes[below]
-        at = below
-    keys[at], nodes[at] = key, node
-    return size

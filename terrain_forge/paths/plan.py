@@ -41,7 +41,7 @@ def plan_route(
 
     Raises:
         RecipeError: if two neighbouring points are the same, if the curve turns back on itself, or
-            if a shape or an arc has no room.
+            if a shape or an arc has no space.
         DataError: if a recorded path cannot be followed.
     """
     curve, time = _trace(spec.route, recorded, (*key, "route"))

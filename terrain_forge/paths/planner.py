@@ -1,4 +1,4 @@
-"""Planned paths: the cheapest way over what the rover can pass, made smooth and checked."""
+"""Planned paths: the cheapest path over what the rover can pass, made smooth and checked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
-from terrain_forge.paths.lattice import GridPath, cheapest_way
+from terrain_forge.paths.lattice import GridPath, cheapest_path
 from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.plan import as_route
 from terrain_forge.paths.smoothing import bend, straighten
@@ -136,10 +136,10 @@ def blocked_by(field: Traversability, place: Place, needed: float) -> str:
 
 def _leg(field: Traversability, weight: Weight, ends: tuple[Place, Place], key: Key) -> Array:
     """A line between two places, east and north [m], shape [points, 2]."""
-    way, stride = _way(field, weight, ends)
-    if not len(way.nodes):
-        x, y = _place(field, np.array([way.nearest[::-1]]) * stride)[0]
-        area = way.reached * (stride * field.spacing) ** 2
+    path, stride = _grid_path(field, weight, ends)
+    if not len(path.nodes):
+        x, y = _place(field, np.array([path.nearest[::-1]]) * stride)[0]
+        area = path.reached * (stride * field.spacing) ** 2
         raise RecipeError(
             f"no way leads from ({ends[0][0]:g}, {ends[0][1]:g}) m to ({ends[1][0]:g}, "
             f"{ends[1][1]:g}) m: the rover can reach {area:.4g} m², nearest at ({x:.2f}, {y:.2f}) "
@@ -147,24 +147,26 @@ def _leg(field: Traversability, weight: Weight, ends: tuple[Place, Place], key: 
             f"{math.degrees(field.steepest):.0f}°",
             key=key,
         )
-    if len(way.nodes) == 1:
+    if len(path.nodes) == 1:
         return np.array(ends)
     coarse = _coarsened(weight, stride)
-    line = straighten(coarse, way.nodes, step=LINE_STEP / (stride * field.spacing))
+    line = straighten(coarse, path.nodes, step=LINE_STEP / (stride * field.spacing))
     points = _place(field, line * stride)
     points[0], points[-1] = ends
     return points
 
 
-def _way(field: Traversability, weight: Weight, ends: tuple[Place, Place]) -> tuple[GridPath, int]:
-    """The cheapest way on the coarsest grid that has one, and that grid's stride [nodes]."""
+def _grid_path(
+    field: Traversability, weight: Weight, ends: tuple[Place, Place]
+) -> tuple[GridPath, int]:
+    """The cheapest path on the coarsest grid that has one, and that grid's stride [nodes]."""
     stride = max(math.ceil(max(weight.shape) / MOST_NODES), 1)
     while True:
         coarse = _coarsened(weight, stride)
         start, goal = (_coarse_node(field.node(place), coarse.shape, stride) for place in ends)
-        way = cheapest_way(coarse, start=start, goal=goal)
-        if len(way.nodes) or stride == 1:
-            return way, stride
+        path = cheapest_path(coarse, start=start, goal=goal)
+        if len(path.nodes) or stride == 1:
+            return path, stride
         stride = max(stride // 2, 1)
 
 

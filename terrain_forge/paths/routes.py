@@ -22,7 +22,7 @@ from terrain_forge.paths.profile import duration
 from terrain_forge.paths.recorded import read_recorded
 from terrain_forge.paths.spec import Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
-from terrain_forge.paths.trajectory import lay_trajectory
+from terrain_forge.paths.trajectory import make_trajectory
 from terrain_forge.paths.traversability_field import traversability
 from terrain_forge.rovers import require_ground
 
@@ -65,7 +65,7 @@ def _plan_route(recipe: Recipe, number: int, rover: Rover, folder: Path, *, driv
     return route
 
 
-def lay_trajectories(
+def make_trajectories(
     site: Site,
     window: Window,
     ground: Heightfield,
@@ -91,17 +91,17 @@ def lay_trajectories(
     routes = {route.name: route for route in site.routes}
     if window == site.window:
         routes |= _plan_on_ground(site, ground, rocks, library, rover)
-    driven, laid = site.recipe.driven_path, []
+    driven, made = site.recipe.driven_path, []
     for number, spec in enumerate(site.recipe.paths):
         route = routes.get(spec.name)
         if route is None or overhang(route, bounds=ground.bounds, rover=rover)[0] > 0.0:
             continue
-        path = lay_trajectory(route, spec=spec, ground=ground, rover=rover, seed=site.seed)
+        path = make_trajectory(route, spec=spec, ground=ground, rover=rover, seed=site.seed)
         if spec.name == driven:
             key = ("paths", number)
             require_free_start(path, rocks=rocks, library=library, rover=rover, key=key)
-        laid.append(path)
-    return tuple(laid)
+        made.append(path)
+    return tuple(made)
 
 
 def _plan_on_ground(

@@ -1,4 +1,4 @@
-"""From a way over grid nodes to a smooth line: shortcuts of any angle, then a bending beam."""
+"""From a path over grid nodes to a smooth line: shortcuts of any angle, then a bending beam."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def straighten(weight: Weight, nodes: NDArray[np.int64], *, step: float) -> Arra
     """A line of straight legs from the first to the last of some nodes, where they cost no more.
 
     Args:
-        weight: As for `cheapest_way`, shape [rows, columns].
-        nodes: Rows and columns of a way over them, shape [nodes, 2].
+        weight: As for `cheapest_path`, shape [rows, columns].
+        nodes: Rows and columns of a path over them, shape [nodes, 2].
         step: Distance of the line's points [cells].
 
     Returns:
@@ -44,7 +44,7 @@ def bend(weight: Weight, line: Array, fixed: NDArray[np.bool_]) -> Array:
     """The line without kinks, nowhere barred.
 
     Args:
-        weight: As for `cheapest_way`, shape [rows, columns].
+        weight: As for `cheapest_path`, shape [rows, columns].
         line: Columns and rows, shape [points, 2].
         fixed: Which points stay where they are, as both ends do, shape [points].
     """

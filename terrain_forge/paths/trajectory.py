@@ -1,4 +1,4 @@
-"""Laying a route on the ground: the motion of the rover's base_link."""
+"""From a route to a trajectory: the motion of the rover's base_link on the ground."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FOOTPRINT = 5
 """Ground heights taken along each side of the rover's footprint."""
 
 
-def lay_trajectory(
+def make_trajectory(
     route: Route, *, spec: PathSpec, ground: Heightfield, rover: Rover, seed: int
 ) -> Trajectory:
     """The motion along a route, on the bare ground.

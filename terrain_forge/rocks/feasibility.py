@@ -7,7 +7,7 @@ from math import exp, pi
 
 import numpy as np
 
-from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.base import Key, RecipeError
 from terrain_forge.model import Table
 from terrain_forge.rocks.arrangement import (
     FARTHEST,
@@ -15,7 +15,6 @@ from terrain_forge.rocks.arrangement import (
     RIM_FALL,
     AroundCraters,
     Crater,
-    crowding,
 )
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (
@@ -26,7 +25,7 @@ from terrain_forge.rocks.populations import (
     RockListSpec,
     RocksSpec,
 )
-from terrain_forge.rocks.scattering.packing import MAX_COVER, packable
+from terrain_forge.rocks.scattering.packing import check_cover
 
 _SAMPLES = 100
 
@@ -43,7 +42,7 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
 
     Raises:
         RecipeError: for a name that is given twice, a law, range or shape that cannot be, too many
-            populations or rocks, more cover than can be packed, or rocks kept out of everywhere.
+            populations or rocks, too much cover, or rocks kept out of everywhere.
     """
     _check_names(rocks)
     if not rocks.library.family_names() and (rocks.populations or rocks.lists):
@@ -58,7 +57,7 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
     for number, listed in enumerate(rocks.lists):
         _check_burial(listed, ("rocks", "lists", number))
         _check_families(listed, rocks.library, ("rocks", "lists", number))
-    _check_cover(rocks, size)
+    check_cover(rocks.populations, size)
     _check_exclusion_zones(rocks.exclusion_zones, size)
 
 
@@ -99,46 +98,6 @@ def _effective_area(crater: Crater) -> float:
     falling = (1.0 + RIM_FALL) - (FARTHEST + RIM_FALL) * exp((1.0 - FARTHEST) / RIM_FALL)
     radius = 0.5 * crater.diameter_m
     return crater.strength * pi * radius**2 * (INTERIOR + 2.0 * RIM_FALL * falling)
-
-
-def _check_cover(rocks: RocksSpec, size: Size) -> None:
-    """Refuse more cover than can be packed, on the whole or where rocks are crowded."""
-    area, key = size[0] * size[1], ("rocks", "populations")
-    covers = np.array([_cover(population, area) for population in rocks.populations])
-    level = np.ones(len(covers))
-    most = _most_cover(rocks, size, covers, level)
-    if covers.sum() > most:
-        dynamic = any(population.dynamic_m for population in rocks.populations)
-        advice = "lower their numbers or raise the smallest diameter"
-        raise RecipeError(
-            f"the rocks would cover {covers.sum():.3g} of the ground, at most {most:.3g} of such "
-            f"rocks can be packed without overlap: {advice}{', or have fewer dynamic' * dynamic}",
-            key=key,
-        )
-    for number, population in enumerate(rocks.populations):
-        crowded = level.copy()
-        crowded[number] = crowding(population.arrangement)
-        most = _most_cover(rocks, size, covers, crowded)
-        if crowded[number] > 1.0 and covers @ crowded > most:
-            raise RecipeError(
-                f"where they are densest the rocks would cover {covers @ crowded:.3g} of the "
-                f"ground, at most {most:.3g} of such rocks can be packed without overlap: spread "
-                "them more evenly or lower their numbers",
-                key=(*key, number, "arrangement"),
-            )
-
-
-def _most_cover(rocks: RocksSpec, size: Size, covers: Array, factors: Array) -> float:
-    """Largest cover of rocks of the wanted sizes and shares, denser by some factors, up to 0.4."""
-    room = packable(rocks.populations, size=size, library=rocks.library, crowding=factors.tolist())
-    return MAX_COVER if room == 1.0 else min(MAX_COVER, room * float(covers @ factors))
-
-
-def _cover(population: PopulationSpec, area: float) -> float:
-    """Part of the ground that a population's rocks cover where its law holds."""
-    law = population.size_frequency
-    smallest, largest = population.diameter_range(area)
-    return float(law.cumulative_area(smallest) - law.cumulative_area(largest))
 
 
 def _check_names(rocks: RocksSpec) -> None:

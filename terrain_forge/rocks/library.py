@@ -14,7 +14,7 @@ from numpy.random import Generator, Philox
 
 from terrain_forge.base import Array, Spec, mix, stage_key
 from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
-from terrain_forge.rocks.embedding import outline
+from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
 from terrain_forge.rocks.shapes.families import FAMILIES, Family
@@ -125,7 +125,7 @@ def _prototype(
         distance=spec.hull_distance,
         name=name,
     )
-    reach, rise = outline.bounds(shape)
+    reach, rise = bounds(shape)
     return RockPrototype(
         family=family,
         meshes=meshes,

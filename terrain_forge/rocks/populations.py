@@ -147,6 +147,6 @@ class RocksSpec(Spec):
         Density images and craters count; limits by slope do not, since the ground is not known yet,
         and rocks that are listed one by one do not.
         """
-        from terrain_forge.rocks.scattering.cover import expected_cover
+        from terrain_forge.rocks.scattering.expectation import expected_cover
 
         return expected_cover(self.populations, site, window)

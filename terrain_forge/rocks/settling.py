@@ -1,4 +1,6 @@
-"""Dynamic rocks come to rest: each one settles by physics, alone on its own piece of ground.
+"""Placing rocks on the ground: static ones are embedded, dynamic ones settle by physics.
+
+Each dynamic rock settles alone, on its own piece of ground.
 
 A geometrically stable pose is not one on rough ground: of rocks that are laid down on their stable
 side most begin to rock or roll. So each is let go in MuJoCo, damped, until it hardly moves, and is
@@ -16,18 +18,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, matrix_from_quaternion
-from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype
-from terrain_forge.rocks.embedding.contact import DynamicContact, dynamic_contact
+from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
+from terrain_forge.rocks.embedding.dynamic import DynamicContact, dynamic_contact
+from terrain_forge.rocks.embedding.embed import embed
+from terrain_forge.rocks.embedding.footprint import fits, footprint
+from terrain_forge.rocks.embedding.hull import mean_width
 from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
-from terrain_forge.rocks.embedding.outline import FOOTPRINT_DIRECTIONS, fits, footprint, mean_width
+from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 
 TIMESTEP = 0.002
@@ -50,6 +54,35 @@ _TURN = np.radians(0.3)  # in a test
 _BASE = 1.0  # thickness of the ground [m]
 
 
+def place_rocks(
+    scattered: Scattered,
+    *,
+    site: Site,
+    library: RockLibrary,
+    ground: Heightfield,
+    progress: Callable[[float], None] | None = None,
+) -> RockField:
+    """The scattered rocks on the ground: static ones embedded, dynamic ones settled.
+
+    Args:
+        scattered: rocks with their places on the plane.
+        site: the place.
+        library: their shapes.
+        ground: the bare ground under all of them.
+        progress: called with the share of the dynamic ones that are settled, 0 to 1.
+    """
+    groups = site.recipe.rocks.groups
+    density = np.array([group.density_kg_m3 or site.body.rock_density for group in groups])
+    embedded = embed(scattered=scattered, library=library, ground=ground, density=density)
+    return settle(
+        rocks=embedded,
+        library=library,
+        ground=ground,
+        gravity=site.body.gravity,
+        progress=progress,
+    )
+
+
 def settle(
     *,
     rocks: RockField,
@@ -58,13 +91,13 @@ def settle(
     gravity: float,
     progress: Callable[[float], None] | None = None,
 ) -> RockField:
-    """Lay dynamic rocks on the ground where they stay; their exposed diameters stay exact.
+    """Settle dynamic rocks on the ground where they stay; their exposed diameters stay exact.
 
-    A rock that does not come to rest, or only outside its room (`size_classes.DYNAMIC_SPACE`),
+    A rock that does not come to rest, or only outside its space (`size_classes.DYNAMIC_SPACE`),
     stays as it is, a fixed one.
 
     Args:
-        rocks: All rocks, laid down as static ones (`rest`); `dynamic` tells which ones to settle.
+        rocks: All rocks, embedded as static ones; `dynamic` tells which ones to settle.
         library: Their shapes.
         ground: Bare ground under all of them, with a margin of `scatter.margin` around the window.
         gravity: Gravity [m/s²].
@@ -82,8 +115,8 @@ def settle(
 
     def settled(row: int) -> _Settled | None:
         prototype = int(rocks.prototype[row])
-        rock = _rock(rocks, row, library.prototypes[prototype], supports[prototype], gravity)
-        return _settled(rock, grid)
+        shape, support = library.prototypes[prototype], supports[prototype]
+        return _settled(_Rock.of(rocks, row, shape, support, gravity), grid)
 
     found = []
     with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -94,8 +127,7 @@ def settle(
     return _with_poses(rocks, library, wanted, found)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Rock(Record):
+class _Rock(NamedTuple):
     """A rock that is to be settled."""
 
     prototype: RockPrototype
@@ -109,18 +141,27 @@ class _Rock(Record):
     quaternion: Array
     """Rotation as a static rock, shape [4]."""
     support: Array
-    """Support function of its footprint over the diameter, as `outline.footprint` has it."""
+    """Support function of its footprint over the diameter, as `footprint` has it."""
     gravity: float
     """Gravity [m/s²]."""
 
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, (3,))
-        self.freeze("quaternion", np.float64, (4,))
-        self.freeze("support", np.float64, (FOOTPRINT_DIRECTIONS,))
+    @classmethod
+    def of(
+        cls, rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
+    ) -> _Rock:
+        """One of some embedded rocks."""
+        return cls(
+            prototype=prototype,
+            diameter=float(rocks.diameter[row]),
+            density=float(rocks.mass[row] / rocks.volume[row]),
+            position=rocks.position[row],
+            quaternion=rocks.quaternion[row],
+            support=support,
+            gravity=gravity,
+        )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pose(Record):
+class Pose(NamedTuple):
     """A rock on its piece of ground, in that piece's coordinates."""
 
     position: Array
@@ -130,50 +171,28 @@ class _Pose(Record):
     scale: float
     """Size in units of the prototype."""
 
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, (3,))
-        self.freeze("quaternion", np.float64, (4,))
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Settled(Record):
+class _Settled(NamedTuple):
     """A rock that has come to rest."""
 
-    pose: _Pose
+    pose: Pose
     """How it lies on its piece of ground."""
     place: Array
     """Where the origin of that piece is in the world frame [m], shape [3]."""
     height: float
     """Top of the rock above the ground's tangent plane [m]."""
 
-    def __post_init__(self) -> None:
-        self.freeze("place", np.float64, (3,))
-
-
-def _rock(
-    rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
-) -> _Rock:
-    return _Rock(
-        prototype=prototype,
-        diameter=float(rocks.diameter[row]),
-        density=float(rocks.mass[row] / rocks.volume[row]),
-        position=rocks.position[row],
-        quaternion=rocks.quaternion[row],
-        support=support,
-        gravity=gravity,
-    )
-
 
 def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
     """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
-    room = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
-    ground, place = piece(grid, centre=rock.position[:2], half_width=room + grid.spacing)
-    pose = _laid_down(rock, ground, rock.position - place)
+    reach = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
+    ground, place = piece(grid, centre=rock.position[:2], half_width=reach + grid.spacing)
+    pose = _upright(rock, ground, rock.position - place)
     for _ in range(_TESTS):
         pose = _sized(rock, ground, _come_to_rest(rock, ground, pose))
         height = _top(rock, ground, pose)
         # No rock stands higher than its rise, which keeps corridors clear.
-        if not _in_room(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
+        if not _in_its_space(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
             return None
         after = _after_test(rock, ground, pose)
         if _stays(rock, pose, after):
@@ -182,7 +201,7 @@ def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
     return None
 
 
-def _laid_down(rock: _Rock, ground: Heightfield, position: Array) -> _Pose:
+def _upright(rock: _Rock, ground: Heightfield, position: Array) -> Pose:
     """The rock upright on its tangent plane, none of it below the ground."""
     turn = matrix_from_quaternion(rock.quaternion)
     turned = rock.prototype.meshes[0].vertices @ turn.T
@@ -190,10 +209,10 @@ def _laid_down(rock: _Rock, ground: Heightfield, position: Array) -> _Pose:
     corners = position + scale * turned
     sunk = float((_height(ground, corners) - corners[:, 2]).max())
     raised = np.array([*position[:2], position[2] + sunk])
-    return _Pose(position=raised, quaternion=rock.quaternion, scale=scale)
+    return Pose(position=raised, quaternion=rock.quaternion, scale=scale)
 
 
-def _sized(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+def _sized(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     """The rock with its exact diameter, grown from the ground under its centre of mass.
 
     A rock at rest has the centre of what carries it there.
@@ -203,10 +222,10 @@ def _sized(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
     scale = rock.diameter / float(mean_width(plan))
     floor = float(_height(ground, pose.position[None])[0])
     raised = floor + (pose.position[2] - floor) * scale / pose.scale
-    return pose.replace(position=np.array([*pose.position[:2], raised]), scale=scale)
+    return pose._replace(position=np.array([*pose.position[:2], raised]), scale=scale)
 
 
-def _in_room(rock: _Rock, pose: _Pose, place: Array) -> bool:
+def _in_its_space(rock: _Rock, pose: Pose, place: Array) -> bool:
     """Whether a rock, seen from above, is within the area that was kept free for it.
 
     It must also be within its prototype's reach of where it now is, which windows go by.
@@ -216,19 +235,19 @@ def _in_room(rock: _Rock, pose: _Pose, place: Array) -> bool:
     plan = pose.scale / rock.diameter * turned
     moved = (pose.position + place - rock.position)[:2] / rock.diameter
     yaw = 2.0 * np.arctan2(rock.quaternion[3], rock.quaternion[0])
-    room = DYNAMIC_SPACE * rock.support
-    near = fits(plan + moved, yaw=yaw, support=room, reach=DYNAMIC_SPACE * reach)
+    space = DYNAMIC_SPACE * rock.support
+    near = fits(plan + moved, yaw=yaw, support=space, reach=DYNAMIC_SPACE * reach)
     return near and bool(np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
 
 
-def _stays(rock: _Rock, before: _Pose, after: _Pose) -> bool:
+def _stays(rock: _Rock, before: Pose, after: Pose) -> bool:
     """Whether a rock has hardly moved in a test."""
     shift = np.linalg.norm(after.position - before.position)
     cosine = min(abs(float(after.quaternion @ before.quaternion)), 1.0)
     return bool(shift <= _SHIFT * rock.diameter and 2.0 * np.arccos(cosine) <= _TURN)
 
 
-def _come_to_rest(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+def _come_to_rest(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     """Let a rock go from standstill, damped, until it hardly moves."""
     import mujoco
 
@@ -236,7 +255,12 @@ def _come_to_rest(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
     data = mujoco.MjData(model)
     model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
     _calm(rock, model, data)
-    return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+    return _moved(pose, data)
+
+
+def _moved(pose: Pose, data: Any) -> Pose:
+    """The pose that a rock has come to."""
+    return pose._replace(position=data.qpos[:3].copy(), quaternion=data.qpos[3:].copy())
 
 
 def _calm(rock: _Rock, model: Any, data: Any) -> None:
@@ -250,7 +274,7 @@ def _calm(rock: _Rock, model: Any, data: Any) -> None:
             break
 
 
-def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+def _after_test(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     """Where a rock is after gravity has leaned to all sides, and it was spun a little both ways.
 
     It is damped while gravity leans, so that one that lies in a hollow comes back; then it is free.
@@ -267,7 +291,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
         mujoco.mj_step(model, data, nstep=steps)
     model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
     _calm(rock, model, data)
-    leaned = pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+    leaned = _moved(pose, data)
     if not _stays(rock, pose, leaned):
         return leaned
     model.dof_damping[:], model.opt.timestep = 0.0, TIMESTEP
@@ -275,7 +299,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
         upward = matrix_from_quaternion(data.qpos[3:])[2]
         data.qvel[3:] = spin * np.sqrt(rock.gravity / rock.diameter) * upward
         mujoco.mj_step(model, data, nstep=round(_FREE_TIME / TIMESTEP))
-    return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
+    return _moved(pose, data)
 
 
 def _leaning(gravity: float, lean: float, towards: float) -> Array:
@@ -284,7 +308,7 @@ def _leaning(gravity: float, lean: float, towards: float) -> Array:
     return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
 
 
-def _model(rock: _Rock, ground: Heightfield, pose: _Pose) -> tuple[Any, Array]:
+def _model(rock: _Rock, ground: Heightfield, pose: Pose) -> tuple[Any, Array]:
     """The rock on its piece of ground as a compiled MuJoCo model, and what damps it, shape [6]."""
     import mujoco
 
@@ -351,7 +375,7 @@ def _height(ground: Heightfield, points: Array) -> Array:
     return ground.height_at(x, y)
 
 
-def _top(rock: _Rock, ground: Heightfield, pose: _Pose) -> float:
+def _top(rock: _Rock, ground: Heightfield, pose: Pose) -> float:
     """Top of a rock above the ground's tangent plane under its centre of mass [m]."""
     normal = matrix_from_quaternion(rock.quaternion)[:, 2]
     turned = (

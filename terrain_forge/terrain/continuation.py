@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel, over_chunks
-from terrain_forge.dtm import NEAR, STENCIL, Nodes, PixelFrame, Pixels, add_cell_means, node_places
+from terrain_forge.dtm import (
+    NEAR,
+    STENCIL,
+    Nodes,
+    PixelFrame,
+    Pixels,
+    add_cell_means,
+    node_places,
+    pixel_of,
+)
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.noise import octaves
 
@@ -80,27 +89,18 @@ def noise_at(
     if noise.variation is not None:
         places = node_places(site, nodes)
         over_chunks(
-            _scale, len(total), np.ascontiguousarray(noise.variation, np.float64), places.anchors,
-            places.column_index, places.column_part, places.row_index, places.row_part, total,
-        )  # fmt: skip
+            _scale, len(total), np.ascontiguousarray(noise.variation, np.float64), places, total
+        )
     return total
 
 
 @kernel
-def _scale(  # type: ignore[no-untyped-def]
-    first, last, local, places, column_index, column_part, row_index, row_part, total
-):
+def _scale(first, last, local, places, total):  # type: ignore[no-untyped-def]
     """Multiply nodes by what the posts around them say, bilinear."""
     rows, columns = local.shape
     for j in range(first, last):
-        r, v = row_index[j], row_part[j]
         for i in range(total.shape[1]):
-            c, u = column_index[i], column_part[i]
-            w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
-            column = w00 * places[0, r, c] + w01 * places[0, r, c + 1]
-            column += w10 * places[0, r + 1, c] + w11 * places[0, r + 1, c + 1]
-            row = w00 * places[1, r, c] + w01 * places[1, r, c + 1]
-            row += w10 * places[1, r + 1, c] + w11 * places[1, r + 1, c + 1]
+            column, row = pixel_of(places, j, i)
             column = min(max(column, 0.0), columns - 1.000001)
             row = min(max(row, 0.0), rows - 1.000001)
             m, n = np.int64(column), np.int64(row)

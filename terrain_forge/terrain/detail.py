@@ -57,7 +57,7 @@ def _procedural(*, airless: bool) -> GroundDetail:
     height, tone = np.zeros((_SIDE, _SIDE)), np.zeros((_SIDE, _SIDE))
     key = stage_key(0, "ground-detail/airless" if airless else "ground-detail/airy")
     stones = np.array(_STONES) * (1.0, 1.5 if airless else 1.0)
-    over_chunks(_lay, _SIDE, key, _SIDE, _SIZE, stones, height, tone)
+    over_chunks(_fill, _SIDE, key, _SIDE, _SIZE, stones, height, tone)
     hollow = np.roll(height, 1, 0) + np.roll(height, -1, 0)
     hollow += np.roll(height, 1, 1) + np.roll(height, -1, 1) - 4.0 * height
     tone -= 0.25 * hollow / hollow.std()
@@ -125,8 +125,8 @@ def _stone(key, x, y, cells, share):  # type: ignore[no-untyped-def]
         return 0.0, 0.0
     more = mix(drawn, 1)
     radius = 0.10 + 0.16 * (0.5 + 0.5 * _part(drawn, 16)) ** 2
-    room = 0.5 - 1.45 * radius
-    off_x, off_y = x - i - 0.5 - room * _part(drawn, 32), y - j - 0.5 - room * _part(drawn, 48)
+    free = 0.5 - 1.45 * radius
+    off_x, off_y = x - i - 0.5 - free * _part(drawn, 32), y - j - 0.5 - free * _part(drawn, 48)
     # Long, sheared and flattened to an angular outline.
     long, shear = 1.0 + 0.25 * _part(more, 0), 0.5 * _part(more, 16)
     off_x, off_y = (off_x * long + shear * off_y) / radius, off_y / (long * radius)
@@ -139,7 +139,7 @@ def _stone(key, x, y, cells, share):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lay(first, last, key, side, size, stones, height, tone):  # type: ignore[no-untyped-def]
+def _fill(first, last, key, side, size, stones, height, tone):  # type: ignore[no-untyped-def]
     """Height [m] and tone of a tile."""
     for row in range(first, last):
         for column in range(side):

@@ -15,9 +15,9 @@ from annotated_types import Interval, MinLen
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, Key, NotNegative, Positive, RecipeError, Spec
+from terrain_forge.dtm import bilinear
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.route_distance import route_distance
-from terrain_forge.terrain.steepness import steepness, stencil_cells
 
 Angle = Annotated[float, Interval(ge=0, lt=90)]
 
@@ -137,12 +137,9 @@ def image_weight(values: Array, *, site: Site, window: Window) -> Array:
     """An image over the whole site at the window's nodes, bilinear, shape [rows, columns]."""
     east, north = site.axes(window)
     rows, columns = values.shape
-    i, u = _between((east - site.west) / site.size[0] * (columns - 1), columns)
-    j, v = _between((north - site.south) / site.size[1] * (rows - 1), rows)
-    right, up = np.minimum(i + 1, columns - 1), np.minimum(j + 1, rows - 1)
-    south = (1.0 - u) * values[np.ix_(j, i)] + u * values[np.ix_(j, right)]
-    upper = (1.0 - u) * values[np.ix_(up, i)] + u * values[np.ix_(up, right)]
-    return np.asarray((1.0 - v)[:, None] * south + v[:, None] * upper)
+    across = _between((east - site.west) / site.size[0] * (columns - 1), columns)
+    down = _between((north - site.south) / site.size[1] * (rows - 1), rows)
+    return bilinear(values, across, down)
 
 
 def fade(value: Array, start: float, end: float) -> Array:
@@ -151,6 +148,33 @@ def fade(value: Array, start: float, end: float) -> Array:
         return np.asarray(value <= start, np.float64)
     part = np.clip((end - value) / (end - start), 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))
+
+
+def stencil_cells(baseline: float, spacing: float) -> int:
+    """Cells from a node to each end of a baseline [m] that is centred on it, at least 1."""
+    return max(1, round(0.5 * baseline / spacing))
+
+
+def steepness(elevation: Array, cells: int, spacing: float) -> Array:
+    """Rise per metre of the steepest way up at each node, shape [rows, columns].
+
+    From differences over so many cells to either side, fewer at the border.
+
+    Args:
+        elevation: heights of the nodes [m].
+        cells: half of the baseline, in cells.
+        spacing: distance of the nodes [m].
+    """
+    east = _differences(elevation, cells, spacing)
+    north = _differences(elevation.T, cells, spacing).T
+    return np.asarray(np.sqrt(east * east + north * north))
+
+
+def _differences(elevation: Array, cells: int, spacing: float) -> Array:
+    """Rise per metre along the columns."""
+    index = np.arange(elevation.shape[1])
+    low, high = np.maximum(index - cells, 0), np.minimum(index + cells, len(index) - 1)
+    return np.asarray((elevation[:, high] - elevation[:, low]) / ((high - low) * spacing))
 
 
 def _within(value: Array, low: float | None, high: float | None, width: float) -> Array:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, DataError, Fraction, Spec, linear_from_srgb
 from terrain_forge.dtm import (
     Nodes,
-    Places,
     cubic,
     ellipsoid,
     node_places,
@@ -84,7 +83,7 @@ def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path
 
 def orthoimage_albedo(picture: Orthoimage, *, site: Site, window: Window) -> Array:
     """Linear albedo, or brightness, at the window's nodes, shape [rows, columns, 1 | 3]."""
-    column, row = _between(node_places(site, Nodes.of(window), picture))
+    column, row = node_places(site, Nodes.of(window), picture).grid()
     bands = [
         cubic(picture.albedo[..., band].astype(np.float64), column=column, row=row)
         for band in range(picture.albedo.shape[2])
@@ -191,15 +190,3 @@ def _span(index: Array, length: int) -> slice:
 def _outside(index: Array, length: int) -> bool:
     slack = 0.5 + 1e-6
     return bool(index.min() < -slack or index.max() > length - 1 + slack)
-
-
-def _between(places: Places) -> tuple[Array, Array]:
-    """Pixel column and row of each node: linear between the anchors."""
-    i, u = places.column_index, places.column_part
-    j, v = places.row_index, places.row_part[:, None]
-    found = []
-    for anchors in places.anchors:
-        south = (1.0 - u) * anchors[np.ix_(j, i)] + u * anchors[np.ix_(j, i + 1)]
-        north = (1.0 - u) * anchors[np.ix_(j + 1, i)] + u * anchors[np.ix_(j + 1, i + 1)]
-        found.append((1.0 - v) * south + v * north)
-    return found[0], found[1]

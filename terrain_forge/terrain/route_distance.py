@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, inner, kernel, over_chunks
+from terrain_forge.base import Array, inner, kernel, over_chunks, segment_square_distance
 
 _BLOCK, _TILE = 128, 16
 """Nodes of a block and of a tile of it each way."""
@@ -29,18 +29,6 @@ def route_distance(lines: list[Array], *, east: Array, north: Array, farthest: f
 
 
 @inner
-def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
-    """Square of the distance of a point to a segment."""
-    along_x, along_y = segment[2] - segment[0], segment[3] - segment[1]
-    off_x, off_y = x - segment[0], y - segment[1]
-    square = along_x * along_x + along_y * along_y
-    if square > 0.0:
-        part = min(max((off_x * along_x + off_y * along_y) / square, 0.0), 1.0)
-        off_x, off_y = off_x - part * along_x, off_y - part * along_y
-    return off_x * off_x + off_y * off_y
-
-
-@inner
 def _keep_near(segments, some, count, corners, farthest, kept, away):  # type: ignore[no-untyped-def]
     """Keep those of some segments that can be nearest to a point of a rectangle; their number.
 
@@ -52,7 +40,9 @@ def _keep_near(segments, some, count, corners, farthest, kept, away):  # type: i
     diagonal = np.sqrt(wide * wide + high * high) * (1.0 + 1e-9) + 1e-9
     nearest = np.inf
     for n in range(count):
-        square = _square_distance(segments[some[n]], 0.5 * (west + east), 0.5 * (south + north))
+        square = segment_square_distance(
+            segments[some[n]], 0.5 * (west + east), 0.5 * (south + north)
+        )
         away[n] = np.sqrt(square)
         nearest = min(nearest, away[n])
     found = 0
@@ -71,7 +61,7 @@ def _measure_tile(segments, near, count, east, north, distance):  # type: ignore
         for i in range(len(east)):
             square = np.inf
             for n in range(count):
-                square = min(square, _square_distance(segments[near[n]], east[i], north[j]))
+                square = min(square, segment_square_distance(segments[near[n]], east[i], north[j]))
             distance[j, i] = np.sqrt(square)
 
 

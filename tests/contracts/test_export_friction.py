@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.model import MARS, MOON, exporter, surface_friction
-from terrain_forge.rocks.embedding.contact import SLIDING
+from terrain_forge.rocks.embedding.dynamic import SLIDING
 
 MU = "{http://drake.mit.edu}mu_"
 

@@ -23,14 +23,13 @@ from terrain_forge.rocks.embedding.exposure import (
     exposure,
     upright_width,
 )
+from terrain_forge.rocks.embedding.footprint import fits, footprint
 from terrain_forge.rocks.embedding.lattice import Lattice, height, lattice, onto
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
     edges,
     embedding_rotation,
-    fits,
-    footprint,
     rotation_matrix,
 )
 from terrain_forge.rocks.scattering.scatter import Scattered
@@ -47,7 +46,7 @@ _RING_POINTS = 12
 def embed(
     *, scattered: Scattered, library: RockLibrary, ground: Heightfield, density: ArrayLike
 ) -> RockField:
-    """Lay rocks on the ground.
+    """Embed rocks in the ground.
 
     Args:
         scattered: The rocks in plan.
@@ -69,21 +68,21 @@ def embed(
     rocks = _Rocks(
         scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
     )
-    lain = _lay(rocks, shapes, grid, MAX_BURIED)
-    _sink_deeper(lain, rocks, library, shapes, grid)
+    lying = _embed(rocks, shapes, grid, MAX_BURIED)
+    _sink_deeper(lying, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
-    volume = unit_volume[scattered.prototype] * lain.scale**3
+    volume = unit_volume[scattered.prototype] * lying.scale**3
     return RockField(
         populations=scattered.populations,
         id=scattered.id,
         population=scattered.population,
         prototype=scattered.prototype,
-        position=np.column_stack([scattered.xy, lain.z]),
-        quaternion=lain.quaternion,
-        scale=lain.scale,
+        position=np.column_stack([scattered.xy, lying.z]),
+        quaternion=lying.quaternion,
+        scale=lying.scale,
         diameter=scattered.diameter,
-        height=lain.height,
-        buried_fraction=lain.buried,
+        height=lying.height,
+        buried_fraction=lying.buried,
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
         dynamic=scattered.dynamic,
@@ -92,7 +91,7 @@ def embed(
 
 
 class _Shapes(NamedTuple):
-    """What resting needs to know of the prototypes."""
+    """What embedding needs to know of the prototypes."""
 
     exposure: Exposure
     """Their exposed diameters."""
@@ -101,7 +100,7 @@ class _Shapes(NamedTuple):
 
 
 class _Rocks(NamedTuple):
-    """Rocks that are to be laid down, columns of `Scattered`."""
+    """Rocks that are to be embedded, columns of `Scattered`."""
 
     xy: Array
     yaw: Array
@@ -110,7 +109,7 @@ class _Rocks(NamedTuple):
     prototype: NDArray[np.int32]
 
 
-class _Lain(NamedTuple):
+class _Embedded(NamedTuple):
     """How rocks lie."""
 
     z: Array
@@ -142,24 +141,24 @@ def _foot(mesh: Mesh) -> Array:
     return foot
 
 
-def _lay(rocks: _Rocks, shapes: _Shapes, ground: Lattice, deepest: float) -> _Lain:
-    """Lay rocks down; daylight buries none deeper than to a part of its extent."""
+def _embed(rocks: _Rocks, shapes: _Shapes, ground: Lattice, deepest: float) -> _Embedded:
+    """How rocks lie; daylight buries none deeper than to a part of its extent."""
     count = len(rocks.yaw)
-    lain = _Lain(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
-    over_chunks(_lay_some, count, rocks, shapes.exposure, shapes.foot, ground, deepest, lain)
-    return lain
+    lying = _Embedded(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
+    over_chunks(_embed_some, count, rocks, shapes.exposure, shapes.foot, ground, deepest, lying)
+    return lying
 
 
 def _sink_deeper(
-    lain: _Lain, rocks: _Rocks, library: RockLibrary, shapes: _Shapes, ground: Lattice
+    lying: _Embedded, rocks: _Rocks, library: RockLibrary, shapes: _Shapes, ground: Lattice
 ) -> None:
-    """Bury rocks that would still show daylight deeper, where their footprint has room for it.
+    """Bury rocks that would still show daylight deeper, where their footprint has space for it.
 
     Few rocks on the roughest ground need it. They grow, since less of them is exposed.
     """
-    rows = np.flatnonzero(lain.buried >= MAX_BURIED)
+    rows = np.flatnonzero(lying.buried >= MAX_BURIED)
     short = _Rocks(**{name: _part(column, rows) for name, column in rocks._asdict().items()})
-    deeper = _lay(short, shapes, ground, DEEPEST)
+    deeper = _embed(short, shapes, ground, DEEPEST)
     supports = {
         n: footprint(library.prototypes[n].meshes[0])
         for n in np.unique(rocks.prototype[rows]).tolist()
@@ -170,7 +169,7 @@ def _sink_deeper(
         plan = deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices @ turn.T
         support = supports[int(rocks.prototype[row])]
         if fits(plan, yaw=rocks.yaw[row], support=support, reach=prototype.reach):
-            for column, values in zip(lain, deeper, strict=True):
+            for column, values in zip(lying, deeper, strict=True):
                 column[row] = values[n]
 
 
@@ -182,7 +181,7 @@ def _part(column: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
 
 
 @kernel
-def _lay_some(first, last, rocks, exposure, foot, ground, deepest, lain):  # type: ignore[no-untyped-def]
+def _embed_some(first, last, rocks, exposure, foot, ground, deepest, lying):  # type: ignore[no-untyped-def]
     diameter, prototype = rocks.diameter, rocks.prototype
     for n in range(first, last):
         p, x, y = prototype[n], rocks.xy[n, 0], rocks.xy[n, 1]
@@ -203,11 +202,11 @@ def _lay_some(first, last, rocks, exposure, foot, ground, deepest, lain):  # typ
             if not sinks:
                 break
         for k in range(4):
-            lain.quaternion[n, k] = turn[k]
-        lain.scale[n] = size
-        lain.z[n] = plane[0] - level * size / upright
-        lain.height[n] = (low + span - level) * size / upright
-        lain.buried[n] = burial
+            lying.quaternion[n, k] = turn[k]
+        lying.scale[n] = size
+        lying.z[n] = plane[0] - level * size / upright
+        lying.height[n] = (low + span - level) * size / upright
+        lying.buried[n] = burial
 
 
 @inner

@@ -32,10 +32,8 @@ class Cells:
     """Size of a cell, east and north [m]."""
     split: int
     """Bins that a cell is cut into each way, of about one rock each."""
-    listed: bool = False
-    """Whether its rocks are the user's own, which lie where they are."""
     local: bool = False
-    """Whether a rock without room looks for it around its first place, not all over its cell."""
+    """Whether rocks look for a free place around their first one, not all over their cell."""
 
     @property
     def area(self) -> float:
@@ -78,14 +76,14 @@ def divide(
     """The cells for a density [1/m²] of rocks up to a diameter and a circle's radius [m].
 
     A cell must be wider than two rocks, so that cells of one colour are independent. It is large
-    enough for its rocks to find room in it, even where larger rocks crowd it or chance gives it
+    enough for its rocks to find places in it, even where larger rocks crowd it or chance gives it
     more than its share, and no larger, so that a window depends on little around it.
     """
-    roomy = _DIAMETERS_PER_CELL * diameter
-    if density * roomy**2 > _ROCKS_PER_CELL:
-        roomy = (_ROCKS_PER_CELL / density) ** 0.5
+    wide = _DIAMETERS_PER_CELL * diameter
+    if density * wide**2 > _ROCKS_PER_CELL:
+        wide = (_ROCKS_PER_CELL / density) ** 0.5
     columns, rows = (
-        max(min(round(length / roomy), int(length / (4.0 * radius))), 1) for length in site.size
+        max(min(round(length / wide), int(length / (4.0 * radius))), 1) for length in site.size
     )
     sides = site.size[0] / columns, site.size[1] / rows
     return Cells(

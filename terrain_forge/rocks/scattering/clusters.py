@@ -70,37 +70,6 @@ def parents(
     return Parents(xy=xy[near], address=address[near])
 
 
-def numbers(found: Parents, *, key: np.uint64, mean: float) -> NDArray[np.int64]:
-    """Poisson number of rocks of a size class that each parent has, shape [parents].
-
-    Args:
-        found: The parents.
-        key: The size class's key.
-        mean: Expected number.
-    """
-    counts: NDArray[np.int64] = _numbers(found.address, key, mean)
-    return counts
-
-
-def offspring(
-    found: Parents,
-    counts: NDArray[np.int64],
-    *,
-    key: np.uint64,
-    radius: float,
-) -> tuple[NDArray[np.uint64], Array]:
-    """Rocks of some parents, in order: addresses, and places [m] of shape [rocks, 2].
-
-    Args:
-        found: The parents.
-        counts: Rocks of each, shape [parents].
-        key: The size class's key.
-        radius: Standard deviation of a rock's distance from its parent, east and north [m].
-    """
-    address, xy = _offspring(found.xy, found.address, counts, key, radius)
-    return address, xy
-
-
 @kernel
 def _draw_parents(key, first, last, corner, side, mean):  # type: ignore[no-untyped-def]
     total = 0
@@ -121,7 +90,14 @@ def _draw_parents(key, first, last, corner, side, mean):  # type: ignore[no-unty
 
 
 @kernel
-def _numbers(address, key, mean):  # type: ignore[no-untyped-def]
+def numbers(address, key, mean):  # type: ignore[no-untyped-def]
+    """Poisson number of rocks of a size class that each parent has, shape [parents].
+
+    Args:
+        address: The parents' addresses.
+        key: The size class's key.
+        mean: Expected number.
+    """
     batches = int(np.ceil(mean / _BATCH))  # a sum of Poisson counts is one; exp underflows
     counts = np.zeros(len(address), dtype=np.int64)
     for p in range(len(address)):
@@ -132,18 +108,26 @@ def _numbers(address, key, mean):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _offspring(parent_xy, parent_address, counts, key, radius):  # type: ignore[no-untyped-def]
+def offspring(found, counts, key, radius):  # type: ignore[no-untyped-def]
+    """Rocks of some parents, in order: addresses, and places [m] of shape [rocks, 2].
+
+    Args:
+        found: The parents.
+        counts: Rocks of each, shape [parents].
+        key: The size class's key.
+        radius: Standard deviation of a rock's distance from its parent, east and north [m].
+    """
     total = counts.sum()
     address, xy = np.empty(total, dtype=np.uint64), np.empty((total, 2))
     held = 1.0 - np.exp(-0.5 * TRUNCATION * TRUNCATION)
     n = 0
     for p in range(len(counts)):
-        parent = mix(mix(key, parent_address[p]), 1)
+        parent = mix(mix(key, found.address[p]), 1)
         for k in range(counts[p]):
             address[n] = mix(parent, k)
             away = radius * np.sqrt(-2.0 * np.log(1.0 - held * uniform(mix(address[n], _RANGE))))
             angle = 2.0 * np.pi * uniform(mix(address[n], _ANGLE))
-            xy[n, 0] = parent_xy[p, 0] + away * np.cos(angle)
-            xy[n, 1] = parent_xy[p, 1] + away * np.sin(angle)
+            xy[n, 0] = found.xy[p, 0] + away * np.cos(angle)
+            xy[n, 1] = found.xy[p, 1] + away * np.sin(angle)
             n += 1
     return address, xy

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel
-from terrain_forge.model import Site, Window
+from terrain_forge.base import Array, inner, kernel, segment_square_distance
+from terrain_forge.model import ExclusionZone, Route, Rover, Site, Window
+from terrain_forge.rocks.populations import ExclusionSpec
 
 _BIN = 1.0
 _MAX_BINS = 1000
@@ -42,6 +44,34 @@ class Corridors(NamedTuple):
     """Where each bin's segments begin in `members`, row by row, shape [bins + 1]."""
     members: NDArray[np.int64]
     """Segments that touch a bin."""
+
+
+def exclusion_zones(
+    exclusion_zones: tuple[ExclusionSpec, ...], *, routes: tuple[Route, ...], rover: Rover
+) -> tuple[ExclusionZone, ...]:
+    """The circles that a recipe keeps free, then the starts of routes that have no corridor.
+
+    A start is cleared of all rocks as far as the rover reaches, whichever way it is turned.
+
+    Args:
+        exclusion_zones: the recipe's circles.
+        routes: all routes of the site.
+        rover: who drives them.
+    """
+    own = [
+        ExclusionZone(centre=circle.centre_m, radius=circle.radius_m, clearance=circle.clearance_m)
+        for circle in exclusion_zones
+    ]
+    starts = [
+        ExclusionZone(
+            centre=(float(route.position[0, 0]), float(route.position[0, 1])),
+            radius=0.5 * hypot(rover.length, rover.width),
+            clearance=0.0,
+        )
+        for route in routes
+        if route.corridor_width == 0.0
+    ]
+    return (*own, *starts)
 
 
 def corridors(site: Site) -> Corridors:
@@ -128,7 +158,7 @@ def distances(strips, x, y, limit):  # type: ignore[no-untyped-def]
             for m in range(strips.first[b], strips.first[b + 1]):
                 s = strips.members[m]
                 c = strips.corridor[s]
-                squares[c] = min(squares[c], _square_distance(strips.segments[s], x, y))
+                squares[c] = min(squares[c], segment_square_distance(strips.segments[s], x, y))
     for c in range(len(squares)):
         squares[c] = np.sqrt(squares[c])
     return squares
@@ -141,16 +171,6 @@ def search_radius(strips, radius):  # type: ignore[no-untyped-def]
     for c in range(len(strips.half_width) - len(strips.centre)):
         limit = max(limit, strips.half_width[c] + radius)
     return limit
-
-
-@inner
-def _square_distance(segment, x, y):  # type: ignore[no-untyped-def]
-    dx, dy = segment[2] - segment[0], segment[3] - segment[1]
-    px, py = x - segment[0], y - segment[1]
-    square = dx * dx + dy * dy
-    part = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    ex, ey = px - part * dx, py - part * dy
-    return ex * ex + ey * ey
 
 
 @inner

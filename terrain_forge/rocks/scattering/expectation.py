@@ -14,19 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from terrain_forge.base import Array, inner, kernel, stage_key
+from terrain_forge.base import Array
 from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, Clustered, Crater
 from terrain_forge.rocks.scattering.cells import Rectangle
-from terrain_forge.rocks.scattering.clusters import TRUNCATION, parents
 from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
-from terrain_forge.rocks.scattering.intensity import (
-    Intensity,
-    flat_area,
-    make_intensity,
-    weights,
-    with_slopes,
-)
+from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, weights
+from terrain_forge.rocks.scattering.slopes import flat_area, with_slopes
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec
@@ -49,8 +43,8 @@ class Expectation:
     parts: tuple[tuple[float, float], ...]
     """Effective area [m²] and largest diameter [m] of each part: one part, or one per crater."""
     area_variance: float
-    """Variance of the effective area [m⁴], since clusters lie at random; 0 where they are given and
-    for all other arrangements."""
+    """Variance of the effective area [m⁴], since clusters lie at random; 0 for all other
+    arrangements."""
 
     @property
     def area(self) -> float:
@@ -64,7 +58,6 @@ def expected(
     site: Site,
     window: Window,
     ground: Heightfield | None = None,
-    given_clusters: bool = False,
 ) -> Expectation:
     """Effective area of a window, without corridors and exclusion zones, for a population.
 
@@ -77,8 +70,6 @@ def expected(
         site: The site.
         window: Part of it.
         ground: Bare ground of the window, for a slope limit; shaped again where it is not given.
-        given_clusters: Take the clusters' parents as they were drawn for the site, instead of at
-            random: then the rocks are a Poisson process, and the count has no further variance.
     """
     east, north = site.axes(window)
     area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
@@ -92,50 +83,62 @@ def expected(
         ]
         limited = tuple((held, min(limit, largest)) for held, limit in parts if held > 0.0)
         return Expectation(parts=limited, area_variance=0.0)
-    cells = window.columns * window.rows
     covered = corridor_area(site, window)
-    held = cells * site.spacing**2 - covered
+    held = window.columns * window.rows * site.spacing**2 - covered
     if intensity.limits_slope and covered == 0.0 and population.density_image is None:
         held = flat_area(intensity, 0, window)
     elif intensity.thins(0):
-        held = _grid(area, intensity, site).integral
+        held = _integral(*_grid(area, intensity, site, _POINTS))
     variance = 0.0
     if isinstance(population.arrangement, Clustered):
         level = covered == 0.0 and not intensity.thins(0)
-        grid = _grid(area, intensity, site, points=1 if level else _CLUSTER_POINTS)
-        held, variance = _in_clusters(population, grid, held, site, given=given_clusters)
+        weight, step = _grid(area, intensity, site, 1 if level else _CLUSTER_POINTS)
+        coarse = _integral(weight, step)
+        finer = held / coarse if coarse > 0.0 else 0.0
+        variance = _cluster_variance(population.arrangement, weight, step) * finer**2
     return Expectation(parts=((held, largest),), area_variance=variance)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Grid:
-    """Weights at the middles of the cells of a grid."""
+def expected_cover(populations: tuple[PopulationSpec, ...], site: Site, window: Window) -> Array:
+    """Part of the ground that rocks of some populations cover on average, shape [rows, columns].
 
-    weight: Array
-    """Weights, 0 in corridors and exclusion zones, shape [rows, columns]."""
-    corner: Array
-    """South-western corner [m], shape [2]."""
-    step: Array
-    """Size of a cell [m], east and north, shape [2]."""
-
-    @property
-    def integral(self) -> float:
-        """Integral of the weight [m²]."""
-        return float(self.weight.sum() * self.step.prod())
+    Limits by slope do not count, since the ground is not known yet.
+    """
+    east, north = site.axes(window)
+    places = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
+    cover = np.zeros(len(places))
+    populations = tuple(replace(p, max_slope_deg=None) for p in populations)
+    intensity = make_intensity(populations, site)
+    for number, population in enumerate(populations):
+        law = population.size_frequency
+        smallest, largest = population.diameter_range(site.size[0] * site.size[1])
+        share = float(law.cumulative_area(smallest) - law.cumulative_area(largest))
+        if intensity.thins(number):
+            cover += share * weights(intensity, number, places, np.full(len(places), smallest))
+        else:
+            cover += share
+    return cover.reshape(len(north), len(east))
 
 
 def _grid(
-    area: Rectangle, intensity: Intensity, site: Site, *, points: int = _POINTS, diameter: float = 0
-) -> _Grid:
-    """Weights over an area [m], for rocks of a diameter [m]."""
-    corner, far = np.array(area[:2]), np.array(area[2:])
-    step = (far - corner) / points
+    area: Rectangle, intensity: Intensity, site: Site, points: int
+) -> tuple[Array, tuple[float, float]]:
+    """Weights at the middles of the cells of a grid over an area [m], and the cells' sides [m].
+
+    They are 0 in corridors and exclusion zones, shape [points, points].
+    """
+    step = (area[2] - area[0]) / points, (area[3] - area[1]) / points
     middles = np.arange(points) + 0.5
-    east, north = np.meshgrid(corner[0] + middles * step[0], corner[1] + middles * step[1])
+    east, north = np.meshgrid(area[0] + middles * step[0], area[1] + middles * step[1])
     xy = np.column_stack([east.ravel(), north.ravel()])
-    weight = weights(intensity, 0, xy, np.full(len(xy), float(diameter)))
+    weight = weights(intensity, 0, xy, np.zeros(len(xy)))
     weight[in_corridor(site, xy)] = 0.0
-    return _Grid(weight=weight.reshape(points, points), corner=corner, step=step)
+    return weight.reshape(points, points), step
+
+
+def _integral(weight: Array, step: tuple[float, float]) -> float:
+    """Integral of the weight over a grid [m²]."""
+    return float(weight.sum()) * (step[0] * step[1])
 
 
 def _around(
@@ -156,88 +159,32 @@ def _around(
     own = make_intensity((alone,), site)._replace(
         steepness=intensity.steepness, steepness_window=intensity.steepness_window
     )
-    return _grid((west, south, east, north), own, site, points=_CRATER_POINTS).integral
+    return _integral(*_grid((west, south, east, north), own, site, _CRATER_POINTS))
 
 
-def _in_clusters(
-    population: PopulationSpec, grid: _Grid, held: float, site: Site, *, given: bool
-) -> tuple[float, float]:
-    """Effective area [m²] of a clustered population, and its variance [m⁴].
+def _cluster_variance(clusters: Clustered, weight: Array, step: tuple[float, float]) -> float:
+    """Variance of the effective area [m⁴]: ∫ g² dp / κ with κ clusters on a square metre.
 
-    `held` is the integral of the weight, which the grid has less exactly.
-
-    With g(p) the part of the rocks of a parent at p that lie in the window, weighted, and κ parents
-    on a square metre: the area is Σ g(p) / κ over given parents, otherwise the integral of the
-    weight, and its variance ∫ g² dp / κ (Campbell's theorem). Exact for a weight that is level in
-    each cell.
+    g(p) is the part of a cluster around p whose rocks lie in the window, weighted (Campbell's
+    theorem). So it is the integral of w(x) w(y) k(x - y) / κ over both places of two rocks of one
+    cluster, whose distance has the normal density k of the variance 2 radius². Exact for a weight
+    that is level in each cell.
     """
-    assert isinstance(population.arrangement, Clustered)
-    density, radius = population.arrangement.clusters_per_m2, population.arrangement.radius_m
-    if grid.integral == 0.0:
-        return 0.0, 0.0
-    finer = held / grid.integral
-    if not given:
-        return held, float(_shared(grid.weight, grid.step, radius) / density) * finer**2
-    key = stage_key(site.seed, f"rocks/{population.name}")
-    points = parents(population.arrangement, site=site, key=key).xy - grid.corner
-    return float(_held(grid.weight, grid.step, radius, points) / density) * finer, 0.0
+    from scipy.ndimage import correlate1d
+
+    shared = weight
+    for axis, side in ((0, step[1]), (1, step[0])):
+        pairs = _pairs(weight.shape[axis], side, clusters.radius_m)
+        both_ways = np.concatenate([pairs[:0:-1], pairs])
+        shared = correlate1d(shared, both_ways, axis=axis, mode="constant")
+    return float((shared * weight).sum()) / clusters.clusters_per_m2
 
 
-@kernel
-def _shared(weight, step, radius):  # type: ignore[no-untyped-def]
-    """∫ g² dp [m⁴]: over pairs of cells, the chance density that a parent's rocks lie in both."""
-    rows, columns = weight.shape
-    across, along = _pairs(columns, step[0], radius), _pairs(rows, step[1], radius)
-    total = 0.0
-    for i in range(rows):
-        for j in range(columns):
-            one = other = 0.0
-            for k in range(rows):
-                one += along[abs(i - k)] * weight[k, j]
-            for k in range(columns):
-                other += across[abs(j - k)] * weight[i, k]
-            total += one * other
-    return total
+def _pairs(count: int, side: float, radius: float) -> Array:
+    """∫∫ of `k` along one axis, over two cells that lie 0, 1, 2 … cells apart [m], shape [count].
 
-
-@inner
-def _pairs(count, side, radius):  # type: ignore[no-untyped-def]
-    """∫∫ of the density of two rocks' distance, over two cells that lie 0, 1, 2 … cells apart [m].
-
-    That density is normal with the variance 2 radius²; its second integral is differenced.
+    By differences of its second integral.
     """
-    found = np.empty(count)
-    for n in range(count):
-        found[n] = 0.0
-        for shift, factor in ((-1, 1.0), (0, -2.0), (1, 1.0)):
-            t = 0.5 * (n + shift) * side / radius
-            second = t * math.erf(t) + np.exp(-t * t) / np.sqrt(np.pi)
-            found[n] += factor * radius * second
-    return found
-
-
-@kernel
-def _held(weight, step, radius, points):  # type: ignore[no-untyped-def]
-    """Σ g(p) over parents [m], relative to the grid's corner."""
-    rows, columns = weight.shape
-    total = 0.0
-    for p in range(len(points)):
-        i0, i1, across = _shares(points[p, 0], step[0], columns, radius)
-        j0, j1, along = _shares(points[p, 1], step[1], rows, radius)
-        for j in range(j0, j1):
-            for i in range(i0, i1):
-                total += along[j - j0] * across[i - i0] * weight[j, i]
-    return total
-
-
-@inner
-def _shares(place, side, count, radius):  # type: ignore[no-untyped-def]
-    """First cell near a parent's coordinate, one past the last, and each one's share of rocks."""
-    reach = TRUNCATION * radius
-    first = min(max(int(np.floor((place - reach) / side)), 0), count)
-    last = min(max(int(np.floor((place + reach) / side)) + 1, 0), count)
-    found = np.empty(max(last - first, 0))
-    for n in range(len(found)):
-        low = ((first + n) * side - place) / (np.sqrt(2.0) * radius)
-        found[n] = 0.5 * (math.erf(low + side / (np.sqrt(2.0) * radius)) - math.erf(low))
-    return first, last, found
+    places = [0.5 * (n - 1) * side / radius for n in range(count + 2)]
+    second = [t * math.erf(t) + math.exp(-t * t) / math.sqrt(math.pi) for t in places]
+    return radius * np.diff(second, 2)

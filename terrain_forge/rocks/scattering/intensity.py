@@ -14,13 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, RecipeError, inner, kernel
-from terrain_forge.model import Heightfield, Site, Window
-from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters, Crater
+from terrain_forge.base import Array, DataError, inner, kernel
+from terrain_forge.model import Site
+from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scattering.cells import Rectangle
-from terrain_forge.rocks.scattering.corridor import corridors, distances, search_radius
-from terrain_forge.terrain import shape_ground
 
 
 class Intensity(NamedTuple):
@@ -68,144 +65,34 @@ class Intensity(NamedTuple):
         return bool(shaped or np.isfinite(self.steepest[population]))
 
 
-def crater_rows(craters: tuple[Crater, ...]) -> Array:
-    """East, north, radius [m], strength and largest rock [m] of craters, shape [craters, 5]."""
-    rows = [(*c.centre_m, 0.5 * c.diameter_m, c.strength, c.largest_rock_m) for c in craters]
-    return np.array(rows, np.float64).reshape(-1, 5)
-
-
 def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Intensity:
-    """The weights of all populations; slopes are not known yet (`with_slopes`).
+    """The weights of all populations; slopes are not known yet (`slopes.with_slopes`).
 
     Raises:
         DataError: if an image has a value that is no density, or none that is above 0.
     """
     images = [_image(population, n, site) for n, population in enumerate(populations)]
-    craters = [
-        crater_rows(p.arrangement.craters) if isinstance(p.arrangement, AroundCraters) else None
-        for p in populations
+    around = [isinstance(p.arrangement, AroundCraters) for p in populations]
+    craters = [getattr(p.arrangement, "craters", ()) for p in populations]
+    rows = [
+        (*c.centre_m, 0.5 * c.diameter_m, c.strength, c.largest_rock_m)
+        for own in craters
+        for c in own
     ]
-    rows = [np.zeros((0, 5)) if found is None else found for found in craters]
     limits = [np.inf if p.max_slope_deg is None else p.max_slope_deg for p in populations]
     return Intensity(
         bounds=np.array(site.bounds),
         image=np.concatenate([np.zeros(0), *(image.ravel() for image in images)]),
         image_first=np.cumsum([0, *(image.size for image in images)])[:-1],
         image_shape=np.array([image.shape for image in images], np.int64).reshape(-1, 2),
-        around=np.array([found is not None for found in craters], np.bool_),
-        crater=np.concatenate([np.zeros((0, 5)), *rows]),
-        crater_first=np.cumsum([0, *map(len, rows)]),
+        around=np.array(around, np.bool_),
+        crater=np.array(rows, np.float64).reshape(-1, 5),
+        crater_first=np.cumsum([0, *map(len, craters)]),
         steepest=np.array([np.tan(np.radians(a)) if a < 90.0 else np.inf for a in limits]),
         steepness=np.zeros((0, 0, 2)),
         steepness_window=np.zeros(2, np.int64),
         spacing=site.spacing,
     )
-
-
-def with_slopes(
-    intensity: Intensity, *, site: Site, area: Rectangle, ground: Heightfield | None
-) -> Intensity:
-    """The same with the ground's slope over an area [m].
-
-    What counts is the strictest measure: the rise per metre of a triangle of the surface is its
-    own, or that of its cell's steepest node by central differences (over two cells; one-sided at
-    the site's border) where that is more.
-
-    Args:
-        intensity: The weights.
-        site: The site, whose layers shape the ground where it is not given.
-        area: Where slopes are needed.
-        ground: Ground that is known already; used where it holds the area and a node around.
-    """
-    if not intensity.limits_slope:
-        return intensity
-    inside = _window(site, area)
-    around = site.padded(inside, site.spacing)
-    land = _cut(ground, site, around) or shape_ground(
-        site=site, window=around, layers=site.recipe.terrain.layers
-    )
-    elevation = land.elevation.astype(np.float64)
-    north, east = (np.gradient(elevation, site.spacing, axis=axis) for axis in (0, 1))
-    row, column = inside.row - around.row, inside.column - around.column
-    nodes = np.s_[row : row + inside.rows + 1, column : column + inside.columns + 1]
-    of_cells = _largest_corner(np.hypot(east[nodes], north[nodes]))
-    of_triangles = _rise_of_triangles(elevation[nodes], site.spacing)
-    return intensity._replace(
-        steepness=np.maximum(of_triangles, of_cells[:, :, None]),
-        steepness_window=np.array([inside.column, inside.row]),
-    )
-
-
-def _largest_corner(values: Array) -> Array:
-    """Largest of the values at each cell's four nodes, shape [rows, columns]."""
-    pairs = np.maximum(values[1:], values[:-1])
-    largest: Array = np.maximum(pairs[:, 1:], pairs[:, :-1])
-    return largest
-
-
-def _rise_of_triangles(elevation: Array, spacing: float) -> Array:
-    """Rise per metre of the surface's triangles, as `Intensity.steepness` has them."""
-    east, north = np.diff(elevation, axis=1) / spacing, np.diff(elevation, axis=0) / spacing
-    southern = np.hypot(east[:-1], north[:, 1:])
-    northern = np.hypot(east[1:], north[:, :-1])
-    return np.stack([southern, northern], axis=-1)
-
-
-def require_place(
-    populations: tuple[PopulationSpec, ...], site: Site, intensity: Intensity | None = None
-) -> None:
-    """Refuse populations whose rocks cannot lie anywhere on a site.
-
-    Args:
-        populations: The rocks.
-        site: The site.
-        intensity: Their weights with slopes, where the whole site's are known.
-
-    Raises:
-        RecipeError: if slope limit, image, craters, corridors and exclusion zones together leave
-            nothing.
-    """
-    known = intensity or make_intensity(populations, site)._replace(
-        steepest=np.full(len(populations), np.inf)
-    )
-    strips = corridors(site)
-    for number, population in enumerate(populations):
-        limited = known.thins(number) or len(strips.half_width) > 0
-        if limited and not has_place(known, number, strips, population.smallest_diameter):
-            reasons = {
-                "its slope limit": np.isfinite(known.steepest[number]),
-                "its density image": population.density_image is not None,
-                "its craters": known.around[number],
-                "corridors and circles": len(strips.half_width) > 0,
-            }
-            found = ", ".join(name for name, there in reasons.items() if there)
-            raise RecipeError(
-                f"no place is left for {population.name!r} on the site: {found}",
-                key=("rocks", "populations", number),
-            )
-
-
-def _window(site: Site, area: Rectangle) -> Window:
-    """The smallest window that holds an area, as far as the site goes."""
-    whole = site.window
-    west, south, east, north = np.subtract(area, (site.west, site.south) * 2) / site.spacing
-    first = np.floor([west, south]).astype(int)
-    last = np.ceil([east, north]).astype(int)
-    column, row = np.clip(first, 0, (whole.columns - 1, whole.rows - 1)).tolist()
-    right, top = np.clip(last, (column + 1, row + 1), (whole.columns, whole.rows)).tolist()
-    return Window(column=column, row=row, columns=right - column, rows=top - row)
-
-
-def _cut(ground: Heightfield | None, site: Site, window: Window) -> Heightfield | None:
-    """A window's part of the ground, where it holds the window."""
-    if ground is None:
-        return None
-    column = window.column - round((ground.origin[0] - site.west) / site.spacing)
-    row = window.row - round((ground.origin[1] - site.south) / site.spacing)
-    rows, columns = ground.shape
-    if min(column, row) < 0 or column + window.columns >= columns or row + window.rows >= rows:
-        return None
-    return ground.cut(column=column, row=row, columns=window.columns, rows=window.rows)
 
 
 def _image(population: PopulationSpec, index: int, site: Site) -> Array:
@@ -238,47 +125,6 @@ def weights(intensity, population, xy, diameter):  # type: ignore[no-untyped-def
     for n in range(len(xy)):
         found[n] = weight(intensity, population, xy[n, 0], xy[n, 1], diameter[n])
     return found
-
-
-def flat_area(intensity: Intensity, population: int, window: Window) -> float:
-    """Area [m²] of a window's ground that is not too steep for a population, by its triangles."""
-    column, row = np.array([window.column, window.row]) - intensity.steepness_window
-    cells = intensity.steepness[row : row + window.rows, column : column + window.columns]
-    flat = np.count_nonzero(cells <= intensity.steepest[population])
-    return 0.5 * intensity.spacing**2 * float(flat)
-
-
-@kernel
-def has_place(intensity, population, strips, diameter):  # type: ignore[no-untyped-def]
-    """Whether rocks of a diameter [m] can lie anywhere on the site, outside corridors `strips`.
-
-    Looks at the middle of each triangle of the surface.
-    """
-    west, south, east, north = intensity.bounds
-    limit = search_radius(strips, 0.0)
-    rows, columns = (
-        round((north - south) / intensity.spacing),
-        round((east - west) / intensity.spacing),
-    )
-    for j in range(rows):
-        for i in range(columns):
-            for part in range(2):
-                x = west + (i + (2 - part) / 3) * intensity.spacing
-                y = south + (j + (1 + part) / 3) * intensity.spacing
-                if weight(intensity, population, x, y, diameter) > 0.0:
-                    if not _is_kept_free(strips, x, y, limit):
-                        return True
-    return False
-
-
-@inner
-def _is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
-    """Whether a place lies in a corridor or exclusion zone."""
-    away = distances(strips, x, y, limit)
-    for s in range(len(away)):
-        if away[s] < strips.half_width[s]:
-            return True
-    return False
 
 
 @kernel

@@ -4,18 +4,59 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, stage_key
+from terrain_forge.base import Array, DataError, Key, Mask, stage_key
 from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.populations import MAX_ROCKS, RockListSpec
 from terrain_forge.rocks.scattering.addresses import BURIED, PROTOTYPE, YAW, addresses, draw
+from terrain_forge.rocks.scattering.candidates import Candidates
 from terrain_forge.rocks.scattering.cells import Cells
-from terrain_forge.rocks.scattering.drawing import Drawn
 from terrain_forge.rocks.scattering.size_classes import shapes_of
+
+NEEDED = ("x_m", "y_m", "diameter_m")
+"""Columns of every list: east and north of the centre and exposed plan diameter [m]."""
+OPTIONAL = ("yaw_deg", "buried_fraction", "prototype")
+"""Columns that a list may have: turn anticlockwise [degrees], buried part of the height, and index
+of the shape in the library."""
+MAX_LISTED = 2_000_000
+"""Rocks of one list."""
+SMALLEST = 1e-3
+"""Diameter of the smallest rock that a list may give [m]."""
+DEEPEST = 0.5
+"""Largest buried part that a list may give."""
+
+
+def check_list(table: Table, *, size: tuple[float, float], shapes: int, key: Key) -> None:
+    """Refuse listed rocks that cannot lie on a site.
+
+    Args:
+        table: the list.
+        size: the site, east and north [m].
+        shapes: how many shapes the library has.
+        key: where in the recipe the file is named.
+
+    Raises:
+        DataError: names the first rock that is wrong, counted from 1, and what is allowed.
+    """
+    limits = {
+        "x_m": (-0.5 * size[0], 0.5 * size[0]),
+        "y_m": (-0.5 * size[1], 0.5 * size[1]),
+        "diameter_m": (SMALLEST, 0.5 * min(size)),
+        "yaw_deg": (-360.0, 360.0),
+        "buried_fraction": (0.0, DEEPEST),
+        "prototype": (0.0, shapes - 1.0),
+    }
+    for name in table.columns:
+        low, high = limits[name]
+        values = table.column(name)
+        _require((values >= low) & (values <= high), table, name, f"{low:g} to {high:g}", key)
+    if "prototype" in table.columns:
+        values = table.column("prototype")
+        _require(values == np.floor(values), table, "prototype", "whole numbers", key)
 
 
 def draw_list(
     spec: RockListSpec, *, index: int, number: int, site: Site, library: RockLibrary
-) -> Drawn:
+) -> Candidates:
     """The rocks of a list; what its table does not give is drawn as for other rocks.
 
     Args:
@@ -38,7 +79,7 @@ def draw_list(
         prototype = shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
     yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
     shallow, deep = spec.buried_fraction
-    return Drawn(
+    return Candidates(
         id=index * MAX_ROCKS + np.arange(count),
         population=np.full(count, index),
         address=address,
@@ -51,7 +92,9 @@ def draw_list(
     )
 
 
-def by_octave(drawn: Drawn, *, site: Site, library: RockLibrary) -> list[tuple[Drawn, Cells]]:
+def by_octave(
+    drawn: Candidates, *, site: Site, library: RockLibrary
+) -> list[tuple[Candidates, Cells]]:
     """Listed rocks in octaves of diameter, each with one cell, so that near ones are found fast."""
     if len(drawn.id) == 0:
         return []
@@ -59,7 +102,7 @@ def by_octave(drawn: Drawn, *, site: Site, library: RockLibrary) -> list[tuple[D
     reach = np.array([prototype.reach for prototype in library.prototypes])
     found = []
     for n in np.unique(octave)[::-1]:
-        part = Drawn(*(column[octave == n] for column in drawn))
+        part = Candidates(*(column[octave == n] for column in drawn))
         radius = float((reach[part.prototype] * part.diameter).max())
         bins = min(len(part.id) ** 0.5, min(site.size) / (2.0 * radius))
         cells = Cells(
@@ -68,7 +111,6 @@ def by_octave(drawn: Drawn, *, site: Site, library: RockLibrary) -> list[tuple[D
             rows=1,
             side=site.size,
             split=max(int(bins), 1),
-            listed=True,
         )
         found.append((part, cells))
     return found
@@ -77,3 +119,12 @@ def by_octave(drawn: Drawn, *, site: Site, library: RockLibrary) -> list[tuple[D
 def _column(table: Table, name: str) -> Array | None:
     """A table's column, or None where it has none of that name."""
     return table.column(name) if name in table.columns else None
+
+
+def _require(good: Mask, table: Table, name: str, allowed: str, key: Key) -> None:
+    if not good.all():
+        row = int(np.argmin(good))
+        value = float(table.column(name)[row])
+        raise DataError(
+            f"{table.path}: {name} of rock {row + 1} is {value:g}, allowed: {allowed}", key=key
+        )

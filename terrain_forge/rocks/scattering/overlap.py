@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, over_chunks
 from terrain_forge.model import RockField, RockLibrary, World, merge, rotations
-from terrain_forge.rocks.embedding.outline import convex_hull
+from terrain_forge.rocks.embedding.hull import convex_hull
 
 
 class Overlaps(NamedTuple):
@@ -97,7 +97,7 @@ def _outer_vertices(library: RockLibrary) -> list[Array]:
 
 @kernel
 def _circles(centre, radius, pairs):  # type: ignore[no-untyped-def]
-    """Number of pairs of circles that meet, those that find room in `pairs` written into it.
+    """Number of pairs of circles that meet, as many as `pairs` holds written into it.
 
     Circles ascend by their western edge.
     """

@@ -11,15 +11,17 @@ others on a unit of ground, and a rock's own perimeter P and area A,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from math import exp, pi
 
 import numpy as np
 
-from terrain_forge.base import Array
-from terrain_forge.rocks.library import LibrarySpec
+from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.model import RockLibrary
+from terrain_forge.rocks.arrangement import crowding
+from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, is_dynamic
+from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, is_dynamic, shapes_of
 
 LEAST_CHANCE = exp(-3.0)
 """Chance of a free place at which a rock in a thousand is unplaced at most.
@@ -31,62 +33,92 @@ exp(-4)."""
 MAX_COVER = 0.4
 """Part of the ground that all rocks may cover, whatever their sizes: more was not tried."""
 
-_FOOTPRINTS = {
-    "block": (1.80, 1.37),
-    "slab": (1.55, 1.30),
-    "cobble": (1.53, 1.26),
-    "vesicular": (1.82, 1.38),
-    "ventifact": (2.21, 1.54),
-    "breccia": (1.70, 1.33),
-}
-"""Mean area and perimeter of a family's footprints, which hold a rock's buried parts too, over
-those of a disc of the exposed diameter; of 24 shapes each."""
-_OWN_FOOTPRINT = 1.80, 1.37
-"""The same for the user's own shapes, which are not known yet: as of blocks."""
-_REACH = 0.85
-"""Radius of the circle that keeps rocks off the site's border, over the exposed diameter."""
+_ALWAYS_FITS = 0.05
 _STEPS = 64
-_HALVINGS = 40
+_ADVICE = "lower their numbers, raise the smallest diameter or have fewer dynamic ones"
+
+Populations = tuple[PopulationSpec, ...]
+Size = tuple[float, float]
 
 
-def packable(
-    populations: Sequence[PopulationSpec],
-    *,
-    size: tuple[float, float],
-    library: LibrarySpec,
-    crowding: Sequence[float],
-) -> float:
-    """The largest factor up to 1 that all densities may have, so that the rocks find their places.
+def check_cover(populations: Populations, size: Size) -> None:
+    """Refuse rocks that cover more ground than rocks of any shape and size can.
+
+    Args:
+        populations: The rocks.
+        size: The site, east and north [m].
+
+    Raises:
+        RecipeError: with the cover, on the whole or where rocks are crowded.
+    """
+    for cover, _, where, key in _crowds(populations, size):
+        if cover > MAX_COVER:
+            raise RecipeError(
+                f"the rocks would cover {cover:.3g} of the ground{where}, at most {MAX_COVER:g} "
+                f"can be packed without overlap: {_ADVICE}",
+                key=key,
+            )
+
+
+def check_packing(populations: Populations, size: Size, library: RockLibrary) -> None:
+    """Refuse rocks that would not all find a free place, by the footprints of their shapes.
 
     Args:
         populations: The rocks.
         size: The site, east and north [m].
         library: The shapes.
-        crowding: How many times denser than its law each population lies.
+
+    Raises:
+        RecipeError: with the cover, on the whole or where rocks are crowded.
     """
+    crowds = [crowd for crowd in _crowds(populations, size) if crowd[0] > _ALWAYS_FITS]
+    if not crowds:
+        return
+    shapes = _footprints(library)
     steps = [
-        _steps(population, size=size, library=library, crowding=factor)
-        for population, factor in zip(populations, crowding, strict=True)
+        _steps(population, size, shapes[:, shapes_of(population.families, library, ())])
+        for population in populations
     ]
-    rocks = np.concatenate([np.zeros((4, 0)), *steps], axis=1)
-    rocks = rocks[:, np.argsort(-rocks[0], kind="stable")]
-    low, high = 0.0, 1.0
-    if _least_chance(rocks, high) >= LEAST_CHANCE:
-        return high
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        fits = _least_chance(rocks, middle) >= LEAST_CHANCE
-        low, high = (middle, high) if fits else (low, middle)
-    return low
+    for cover, factors, where, key in crowds:
+        if _least_chance(steps, factors) < LEAST_CHANCE:
+            raise RecipeError(
+                f"the rocks would cover {cover:.3g} of the ground{where}, more than such shapes "
+                f"and sizes can be packed without overlap: {_ADVICE}",
+                key=key,
+            )
 
 
-def _steps(
-    population: PopulationSpec,
-    *,
-    size: tuple[float, float],
-    library: LibrarySpec,
-    crowding: float,
-) -> Array:
+def _crowds(populations: Populations, size: Size) -> Iterator[tuple[float, Array, str, Key]]:
+    """Cover of the ground on the whole, then where each population is densest.
+
+    With how many times denser than its law each population lies there, in words where that is, and
+    the recipe's key.
+    """
+    key, covers = ("rocks", "populations"), []
+    for population in populations:
+        smallest, largest = population.diameter_range(size[0] * size[1])
+        law = population.size_frequency
+        covers.append(float(law.cumulative_area(smallest) - law.cumulative_area(largest)))
+    yield sum(covers), np.ones(len(covers)), "", key
+    for number, population in enumerate(populations):
+        factors = np.ones(len(covers))
+        factors[number] = crowding(population.arrangement)
+        if factors[number] > 1.0:
+            cover = float(covers @ factors)
+            yield cover, factors, " where they are densest", (*key, number, "arrangement")
+
+
+def _footprints(library: RockLibrary) -> Array:
+    """Area, perimeter and reach of shapes of an exposed diameter of 1 m, shape [3, shapes]."""
+    support = np.array([footprint(prototype.meshes[0]) for prototype in library.prototypes])
+    angle = 2.0 * pi / support.shape[1]
+    sides = np.roll(support, 1, axis=1) + np.roll(support, -1, axis=1)
+    sides = (sides - 2.0 * np.cos(angle) * support) / np.sin(angle)
+    reach = [prototype.reach for prototype in library.prototypes]
+    return np.stack([0.5 * (support * sides).sum(axis=1), sides.sum(axis=1), reach])
+
+
+def _steps(population: PopulationSpec, size: Size, shapes: Array) -> Array:
     """Diameter [m], number [1/m²], perimeter [m] and area [m²] of rocks, shape [4, steps]."""
     smallest, largest = population.diameter_range(size[0] * size[1])
     if largest <= smallest:
@@ -95,41 +127,22 @@ def _steps(
     number, cover = (-np.diff(f(ends)) for f in (law.cumulative_number, law.cumulative_area))
     there = number > 0.0
     number, diameter = number[there], np.sqrt(cover[there] / number[there] / (0.25 * pi))
-    room = np.where(is_dynamic(population, diameter), DYNAMIC_SPACE, 1.0) * diameter
-    # Nearer than their circle to the site's border there is none: the others stand closer.
-    within = (1.0 - _REACH * room / size[0]) * (1.0 - _REACH * room / size[1])
-    area, perimeter = _footprint(population, library)
-    return np.stack(
-        [
-            diameter,
-            crowding * number / within,
-            perimeter * pi * room,
-            area * 0.25 * pi * room**2,
-        ]
-    )
+    space = np.where(is_dynamic(population, diameter), DYNAMIC_SPACE, 1.0) * diameter
+    area, perimeter, reach = shapes.mean(axis=1)
+    # Nearer than their reach to the site's border there is none: the others stand closer.
+    within = (1.0 - reach * space / size[0]) * (1.0 - reach * space / size[1])
+    return np.stack([diameter, number / within, perimeter * space, area * space**2])
 
 
-def _footprint(population: PopulationSpec, library: LibrarySpec) -> tuple[float, float]:
-    """Mean area and perimeter of a population's footprints over those of discs."""
-    made = [library.families[n % len(library.families)] for n in range(library.shapes)]
-    families = [*made, *(mesh.family_name for mesh in library.meshes)]
-    chosen = [
-        name for name in families if population.families is None or name in population.families
+def _least_chance(steps: list[Array], factors: Array) -> float:
+    """Chance of a free place for the rocks that have it hardest, the largest being placed first."""
+    crowded = [
+        part * [[1.0], [factor], [1.0], [1.0]] for part, factor in zip(steps, factors, strict=True)
     ]
-    area, perimeter = np.mean([_FOOTPRINTS.get(name, _OWN_FOOTPRINT) for name in chosen], axis=0)
-    return float(area), float(perimeter)
-
-
-def _least_chance(rocks: Array, factor: float) -> float:
-    """Chance of a free place for the rocks that have it hardest, if all are `factor` as dense.
-
-    Args:
-        rocks: Diameter, number, perimeter and area, the largest rocks first, shape [4, steps].
-        factor: What multiplies the numbers.
-    """
-    _, number, perimeter, area = rocks
-    numbers = np.cumsum(factor * number)
-    perimeters, areas = np.cumsum(factor * number * perimeter), np.cumsum(factor * number * area)
+    rocks = np.concatenate(crowded, axis=1)
+    _, number, perimeter, area = rocks[:, np.argsort(-rocks[0], kind="stable")]
+    numbers = np.cumsum(number)
+    perimeters, areas = np.cumsum(number * perimeter), np.cumsum(number * area)
     if areas.max(initial=0.0) >= 1.0:
         return 0.0
     free = 1.0 - areas

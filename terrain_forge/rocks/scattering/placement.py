@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, inner, kernel, mix, over_chunks, uniform
-from terrain_forge.rocks.embedding.outline import FOOTPRINT_DIRECTIONS
+from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS
 from terrain_forge.rocks.scattering.addresses import RETRY
 from terrain_forge.rocks.scattering.corridor import Corridors, distances, search_radius
 from terrain_forge.rocks.scattering.intensity import Intensity, weight
@@ -42,7 +42,7 @@ class Layout(NamedTuple):
     """Index of a class's population; -1 for the user's own rocks, which stay where they are, shape
     [classes]."""
     local: NDArray[np.bool_]
-    """Whether a class's rocks look for room around their first place, shape [classes]."""
+    """Whether a class's rocks look for a place around their first place, shape [classes]."""
 
 
 class Rocks(NamedTuple):
@@ -54,7 +54,7 @@ class Rocks(NamedTuple):
     """Whose footprint the rock has, shape [rocks]."""
     diameter: Array
     """Exposed diameter [m], shape [rocks]."""
-    room: Array
+    space: Array
     """Diameter that scales the footprint [m]: the exposed one or more, shape [rocks]."""
     yaw: Array
     """Turn of the footprint [rad], shape [rocks]."""
@@ -84,7 +84,7 @@ def place(
     """
     for c, (column, row, columns, rows) in enumerate(layout.region.tolist()):
         if layout.population[c] < 0:
-            _lay(layout, rocks, c)
+            _place_listed(layout, rocks, c)
             continue
         for colour in range(4):
             # Cells of one colour are every other one each way, counted on the whole site: their
@@ -96,11 +96,11 @@ def place(
 
 
 @kernel
-def _lay(layout, rocks, c):  # type: ignore[no-untyped-def]
+def _place_listed(layout, rocks, c):  # type: ignore[no-untyped-def]
     """Leave the rocks of a class of one cell where they are."""
     cell = layout.first_cell[c]
     for rock in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
-        _settle(layout, rocks, c, 0, 0, rock, rocks.circle[rock, 0], rocks.circle[rock, 1])
+        _put(layout, rocks, c, 0, 0, rock, rocks.circle[rock, 0], rocks.circle[rock, 1])
 
 
 @kernel
@@ -117,7 +117,7 @@ def _place_cells(  # type: ignore[no-untyped-def]
         i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
         cell = layout.first_cell[c] + j * columns + i
         first_rock, end = layout.first_rock[cell], layout.first_rock[cell + 1]
-        # Those that need the most room come first: later they would find it least easily.
+        # Those that need the most space come first: later they would find it least easily.
         for turn in np.argsort(-rocks.circle[first_rock:end, 2], kind="mergesort"):
             rock = first_rock + turn
             _place_one(layout, rocks, footprints, strips, intensity, c, column + i, row + j, rock)
@@ -152,7 +152,7 @@ def _place_one(  # type: ignore[no-untyped-def]
                 population = layout.population[c]
                 if trial > 0 and not _is_likely(intensity, population, rocks, rock, x, y, drawn):
                     continue
-            _settle(layout, rocks, c, column, row, rock, x, y)
+            _put(layout, rocks, c, column, row, rock, x, y)
             return
     rocks.state[rock] = UNPLACED
 
@@ -201,7 +201,7 @@ def _on_site(bounds, x, y, radius):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _settle(layout, rocks, c, column, row, rock, x, y):  # type: ignore[no-untyped-def]
+def _put(layout, rocks, c, column, row, rock, x, y):  # type: ignore[no-untyped-def]
     """Place a rock, and enter it into its bin, which is one of its own cell's."""
     rocks.circle[rock, 0], rocks.circle[rock, 1] = x, y
     rocks.state[rock] = PLACED
@@ -282,7 +282,7 @@ def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def
     table = footprints[rocks.prototype[rock]]
     along = (1.0 - part) * table[n] + part * table[(n + 1) % FOOTPRINT_DIRECTIONS]
     # The corner where two neighbouring half planes meet lies this much beyond the chord.
-    return rocks.room[rock] * along / np.cos(0.5 * step)
+    return rocks.space[rock] * along / np.cos(0.5 * step)
 
 
 @inlined

@@ -18,28 +18,24 @@ and a window is computed from itself and a margin.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
-from terrain_forge.rocks.embedding.outline import footprint
+from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering import placement
+from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, join
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
-from terrain_forge.rocks.scattering.drawing import Drawn, draw_class, join
-from terrain_forge.rocks.scattering.intensity import (
-    Intensity,
-    make_intensity,
-    require_place,
-    with_slopes,
-)
+from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity
 from terrain_forge.rocks.scattering.listed import by_octave, draw_list
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
+from terrain_forge.rocks.scattering.places import require_place
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
+from terrain_forge.rocks.scattering.slopes import with_slopes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +90,7 @@ def scatter(
     """The rocks whose centre lies in a window of the site, and all that could reach into it.
 
     No two rocks' footprints overlap, but those of listed rocks; a footprint holds all of a rock,
-    buried parts too, however it comes to rest (`outline.footprint`), and of a dynamic rock
+    buried parts too, however it comes to rest (`footprint.footprint`), and of a dynamic rock
     `DYNAMIC_SPACE` times as much. The circle around it (the prototype's `reach` times the diameter)
     stays on the site. A rock that could stand above a corridor's or exclusion zone's clearance is
     left out if it falls into it, and kept off it with all of its circle if it falls beside; no move
@@ -115,16 +111,16 @@ def scatter(
     """
     east, north = site.axes(window)
     area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
-    crowd = _draw(site, populations, lists, library, area, ground)
-    if crowd.intensity.limits_slope and window == site.window:
-        require_place(populations, site, crowd.intensity)
-    drawn, rocks = crowd.drawn, _at_first_places(crowd, library)
+    drawn, layout, intensity = _draw(site, populations, lists, library, area, ground)
+    if intensity.limits_slope and window == site.window:
+        require_place(populations, site, intensity)
+    rocks = _at_first_places(drawn, layout, library)
     placement.place(
-        _layout(crowd, site),
+        layout,
         rocks,
         footprints=np.array([footprint(p.meshes[0]) for p in library.prototypes]),
         strips=corridors(site),
-        intensity=crowd.intensity,
+        intensity=intensity,
     )
     xy, radius = rocks.circle[:, :2], rocks.circle[:, 2]
     lost = (rocks.state == UNPLACED) & (_distance(drawn.xy, area) == 0.0)
@@ -161,29 +157,15 @@ def rock_margin(
     again for its ground; a dynamic one somewhat farther.
     """
     area = site.size[0] * site.size[1]
-    rooms = [0.0]
+    diameters = [0.0]
     for population in populations:
         _, largest = population.diameter_range(area)
         dynamic = min(largest, (population.dynamic_m or (0.0, 0.0))[1])
-        rooms.append(max(largest, DYNAMIC_SPACE * dynamic))
+        diameters.append(max(largest, DYNAMIC_SPACE * dynamic))
     for spec in lists:
-        rooms.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
+        diameters.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
     reach = max(prototype.reach for prototype in library.prototypes)
-    return 2.0 * (reach * max(rooms) + site.spacing)
-
-
-class _Crowd(NamedTuple):
-    """All rocks at their first places, and the cells that they are placed in, class by class."""
-
-    drawn: Drawn
-    cells: list[Cells]
-    needed: list[Region]
-    """The cells that matter."""
-    population: list[int]
-    """Index of the population, -1 for listed rocks."""
-    counts: list[NDArray[np.int64]]
-    """Rocks in each cell that matters, row by row."""
-    intensity: Intensity
+    return 2.0 * (reach * max(diameters) + site.spacing)
 
 
 def _draw(
@@ -193,7 +175,8 @@ def _draw(
     library: RockLibrary,
     area: Rectangle,
     ground: Heightfield | None,
-) -> _Crowd:
+) -> tuple[Candidates, Layout, Intensity]:
+    """All rocks at their first places, the cells they are placed in, and their weights."""
     intensity = make_intensity(populations, site)
     classes = size_classes(site=site, populations=populations, library=library, intensity=intensity)
     listed = [
@@ -221,14 +204,9 @@ def _draw(
         )
         for size_class, region in zip(classes, needed[len(listed) :], strict=True)
     ]
-    return _Crowd(
-        drawn=join([rocks for rocks, _ in parts]),
-        cells=cells,
-        needed=needed,
-        population=[-1] * len(listed) + [c.population for c in classes],
-        counts=[counts for _, counts in parts],
-        intensity=intensity,
-    )
+    population = [-1] * len(listed) + [c.population for c in classes]
+    layout = _layout(site, cells, needed, population, [counts for _, counts in parts])
+    return join([rocks for rocks, _ in parts]), layout, intensity
 
 
 def _hull(area: Rectangle, cells: list[Cells], needed: list[Region], site: Site) -> Rectangle:
@@ -238,30 +216,32 @@ def _hull(area: Rectangle, cells: list[Cells], needed: list[Region], site: Site)
     return (*lows.tolist(), *highs.tolist())
 
 
-def _at_first_places(crowd: _Crowd, library: RockLibrary) -> Rocks:
-    drawn = crowd.drawn
+def _at_first_places(drawn: Candidates, layout: Layout, library: RockLibrary) -> Rocks:
     reach, rise = (np.array([getattr(p, n) for p in library.prototypes]) for n in ("reach", "rise"))
-    room = np.where(drawn.dynamic, DYNAMIC_SPACE, 1.0) * drawn.diameter
-    bins = sum(
-        c.split**2 * r.columns * r.rows for c, r in zip(crowd.cells, crowd.needed, strict=True)
-    )
+    space = np.where(drawn.dynamic, DYNAMIC_SPACE, 1.0) * drawn.diameter
     return Rocks(
-        circle=np.column_stack([drawn.xy, reach[drawn.prototype] * room]),
+        circle=np.column_stack([drawn.xy, reach[drawn.prototype] * space]),
         prototype=drawn.prototype,
         diameter=drawn.diameter,
-        room=room,
+        space=space,
         yaw=drawn.yaw,
         height=rise[drawn.prototype] * drawn.diameter,
         address=drawn.address,
-        state=np.full(len(room), PENDING, dtype=np.int8),
-        first_in_bin=np.full(bins, -1),
-        next_in_bin=np.full(len(room), -1),
+        state=np.full(len(space), PENDING, dtype=np.int8),
+        first_in_bin=np.full(layout.first_bin[-1], -1),
+        next_in_bin=np.full(len(space), -1),
     )
 
 
-def _layout(crowd: _Crowd, site: Site) -> Layout:
-    cells, needed = crowd.cells, crowd.needed
-    sizes = np.array([0, *map(len, crowd.counts)])
+def _layout(
+    site: Site,
+    cells: list[Cells],
+    needed: list[Region],
+    population: list[int],
+    counts: list[NDArray[np.int64]],
+) -> Layout:
+    """The cells that matter, class by class, with the rocks in each of them."""
+    sizes = np.array([0, *map(len, counts)])
     split = np.array([c.split for c in cells], np.int64)
     region = [(r.column, r.row, r.columns, r.rows) for r in needed]
     return Layout(
@@ -270,16 +250,16 @@ def _layout(crowd: _Crowd, site: Site) -> Layout:
         side=np.array([c.side for c in cells], np.float64).reshape(-1, 2),
         radius=np.array([c.radius for c in cells], np.float64),
         first_cell=np.cumsum(sizes)[:-1],
-        first_rock=np.concatenate([[0], *crowd.counts]).astype(np.int64).cumsum(),
+        first_rock=np.concatenate([[0], *counts]).astype(np.int64).cumsum(),
         split=split,
         first_bin=np.concatenate([[0], np.cumsum(sizes[1:] * split**2)]),
-        population=np.array(crowd.population, np.int64),
+        population=np.array(population, np.int64),
         local=np.array([c.local for c in cells], np.bool_),
     )
 
 
 def _solid(
-    drawn: Drawn, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
+    drawn: Candidates, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
 ) -> NDArray[np.bool_]:
     """Which rocks can be touched."""
     smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists), np.float64)

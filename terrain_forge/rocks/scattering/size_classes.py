@@ -18,8 +18,8 @@ from terrain_forge.rocks.scattering.clusters import Parents
 from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
 
 DYNAMIC_SPACE = 1.25
-"""Room that a dynamic rock is given, over what it needs at rest: it is yet to settle on the ground,
-and no neighbour may hold it."""
+"""Space that a dynamic rock is given, over what it needs at rest: it is yet to settle on the
+ground, and no neighbour may hold it."""
 
 _MAX_ROCKS_PER_CELL = 500.0
 _BOUNDED_PARTS = 1024
@@ -163,12 +163,12 @@ def _cells(
 ) -> Cells:
     low, high = sizes
     dynamic_low, dynamic_high = population.dynamic_m or (np.inf, np.inf)
-    room = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
+    space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
     return divide(
         site,
         density=_density(population, sizes) * max(crowding(population.arrangement), 1.0),
         diameter=high,
-        radius=reach * high * room,
+        radius=reach * high * space,
         local=local or isinstance(population.arrangement, Clustered),
     )
 
@@ -192,9 +192,11 @@ def _counts(
             key=where,
         )
     if parents is not None and isinstance(arrangement, Clustered):
-        return clusters.numbers(parents, key=key, mean=density / arrangement.clusters_per_m2)
+        mean = density / arrangement.clusters_per_m2
+        counts: NDArray[np.int64] = clusters.numbers(parents.address, key, mean)
+        return counts
     means = np.full((cells.rows, cells.columns), density * cells.side[0] * cells.side[1])
-    counts: NDArray[np.int64] = cell_counts(key, means if bounds is None else means * bounds)
+    counts = cell_counts(key, means if bounds is None else means * bounds)
     return counts
 
 

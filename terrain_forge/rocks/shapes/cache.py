@@ -68,7 +68,7 @@ def cache_folder() -> Path | None:
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
         return Path(base or Path.home() / ".cache") / "terrain-forge"
-    except RuntimeError:  # nobody's home
+    except RuntimeError:  # no home folder
         return None
 
 
@@ -76,7 +76,7 @@ def _at_home(folder: Path) -> Path:
     """A folder whose `~` is the user's home, which no shell has replaced."""
     try:
         return folder.expanduser()
-    except RuntimeError:  # nobody's home
+    except RuntimeError:  # no home folder
         return folder
 
 
@@ -97,7 +97,9 @@ def _origin() -> str:
     shapes = Path(__file__).parent
     rocks, package = shapes.parents[:2]
     sources = [*sorted(shapes.glob("*.py")), rocks / "library.py"]
-    sources += [package / "model" / "mesh.py", package / "base" / "seeds.py"]
+    sources += [rocks / "embedding" / f"{name}.py" for name in ("footprint", "hull", "outline")]
+    sources += [package / "base" / f"{name}.py" for name in ("geometry", "heap", "seeds")]
+    sources += [package / "model" / "mesh.py"]
     code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
     return "\n".join([code, platform.machine(), *(f"{n} {_version(n)}" for n in _MAKERS)])
 

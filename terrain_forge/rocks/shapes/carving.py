@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, fibonacci_sphere
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
@@ -31,15 +31,6 @@ class Sphere:
     def __init__(self) -> None:
         self.directions = fibonacci_sphere(_CANDIDATES)
         self.faces = convex_faces(self.directions)
-
-
-def fibonacci_sphere(count: int) -> Array:
-    """`count` unit vectors spread evenly, shape [count, 3] (golden-angle spiral)."""
-    index = np.arange(count) + 0.5
-    z = 1.0 - 2.0 * index / count
-    azimuth = np.pi * (1.0 + np.sqrt(5.0)) * index
-    ring = np.sqrt(1.0 - z * z)
-    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
 
 
 def carve(blank: Blank, sphere: Sphere) -> tuple[Mesh, ...]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.base import Array, RecipeError, Record
+from terrain_forge.base import Array, RecipeError, Record, fibonacci_sphere
 from terrain_forge.model import Mesh
-from terrain_forge.rocks.shapes.carving import convex_faces, fibonacci_sphere, supporting
+from terrain_forge.rocks.shapes.carving import convex_faces, supporting
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance

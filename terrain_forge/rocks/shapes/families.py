@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 from terrain_forge.base import Array
-from terrain_forge.rocks.shapes.shapes import Blank, blank_of, projections, radii
+from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
 
 Family = Literal["block", "slab", "cobble", "vesicular", "ventifact", "breccia"]
 """Names of the shape families."""
@@ -31,9 +31,9 @@ def block(random: Generator) -> Blank:
     scars = _corners(random, 3)
     scars[:, 4] = random.uniform(0.25, 0.7, len(scars))
     scars[:, 3] -= 0.05
-    return blank_of(
-        _axes(random, flatness=(0.55, 0.12)),
-        np.concatenate([faces, scars]),
+    return Blank(
+        axes=_axes(random, flatness=(0.55, 0.12)),
+        faces=np.concatenate([faces, scars]),
         ledges=_ledges(random, faces[:7], count=2),
         sharpness=random.uniform(60.0, 120.0),
         roundness=0.74,
@@ -60,9 +60,9 @@ def slab(random: Generator) -> Blank:
             (random.uniform(-0.75, -0.4), random.uniform(0.05, 0.2)),
         )
     ]
-    return blank_of(
-        _axes(random, flatness=(0.30, 0.06)),
-        np.concatenate([bedding, sides, _corners(random, 3)]),
+    return Blank(
+        axes=_axes(random, flatness=(0.30, 0.06)),
+        faces=np.concatenate([bedding, sides, _corners(random, 3)]),
         ledges=np.concatenate(layers),
         sharpness=random.uniform(60.0, 120.0),
         chipping=random.uniform(0.03, 0.06),
@@ -79,9 +79,9 @@ def cobble(random: Generator) -> Blank:
     faces = np.concatenate([_large_faces(random, count=7), _corners(random, 6)])
     faces[:, 3] = random.uniform(0.80, 1.08, len(faces))
     faces[:, 4] = random.normal(-0.25, 0.15, len(faces))
-    return blank_of(
-        _axes(random, flatness=(0.58, 0.10)),
-        faces,
+    return Blank(
+        axes=_axes(random, flatness=(0.58, 0.10)),
+        faces=faces,
         sharpness=random.uniform(11.0, 18.0),
         roundness=0.95,
         roughness=0.022,
@@ -98,9 +98,9 @@ def vesicular(random: Generator) -> Blank:
     HP Laboratories HPL-BRIMS-2000-31); those too small for the mesh are left out.
     """
     faces = np.concatenate([_joints(random), _large_faces(random, count=4), _corners(random, 8)])
-    body = blank_of(
-        _axes(random, flatness=(0.60, 0.10)),
-        faces,
+    body = Blank(
+        axes=_axes(random, flatness=(0.60, 0.10)),
+        faces=faces,
         sharpness=random.uniform(22.0, 40.0),
         roundness=0.75,
         chipping=0.03,
@@ -129,9 +129,9 @@ def ventifact(random: Generator) -> Blank:
     base = np.array([[0.0, 0.0, -1.0, random.uniform(0.45, 0.6), -0.1]])
     below = _large_faces(random, count=5)
     below[:, 2] = -np.abs(below[:, 2])
-    return blank_of(
-        _axes(random, flatness=(0.50, 0.08)),
-        np.concatenate([cut, base, below]),
+    return Blank(
+        axes=_axes(random, flatness=(0.50, 0.08)),
+        faces=np.concatenate([cut, base, below]),
         sharpness=random.uniform(28.0, 50.0),
         roundness=0.8,
         roughness=0.012,
@@ -144,9 +144,9 @@ def ventifact(random: Generator) -> Blank:
 def breccia(random: Generator) -> Blank:
     """Impact breccia: a crumbling subrounded block from whose matrix harder clasts stand out."""
     faces = np.concatenate([_large_faces(random, count=6), _corners(random, 7)])
-    return blank_of(
-        _axes(random, flatness=(0.60, 0.10)),
-        faces,
+    return Blank(
+        axes=_axes(random, flatness=(0.60, 0.10)),
+        faces=faces,
         sharpness=random.uniform(14.0, 26.0),
         roundness=0.9,
         chipping=0.05,

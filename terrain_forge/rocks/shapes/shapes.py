@@ -10,8 +10,7 @@ d, and `axes` stretch the whole.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,30 +36,30 @@ class Blank(Record):
     faces: Array
     """Outward normal, distance from the centre and curvature (hollow faces positive) of the
     fracture faces, shape [faces, 5]."""
-    ledges: Array
+    ledges: Array = field(default_factory=lambda: np.empty((0, 2, 3)))
     """Pairs of planes, normal over distance; what lies beyond both of a pair is gone, shape
     [ledges, 2, 3]."""
-    sharpness: float
+    sharpness: float = 60.0
     """Exponent p of the gauge: about 8 for a river cobble, 60 for a fresh fracture."""
-    roundness: float
+    roundness: float = 0.0
     """Weight of the unit sphere in the gauge: 1 cuts at the half axes, 0 not at all."""
-    chipping: float
+    chipping: float = 0.0
     """Largest depth of the bites along the edges, as a fraction of the radius."""
-    roughness: float
+    roughness: float = 0.0
     """Amplitude of the roughness, as a fraction of the radius."""
-    wavelength: float
+    wavelength: float = 1.0
     """Its largest wavelength [half axes]; each of four octaves has half that of the last."""
-    fall: float
+    fall: float = 0.5
     """Ratio of its amplitudes an octave apart."""
-    steps: float
+    steps: float = 0.0
     """How far the roughness is broken into steps, 0 to 1."""
-    lumps: float
+    lumps: float = 0.0
     """Amplitude of the clasts that stand out of the surface, as a fraction of the radius."""
-    bubbles: Array
+    bubbles: Array = field(default_factory=lambda: np.empty((0, 4)))
     """Centre and radius of spheres that are taken away, shape [bubbles, 4]."""
-    key: int
+    key: int = 0
     """Key of the noise, 64 bits."""
-    vertices: int
+    vertices: int = 642
     """Vertices of the finest mesh."""
 
     def __post_init__(self) -> None:
@@ -70,20 +69,15 @@ class Blank(Record):
         self.freeze("bubbles", np.float64, ("bubbles", 4))
 
 
+_SURFACE = (
+    *("sharpness", "roundness", "chipping", "roughness"),
+    *("wavelength", "fall", "steps", "lumps"),
+)
+
+
 def radii(blank: Blank, directions: Array) -> Array:
     """Distance of the surface from the centre along unit `directions` [half axes], shape [n]."""
-    surface = np.array(
-        [
-            blank.sharpness,
-            blank.roundness,
-            blank.chipping,
-            blank.roughness,
-            blank.wavelength,
-            blank.fall,
-            blank.steps,
-            blank.lumps,
-        ]
-    )
+    surface = np.array([getattr(blank, name) for name in _SURFACE])
     arrays = (blank.faces.copy(), blank.ledges.copy(), blank.bubbles.copy())
     result: Array = _radii(np.array(directions, order="C"), *arrays, surface, np.uint64(blank.key))
     return result
@@ -243,22 +237,3 @@ def _open_bubbles(bubbles, x, y, z, radius):  # type: ignore[no-untyped-def]
             if along + half >= radius:
                 opened = min(opened, max(along - half, _THINNEST * radius))
     return opened
-
-
-def blank_of(axes: Array, faces: Array, **surface: Any) -> Blank:
-    """A blank with the given faces and, where nothing else is said, a bare sharp surface."""
-    bare: dict[str, Any] = {
-        "ledges": np.empty((0, 2, 3)),
-        "sharpness": 60.0,
-        "roundness": 0.0,
-        "chipping": 0.0,
-        "roughness": 0.0,
-        "wavelength": 1.0,
-        "fall": 0.5,
-        "steps": 0.0,
-        "lumps": 0.0,
-        "bubbles": np.empty((0, 4)),
-        "key": 0,
-        "vertices": 642,
-    }
-    return Blank(axes=axes, faces=faces, **(bare | surface))

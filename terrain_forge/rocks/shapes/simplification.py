@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import inner, kernel
+from terrain_forge.base import heap_pop, heap_push, inner, kernel
 from terrain_forge.model import Mesh
 
 _MAX_DEGREE = 24
@@ -43,17 +43,21 @@ def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-de
     quadrics = _quadrics(points, faces)
     version, alive = np.zeros(left, np.int64), np.ones(len(faces), np.bool_)
     place, old, new = np.empty(3), np.empty(3), np.empty(3)
-    room = 2 * len(faces) + (left - wanted) * _MAX_DEGREE
-    costs, edges, size = np.empty(room), np.empty((room, 3), np.int64), 0
+    most = 2 * len(faces) + (left - wanted) * _MAX_DEGREE
+    # Edges in the order in which they were found; those that wait lie in a heap of their costs.
+    edges, found = np.empty((most, 3), np.int64), 0
+    costs, waiting, size = np.empty(most), np.empty(most, np.int64), 0
     for f in range(len(faces)):
         for side in range(3):
             a, b = faces[f, side], faces[f, (side + 1) % 3]
             if a < b:
                 cost = _cost(points, quadrics, a, b, place)
-                size = _push(costs, edges, size, cost, a, b, 0)
+                edges[found, 0], edges[found, 1], edges[found, 2] = a, b, 0
+                size = heap_push(costs, waiting, size, cost, found)
+                found += 1
     while left > wanted and size > 0:
-        a, b, stamp = edges[0, 0], edges[0, 1], edges[0, 2]
-        size = _pop(costs, edges, size)
+        a, b, stamp = edges[waiting[0], 0], edges[waiting[0], 1], edges[waiting[0], 2]
+        size = heap_pop(costs, waiting, size)
         if degree[a] == 0 or degree[b] == 0 or version[a] + version[b] != stamp:
             continue
         _cost(points, quadrics, a, b, place)
@@ -68,7 +72,10 @@ def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-de
                 # Each neighbour follows a in just one face.
                 if c != a and faces[around[a, n], (corner + 2) % 3] == a:
                     cost = _cost(points, quadrics, a, c, place)
-                    size = _push(costs, edges, size, cost, a, c, version[a] + version[c])
+                    edges[found, 0], edges[found, 1] = a, c
+                    edges[found, 2] = version[a] + version[c]
+                    size = heap_push(costs, waiting, size, cost, found)
+                    found += 1
     size = 0
     for f in range(len(faces)):
         if alive[f]:
@@ -76,43 +83,6 @@ def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-de
                 faces[size, corner] = faces[f, corner]
             size += 1
     return points, faces[:size]
-
-
-@inner
-def _push(costs, edges, size, cost, a, b, stamp):  # type: ignore[no-untyped-def]
-    """Put an edge into the heap, cheapest first; returns its size."""
-    at = size
-    while at > 0 and costs[(at - 1) // 2] > cost:
-        _copy(costs, edges, (at - 1) // 2, at)
-        at = (at - 1) // 2
-    costs[at] = cost
-    edges[at, 0], edges[at, 1], edges[at, 2] = a, b, stamp
-    return size + 1
-
-
-@inner
-def _pop(costs, edges, size):  # type: ignore[no-untyped-def]
-    """Take the cheapest edge out of the heap; returns its size."""
-    last, at = size - 1, 0
-    while True:
-        child = 2 * at + 1
-        if child >= last:
-            break
-        if child + 1 < last and costs[child + 1] < costs[child]:
-            child += 1
-        if costs[child] >= costs[last]:
-            break
-        _copy(costs, edges, child, at)
-        at = child
-    _copy(costs, edges, last, at)
-    return last
-
-
-@inner
-def _copy(costs, edges, source, target):  # type: ignore[no-untyped-def]
-    costs[target] = costs[source]
-    for k in range(3):
-        edges[target, k] = edges[source, k]
 
 
 @inner

@@ -12,8 +12,7 @@ from terrain_forge.base import Array, FileName, Fraction, Positive, RecipeError,
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.aeolian import Bedforms, bedform_heights, steepest_lee
 from terrain_forge.terrain.layer import Layer
-from terrain_forge.terrain.masks import fade
-from terrain_forge.terrain.steepness import steepness, stencil_cells
+from terrain_forge.terrain.masks import fade, steepness, stencil_cells
 
 REPOSE_DEG = 34.0
 """Slope at which loose sand begins to slide [degrees]."""

@@ -30,8 +30,7 @@ from terrain_forge.dtm import (
 )
 from terrain_forge.dtm.description import ground_steps
 from terrain_forge.dtm.projection import datum_radius, local_crs
-from terrain_forge.dtm.quality import assess, planar_posts
-from terrain_forge.dtm.repair import destair
+from terrain_forge.dtm.quality import assess, destair, planar_posts
 from terrain_forge.dtm.spec import Centre
 from terrain_forge.model import MARS, MOON
 from terrain_forge.pipeline import plan as planned

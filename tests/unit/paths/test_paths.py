@@ -10,7 +10,7 @@ from terrain_forge.model import Heightfield
 from terrain_forge.paths import (
     PathSpec,
     Spline,
-    lay_trajectory,
+    make_trajectory,
     overhang,
     plan_route,
     require_inside,
@@ -36,7 +36,7 @@ def plane(rise_east, rise_north):
 
 def lay(spec, ground):
     route = plan_route(spec, rover=ROVER, driven=True)
-    return route, lay_trajectory(route, spec=spec, ground=ground, rover=ROVER, seed=3)
+    return route, make_trajectory(route, spec=spec, ground=ground, rover=ROVER, seed=3)
 
 
 def test_route_goes_through_its_points_smoothly():

@@ -20,7 +20,7 @@ from terrain_forge.paths import (
     Triangle,
     deviation,
     duration,
-    lay_trajectory,
+    make_trajectory,
     plan_route,
     read_recorded,
     sample_times,
@@ -50,7 +50,7 @@ def lay(route, **changes):
     spec = spec_of(route, **changes)
     planned = plan_route(spec, rover=ROVER, driven=False)
     ground = worlds.ground()
-    return lay_trajectory(planned, spec=spec, ground=ground, rover=ROVER, seed=3)
+    return make_trajectory(planned, spec=spec, ground=ground, rover=ROVER, seed=3)
 
 
 SHAPES = [
@@ -222,7 +222,7 @@ def plan_file(folder, file, **changes):
     spec = spec_of(Recorded(file=file, **changes), rate_hz=12.0)
     poses = read_recorded(spec.route, folder, key=("file",))
     route = plan_route(spec, rover=ROVER, driven=False, recorded=poses)
-    return lay_trajectory(route, spec=spec, ground=worlds.ground(), rover=ROVER, seed=3)
+    return make_trajectory(route, spec=spec, ground=worlds.ground(), rover=ROVER, seed=3)
 
 
 @pytest.mark.parametrize("suffix", ["csv", "tum"])

@@ -14,7 +14,7 @@ from terrain_forge import World, plan, realise
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Heightfield, Window
 from terrain_forge.paths import PathSpec, Planned, plan_path, planner, survey_paths, traversability
-from terrain_forge.paths.lattice import MOVES, cheapest_way
+from terrain_forge.paths.lattice import MOVES, cheapest_path
 from terrain_forge.paths.obstacles import half_diagonal
 from terrain_forge.paths.planner import node_weights
 from terrain_forge.paths.smoothing import bend, straighten
@@ -58,7 +58,7 @@ def test_the_way_is_as_cheap_as_dijkstras(seed):
     weight[0, 0] = weight[-1, -1] = 1.0
     with np.errstate(invalid="ignore"):
         costs = dijkstra(graph(weight), indices=0)
-    way = cheapest_way(weight, start=(0, 0), goal=(22, 30))
+    way = cheapest_path(weight, start=(0, 0), goal=(22, 30))
     assert way.cost == pytest.approx(costs[-1], rel=1e-6)
     if not math.isfinite(way.cost):
         assert way.reached == np.isfinite(costs).sum()
@@ -77,7 +77,7 @@ def test_most_of_those_maps_have_a_way():
         weight = (1.0 + 9.0 * random.random((23, 31)) ** 3).astype(np.float32)
         weight[random.random(weight.shape) < 0.03 * seed] = np.inf
         weight[0, 0] = weight[-1, -1] = 1.0
-        found += len(cheapest_way(weight, start=(0, 0), goal=(22, 30)).nodes) > 0
+        found += len(cheapest_path(weight, start=(0, 0), goal=(22, 30)).nodes) > 0
     assert found >= 7
 
 
@@ -88,7 +88,7 @@ def smooth_line(weight, nodes):
 
 def test_the_smooth_line_is_straight_where_nothing_is_in_the_way():
     weight = np.ones((60, 60), np.float32)
-    way = cheapest_way(weight, start=(3, 5), goal=(50, 40))
+    way = cheapest_path(weight, start=(3, 5), goal=(50, 40))
     line = smooth_line(weight, way.nodes)
     assert np.array_equal(line[0], (5, 3))
     assert np.array_equal(line[-1], (40, 50))
@@ -100,7 +100,7 @@ def test_the_smooth_line_is_straight_where_nothing_is_in_the_way():
 def test_the_smooth_line_keeps_off_and_is_bent_gently():
     weight = np.ones((60, 60), np.float32)
     weight[20:40, 10:50] = np.inf
-    way = cheapest_way(weight, start=(5, 30), goal=(55, 28))
+    way = cheapest_path(weight, start=(5, 30), goal=(55, 28))
     line = smooth_line(weight, way.nodes)
     column, row = np.rint(line).astype(int).T
     assert np.isfinite(weight[row, column]).all()

@@ -10,6 +10,7 @@ import trimesh
 from PIL import Image as Picture
 
 from terrain_forge import TerrainForgeError, plan
+from terrain_forge.base import RecipeError
 from terrain_forge.dtm import FlatDtm, read_image
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.recipe.limits import expected_rocks
@@ -19,8 +20,10 @@ from terrain_forge.rocks import (
     PopulationSpec,
     RockListSpec,
     RocksSpec,
+    check_packing,
     check_rocks,
     expected_count,
+    find_library,
 )
 from terrain_forge.rocks.arrangement import AroundCraters, Crater
 from terrain_forge.rocks.library import MeshSpec
@@ -293,7 +296,7 @@ TIGHT = Clustered(clusters_per_m2=0.001, radius_m=0.5)
         ({"arrangement": FAR}, ("arrangement", "craters"), ["400, 0", "±20"]),
         ({"arrangement": OLD}, ("arrangement", "craters"), ["no rock is left"]),
         ({"arrangement": SMALL}, ("arrangement", "craters"), ["0.154 m", "0.2 m"]),
-        ({"arrangement": TIGHT}, ("arrangement",), ["densest", "12.2", "at most 0.296"]),
+        ({"arrangement": TIGHT}, ("arrangement",), ["densest", "12.2", "at most 0.4"]),
     ],
 )
 def test_populations_that_cannot_be(changes, key, words):
@@ -307,7 +310,7 @@ def test_cover_that_cannot_be_packed():
     dense = [population(name=n, size_frequency=Golombek(k=0.4)) for n in "abc"]
     key, text = complaint(recipe(*dense), ".")
     assert key == ("rocks", "populations")
-    assert "cover 0.64 of the ground, at most 0.32 of such rocks can be packed" in text
+    assert "cover 0.64 of the ground, at most 0.4 can be packed" in text
 
 
 def even(cover, low, high, **more):
@@ -330,21 +333,28 @@ def even(cover, low, high, **more):
 )
 def test_cover_that_leaves_no_room_for_the_last_rocks(dense):
     """Below 0.4, but these sizes leave more than one rock in a thousand without a place."""
-    key, text = complaint(recipe(*dense), ".")
-    assert key == ("rocks", "populations")
-    for word in ("at most 0.", "packed", "lower their numbers"):
-        assert word in text
-    assert ("fewer dynamic" in text) == any(p.dynamic_m is not None for p in dense)
+    library = find_library(LibrarySpec())
+    with pytest.raises(RecipeError, match=r"cover 0\.[23].*packed.*lower their numbers") as refused:
+        check_packing(tuple(dense), SIZE, library)
+    assert refused.value.key == ("rocks", "populations")
 
 
 def test_wide_ranges_of_sizes_pack_densely():
-    for k in (0.3, 0.35):
-        check_rocks(
-            RocksSpec(populations=(population(size_frequency=Golombek(k=k), diameter_m=(0.1, 2)),)),
-            SIZE,
-        )
+    library = find_library(LibrarySpec())
+    still = [population(size_frequency=Golombek(k=k), diameter_m=(0.1, 2)) for k in (0.3, 0.35)]
     dynamic = population(size_frequency=Golombek(k=0.3), diameter_m=(0.15, 2), dynamic_m=(0.15, 2))
-    check_rocks(RocksSpec(populations=(dynamic,)), SIZE)
+    for dense in (*still, dynamic):
+        check_rocks(RocksSpec(populations=(dense,)), SIZE)
+        check_packing((dense,), SIZE, library)
+
+
+def test_packing_knows_the_shapes_at_hand():
+    """Ventifacts have larger footprints than the default shapes: fewer of them fit."""
+    dense = (even(0.22, 0.5, 1.0),)
+    check_packing(dense, SIZE, find_library(LibrarySpec()))
+    ventifacts = find_library(LibrarySpec(shapes=6, families=("ventifact",)))
+    with pytest.raises(RecipeError, match="packed"):
+        check_packing(dense, SIZE, ventifacts)
 
 
 def test_the_automatic_largest_rock_must_fit_the_site_too():

@@ -12,6 +12,7 @@ from terrain_forge.rocks import (
     PopulationSpec,
     RockListSpec,
     RocksSpec,
+    check_packing,
     check_rocks,
     embed,
     expected,
@@ -19,7 +20,7 @@ from terrain_forge.rocks import (
     weights,
 )
 from terrain_forge.rocks.arrangement import AroundCraters, Crater, crowding
-from terrain_forge.rocks.embedding.outline import bounds
+from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.scattering.intensity import crater_bounds
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.size_frequency import Golombek
@@ -435,6 +436,7 @@ def test_nearly_all_rocks_find_a_place(k, more):
     law = Golombek(k=k)
     spec = PopulationSpec(name="a", size_frequency=law, diameter_m=(0.1, 1.5), **more)
     check_rocks(RocksSpec(populations=(spec,)), (60.0, 50.0))
+    check_packing((spec,), (60.0, 50.0), LIBRARY)
     chess = np.indices((9, 9)).sum(axis=0) % 2
     found = [run(site(seed=seed, images=(image(chess),)), spec) for seed in range(3)]
     assert sum(sum(one.unplaced) for one in found) < 1e-3 * sum(map(len, found))

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from terrain_forge.model import Mesh, exporter
-from terrain_forge.rocks.embedding.outline import bounds
+from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
 from tests.helpers import worlds

@@ -16,8 +16,11 @@ from terrain_forge.rocks import (
     scatter,
 )
 from terrain_forge.rocks.embedding import outline
+from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, bounds, footprint
+from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
 from terrain_forge.rocks.size_frequency import Golombek
 from tests.helpers import worlds
+from tests.helpers.outlines import exposed_outline
 
 LIBRARY = worlds.library()
 DENSITY = (2900.0, 2500.0)
@@ -205,7 +208,7 @@ def test_no_daylight_on_very_rough_ground():
     for n in np.flatnonzero(deep):
         mesh = library.prototypes[field.prototype[n]].meshes[0]
         plan = field.scale[n] * mesh.vertices @ rotations(field)[n][:2].T
-        support = outline.footprint(mesh)
+        support = footprint(mesh)
         angle = scattered.yaw[n] + 2 * np.pi * np.arange(len(support)) / len(support)
         along = (plan @ np.stack([np.cos(angle), np.sin(angle)])).max(axis=0)
         assert np.all(along <= support * field.diameter[n] * (1 + 1e-9))
@@ -260,11 +263,11 @@ def test_no_two_rocks_overlap_in_plan(laid):
 
 def test_reach_rise_and_footprint_hold_every_way_to_rest():
     random = np.random.default_rng(8)
-    angles = 2 * np.pi * np.arange(outline.FOOTPRINT_DIRECTIONS) / outline.FOOTPRINT_DIRECTIONS
+    angles = 2 * np.pi * np.arange(FOOTPRINT_DIRECTIONS) / FOOTPRINT_DIRECTIONS
     for prototype in LIBRARY.prototypes:
         mesh = prototype.meshes[0]
-        reach, rise = outline.bounds(mesh)
-        support = outline.footprint(mesh)
+        reach, rise = bounds(mesh)
+        support = footprint(mesh)
         assert reach < 0.8
         for _ in range(300):
             tilt, azimuth, yaw = outline.MAX_TILT * random.random(), *random.uniform(0, 6.28, 2)
@@ -272,7 +275,7 @@ def test_reach_rise_and_footprint_hold_every_way_to_rest():
             turn = matrix_from_quaternion(outline.embedding_rotation(*lean, np.cos(tilt), yaw))
             np.testing.assert_allclose(turn[:, 2], [*lean, np.cos(tilt)], atol=1e-12)
             buried = random.uniform(0, outline.MAX_BURIED)
-            exposed = outline.exposed_outline(mesh, rotation=turn, normal=turn[:, 2], buried=buried)
+            exposed = exposed_outline(mesh, rotation=turn, normal=turn[:, 2], buried=buried)
             diameter = slow_diameter(exposed)
             plan = mesh.vertices @ turn[:2].T
             assert np.hypot(*plan.T).max() <= reach * diameter
@@ -284,22 +287,22 @@ def test_reach_rise_and_footprint_hold_every_way_to_rest():
 
 def test_convex_hull_of_degenerate_points():
     square = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.5), (0, 0), (0.5, 0)], float)
-    hull = outline.convex_hull(square)
+    hull = convex_hull(square)
     np.testing.assert_array_equal(hull, [(0, 0), (1, 0), (1, 1), (0, 1)])
-    assert outline.mean_width(hull) == pytest.approx(np.sqrt(2))
+    assert mean_width(hull) == pytest.approx(np.sqrt(2))
     line = np.linspace((0, 0), (3, 4), 9)
-    assert outline.mean_width(outline.convex_hull(line)) == pytest.approx(2.5)
-    assert outline.mean_width(outline.convex_hull(np.ones((4, 2)))) == 0.0
+    assert mean_width(convex_hull(line)) == pytest.approx(2.5)
+    assert mean_width(convex_hull(np.ones((4, 2)))) == 0.0
 
 
 def test_half_a_sphere_has_its_own_diameter():
     ball = trimesh.creation.icosphere(subdivisions=4)
     mesh = Mesh(vertices=ball.vertices, faces=ball.faces)
     for buried, diameter in ((0.3, 2.0), (0.5, 2.0), (0.6, 2 * np.sqrt(1 - 0.2**2))):
-        exposed = outline.exposed_outline(
+        exposed = exposed_outline(
             mesh, rotation=np.eye(3), normal=np.array([0, 0, 1.0]), buried=buried
         )
-        assert outline.mean_width(exposed) == pytest.approx(diameter, rel=3e-3)
+        assert mean_width(exposed) == pytest.approx(diameter, rel=3e-3)
 
 
 def test_rocks_of_a_window_rest_as_in_the_whole(laid):

@@ -12,11 +12,12 @@ import trimesh
 from numpy.random import Generator, Philox
 from pydantic import TypeAdapter, ValidationError
 
+from terrain_forge.base import fibonacci_sphere
 from terrain_forge.model import Mesh
 from terrain_forge.rocks import FAMILIES, LibrarySpec, make_library
-from terrain_forge.rocks.embedding import outline
+from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.library import MeshSpec, lay_down
-from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces, fibonacci_sphere
+from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces
 from terrain_forge.rocks.shapes.collision import collision_hull
 from terrain_forge.rocks.shapes.families import block
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
@@ -228,7 +229,7 @@ def test_texture_tiles_and_keeps_colours(library):
 
 
 def test_reach_and_rise_are_the_outlines(rock):
-    assert (rock.reach, rock.rise) == outline.bounds(rock.meshes[0])
+    assert (rock.reach, rock.rise) == bounds(rock.meshes[0])
 
 
 def test_same_spec_same_bytes_and_no_shape_twice(library):

@@ -23,7 +23,8 @@ from terrain_forge.rocks import (
     settle,
 )
 from terrain_forge.rocks import settling as settling
-from terrain_forge.rocks.embedding.outline import convex_hull, footprint, mean_width
+from terrain_forge.rocks.embedding.footprint import footprint
+from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation.dynamic import MOST_SHIFT, dynamic_checks, watch
@@ -188,13 +189,13 @@ def test_a_rock_on_its_edge_does_not_pass(settled):
         volume=box.volume,
         inertia=box.moment_inertia,
     )
-    rock = settling._rock(settled, 0, shape, footprint(mesh), GRAVITY)
+    rock = settling._Rock.of(settled, 0, shape, footprint(mesh), GRAVITY)
     flat = Heightfield(elevation=np.zeros((17, 17)), spacing=0.25, origin=(-2.0, -2.0))
     outcomes = []
     for tilt in (0.0, np.pi / 4):
         turn = np.array([np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0])
         lowest = (box.vertices @ matrix_from_quaternion(turn).T)[:, 2].min()
-        pose = settling._Pose(position=np.array([0, 0, -lowest]), quaternion=turn, scale=1.0)
+        pose = settling.Pose(position=np.array([0, 0, -lowest]), quaternion=turn, scale=1.0)
         outcomes.append(settling._stays(rock, pose, settling._after_test(rock, flat, pose)))
     assert outcomes == [True, False]
 
@@ -231,9 +232,9 @@ def test_physics_is_that_of_the_rock(settled):
     """MuJoCo's mass and principal moments are those of the true shape, about its centre of mass."""
     n = int(np.flatnonzero(settled.dynamic)[0])
     prototype = LIBRARY.prototypes[settled.prototype[n]]
-    rock = settling._rock(settled, n, prototype, footprint(prototype.meshes[0]), GRAVITY)
+    rock = settling._Rock.of(settled, n, prototype, footprint(prototype.meshes[0]), GRAVITY)
     flat = Heightfield(elevation=np.zeros((5, 5)), spacing=1.0, origin=(-2.0, -2.0))
-    pose = settling._Pose(
+    pose = settling.Pose(
         position=np.array([0, 0, 1.0]), quaternion=settled.quaternion[n], scale=settled.scale[n]
     )
     model, _ = settling._model(rock, flat, pose)

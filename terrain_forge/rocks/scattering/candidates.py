@@ -29,7 +29,7 @@ from terrain_forge.rocks.scattering.intensity import Intensity, weights
 from terrain_forge.rocks.scattering.size_classes import SizeClass, is_dynamic, shapes_of
 
 
-class Drawn(NamedTuple):
+class Candidates(NamedTuple):
     """Rocks at their first places, ordered by class, cell and id; shapes begin with [rocks]."""
 
     id: NDArray[np.int64]
@@ -52,16 +52,16 @@ class Drawn(NamedTuple):
     """Whether it can be pushed."""
 
 
-def join(parts: list[Drawn]) -> Drawn:
+def join(parts: list[Candidates]) -> Candidates:
     """One after the other."""
     if parts:
-        return Drawn(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        return Candidates(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     real, whole = np.zeros(0), np.zeros(0, np.int64)
     address, dynamic = np.zeros(0, np.uint64), np.zeros(0, np.bool_)
-    return Drawn(whole, whole, address, np.zeros((0, 2)), real, whole, real, real, dynamic)
+    return Candidates(whole, whole, address, np.zeros((0, 2)), real, whole, real, real, dynamic)
 
 
-class _Candidates(NamedTuple):
+class _Unthinned(NamedTuple):
     """Rocks of a class before thinning, ordered by cell and id."""
 
     id: NDArray[np.int64]
@@ -70,9 +70,9 @@ class _Candidates(NamedTuple):
     cell: NDArray[np.int64]
     """Cell within the region, counted row by row."""
 
-    def of(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _Candidates:
+    def of(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _Unthinned:
         """Those of a mask or of an index array."""
-        return _Candidates(self.id[rows], self.address[rows], self.xy[rows], self.cell[rows])
+        return _Unthinned(self.id[rows], self.address[rows], self.xy[rows], self.cell[rows])
 
 
 def draw_class(
@@ -83,7 +83,7 @@ def draw_class(
     library: RockLibrary,
     site: Site,
     intensity: Intensity,
-) -> tuple[Drawn, NDArray[np.int64]]:
+) -> tuple[Candidates, NDArray[np.int64]]:
     """The rocks of a class whose first place lies in a region, and how many each cell has.
 
     Returns:
@@ -103,7 +103,7 @@ def draw_class(
     shallow, deep = population.buried_fraction
     dynamic = is_dynamic(population, diameter)
     buried = shallow + (deep - shallow) * draw(found.address, BURIED)
-    drawn = Drawn(
+    drawn = Candidates(
         id=found.id,
         population=np.full(len(found.id), size_class.population),
         address=found.address,
@@ -117,7 +117,7 @@ def draw_class(
     return drawn, np.bincount(found.cell, minlength=region.columns * region.rows)
 
 
-def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Candidates:
+def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
     """Rocks evenly at random in each cell."""
     cells, counts = size_class.cells, region.cut(size_class.counts)
     rows, columns = np.indices(counts.shape).reshape(2, -1).repeat(counts.ravel(), axis=1)
@@ -125,7 +125,7 @@ def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Candidates:
     first_id = size_class.first_id + _before(size_class.counts)
     x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
     y = site.south + (region.row + rows + draw(address, NORTH)) * cells.side[1]
-    return _Candidates(
+    return _Unthinned(
         id=_numbered(region.cut(first_id), counts),
         address=address,
         xy=np.column_stack([x, y]),
@@ -139,7 +139,7 @@ def _in_clusters(
     region: Region,
     population: PopulationSpec,
     site: Site,
-) -> _Candidates:
+) -> _Unthinned:
     """Rocks about their parents, those of a region's cells."""
     assert isinstance(population.arrangement, Clustered)
     radius, cells = population.arrangement.radius_m, size_class.cells
@@ -149,20 +149,20 @@ def _in_clusters(
     near = np.all((parents.xy >= low - reach) & (parents.xy <= high + reach), axis=1)
     close = Parents(xy=parents.xy[near], address=parents.address[near])
     counts = size_class.counts[near]
-    address, xy = offspring(close, counts, key=size_class.key, radius=radius)
+    address, xy = offspring(close, counts, size_class.key, radius)
     first_id = size_class.first_id + _before(size_class.counts)
     ids = _numbered(first_id[near], counts)
     column, row = (cells.of(xy, site) - (region.column, region.row)).T
     inside = (column >= 0) & (column < region.columns) & (row >= 0) & (row < region.rows)
     inside &= np.all(np.abs(xy) <= (-site.west, -site.south), axis=1)
-    found = _Candidates(ids, address, xy, row * region.columns + column).of(inside)
+    found = _Unthinned(ids, address, xy, row * region.columns + column).of(inside)
     return found.of(np.argsort(found.cell, kind="stable"))
 
 
 def _thinned(
     size_class: SizeClass,
     region: Region,
-    found: _Candidates,
+    found: _Unthinned,
     diameter: Array,
     intensity: Intensity,
 ) -> NDArray[np.bool_]:

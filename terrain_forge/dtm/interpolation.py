@@ -1,4 +1,6 @@
-"""Interpolation that keeps means: a post is the mean of its pixel, a node the mean of its cell.
+"""From the DTM's samples to the site's nodes: interpolation that keeps means, and a cubic one.
+
+The first takes care of the ground: a post is the mean of its pixel, a node the mean of its cell.
 
 The ground is the cubic spline whose means over the pixels are the posts, an area-matching spline:
 a sum of cubic B-splines with coefficients c, where a post is
@@ -16,7 +18,8 @@ from functools import cache
 import numpy as np
 
 from terrain_forge.base import Array, inlined, inner, kernel, over_chunks
-from terrain_forge.dtm.lattice import Places
+from terrain_forge.dtm.lattice import Nodes, PixelFrame, Places, node_places, pixel_of
+from terrain_forge.model import Site, Window
 
 FAR = 16
 """Reach of the inverse filter [pixels] for the DTM: means are kept to a ten-millionth of bends."""
@@ -122,22 +125,13 @@ def _sum_of_16(grid, left, top, across, down):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add(  # type: ignore[no-untyped-def]
-    first, last, grid, origin, places, column_index, column_part, row_index, row_part, cell,
-    factor, total,
-):  # fmt: skip
+def _add(first, last, grid, origin, places, cell, factor, total):  # type: ignore[no-untyped-def]
     across, down = np.empty(np.int64(cell[0]) + 6), np.empty(np.int64(cell[1]) + 6)
     half_column, half_row = 0.5 * cell[0], 0.5 * cell[1]
     bend_column, bend_row = cell[0] * cell[0] / 24.0, cell[1] * cell[1] / 24.0
     for j in range(first, last):
-        r, v = row_index[j], row_part[j]
         for i in range(total.shape[1]):
-            c, u = column_index[i], column_part[i]
-            w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
-            column = w00 * places[0, r, c] + w01 * places[0, r, c + 1]
-            column += w10 * places[0, r + 1, c] + w11 * places[0, r + 1, c + 1]
-            row = w00 * places[1, r, c] + w01 * places[1, r, c + 1]
-            row += w10 * places[1, r + 1, c] + w11 * places[1, r + 1, c + 1]
+            column, row = pixel_of(places, j, i)
             # Parts of a pixel before the origin is taken off, which would round them.
             left, top = np.int64(np.floor(column)), np.int64(np.floor(row))
             x, y = column - left, row - top
@@ -211,12 +205,79 @@ def add_cell_means(
         len(total),
         _coefficients(means[rows, columns], reach),
         np.array(origin, np.int64) - _BEYOND,
-        places.anchors,
-        places.column_index,
-        places.column_part,
-        places.row_index,
-        places.row_part,
+        places,
         np.array(cell, np.float64),
         factor,
         total,
     )
+
+
+def dtm_heights(*, site: Site, window: Window) -> Array:
+    """Heights of the DTM above the site's datum at the window's nodes [m], shape [rows, columns].
+
+    Their mean over each pixel of the DTM is its post. Levelling is applied; a flat site is zero
+    everywhere.
+    """
+    east, north = site.axes(window)
+    heights = np.zeros((north.size, east.size))
+    if site.dtm is None:
+        return heights
+    add_cell_means(
+        heights,
+        site.dtm.heights,
+        places=node_places(site, Nodes.of(window)),
+        cell=PixelFrame.of(site).extent(site.spacing),
+        reach=FAR,
+    )
+    heights -= site.datum_height
+    heights -= site.slope[0] * east[None, :]
+    heights -= site.slope[1] * north[:, None]
+    return heights
+
+
+@inner
+def _weights(t):  # type: ignore[no-untyped-def]
+    """Cubic convolution with a = -1/2 (Keys 1981, doi:10.1109/TASSP.1981.1163711)."""
+    w0 = ((-0.5 * t + 1.0) * t - 0.5) * t
+    w1 = (1.5 * t - 2.5) * t * t + 1.0
+    w2 = ((-1.5 * t + 2.0) * t + 0.5) * t
+    w3 = (0.5 * t - 0.5) * t * t
+    return w0, w1, w2, w3
+
+
+@inner
+def _index(n, length, wrap):  # type: ignore[no-untyped-def]
+    return n % length if wrap else min(max(n, 0), length - 1)
+
+
+@kernel
+def _cubic(first, last, grid, column, row, wrap, result):  # type: ignore[no-untyped-def]
+    rows, columns = grid.shape
+    for j in range(first, last):
+        for i in range(column.shape[1]):
+            left, top = np.floor(column[j, i]), np.floor(row[j, i])
+            across = _weights(column[j, i] - left)
+            down = _weights(row[j, i] - top)
+            total = 0.0
+            for n in range(4):
+                source = grid[_index(np.int64(top) + n - 1, rows, wrap)]
+                line = 0.0
+                for m in range(4):
+                    line += across[m] * source[_index(np.int64(left) + m - 1, columns, wrap)]
+                total += down[n] * line
+            result[j, i] = total
+
+
+def cubic(grid: Array, *, column: Array, row: Array, wrap: bool = False) -> Array:
+    """Values between the samples of a grid; beyond its edge the edge goes on (or the grid repeats).
+
+    Args:
+        grid: samples, shape [rows, columns].
+        column: where, whole numbers are samples, shape [n, m].
+        row: the same for rows.
+        wrap: whether the grid is one tile of a repeating pattern.
+    """
+    result = np.empty(column.shape)
+    places = np.array(column, order="C"), np.array(row, order="C")
+    over_chunks(_cubic, len(result), np.array(grid, order="C"), *places, wrap, result)
+    return result
