@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from terrain_forge.base import Array
+
 from .markup import Lines, element, numbers, write_document
 
 
@@ -50,6 +54,14 @@ class Model:
 def mesh(uri: str) -> Lines:
     """The geometry of a mesh file."""
     return element("geometry", element("mesh", element("uri", uri)))
+
+
+def inertial(mass: float, tensor: Array) -> Lines:
+    """A body's mass [kg] and its inertia about its centre of mass [kg m²]."""
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = tensor[np.triu_indices(3)].tolist()
+    moments = [element(name, numbers([value])) for name, value in zip(names, values, strict=True)]
+    return element("inertial", element("mass", numbers([mass])), element("inertia", *moments))
 
 
 def surface(friction: float, *, patch_radius: float | None = None) -> Lines:
