@@ -10,13 +10,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.geometry import (
-    cell_bands,
-    grid_faces,
-    grid_vertices,
-    mean_rock_srgb,
-    node_bands,
-)
+from terrain_forge.geometry import cell_bands, grid_faces, grid_vertices, mean_rock_srgb, node_bands
 from terrain_forge.writers import Floats, Indices
 
 from .part import Part

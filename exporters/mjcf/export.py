@@ -26,14 +26,7 @@ from .materials import (
 )
 from .options import Options
 from .replay import path_sites, path_table, replay_body
-from .rocks import (
-    dynamic_rocks,
-    fixed_rocks,
-    has_own_shape,
-    mesh_assets,
-    write_hulls,
-    write_shapes,
-)
+from .rocks import dynamic_rocks, fixed_rocks, has_own_shape, mesh_assets, write_hulls, write_shapes
 from .rover import (
     rover_actuators,
     rover_assets,

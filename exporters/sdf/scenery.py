@@ -24,13 +24,7 @@ _SYSTEMS = {
 
 
 def write_world(
-    path: Path,
-    world: World,
-    *,
-    name: str,
-    models: list[Model],
-    movers: list[Lines],
-    sensing: bool,
+    path: Path, world: World, *, name: str, models: list[Model], movers: list[Lines], sensing: bool
 ) -> None:
     """Write a world file that includes the models and holds what moves: dynamic rocks, actors.
 

@@ -14,13 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 from terrain_forge.exporters.usd import library
 
 from terrain_forge.base import Array, xyzw
-from terrain_forge.geometry import (
-    grouped,
-    inertias,
-    merge_in_parts,
-    principal_axes,
-    rock_texture,
-)
+from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes, rock_texture
 from terrain_forge.model import Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import rock_name, write_png

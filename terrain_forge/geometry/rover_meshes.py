@@ -22,9 +22,5 @@ def write_rover_meshes(rover: Rover, folder: Path) -> list[str]:
                 continue
             folder.mkdir(parents=True, exist_ok=True)
             names.append(rover_mesh(number, part))
-            write_obj(
-                folder / names[-1],
-                vertices=shape.mesh.vertices,
-                faces=shape.mesh.faces,
-            )
+            write_obj(folder / names[-1], vertices=shape.mesh.vertices, faces=shape.mesh.faces)
     return names
