@@ -137,16 +137,9 @@ def _settings(world: World, options: Options, *, shown: float) -> list[str]:
     """
     flags = [element("flag", sleep="enable")] if options.sleep else []
     option = element(
-        "option",
-        flags,
-        timestep=options.timestep_s,
-        gravity=(0.0, 0.0, -world.site.body.gravity),
-        integrator="implicitfast",
-        cone="elliptic",
-        impratio=10,
-        solver="Newton",
-        jacobian="sparse",
-    )
+        "option", flags, timestep=options.timestep_s, gravity=(0.0, 0.0, -world.site.body.gravity),
+        integrator="implicitfast", cone="elliptic", impratio=10, solver="Newton", jacobian="sparse",
+    )  # fmt: skip
     visual = [
         element("headlight", ambient=(0.25,) * 3, diffuse=(0.1,) * 3, specular=(0.0,) * 3),
         element("quality", shadowsize=4096),
@@ -179,16 +172,9 @@ def _static(grip: Friction) -> list[str]:
 def _sun(world: World) -> str:
     towards = world.lighting.towards_sun
     return element(
-        "light",
-        name="sun",
-        directional="true",
-        dir=-towards,
-        pos=towards * _extent(world),
-        diffuse=(0.85,) * 3,
-        ambient=(0.1,) * 3,
-        specular=(0.1,) * 3,
-        castshadow="true",
-    )
+        "light", name="sun", directional="true", dir=-towards, pos=towards * _extent(world),
+        diffuse=(0.85,) * 3, ambient=(0.1,) * 3, specular=(0.1,) * 3, castshadow="true",
+    )  # fmt: skip
 
 
 def _sky(world: World) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .markup import Lines, element, numbers
+from .markup import Lines, element, leaves, numbers
 from .model import Model
 
 TEXTURES = "materials/textures"
@@ -53,13 +53,9 @@ def textured(model: Model, image: str, *, normals: str | None = None) -> Lines:
             element("name", _script_name(model, image)),
         )
         return element("material", script)
-    metal = element(
-        "metal",
-        element("albedo_map", model.uri(f"{TEXTURES}/{image}")),
-        *([element("normal_map", model.uri(f"{TEXTURES}/{normals}"))] if normals else []),
-        element("roughness", "1"),
-        element("metalness", "0"),
-    )
+    maps = {"albedo_map": image} | ({"normal_map": normals} if normals else {})
+    uris = {name: model.uri(f"{TEXTURES}/{file}") for name, file in maps.items()}
+    metal = element("metal", *leaves(**uris, roughness=1, metalness=0))
     return _matt("1 1 1 1", element("pbr", metal))
 
 
@@ -84,10 +80,5 @@ def _script_name(model: Model, image: str) -> str:
 
 
 def _matt(colour: str, *more: Lines) -> Lines:
-    return element(
-        "material",
-        element("ambient", colour),
-        element("diffuse", colour),
-        element("specular", "0 0 0 1"),
-        *more,
-    )
+    looks = leaves(ambient=colour, diffuse=colour, specular="0 0 0 1")
+    return element("material", *looks, *more)
