@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.geometry import largest_outline_error, level_of_detail, texture_loss
-from terrain_forge.model import ExportReport, Mesh, World
-from terrain_forge.writers import MattMaterial, file_name, write_mtl
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import (
+    bake_tile,
+    largest_outline_error,
+    level_of_detail,
+    static_losses,
+    texture_loss,
+    write_ground_obj,
+)
+from terrain_forge.model import ExportReport, Mesh, Tile, World, world_friction
+from terrain_forge.writers import MattMaterial, file_name, write_mtl, write_png
 
 from ..sdf.markup import Lines, element, world_name, write_document
-from .geometry import MATERIALS
-from .ground import ground_link
+from .geometry import MATERIALS, rigid, visual
 from .load import parsing_losses, require_parsable
 from .options import Options
-from .rocks import dynamic_rocks, fixed_rocks, is_single
-from .shapes import write_materials, write_shapes
+from .rocks import dynamic_rocks, fixed_rocks, is_single, write_materials, write_shapes
 
 _SDF_VERSION = "1.9"
 _NAMESPACE = {"xmlns:drake": "http://drake.mit.edu"}
@@ -64,12 +70,26 @@ def _static_models(
     links: list[Lines] = []
     rocks: list[Lines] = []
     looks: list[MattMaterial] = []
-    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
-        name = f"ground_{number:03}"
-        links.append(ground_link(tile, world, folder, name=name, options=options))
+    for tile in world.tiles(cells=options.tile_cells):
+        links.append(_ground_link(tile, folder, options))
+        name = tile.name("ground")
         looks.append(MattMaterial(name=name, texture=f"{name}.png"))
-        rocks += fixed_rocks(tile, world, folder, number=number, coarse=coarse, options=options)
+        rocks += fixed_rocks(tile, folder, coarse=coarse, options=options)
     return [element("model", element("static", "true"), *links, name="ground"), *rocks], looks
+
+
+def _ground_link(tile: Tile, folder: Path, options: Options) -> Lines:
+    """Write a tile's mesh and texture; returns its link."""
+    name = tile.name("ground")
+    with (folder / f"{name}.obj").open("wb") as file:
+        file.write(f"mtllib {MATERIALS}\nusemtl {name}\n".encode())
+        write_ground_obj(file, tile)
+    texture = bake_tile(tile, options.texture_pixels)
+    write_png(folder / f"{name}.png", image_rows(texture.rgb))
+    uri = f"{folder.name}/{name}.obj"
+    grip = world_friction(tile.whole.site.body.name, options)
+    touch = rigid(f"{name}_collision", uri, grip.ground)
+    return element("link", visual(f"{name}_visual", uri), touch, name=name)
 
 
 def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
@@ -88,10 +108,8 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
         losses.append("Drake has no actors: the paths are left out.")
     if world.site.georeferenced:
         losses.append("Longitude, latitude and the datum's height are left out.")
-    fixed = world.field.select(~world.field.dynamic)
-    if len(fixed):
-        losses.append(f"{len(fixed)} rocks are fixed: they have no mass.")
-    small = int((~is_single(fixed, options)).sum())
+    losses += static_losses(world.field)
+    small = int((~is_single(world.field, options)).sum())
     if small:
         error = largest_outline_error(coarse, world.library.prototypes)
         losses.append(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,9 +27,10 @@ WORTH_SAYING_SECONDS = 20.0
 """From what on parsing is a loss to be told [s]."""
 _SAMPLE = 400
 """Merged rocks by which the faces of all are estimated: how much of each is above the ground."""
-_FEWER_ROCKS, _COARSER = (2000, 500, 0), (0.05, 0.1, 0.2)
-"""What is tried for an advice: rocks of their own, and errors of the others' outlines."""
-_NODES_ADVICE = "choose a smaller size_m or a larger spacing_m"
+_ADVICE = (
+    "a larger individual_min_m or outline_error, a smaller size_m or fewer dynamic rocks make it "
+    "less"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,18 +76,18 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         ExportError: if the ground is too large, or rocks of their own too many.
     """
     load = Load(faces=int(2 * nodes), single=0, dynamic=0)
-    if load.bearable and options.individual_min_m == 0.0:  # else the number is known only later
-        load = Load(faces=load.faces, single=int(rocks), dynamic=0)
-        if not load.bearable:
-            raise ExportError(
-                f"Drake's parser would load {load} ({_allowed()}); a larger individual_min_m "
-                "merges the smaller ones",
-                key=("individual_min_m",),
-            )
     if not load.bearable:
         raise ExportError(
             f"Drake's parser would take {load.seconds:.0f} s and {load.megabytes / 1024:.0f} GB "
-            f"for a ground of {nodes / 1e6:.1f} M nodes ({_allowed()}); {_NODES_ADVICE}"
+            f"for a ground of {nodes / 1e6:.1f} M nodes ({_allowed()}); choose a smaller size_m or "
+            "a larger spacing_m"
+        )
+    load = Load(faces=load.faces, single=int(rocks), dynamic=0)
+    if options.individual_min_m == 0.0 and not load.bearable:  # else the number is not known yet
+        raise ExportError(
+            f"Drake's parser would load {load} ({_allowed()}); a larger individual_min_m merges "
+            "the smaller ones",
+            key=("individual_min_m",),
         )
 
 
@@ -99,9 +99,7 @@ def require_parsable(world: World, options: Options) -> None:
     """
     load = parsing(world, options)
     if not load.bearable:
-        raise ExportError(
-            f"Drake's parser would load {load} ({_allowed()}); {_advice(world, options)}"
-        )
+        raise ExportError(f"Drake's parser would load {load} ({_allowed()}); {_ADVICE}")
 
 
 def parsing_losses(world: World, options: Options) -> list[str]:
@@ -109,10 +107,7 @@ def parsing_losses(world: World, options: Options) -> list[str]:
     load = parsing(world, options)
     if load.seconds <= WORTH_SAYING_SECONDS:
         return []
-    return [
-        f"Drake's parser loads {load}; a larger individual_min_m or outline_error, a smaller "
-        "size_m or fewer dynamic rocks make it less."
-    ]
+    return [f"Drake's parser loads {load}; {_ADVICE}."]
 
 
 def parsing(world: World, options: Options) -> Load:
@@ -134,35 +129,6 @@ def _merged_faces(world: World, rocks: RockField, tolerance: float) -> int:
     shapes = [p.meshes[level_of_detail(p, tolerance)] for p in world.library.prototypes]
     _, faces = merge_rocks(rocks.select(rows), shapes, world.ground)
     return round(len(faces) * len(rocks) / len(rows))
-
-
-def _advice(world: World, options: Options) -> str:
-    """Options by which the world can be loaded, or what to change in the recipe."""
-    for other in _other_options(world, options):
-        load = parsing(world, other)
-        if load.bearable:
-            changed = [
-                f"{name}: {getattr(other, name):g}"
-                for name in ("individual_min_m", "outline_error")
-                if getattr(other, name) != getattr(options, name)
-            ]
-            return f"{' and '.join(changed)} would be {load}"
-    if SECONDS_PER_BODY * int(world.field.dynamic.sum()) > MOST_SECONDS / 2:
-        return "make fewer rocks dynamic"
-    return "choose a smaller size_m, or a larger collision_min_m or diameter_m of the populations"
-
-
-def _other_options(world: World, options: Options) -> Iterator[Options]:
-    """Options that ask less and less of the parser."""
-    fixed = world.field.select(~world.field.dynamic & is_single(world.field, options))
-    diameters = np.sort(fixed.diameter)[::-1]
-    sizes = [options.individual_min_m]
-    sizes += [float(diameters[n]) for n in _FEWER_ROCKS if n < len(diameters)]
-    errors = [options.outline_error, *(e for e in _COARSER if e > options.outline_error)]
-    for error in errors:
-        for size in sizes:
-            least = size if size == options.individual_min_m else np.ceil(size * 1e3 + 1.0) / 1e3
-            yield replace(options, individual_min_m=float(least), outline_error=error)
 
 
 def _allowed() -> str:

@@ -1,4 +1,4 @@
-"""The rocks: static ones in a static model per tile, dynamic ones as bodies."""
+"""The rocks: static ones in a static model per tile, dynamic ones as bodies; what they share."""
 
 from __future__ import annotations
 
@@ -9,15 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import rpy_from_quaternion
-from terrain_forge.geometry import inertias, merge_rocks
-from terrain_forge.model import Mesh, RockField, World, world_friction
+from terrain_forge.geometry import (
+    grouped,
+    inertias,
+    mean_rock_srgb,
+    merge_rocks,
+    rock_texture,
+    write_rock_shape,
+)
+from terrain_forge.model import Mesh, RockField, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import vertex_normals, write_obj
+from terrain_forge.writers import MattMaterial, rock_name, write_obj, write_png
 
 from ..sdf.markup import Lines, element, numbers
+from ..sdf.model import inertial
 from .geometry import MATERIALS, compliant, rigid, visual
 from .options import Options
-from .shapes import hull_file, plain_material, shape_file
 
 
 def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
@@ -26,33 +33,27 @@ def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
     return large | field.dynamic
 
 
-def fixed_rocks(
-    tile: World, whole: World, folder: Path, *, number: int, coarse: list[Mesh], options: Options
-) -> list[Lines]:
+def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Options) -> list[Lines]:
     """Write the merged meshes of one tile; returns a static model of its static rocks, if any.
 
     Args:
         tile: The tile.
-        whole: The world that it is part of.
         folder: Where the meshes go.
-        number: The tile's number.
         coarse: The mesh that stands for each prototype among the merged rocks.
         options: The export's options.
     """
     fixed = tile.field.select(~tile.field.dynamic)
     single = is_single(fixed, options)
-    friction = world_friction(whole.site.body.name, options).rock
+    friction = world_friction(tile.whole.site.body.name, options).rock
     parts = [*_single_rocks(fixed.select(single), folder, friction)]
-    small = fixed.select(~single)
-    groups = np.unique(np.stack([small.population, small.collides], axis=-1), axis=0)
-    for population, solid in groups.tolist():
-        rocks = small.select((small.population == population) & (small.collides == solid))
-        path = folder / f"rocks_{number:03}_{population}{'' if solid else '_seen'}.obj"
-        parts += _merged_rocks(rocks, coarse, whole, path, friction)
+    small, name = fixed.select(~single), tile.name("rocks")
+    for population, solid, rocks in grouped(small, small.collides):
+        path = folder / f"{name}_{population}{'' if solid else '_seen'}.obj"
+        parts += _merged_rocks(rocks, coarse, tile.whole, path, friction)
     if not parts:
         return []
     link = element("link", *parts, name="rocks")
-    return [element("model", element("static", "true"), link, name=f"rocks_{number:03}")]
+    return [element("model", element("static", "true"), link, name=name)]
 
 
 def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Lines]:
@@ -62,13 +63,13 @@ def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Line
     for row, tensor in enumerate(inertias(field, world.library)):
         link = element(
             "link",
-            _inertial(float(field.mass[row]), tensor),
+            inertial(float(field.mass[row]), tensor),
             visual("visual", _shape_uri(field, row, folder), scale=float(field.scale[row])),
             *(_hulls(world, field, row, folder, options) if field.collides[row] else ()),
             name="rock",
         )
         pose = element("pose", numbers(poses[row]))
-        yield element("model", pose, link, name=f"rock_{field.id[row]}")
+        yield element("model", pose, link, name=rock_name(field.id[row]))
 
 
 def _hulls(
@@ -78,7 +79,7 @@ def _hulls(
     for part in range(len(world.library.prototypes[prototype].hulls)):
         yield compliant(
             f"collision_{part}",
-            f"{folder.name}/{hull_file(prototype, part)}",
+            f"{folder.name}/{_hull_file(prototype, part)}",
             dynamic_contact(float(field.diameter[row])).sliding,
             scale=float(field.scale[row]),
             modulus=options.dynamic_modulus_pa,
@@ -91,10 +92,10 @@ def _single_rocks(rocks: RockField, folder: Path, friction: float) -> Iterator[L
     for row, identity in enumerate(rocks.id.tolist()):
         uri, scale = _shape_uri(rocks, row, folder), float(rocks.scale[row])
         pose = element("pose", numbers(poses[row]))
-        yield visual(f"rock_{identity}_visual", uri, pose=pose, scale=scale)
+        name = rock_name(identity)
+        yield visual(f"{name}_visual", uri, pose=pose, scale=scale)
         if rocks.collides[row]:
-            name = f"rock_{identity}_collision"
-            yield rigid(name, uri, friction, pose=pose, scale=scale)
+            yield rigid(f"{name}_collision", uri, friction, pose=pose, scale=scale)
 
 
 def _merged_rocks(
@@ -104,9 +105,8 @@ def _merged_rocks(
     vertices, faces = merge_rocks(rocks, coarse, whole.ground)
     if not len(faces):
         return
-    normals = vertex_normals(vertices, faces)
-    material = MATERIALS, plain_material(int(rocks.population[0]))
-    write_obj(path, vertices=vertices, faces=faces, normals=normals, material=material)
+    material = MATERIALS, _plain_material(int(rocks.population[0]))
+    write_obj(path, vertices=vertices, faces=faces, material=material)
     uri = f"{path.parent.name}/{path.name}"
     yield visual(f"{path.stem}_visual", uri)
     if rocks.collides[0]:
@@ -114,11 +114,47 @@ def _merged_rocks(
 
 
 def _shape_uri(field: RockField, row: int, folder: Path) -> str:
-    return f"{folder.name}/{shape_file(int(field.prototype[row]), int(field.population[row]))}"
+    return f"{folder.name}/{_shape_file(int(field.prototype[row]), int(field.population[row]))}"
 
 
-def _inertial(mass: float, tensor: NDArray[np.float64]) -> Lines:
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    values = tensor[np.triu_indices(3)].tolist()
-    moments = [element(name, numbers([value])) for name, value in zip(names, values, strict=True)]
-    return element("inertial", element("mass", numbers([mass])), element("inertia", *moments))
+def write_shapes(world: World, rocks: RockField, folder: Path) -> None:
+    """Write the meshes that these rocks share, and the hulls of the dynamic ones among them."""
+    kinds = np.unique(np.stack([rocks.prototype, rocks.population], axis=-1), axis=0)
+    for prototype, population in kinds.tolist():
+        path = folder / _shape_file(prototype, population)
+        material = MATERIALS, _textured_material(population)
+        write_rock_shape(path, world.library.prototypes[prototype], material=material)
+    for prototype in np.unique(rocks.prototype[rocks.dynamic]).tolist():
+        for part, hull in enumerate(world.library.prototypes[prototype].hulls):
+            path = folder / _hull_file(prototype, part)
+            write_obj(path, vertices=hull.vertices, faces=hull.faces)
+
+
+def write_materials(world: World, rocks: RockField, folder: Path) -> Iterator[MattMaterial]:
+    """Write the textures of these rocks' populations; yields the materials of all populations."""
+    for population in range(len(world.field.populations)):
+        if np.any(rocks.population == population):
+            image = f"rock_{population}.png"
+            write_png(folder / image, rock_texture(world, population))
+            yield MattMaterial(name=_textured_material(population), texture=image)
+        rgb = mean_rock_srgb(world, population)
+        yield MattMaterial(name=_plain_material(population), rgb=rgb)
+
+
+def _shape_file(prototype: int, population: int) -> str:
+    """File of a shape in the look of a population."""
+    return f"shape_{prototype:03}_{population}.obj"
+
+
+def _hull_file(prototype: int, part: int) -> str:
+    return f"shape_{prototype:03}_hull_{part}.obj"
+
+
+def _textured_material(population: int) -> str:
+    """Material of a population's single rocks."""
+    return f"rock_{population}"
+
+
+def _plain_material(population: int) -> str:
+    """Material of a population's merged rocks."""
+    return f"rock_{population}_plain"

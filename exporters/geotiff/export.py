@@ -2,37 +2,99 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from terrain_forge.model import ExportReport, World
+from terrain_forge.geometry import grid_normals
+from terrain_forge.model import ExportReport, Heightfield, Site, World, merge
+from terrain_forge.truth import rock_rasters
 from terrain_forge.writers import write_geotiff
 
 from .options import Options
-from .products import Products
+
+_DESCRIPTIONS = {
+    "elevation": "height of the bare ground",
+    "surface_with_rocks": "height of the highest surface, rocks included",
+    "rock_id": "id of the rock on top, -1 where there is none",
+    "slope": "slope of the bare ground",
+    "hillshade": "bare ground lit by the Sun, no shadows",
+    "orthoimage": "sRGB colour seen from above, unlit",
+}
+_UNITS = {"elevation": "m", "surface_with_rocks": "m", "slope": "degree"}
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write each product as PRODUCT.tif, on the ground's nodes and in the site's local CRS."""
-    products = Products(world, above_datum=options.heights == "datum")
-    largest = 0.0
-    for product in options.products:
-        raster = products.raster(product)
+    largest, datum = 0.0, options.heights == "datum"
+    for product, grid in _rasters(world, options):
+        description, metres = _DESCRIPTIONS[product], _UNITS.get(product) == "m"
+        if metres and datum:
+            grid = above_datum(grid, world.ground, world.site)
+            description += ", above the datum"
         write_geotiff(
             directory / f"{product}.tif",
-            raster.grid,
+            grid,
             world_ground=world.ground,
             site=world.site,
-            units=raster.units,
-            nodata=raster.nodata,
-            description=raster.description,
+            units=_UNITS.get(product, ""),
+            nodata=-1 if product == "rock_id" else None,
+            description=description,
             cloud_optimized=options.cloud_optimized,
         )
-        if raster.units == "m":
-            largest = max(largest, float(np.abs(raster.grid).max()))
+        if metres:
+            largest = max(largest, float(np.abs(grid).max()))
     files = tuple(Path(f"{product}.tif") for product in sorted(options.products))
     return ExportReport(files=files, losses=_losses(world, options, largest))
+
+
+def _rasters(world: World, options: Options) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The products at the ground's nodes, rows run north; colours are a third dimension."""
+    ground = world.ground
+    top = cache(lambda: rock_rasters(world))
+    normals = cache(lambda: grid_normals(ground, ground).reshape(*ground.shape, 3))
+    make = {
+        "elevation": lambda: ground.elevation,
+        "surface_with_rocks": lambda: top()[0],
+        "rock_id": lambda: top()[1],
+        "slope": lambda: _slope(normals()),
+        "hillshade": lambda: _hillshade(normals(), world),
+        "orthoimage": lambda: _orthoimage(top()[1], world),
+    }
+    for product in options.products:
+        yield product, make[product]()
+
+
+def _slope(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Steepness of the ground [degrees]."""
+    up = normals[..., 2].astype(np.float64)
+    return np.degrees(np.arccos(np.minimum(up, 1.0))).astype(np.float32)
+
+
+def _hillshade(normals: NDArray[np.float32], world: World) -> NDArray[np.uint8]:
+    """255 times the cosine of the angle between the ground's normal and the Sun."""
+    light = normals @ world.lighting.towards_sun
+    return np.rint(255 * np.maximum(light, 0.0)).astype(np.uint8)
+
+
+def _orthoimage(ids: NDArray[np.int32], world: World) -> NDArray[np.uint8]:
+    """Colours of the ground and, where a rock is on top, of its population."""
+    rocks, image = merge(world.field, world.neighbours), world.appearance.ground_rgb.copy()
+    covered = ids >= 0
+    rows = np.searchsorted(rocks.id, ids[covered])
+    image[covered] = world.appearance.rock_rgb[rocks.population[rows]]
+    return image
+
+
+def above_datum(z: NDArray[np.float32], ground: Heightfield, site: Site) -> NDArray[np.float32]:
+    """Heights above the body's datum [m] of heights in the world at the ground's nodes [m]."""
+    east, north = site.slope
+    plane = site.datum_height + east * ground.east + (north * ground.north)[:, None]
+    return (z + plane).astype(np.float32)
 
 
 def _losses(world: World, options: Options, largest: float) -> tuple[str, ...]:

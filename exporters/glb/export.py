@@ -13,14 +13,17 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import detail_loss, level_of_detail, texture_loss
-from terrain_forge.model import ExportReport, World
+from terrain_forge.model import ExportReport, Lighting, World
 from terrain_forge.writers import LARGEST_FILE, Gltf
 
 from .ground import TRANSFORM, SharedParts, ground_tile
 from .options import Options
 from .paths import animate, path_node
 from .rocks import merged_materials, merged_rocks, node_texts, rock_meshes
-from .sun import LIGHTS, sun_light, sun_node
+
+_LIGHTS = "KHR_lights_punctual"
+_SUNLIGHT_EFFICACY = 98.0
+"""Luminous efficacy of sunlight above an atmosphere [lm/W]: 133.1 klx (IES RP-21) of 1361 W/m²."""
 
 _BYTES_PER_NODE = 24
 """Of a node of the ground at least: its position and normal."""
@@ -51,19 +54,19 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         fine = single.diameter >= options.finest_min_m
         levels = np.where(fine, 0, coarse[single.prototype])
         rocks = node_texts(single, rock_meshes(world, single, gltf, levels))
-        fixed = [*paths, sun_node(world.lighting), *tiles]
+        fixed = [*paths, _sun_node(world.lighting), *tiles]
         root = {
             "name": world.site.name,
             "rotation": _Z_UP_TO_Y_UP,
             "children": list(range(1, 1 + len(fixed) + len(single))),
         }
-        light = sun_light(world.lighting, options)
+        light = _sun_light(world.lighting, options)
         gltf.write(
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
             asset={"version": "2.0", "generator": "terrain-forge"},
-            extensionsUsed=[LIGHTS, *([TRANSFORM] if world.appearance.detail else [])],
-            extensions={LIGHTS: {"lights": [light]}},
+            extensionsUsed=[_LIGHTS, *([TRANSFORM] if world.appearance.detail else [])],
+            extensions={_LIGHTS: {"lights": [light]}},
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],
         )
@@ -80,12 +83,25 @@ def _tiles(
     small = world.field.diameter < options.instances_min_m
     merged = world.replace(field=world.field.select(small))
     materials = merged_materials(world, gltf) if small.any() else []
-    for number, tile in enumerate(merged.tiles(cells=options.tile_cells)):
-        name = f"ground_{number:03}"
-        nodes.append(ground_tile(tile, world, gltf, name=name, shared=shared, options=options))
-        name = f"rocks_{number:03}"
-        nodes += merged_rocks(tile, world, gltf, name=name, shapes=shapes, materials=materials)
+    for tile in merged.tiles(cells=options.tile_cells):
+        nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
+        nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)
     return nodes
+
+
+def _sun_light(lighting: Lighting, options: Options) -> dict[str, Any]:
+    """The light; glTF measures it in lux on a surface that faces it."""
+    lux = options.sun_lux or lighting.irradiance * _SUNLIGHT_EFFICACY
+    return {"type": "directional", "name": "sun", "color": [1, 1, 1], "intensity": lux}
+
+
+def _sun_node(lighting: Lighting) -> dict[str, Any]:
+    """The node that holds the first light of the file and aims it: it shines along its -z."""
+    east, north, up = lighting.towards_sun
+    # The shortest turn from +z to the Sun, of which (north × up) is the axis.
+    turn = np.array([-north, east, 0.0, 1.0 + up])
+    rotation = turn / np.linalg.norm(turn)
+    return {"name": "sun", "rotation": rotation.tolist(), "extensions": {_LIGHTS: {"light": 0}}}
 
 
 def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:

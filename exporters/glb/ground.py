@@ -1,7 +1,8 @@
-"""The ground: one mesh and one texture per tile."""
+"""The ground: one mesh and one texture per tile; materials, all of them matt."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -10,17 +11,15 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
-    bake_ground,
+    bake_tile,
     detail_placement,
-    finest_texture,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
 )
-from terrain_forge.model import GroundDetail, Heightfield, World
+from terrain_forge.model import GroundDetail, Heightfield, Tile
 from terrain_forge.writers import Gltf, encode_png
 
-from .material import matt
 from .options import Options
 
 TRANSFORM = "KHR_texture_transform"
@@ -60,48 +59,56 @@ class SharedParts:
         )
 
 
-def tile_corner(tile: World) -> NDArray[np.float64]:
+def tile_corner(tile: Tile) -> NDArray[np.float64]:
     """The point that a tile's vertices count from: float32 is finest near 0. Shape [3]."""
     return np.array([*tile.ground.origin, float(tile.ground.elevation[0, 0])])
 
 
-def ground_tile(
-    tile: World,
-    whole: World,
-    gltf: Gltf,
-    *,
-    name: str,
-    shared: SharedParts,
-    options: Options,
-) -> dict[str, Any]:
-    """Add a tile's mesh and texture; returns its node.
-
-    Args:
-        tile: The tile.
-        whole: The world that it is part of.
-        gltf: The asset.
-        name: Name of the node, the mesh and the material.
-        shared: What tiles share.
-        options: The export's options.
-    """
-    corner = tile_corner(tile)
+def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options) -> dict[str, Any]:
+    """Add a tile's mesh and texture; returns its node."""
+    name, corner = tile.name("ground"), tile_corner(tile)
     coordinates, faces = shared.shape(*tile.ground.shape)
-    upright = grid_normals(tile.ground, whole.ground)
+    upright = grid_normals(tile.ground, tile.whole.ground)
     attributes = {
         "POSITION": gltf.add_vertices(_vertices(tile.ground, corner[2]), bounded=True),
         "NORMAL": gltf.add_vertices(upright),
         "TEXCOORD_0": coordinates,
     }
-    if tile.appearance.detail:
+    normals = shared.normals(tile.ground)
+    if normals:
         attributes["TANGENT"] = gltf.add_vertices(_tangents(upright))
-    finer = finest_texture(whole.ground, options.texture_pixels)
-    picture = image_rows(bake_ground(tile, finer=finer).rgb)
+    picture = image_rows(bake_tile(tile, options.texture_pixels).rgb)
     texture = gltf.add_texture(encode_png(picture), tiles=False)
-    look = matt(name, texture=texture, normals=shared.normals(tile.ground))
-    material = gltf.add("materials", look)
+    material = gltf.add("materials", matt(name, texture=texture, normals=normals))
     primitive = {"attributes": attributes, "indices": faces, "material": material}
     mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})
     return {"name": name, "mesh": mesh, "translation": corner.tolist()}
+
+
+def matt(
+    name: str,
+    *,
+    texture: int | None = None,
+    rgb: Sequence[float] = (1.0, 1.0, 1.0),
+    normals: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """A rough, non-metallic material.
+
+    Args:
+        name: Its name.
+        texture: Index of its texture, whose colours `rgb` multiplies.
+        rgb: Linear colour, 0 to 1.
+        normals: Its normal map, as glTF describes one.
+    """
+    look: dict[str, Any] = {
+        "baseColorFactor": [*rgb, 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": 1.0,
+    }
+    if texture is not None:
+        look["baseColorTexture"] = {"index": texture}
+    relief = {"normalTexture": normals} if normals else {}
+    return {"name": name, "pbrMetallicRoughness": look, **relief}
 
 
 def _tangents(normals: NDArray[np.float32]) -> NDArray[np.float32]:

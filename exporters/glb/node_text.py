@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import inlined, kernel, xyzw
 from terrain_forge.model import RockField
-from terrain_forge.writers import put_integer, put_number
+from terrain_forge.writers import ROCK, put_integer, put_number
 
 _PIECES = tuple(
     np.frombuffer(piece, np.uint8)
     for piece in (
-        b'{"name":"rock_',
+        f'{{"name":"{ROCK}'.encode(),
         b'","mesh":',
         b',"translation":[',
         b'],"rotation":[',

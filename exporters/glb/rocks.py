@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.geometry import mean_rock_colour, merge_in_parts, rock_texture, surface
-from terrain_forge.model import Mesh, RockField, World
+from terrain_forge.geometry import grouped, mean_rock_colour, merge_in_parts, rock_texture, surface
+from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.writers import Gltf, encode_png, vertex_normals
 
-from .ground import tile_corner
-from .material import matt
+from .ground import matt, tile_corner
 from .node_text import rock_nodes
 
 _BLOCK = 4096
@@ -55,27 +54,25 @@ def node_texts(rocks: RockField, meshes: NDArray[np.int64]) -> Iterator[str]:
 
 
 def merged_rocks(
-    tile: World, whole: World, gltf: Gltf, *, name: str, shapes: list[Mesh], materials: list[int]
+    tile: Tile, gltf: Gltf, *, shapes: list[Mesh], materials: list[int]
 ) -> list[dict[str, Any]]:
     """Add the meshes of one tile's rocks, one or a few per population; returns their nodes.
 
     Args:
         tile: The tile, whose field holds the rocks to be merged alone.
-        whole: The world that it is part of.
         gltf: The asset.
-        name: What the nodes' names begin with.
         shapes: The mesh that stands for each prototype.
         materials: Material of each population's merged rocks.
     """
     corner = tile_corner(tile)
     nodes = []
-    for population in np.unique(tile.field.population).tolist():
-        rocks = tile.field.select(tile.field.population == population)
-        parts = merge_in_parts(rocks, shapes, whole.ground)
+    for population, rocks in grouped(tile.field):
+        parts = merge_in_parts(rocks, shapes, tile.whole.ground)
         for number, (vertices, faces) in enumerate(parts):
-            full = f"{name}_{rocks.populations[population]}{f'_{number}' if number else ''}"
-            mesh = _add_merged(vertices - corner, faces, gltf, full, materials[population])
-            nodes.append({"name": full, "mesh": mesh, "translation": corner.tolist()})
+            part = f"_{number}" if number else ""
+            name = f"{tile.name('rocks')}_{rocks.populations[population]}{part}"
+            mesh = _add_merged(vertices - corner, faces, gltf, name, materials[population])
+            nodes.append({"name": name, "mesh": mesh, "translation": corner.tolist()})
     return nodes
 
 

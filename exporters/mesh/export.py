@@ -49,21 +49,15 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 
 
 def _parts(world: World, detail: list[int], options: Options) -> Iterator[Part]:
-    def part(name: str, of: World) -> Part:
-        return Part(
-            name=name,
-            world=of,
-            whole=world,
+    merged = options.tiles == "merged"
+    for tile in world.tiles(cells=max(world.ground.shape) if merged else options.tile_cells):
+        yield Part(
+            name="world" if merged else tile.name("tile"),
+            tile=tile,
             tile_cells=options.tile_cells,
             finest_min=options.finest_min_m,
             detail=tuple(detail),
         )
-
-    if options.tiles == "merged":
-        yield part("world", world)
-        return
-    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
-        yield part(f"tile_{number:03}", tile)
 
 
 def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:

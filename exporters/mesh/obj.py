@@ -9,32 +9,24 @@ from typing import BinaryIO
 
 import numpy as np
 
-from terrain_forge.base import image_rows, srgb_from_linear
-from terrain_forge.geometry import (
-    bake_ground,
-    finest_texture,
-    grid_normals,
-    grid_texture_coordinates,
-    grid_vertices,
-    mean_rock_colour,
-    rock_texture,
-)
+from terrain_forge.base import image_rows
+from terrain_forge.geometry import bake_tile, mean_rock_srgb, rock_texture, write_ground_obj
 from terrain_forge.model import World, rotations
 from terrain_forge.writers import (
     Floats,
     Indices,
     MattMaterial,
     index_corners,
+    rock_name,
     vertex_normals,
     write_mtl,
     write_obj_faces,
-    write_obj_grid_faces,
     write_obj_rows,
     write_png,
 )
 
 from .options import Options
-from .part import Part, node_bands
+from .part import Part
 
 MATERIALS = "world.mtl"
 
@@ -57,9 +49,11 @@ def write_obj_part(part: Part, directory: Path, *, options: Options) -> MattMate
         with (directory / f"{part.name}.obj").open("wb") as file:
             file.write(f"# terrain-forge: metres, z up\nmtllib {MATERIALS}\n".encode())
             body = _Body(file)
-            _write_ground(body, part, ground)
+            body.begin(ground)
+            write_ground_obj(file, part.tile, material=ground)
+            body.end(part.tile.ground.elevation.size, part.tile.ground.elevation.size)
             if options.rocks == "objects":
-                _write_single_rocks(body, part.world)
+                _write_single_rocks(body, part.tile.world)
             elif options.rocks == "merged":
                 _write_merged_rocks(body, part)
         texture.result()
@@ -67,8 +61,7 @@ def write_obj_part(part: Part, directory: Path, *, options: Options) -> MattMate
 
 
 def _write_texture(part: Part, path: Path, options: Options) -> None:
-    finer = finest_texture(part.whole.ground, options.texture_pixels)
-    write_png(path, image_rows(bake_ground(part.world, finer=finer).rgb))
+    write_png(path, image_rows(bake_tile(part.tile, options.texture_pixels).rgb))
 
 
 def write_materials(
@@ -77,13 +70,12 @@ def write_materials(
     """Write world.mtl: the grounds' materials, and those of the rocks with their textures."""
     materials = list(grounds)
     for number in range(len(world.field.populations)):
+        name, image = f"rock_{number}", f"rock_{number}.png"
         if textured:
-            image = f"rock_{number}.png"
             write_png(directory / image, rock_texture(world, number))
-            materials.append(MattMaterial(name=f"rock_{number}", texture=image))
+            materials.append(MattMaterial(name=name, texture=image))
         else:
-            rgb = srgb_from_linear(mean_rock_colour(world, number))
-            materials.append(MattMaterial(name=f"rock_{number}", rgb=rgb.tolist()))
+            materials.append(MattMaterial(name=name, rgb=mean_rock_srgb(world, number)))
     write_mtl(directory / MATERIALS, materials)
 
 
@@ -112,34 +104,14 @@ class _Body:
         textures = None if texture_faces is None else texture_faces + np.int32(self._coordinates)
         write_obj_faces(self._file, faces + np.int32(self._vertices), texture_faces=textures)
 
-    def add_grid_faces(self, rows: int, columns: int) -> None:
-        """Add the faces of the ground, which is the first object of the file."""
-        write_obj_grid_faces(self._file, rows, columns)
-
     def end(self, vertices: int, coordinates: int = 0) -> None:
         """From here on indices count beyond so many vertices and texture coordinates more."""
         self._vertices += vertices
         self._coordinates += coordinates
 
 
-def _write_ground(body: _Body, part: Part, name: str) -> None:
-    ground, (rows, columns) = part.ground, part.ground.shape
-    body.begin(name)
-    for _, band in node_bands(ground):
-        body.add(b"v", grid_vertices(band))
-    for _, band in node_bands(ground):
-        body.add(b"vn", grid_normals(band, part.whole.ground))
-    for span, band in node_bands(ground):
-        coordinates = grid_texture_coordinates(*band.shape)
-        coordinates[:, 1] = (span.start + coordinates[:, 1] * band.shape[0]) / rows
-        body.add(b"vt", coordinates)
-    body.use(name)
-    body.add_grid_faces(rows, columns)
-    body.end(rows * columns, rows * columns)
-
-
 def _write_merged_rocks(body: _Body, part: Part) -> None:
-    if len(part.world.field):
+    if len(part.tile.field):
         body.begin("rocks")
     for population, vertices, faces in part.merged_rocks():
         body.add(b"v", vertices)
@@ -159,7 +131,7 @@ def _write_single_rocks(body: _Body, world: World) -> None:
     for row, prototype in enumerate(field.prototype.tolist()):
         mesh = meshes[prototype]
         rows, corners = coordinates(prototype)
-        body.begin(f"rock_{field.id[row]}")
+        body.begin(rock_name(field.id[row]))
         body.add(b"v", field.scale[row] * mesh.vertices @ turns[row].T + field.position[row])
         body.add(b"vn", normals(prototype) @ turns[row].T)
         body.add(b"vt", rows)

@@ -10,11 +10,10 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import srgb_from_linear
-from terrain_forge.geometry import grid_faces, grid_vertices, mean_rock_colour
+from terrain_forge.geometry import cell_bands, grid_faces, grid_vertices, mean_rock_srgb, node_bands
 from terrain_forge.writers import Floats, Indices
 
-from .part import Part, cell_bands, node_bands
+from .part import Part
 
 _VERTEX = np.dtype([("position", "<f4", 3), ("rgb", "u1", 3)])
 _FACE = np.dtype([("corners", "u1"), ("index", "<i4", 3)])
@@ -43,7 +42,7 @@ def write_ply_part(part: Part, path: Path, *, rocks: bool) -> None:
         file.write(_header(0, 0))
         vertex_count, face_count = _write_ground(part, file, faces)
         for population, vertices, corners in part.merged_rocks() if rocks else ():
-            rgb = np.rint(255 * srgb_from_linear(mean_rock_colour(part.whole, population)))
+            rgb = np.rint(255 * np.array(mean_rock_srgb(part.tile.whole, population)))
             _write_vertices(file, vertices, rgb)
             _write_faces(faces, corners + np.int32(vertex_count))
             vertex_count += len(vertices)
@@ -56,11 +55,11 @@ def write_ply_part(part: Part, path: Path, *, rocks: bool) -> None:
 
 def _write_ground(part: Part, file: BinaryIO, faces: BinaryIO) -> tuple[int, int]:
     """Write the ground; returns how many vertices and faces it has."""
-    rows, columns = part.ground.shape
-    for span, band in node_bands(part.ground):
-        rgb = part.world.appearance.ground_rgb[span].reshape(-1, 3)
+    ground, (rows, columns) = part.tile.ground, part.tile.ground.shape
+    for span, band in node_bands(ground):
+        rgb = part.tile.world.appearance.ground_rgb[span].reshape(-1, 3)
         _write_vertices(file, grid_vertices(band), rgb)
-    for span, band in cell_bands(part.ground):
+    for span, band in cell_bands(ground):
         _write_faces(faces, grid_faces(*band.shape) + np.int32(span.start * columns))
     return rows * columns, 2 * (rows - 1) * (columns - 1)
 

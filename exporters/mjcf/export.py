@@ -7,21 +7,26 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.geometry import finest_texture, write_rover_meshes
-from terrain_forge.model import ExportReport, Friction, World, world_friction
+from terrain_forge.geometry import write_rover_meshes
+from terrain_forge.model import ExportReport, Friction, Tile, World, world_friction
 from terrain_forge.writers import file_name
 
 from .blocks import split_ground, wide_rocks
 from .capacity import require_counts
-from .contact import SOLIMP, SOLREF, SURFACE_PRIORITY, sliding
-from .dynamic import dynamic_rocks
 from .ground import GroundPart, ground_block, ground_part
 from .losses import list_losses
-from .materials import rock_classes, rock_materials, texture_files
-from .meshes import write_hulls, write_shapes
+from .materials import (
+    SOLIMP,
+    SOLREF,
+    SURFACE_PRIORITY,
+    rock_classes,
+    rock_materials,
+    sliding,
+    texture_files,
+)
 from .options import Options
 from .replay import path_sites, path_table, replay_body
-from .rocks import fixed_rocks, has_own_shape, mesh_assets
+from .rocks import dynamic_rocks, fixed_rocks, has_own_shape, mesh_assets, write_hulls, write_shapes
 from .rover import (
     rover_actuators,
     rover_assets,
@@ -75,15 +80,14 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     return ExportReport(files=written, losses=list_losses(world, options))
 
 
-def _grounds(world: World, tiles: list[World], options: Options) -> list[GroundPart]:
+def _grounds(world: World, tiles: list[Tile], options: Options) -> list[GroundPart]:
     """The ground's tiles, and the blocks that are touched in their place where they must be."""
     wide = wide_rocks(world.field, world.ground.spacing)
     split = options.split_ground and len(wide) > 0
     kind = "ground_seen" if split else "ground"
     names = [f"ground_{n}" if n else "ground" for n in range(len(tiles))]
-    finer = finest_texture(world.ground, options.texture_pixels)
     parts = [
-        ground_part(tile, name, kind=kind, finer=finer)
+        ground_part(tile, name, kind=kind, largest=options.texture_pixels)
         for tile, name in zip(tiles, names, strict=True)
     ]
     if split:
@@ -92,9 +96,7 @@ def _grounds(world: World, tiles: list[World], options: Options) -> list[GroundP
     return parts
 
 
-def _world_xml(
-    world: World, tiles: list[World], grounds: list[GroundPart], options: Options
-) -> str:
+def _world_xml(world: World, tiles: list[Tile], grounds: list[GroundPart], options: Options) -> str:
     fields = [tile.field for tile in tiles]
     textured = bool(has_own_shape(world.field, options).any())
     assets = [asset for part in grounds for asset in part.assets]
@@ -135,16 +137,9 @@ def _settings(world: World, options: Options, *, shown: float) -> list[str]:
     """
     flags = [element("flag", sleep="enable")] if options.sleep else []
     option = element(
-        "option",
-        flags,
-        timestep=options.timestep_s,
-        gravity=(0.0, 0.0, -world.site.body.gravity),
-        integrator="implicitfast",
-        cone="elliptic",
-        impratio=10,
-        solver="Newton",
-        jacobian="sparse",
-    )
+        "option", flags, timestep=options.timestep_s, gravity=(0.0, 0.0, -world.site.body.gravity),
+        integrator="implicitfast", cone="elliptic", impratio=10, solver="Newton", jacobian="sparse",
+    )  # fmt: skip
     visual = [
         element("headlight", ambient=(0.25,) * 3, diffuse=(0.1,) * 3, specular=(0.0,) * 3),
         element("quality", shadowsize=4096),
@@ -177,16 +172,9 @@ def _static(grip: Friction) -> list[str]:
 def _sun(world: World) -> str:
     towards = world.lighting.towards_sun
     return element(
-        "light",
-        name="sun",
-        directional="true",
-        dir=-towards,
-        pos=towards * _extent(world),
-        diffuse=(0.85,) * 3,
-        ambient=(0.1,) * 3,
-        specular=(0.1,) * 3,
-        castshadow="true",
-    )
+        "light", name="sun", directional="true", dir=-towards, pos=towards * _extent(world),
+        diffuse=(0.85,) * 3, ambient=(0.1,) * 3, specular=(0.1,) * 3, castshadow="true",
+    )  # fmt: skip
 
 
 def _sky(world: World) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import bake_ground, finest_texture
-from terrain_forge.model import Heightfield, World
+from terrain_forge.model import Heightfield, Tile
 from terrain_forge.writers import encode_png
 
 from .blocks import Block
@@ -34,7 +34,7 @@ class GroundPart:
     """Contents of the files that it needs, by their path relative to the export's directory."""
 
 
-def ground_part(tile: World, name: str, *, kind: str, finer: int) -> GroundPart:
+def ground_part(tile: Tile, name: str, *, kind: str, largest: int) -> GroundPart:
     """The height field, texture and geom of a tile.
 
     MuJoCo spans a height field from edge to edge of its texture, which reaches half a cell beyond
@@ -44,7 +44,7 @@ def ground_part(tile: World, name: str, *, kind: str, finer: int) -> GroundPart:
         tile: The tile.
         name: Name of its elements and files.
         kind: The geom's default class.
-        finer: Pixels per node each way, as far as textures go.
+        largest: Pixels of the whole ground's picture along its longer side.
     """
     picture = f"assets/{name}.png"
     asset, place, files = _height_field(tile.ground, name, in_text=False)
@@ -57,7 +57,7 @@ def ground_part(tile: World, name: str, *, kind: str, finer: int) -> GroundPart:
     return GroundPart(
         assets=(texture, material, asset),
         geom=element("geom", name=name, class_=kind, hfield=name, material=name, pos=place),
-        files=files | {picture: _picture(tile, finer)},
+        files=files | {picture: _picture(tile, largest)},
     )
 
 
@@ -96,9 +96,10 @@ def _height_field(
     return asset, ((west + east) / 2, (south + north) / 2, lowest), files
 
 
-def _picture(tile: World, finer: int) -> bytes:
+def _picture(tile: Tile, largest: int) -> bytes:
     """The ground's colours; of a field with more nodes than a texture has pixels, every second."""
-    finer = min(finer, finest_texture(tile.ground, _LARGEST_TEXTURE))
-    colours = bake_ground(tile, finer=finer).rgb
+    grounds = ((tile.whole.ground, largest), (tile.ground, _LARGEST_TEXTURE))
+    finer = min(finest_texture(ground, pixels) for ground, pixels in grounds)
+    colours = bake_ground(tile.world, finer=finer).rgb
     step = -(-max(colours.shape[:2]) // _LARGEST_TEXTURE)
     return encode_png(image_rows(colours[::step, ::step]))

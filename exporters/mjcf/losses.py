@@ -7,9 +7,8 @@ from terrain_forge.model import World
 
 from .blocks import CELLS, wide_rocks
 from .capacity import BYTES_PER_MESH, SECONDS_PER_MESH, count_geoms
-from .meshes import drawn_level
 from .options import Options
-from .rocks import SCALE_ERROR, has_own_shape
+from .rocks import SCALE_ERROR, drawn_level, has_own_shape
 
 _WHEEL_CELLS = 10
 """A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""

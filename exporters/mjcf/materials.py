@@ -1,32 +1,47 @@
-"""What rocks look like and how they touch: textures, materials, default classes."""
+"""What rocks look like and how things touch: textures, materials, default classes, contacts.
+
+MuJoCo takes all parameters of a contact from the geom of the higher priority. The surface has it,
+so that each surface has its own friction, whatever rolls on it; a dynamic rock goes before both,
+since it stays in place only with the parameters that it was settled with. The softness comes from
+the convergence test (docs/driving.md).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import srgb_from_linear
-from terrain_forge.geometry import mean_rock_colour, rock_texture
+from terrain_forge.geometry import mean_rock_srgb, rock_texture
 from terrain_forge.model import World
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import encode_png
 
-from .contact import DYNAMIC_PRIORITY, sliding
 from .xml import element
 
+SURFACE_PRIORITY, _DYNAMIC_PRIORITY = 2, 3
+"""Priorities of contacts: above those that a rover's wheels may have."""
+SOLREF = (0.04, 1.0)
+"""Time constant [s] and damping ratio of a contact with what is fixed."""
+SOLIMP = (0.9, 0.95, 0.001)
+"""Impedance at first touch and at depth, and that depth [m]."""
 _MATT = {"specular": 0.0, "shininess": 0.0}
 _UNTOUCHABLE = {"contype": 0, "conaffinity": 0}
 _ROCK_GROUP, _PICTURE_GROUP, _HIDDEN_GROUP = 1, 2, 3
 """Groups of geoms: seen and touched, seen alone, touched alone (viewers hide groups above 2)."""
 
 
+def sliding(coefficient: float) -> tuple[float, float, float]:
+    """Sliding, torsional and rolling friction as MuJoCo lists them; contacts use the first."""
+    return coefficient, 0.005, 0.0001
+
+
 def rock_materials(world: World, *, textured: bool) -> list[str]:
     """A material per population in the mean of its colours, and one that shows its texture."""
     looks = []
     for n in range(len(world.field.populations)):
-        rgb = srgb_from_linear(mean_rock_colour(world, n))
-        looks.append(element("material", [], name=f"rock_{n}", rgba=(*rgb, 1.0), **_MATT))
+        rgba = (*mean_rock_srgb(world, n), 1.0)
+        looks.append(element("material", [], name=f"rock_{n}", rgba=rgba, **_MATT))
         if textured:
-            image = {"type": "2d", "file": texture_file(n)}
+            image = {"type": "2d", "file": _texture_file(n)}
             looks.append(element("texture", name=f"shape_{n}", **image))
             looks.append(element("material", [], name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
     return looks
@@ -35,10 +50,10 @@ def rock_materials(world: World, *, textured: bool) -> list[str]:
 def texture_files(world: World) -> dict[str, bytes]:
     """The populations' textures by the names of their files."""
     populations = range(len(world.field.populations))
-    return {texture_file(n): encode_png(rock_texture(world, n)) for n in populations}
+    return {_texture_file(n): encode_png(rock_texture(world, n)) for n in populations}
 
 
-def texture_file(population: int) -> str:
+def _texture_file(population: int) -> str:
     """File of a population's texture."""
     return f"assets/rock_{population}.png"
 
@@ -68,7 +83,7 @@ def _dynamic_class() -> str:
         group=_HIDDEN_GROUP,
         contype=1,
         conaffinity=1,
-        priority=DYNAMIC_PRIORITY,
+        priority=_DYNAMIC_PRIORITY,
         condim=contact.condim,
         solref=np.array(contact.solref),
     )

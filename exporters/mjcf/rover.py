@@ -34,12 +34,7 @@ def rover_classes(friction: float) -> list[str]:
     grip = (friction, 0.005, 0.0001)
     unseen = element("default", [element("geom", contype=0, conaffinity=0)], class_="visual")
     wheel = element(
-        "geom",
-        priority=1,
-        condim=3,
-        friction=grip,
-        solref=(0.04, 1.0),
-        solimp=(0.9, 0.95, 0.001),
+        "geom", priority=1, condim=3, friction=grip, solref=(0.04, 1.0), solimp=(0.9, 0.95, 0.001)
     )
     contact = element("geom", group=2, contype=1, conaffinity=0, friction=grip)
     rover = [contact, unseen, element("default", [wheel], class_="wheel")]
@@ -169,12 +164,7 @@ def _joint(link: Link, rover: Rover) -> list[str]:
     if link.friction:
         own["frictionloss"] = (link.friction,)
     hinge = element(
-        "joint",
-        name=link.name,
-        type="hinge",
-        axis=link.axis,
-        damping=link.damping,
-        **own,
+        "joint", name=link.name, type="hinge", axis=link.axis, damping=link.damping, **own
     )
     return [hinge]
 

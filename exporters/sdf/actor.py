@@ -10,7 +10,7 @@ from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Rover, Shape, Trajectory
 from terrain_forge.paths import sample_times, spline_places
 
-from .markup import Lines, element, numbers
+from .markup import Lines, element, leaves, numbers
 from .model import Model, mesh
 
 
@@ -35,13 +35,8 @@ def replay_actor(
         for time, pose in zip(times.tolist(), map(_pose_text, poses.tolist()), strict=True)
     ]
     path = element("trajectory", stops, id="0", type="drive", tension="0")
-    script = element(
-        "script",
-        element("loop", "true" if trajectory.closed else "false"),
-        element("delay_start", "0"),
-        element("auto_start", "true"),
-        path,
-    )
+    loop = "true" if trajectory.closed else "false"
+    script = element("script", *leaves(loop=loop, delay_start=0, auto_start="true"), path)
     link = element("link", *_visuals(rover, model), *sensors, name="base_link")
     return element("actor", script, link, name=name)
 
@@ -98,8 +93,6 @@ def _visuals(rover: Rover, model: Model) -> list[Lines]:
 
 def _solid(shape: Shape) -> Lines:
     if shape.kind == "box":
-        return element("box", element("size", numbers(shape.size)))
-    radius = element("radius", numbers(shape.size[:1]))
-    if shape.kind == "sphere":
-        return element("sphere", radius)
-    return element("cylinder", radius, element("length", numbers(shape.size[1:])))
+        return element("box", *leaves(size=shape.size))
+    names = ("radius", "length")  # a sphere has no length
+    return element(shape.kind, *leaves(**dict(zip(names, shape.size, strict=False))))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 
 from terrain_forge.exporters.sdf import ground, rocks
@@ -10,10 +9,9 @@ from terrain_forge.exporters.sdf import ground, rocks
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import coarse_shape, write_rover_meshes
 from terrain_forge.model import ExportReport, Mesh, World, world_friction
-from terrain_forge.writers import file_name
+from terrain_forge.writers import file_name, rock_name
 
 from .actor import replay_actor
-from .dynamic import dynamic_rocks
 from .heightmap import Heightmap, make_heightmap, write_heightmap
 from .load import require_loadable
 from .losses import list_losses
@@ -44,10 +42,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     )
     coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]
     _write_models(world, *models, coarse=coarse, heightmap=heightmap, options=options)
-    dynamic_names = {f"rock_{rock}" for rock in world.field.id[world.field.dynamic].tolist()}
-    taken = dynamic_names | {model.name for model in models}
+    taken = {rock_name(rock) for rock in world.field.id[world.field.dynamic].tolist()}
+    taken |= {model.name for model in models}
     actors = _actors(world, options, rover_model=rover_model, taken=taken)
-    dynamic = dynamic_rocks(world, models[1])
+    dynamic = rocks.dynamic_rocks(world, models[1])
     sensing = bool(options.sensors and actors and world.rover.sensors)
     for file, movers, sees in (("world", dynamic, False), ("scene", dynamic + actors, sensing)):
         path = directory / f"{file}.sdf"
@@ -103,26 +101,16 @@ def _write_models(
     heightmap: Heightmap | None,
     options: Options,
 ) -> None:
-    block_of_shape = cache(ground.shape_block)
     names: list[str] = []
     parts: list[Lines] = []
     links: list[Lines] = []
     if heightmap:
         friction = world_friction(world.site.body.name, options).ground
         parts.append(write_heightmap(heightmap, world.ground, ground_model, friction=friction))
-    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
-        names.append(f"ground_{number:03}")
-        parts += ground.write_tile(
-            tile,
-            world,
-            ground_model,
-            name=names[-1],
-            options=options,
-            block_of_shape=block_of_shape,
-        )
-        links.append(
-            rocks.write_tile(tile, world, rock_model, number=number, coarse=coarse, options=options)
-        )
+    for tile in world.tiles(cells=options.tile_cells):
+        names.append(tile.name("ground"))
+        parts += ground.write_tile(tile, ground_model, options=options)
+        links.append(rocks.write_tile(tile, rock_model, coarse=coarse, options=options))
     title = f"{world.site.name}: ground"
     ground.write_model(ground_model, title=title, tiles=names, parts=parts)
     rocks.write_model(world, rock_model, links=links, options=options)

@@ -12,7 +12,7 @@ from terrain_forge.base import Array, ExportError, image_rows
 from terrain_forge.model import Heightfield
 from terrain_forge.writers import write_png
 
-from .markup import Lines, element, numbers
+from .markup import Lines, element, leaves, numbers
 from .model import Model, surface
 
 IMAGE = "materials/textures/heights.png"
@@ -114,15 +114,14 @@ def write_heightmap(
         )
     write_png(model.path(IMAGE), image_rows(heightmap.pixels))
     grown = 1.0 if classic else samples / (samples - 1)
-    shape = element(
-        "heightmap",
-        element("uri", model.uri(IMAGE)),
-        element("size", numbers([(east - west) * grown, (north - south) * grown, heightmap.span])),
-        element("pos", numbers([0, 0, heightmap.lowest if classic else 0])),
-        element("sampling", "1"),
+    shape = leaves(
+        uri=model.uri(IMAGE),
+        size=[(east - west) * grown, (north - south) * grown, heightmap.span],
+        pos=[0, 0, heightmap.lowest if classic else 0],
+        sampling=1,
     )
     pose = [] if classic else element("pose", numbers([*middle, heightmap.lowest, 0, 0, 0]))
-    body = element("geometry", shape)
+    body = element("geometry", element("heightmap", *shape))
     return element("collision", pose, body, surface(friction), name="ground_heightmap")
 
 

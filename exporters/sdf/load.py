@@ -20,7 +20,7 @@ MOST_MB = 8192.0
 """What loading may take [MB]."""
 WORTH_SAYING_MB = 1024.0
 """From what on loading is a loss to be told [MB]."""
-_ADVISED_MB = 512.0
+_ADVICE = "a larger individual_min_m merges more of them, or make fewer rocks dynamic"
 STEP = 0.002
 """Time step of the physics [s]."""
 SECONDS_PER_DYNAMIC = 1e-4
@@ -57,7 +57,7 @@ def require_loadable(world: World, options: Options) -> None:
     if megabytes > MOST_MB:
         raise ExportError(
             f"{_found(world, options)}: Gazebo's parser would take some {megabytes / 1024:.0f} GB "
-            f"to load them, at most {MOST_MB / 1024:.0f} GB are allowed; {_advice(world, options)}"
+            f"to load them, at most {MOST_MB / 1024:.0f} GB are allowed; {_ADVICE}"
         )
 
 
@@ -68,7 +68,7 @@ def loading_losses(world: World, options: Options) -> list[str]:
         return []
     return [
         f"{_found(world, options)}: Gazebo's parser takes some {megabytes / 1024:.1f} GB and "
-        f"{seconds:.0f} s to load them; {_advice(world, options)}"
+        f"{seconds:.0f} s to load them; {_ADVICE}"
     ]
 
 
@@ -102,15 +102,3 @@ def _found(world: World, options: Options) -> str:
     single = int(is_single(world.field, options).sum())
     dynamic = int(world.field.dynamic.sum())
     return f"{single} rocks are elements of their own, {dynamic} of them dynamic"
-
-
-def _advice(world: World, options: Options) -> str:
-    """The least `individual_min_m` that makes the static rocks light, or fewer dynamic rocks."""
-    fixed = world.field.select(~world.field.dynamic & is_single(world.field, options))
-    order = np.argsort(-fixed.diameter)
-    parts = _parts(world.replace(field=fixed))[order]
-    kept = int(np.searchsorted(np.cumsum(parts * PART_MB), _ADVISED_MB))
-    if kept < len(fixed):
-        least = np.ceil(fixed.diameter[order[kept]] * 1000.0 + 1.0) / 1000.0
-        return f"individual_min_m: {least:g} leaves {int((fixed.diameter >= least).sum())} of them"
-    return "make fewer rocks dynamic"

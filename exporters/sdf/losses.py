@@ -19,12 +19,7 @@ from .scenery import knows_surface
 
 
 def list_losses(
-    world: World,
-    *,
-    coarse: list[Mesh],
-    heightmap: Heightmap | None,
-    version: str,
-    options: Options,
+    world: World, *, coarse: list[Mesh], heightmap: Heightmap | None, version: str, options: Options
 ) -> tuple[str, ...]:
     """A sentence for each loss, with its size where there is one.
 

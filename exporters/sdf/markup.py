@@ -19,6 +19,16 @@ def element(tag: str, /, *content: str | Lines, **attributes: str) -> Lines:
     return [f"<{opening}>", *("  " + line for child in content for line in child), f"</{tag}>"]
 
 
+def leaves(**contents: str | float | Iterable[float]) -> list[Lines]:
+    """Elements of text or numbers, one for each keyword."""
+    lines = []
+    for tag, content in contents.items():
+        if not isinstance(content, str):
+            content = numbers([content] if isinstance(content, int | float) else content)
+        lines.append(element(tag, content))
+    return lines
+
+
 def _allowed(text: str) -> str:
     """The text without the control characters that XML cannot hold."""
     return text if text.isprintable() else "".join(filter(str.isprintable, text))

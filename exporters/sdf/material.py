@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from .markup import Lines, element, numbers
+from collections.abc import Sequence
+
+from .markup import Lines, element, leaves, numbers
 from .model import Model
 
-Colour = tuple[float, float, float]
+TEXTURES = "materials/textures"
+"""Where a model's images lie."""
 
 _SCRIPT = """material {name}
 {{
@@ -29,15 +32,9 @@ _SCRIPT = """material {name}
 """
 
 
-def plain(rgb: Colour) -> Lines:
+def plain(rgb: Sequence[float]) -> Lines:
     """A matt material of one colour (sRGB, 0 to 1)."""
-    colour = numbers([*rgb, 1])
-    return element(
-        "material",
-        element("ambient", colour),
-        element("diffuse", colour),
-        element("specular", "0 0 0 1"),
-    )
+    return _matt(numbers([*rgb, 1]))
 
 
 def textured(model: Model, image: str, *, normals: str | None = None) -> Lines:
@@ -49,31 +46,17 @@ def textured(model: Model, image: str, *, normals: str | None = None) -> Lines:
         normals: Name of its normal map, which Gazebo Classic does without.
     """
     if model.flavour == "classic":
-        name = f"{model.name}/{image.removesuffix('.png')}"
-        return element(
-            "material",
-            element(
-                "script",
-                element("uri", model.uri("materials/scripts")),
-                element("uri", model.uri("materials/textures")),
-                element("name", name),
-            ),
+        script = element(
+            "script",
+            element("uri", model.uri("materials/scripts")),
+            element("uri", model.uri(TEXTURES)),
+            element("name", _script_name(model, image)),
         )
-    metal = element(
-        "metal",
-        element("albedo_map", model.uri(f"materials/textures/{image}")),
-        *([element("normal_map", model.uri(f"materials/textures/{normals}"))] if normals else []),
-        element("roughness", "1"),
-        element("metalness", "0"),
-    )
-    white = "1 1 1 1"
-    return element(
-        "material",
-        element("ambient", white),
-        element("diffuse", white),
-        element("specular", "0 0 0 1"),
-        element("pbr", metal),
-    )
+        return element("material", script)
+    maps = {"albedo_map": image} | ({"normal_map": normals} if normals else {})
+    uris = {name: model.uri(f"{TEXTURES}/{file}") for name, file in maps.items()}
+    metal = element("metal", *leaves(**uris, roughness=1, metalness=0))
+    return _matt("1 1 1 1", element("pbr", metal))
 
 
 def write_scripts(model: Model, images: list[str], *, address: str) -> None:
@@ -84,10 +67,18 @@ def write_scripts(model: Model, images: list[str], *, address: str) -> None:
         images: Files of its textures.
         address: What lies beyond an image's edge: `wrap` for the image again, `clamp` for its rim.
     """
-    names = [f"{model.name}/{image.removesuffix('.png')}" for image in images]
     scripts = [
-        _SCRIPT.format(name=name, image=image, address=address)
-        for name, image in zip(names, images, strict=True)
+        _SCRIPT.format(name=_script_name(model, image), image=image, address=address)
+        for image in images
     ]
     path = model.path(f"materials/scripts/{model.name}.material")
     path.write_text("".join(scripts), encoding="utf-8", newline="\n")
+
+
+def _script_name(model: Model, image: str) -> str:
+    return f"{model.name}/{image.removesuffix('.png')}"
+
+
+def _matt(colour: str, *more: Lines) -> Lines:
+    looks = leaves(ambient=colour, diffuse=colour, specular="0 0 0 1")
+    return element("material", *looks, *more)

@@ -5,7 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from .markup import Lines, element, numbers, write_document
+import numpy as np
+
+from terrain_forge.base import Array
+
+from .markup import Lines, element, leaves, write_document
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +41,10 @@ class Model:
         write_document(self.path("model.sdf"), self.version, body)
         config = element(
             "model",
-            element("name", title),
-            element("version", "1.0"),
+            *leaves(name=title, version="1.0"),
             element("sdf", "model.sdf", version=self.version),
-            element("author", element("name", "terrain-forge")),
-            element("description", title),
+            element("author", *leaves(name="terrain-forge")),
+            *leaves(description=title),
         )
         text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *config]) + "\n"
         self.path("model.config").write_text(text, encoding="utf-8", newline="\n")
@@ -49,7 +52,14 @@ class Model:
 
 def mesh(uri: str) -> Lines:
     """The geometry of a mesh file."""
-    return element("geometry", element("mesh", element("uri", uri)))
+    return element("geometry", element("mesh", *leaves(uri=uri)))
+
+
+def inertial(mass: float, tensor: Array) -> Lines:
+    """A body's mass [kg] and its inertia about its centre of mass [kg m²]."""
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    moments = dict(zip(names, tensor[np.triu_indices(3)].tolist(), strict=True))
+    return element("inertial", *leaves(mass=mass), element("inertia", *leaves(**moments)))
 
 
 def surface(friction: float, *, patch_radius: float | None = None) -> Lines:
@@ -59,9 +69,8 @@ def surface(friction: float, *, patch_radius: float | None = None) -> Lines:
         friction: Coulomb friction.
         patch_radius: Radius of a contact [m], which then resists turning on the spot.
     """
-    mu = numbers([friction])
-    kinds = [element("ode", element("mu", mu), element("mu2", mu))]
+    kinds = [element("ode", *leaves(mu=friction, mu2=friction))]
     if patch_radius is not None:
-        radius = element("patch_radius", numbers([patch_radius]))
-        kinds.append(element("torsional", element("coefficient", mu), radius))
+        turning = leaves(coefficient=friction, patch_radius=patch_radius)
+        kinds.append(element("torsional", *turning))
     return element("surface", element("friction", *kinds))

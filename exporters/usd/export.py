@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pxr import Gf, Kind, Usd, UsdGeom, UsdLux, UsdPhysics
 
 from terrain_forge.geometry import (
     coarse_shape,
@@ -19,13 +20,15 @@ from terrain_forge.geometry import (
 )
 from terrain_forge.model import ExportReport, Mesh, World
 
-from .craters import fresh_craters
-from .ground import write_detail, write_ground
+from .ground import fresh_craters, write_detail, write_ground
+from .layer import ROOT, new_stage, save
 from .library import write_library
 from .options import Options
 from .replay import write_scene
 from .rocks import write_rocks, write_textures
-from .scenery import write_world
+
+_SKY_SHARE = 0.2
+"""Irradiance of the sky over the Sun's, an even compromise between a dusty day and a clear one."""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
@@ -39,16 +42,52 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     shapes = world.library.prototypes
     coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
-    craters, tiles = fresh_craters(world), []
-    for number, tile in enumerate(world.tiles(cells=options.tile_cells)):
-        ground, rocks = f"ground_{number:03}", f"rocks_{number:03}"
-        write_ground(tile, world, assets, name=ground, craters=craters, options=options)
-        write_rocks(tile, world, assets, name=rocks, coarse=coarse, levels=levels, options=options)
-        tiles.append((ground, rocks))
-    write_world(directory / "world.usda", world, tiles=tiles)
+    craters, parts = fresh_craters(world), {"Ground": list[str](), "Rocks": list[str]()}
+    for tile in world.tiles(cells=options.tile_cells):
+        write_ground(tile, assets, craters=craters, options=options)
+        write_rocks(tile, assets, coarse=coarse, levels=levels, options=options)
+        parts["Ground"].append(tile.name("ground"))
+        parts["Rocks"].append(tile.name("rocks"))
+    _write_world(directory / "world.usda", world, parts)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
     return ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+
+
+def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
+    """Write the stage without a rover: physics, Sun, sky and payloads, for a person to read."""
+    stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
+    _define_physics(stage, world)
+    _define_lights(stage, world)
+    for group, names in parts.items():
+        prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
+        Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
+        for name in names:
+            part = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}/{name}").GetPrim()
+            part.GetPayloads().AddPayload(f"./assets/{name}.usdc")
+    save(stage)
+
+
+def _define_physics(stage: Usd.Stage, world: World) -> None:
+    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
+    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
+
+
+def _define_lights(stage: Usd.Stage, world: World) -> None:
+    lighting = world.lighting
+    sun = UsdLux.DistantLight.Define(stage, f"/{ROOT}/Sun")
+    # A normalised distant light gives its intensity as irradiance, whatever its angle.
+    sun.CreateIntensityAttr(lighting.irradiance)
+    sun.CreateNormalizeAttr(True)
+    sun.CreateAngleAttr(float(np.degrees(world.site.body.sun_diameter)))
+    # It shines along its -z axis: its z axis points to the Sun.
+    towards = Gf.Vec3d(*lighting.towards_sun.tolist())
+    turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), towards).GetQuat()
+    UsdGeom.Xformable(sun).AddOrientOp().Set(Gf.Quatf(turn))
+    sky = UsdLux.DomeLight.Define(stage, f"/{ROOT}/Sky")
+    sky.CreateColorAttr(Gf.Vec3f(*lighting.sky_rgb))
+    sky.CreateIntensityAttr(_SKY_SHARE * lighting.irradiance / np.pi)
 
 
 def _losses(

@@ -1,32 +1,36 @@
-"""The ground: per tile one mesh that is seen and collided with alike, and its texture."""
+"""The ground: per tile one mesh that is seen and collided with alike, its texture, its craters."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf, UsdGeom, UsdPhysics, Vt
+from numpy.typing import NDArray
+from pxr import UsdGeom, UsdPhysics, Vt
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
-    bake_ground,
+    bake_tile,
     detail_placement,
-    finest_texture,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.model import GroundDetail, World, world_friction
+from terrain_forge.model import GroundDetail, Heightfield, Tile, World, world_friction
 from terrain_forge.terrain import Craters
+from terrain_forge.truth import craters_of
 from terrain_forge.writers import write_png
 
-from .craters import label_craters
-from .layer import define_mesh, label, make_collider, new_stage, save
+from .layer import define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
 
 _DETAIL = "ground_detail.png"
+_LEAST_DEPTH = 0.1
+"""A crater that has less of its fresh depth left than this part is ground like any other."""
+_CENTRES = np.array([(2 / 3, 1 / 3), (1 / 3, 2 / 3)])
+"""Centres of a cell's two triangles, in the order of `ground_mesh.grid_faces` [cells]."""
 
 
 def write_detail(detail: GroundDetail, assets: Path) -> None:
@@ -34,42 +38,61 @@ def write_detail(detail: GroundDetail, assets: Path) -> None:
     write_png(assets / _DETAIL, image_rows(detail.normals))
 
 
-def write_ground(
-    tile: World,
-    whole: World,
-    assets: Path,
-    *,
-    name: str,
-    craters: list[Craters],
-    options: Options,
-) -> None:
-    """Write `assets`/NAME.usdc and its texture NAME.png for one tile of the world."""
+def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: Options) -> None:
+    """Write `assets`/ground_NNN.usdc and its texture ground_NNN.png for one tile of the world."""
+    name, ground = tile.name("ground"), tile.ground
     stage = new_stage(assets / f"{name}.usdc", name)
-    ground = tile.ground
-    faces = grid_faces(*ground.shape)
-    mesh = define_mesh(stage, f"/{name}/surface", grid_vertices(ground), faces)
-    normals = grid_normals(ground, whole.ground)
+    mesh = define_mesh(stage, f"/{name}/surface", grid_vertices(ground), grid_faces(*ground.shape))
+    normals = grid_normals(ground, tile.whole.ground)
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    _texture_coordinates(mesh, ground.shape)
+    define_st(mesh, grid_texture_coordinates(*ground.shape), UsdGeom.Tokens.vertex)
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
-    label_craters(mesh, ground, craters)
-    texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
-    write_png(assets / f"{name}.png", image_rows(texture.rgb))
+    _label_craters(mesh, ground, craters)
+    write_png(assets / f"{name}.png", image_rows(bake_tile(tile, options.texture_pixels).rgb))
     path = f"/{name}/Looks/regolith"
-    grip = world_friction(tile.site.body.name, options)
+    grip = world_friction(tile.whole.site.body.name, options)
     look = define_textured(stage, path, f"./{name}.png", grip.ground, wrap="clamp")
-    if detail := tile.appearance.detail:
+    if detail := tile.whole.appearance.detail:
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{_DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
     save(stage)
 
 
-def _texture_coordinates(mesh: UsdGeom.Mesh, shape: tuple[int, int]) -> None:
-    coordinates = grid_texture_coordinates(*shape).astype(np.float32)
-    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
-        "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+def fresh_craters(world: World) -> list[Craters]:
+    """The craters of each layer that still show in the world's ground."""
+    found = [craters for _, craters in craters_of(world)]
+    return [some.select(some.depth >= _LEAST_DEPTH * some.fresh_depth) for some in found]
+
+
+def _label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:
+    """Label the faces of a tile's ground within the rims of craters, where there are any."""
+    inside = _faces_inside(ground, layers)
+    if not inside.any():
+        return
+    faces = Vt.IntArray.FromNumpy(np.flatnonzero(inside).astype(np.int32))
+    subset = UsdGeom.Subset.CreateGeomSubset(
+        mesh, "craters", UsdGeom.Tokens.face, faces, "semantics", UsdGeom.Tokens.nonOverlapping
     )
-    primvar.Set(Vt.Vec2fArray.FromNumpy(coordinates))
+    label(subset.GetPrim(), "crater")
+
+
+def _faces_inside(ground: Heightfield, layers: list[Craters]) -> NDArray[np.bool_]:
+    """Which of the ground's faces have their centres within a crater's rim, shape [faces]."""
+    rows, columns = ground.shape
+    inside = np.zeros((rows - 1, columns - 1, 2), np.bool_)
+    for craters in layers:
+        centres = (craters.xy - ground.origin) / ground.spacing
+        radii = 0.5 * craters.diameter / ground.spacing
+        low = np.floor(centres - radii[:, None]).astype(np.int64).clip(0)
+        high = np.ceil(centres + radii[:, None]).astype(np.int64)
+        for (x, y), radius, (west, south), (east, north) in zip(
+            centres.tolist(), radii.tolist(), low.tolist(), high.tolist(), strict=True
+        ):
+            part = inside[south : max(north, 0), west : max(east, 0)]
+            u = west + np.arange(part.shape[1])[:, None] + _CENTRES[:, 0] - x
+            v = south + np.arange(part.shape[0])[:, None] + _CENTRES[:, 1] - y
+            part |= u**2 + v[:, None, :] ** 2 <= radius**2
+    return inside.reshape(-1)

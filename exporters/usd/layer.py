@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, Vt
 
 from terrain_forge.base import Array, ExportError
+
+ROOT = "World"
+"""The default prim of the world and the scene."""
 
 
 def new_stage(path: Path, root: str, *, kind: str = Kind.Tokens.component) -> Usd.Stage:
@@ -66,6 +70,14 @@ def define_mesh(
     return mesh
 
 
+def define_st(mesh: UsdGeom.Mesh, coordinates: Array, interpolation: str) -> None:
+    """Give a mesh texture coordinates, shape [n, 2], per vertex or per corner of a face."""
+    kind = Sdf.ValueTypeNames.TexCoord2fArray
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, interpolation)
+    values = np.ascontiguousarray(coordinates, dtype=np.float32)
+    primvar.Set(Vt.Vec2fArray.FromNumpy(values))
+
+
 def make_collider(mesh: UsdGeom.Mesh, approximation: str) -> None:
     """Let physics collide with a mesh: `none` takes the triangles, `convexHull` their hull."""
     UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
@@ -83,11 +95,39 @@ def gf_quaternion(quaternion: Array) -> Gf.Quatf:
     return Gf.Quatf(w, x, y, z)
 
 
-def asset(name: str) -> str:
-    """The path of one of the export's assets, as the files beside `assets/` write it."""
-    return f"./assets/{name}"
+def specify_place(
+    prim: Sdf.PrimSpec,
+    *,
+    position: Array | None = None,
+    quaternion: Array | None = None,
+    scale: float | None = None,
+) -> None:
+    """Give a prim a position [m], a rotation (w, x, y, z) and a size, as far as they are given."""
+    kinds, order = Sdf.ValueTypeNames, []
+    if position is not None:
+        order.append("xformOp:translate")
+        specify(prim, order[-1], kinds.Double3, Gf.Vec3d(*position.tolist()))
+    if quaternion is not None:
+        order.append("xformOp:orient")
+        specify(prim, order[-1], kinds.Quatf, gf_quaternion(quaternion))
+    if scale is not None:
+        order.append("xformOp:scale")
+        specify(prim, order[-1], kinds.Float3, Gf.Vec3f(scale))
+    names = Vt.TokenArray(order)
+    specify(prim, "xformOpOrder", kinds.TokenArray, names, Sdf.VariabilityUniform)
 
 
-def add_reference(spec: Sdf.PrimSpec, layer: str, prim: str) -> None:
-    """Make a prim spec reference a prim of another layer."""
-    spec.referenceList.prependedItems = [Sdf.Reference(layer, prim)]
+def specify(
+    prim: Sdf.PrimSpec,
+    name: str,
+    kind: Sdf.ValueTypeName,
+    value: Any,
+    variability: Sdf.Variability = Sdf.VariabilityVarying,
+) -> None:
+    """Give a prim an attribute with a value."""
+    Sdf.AttributeSpec(prim, name, kind, variability).default = value
+
+
+def apply_schemas(prim: Sdf.PrimSpec, *names: str) -> None:
+    """Apply API schemas to a prim."""
+    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=list(names)))

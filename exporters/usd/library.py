@@ -11,7 +11,7 @@ from terrain_forge.base import Array
 from terrain_forge.model import Mesh, RockLibrary
 from terrain_forge.writers import vertex_normals
 
-from .layer import add_reference, define_mesh, make_collider, new_stage, save
+from .layer import define_mesh, define_st, make_collider, new_stage, save
 
 FILE = "rock_library.usdc"
 LAYER = f"./{FILE}"
@@ -41,11 +41,7 @@ def _define_visual(stage: Usd.Stage, path: str, mesh: Mesh, uvs: Array) -> None:
     visual.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
     visual.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     # Per corner of a face, since the texture has seams.
-    coordinates = UsdGeom.PrimvarsAPI(visual).CreatePrimvar(
-        "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
-    )
-    corners = np.ascontiguousarray(uvs.reshape(-1, 2), dtype=np.float32)
-    coordinates.Set(Vt.Vec2fArray.FromNumpy(corners))
+    define_st(visual, uvs.reshape(-1, 2), UsdGeom.Tokens.faceVarying)
 
 
 def visual_path(prototype: int, level: int) -> str:
@@ -62,5 +58,5 @@ def specify_instance(parent: Sdf.PrimSpec, name: str, source: str) -> Sdf.PrimSp
     """The spec of a child prim that is an instance of a prim of the library."""
     child = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
     child.instanceable = True
-    add_reference(child, LAYER, source)
+    child.referenceList.prependedItems = [Sdf.Reference(LAYER, source)]
     return child

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
+_KINDS = Sdf.ValueTypeNames
+
 
 def define_textured(
     stage: Usd.Stage, path: str, image: str, friction: float, *, wrap: str
@@ -17,14 +19,19 @@ def define_textured(
         friction: Coulomb friction.
         wrap: What lies beyond the image's edge: `repeat` for the image again, `clamp` for its rim.
     """
-    material, shader = _define_matt(stage, path, friction)
+    material = define_friction(stage, path, friction)
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
+    shader.CreateInput("roughness", _KINDS.Float).Set(1.0)
+    shader.CreateInput("metallic", _KINDS.Float).Set(0.0)
+    output = shader.CreateOutput("surface", _KINDS.Token)
+    material.CreateSurfaceOutput().ConnectToSource(output)
     reader = _shader(stage, f"{path}/st", "UsdPrimvarReader_float2")
-    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    reader.CreateInput("varname", _KINDS.String).Set("st")
     texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
-    coordinates = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(coordinates)
-    colour = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(colour)
+    coordinates = reader.CreateOutput("result", _KINDS.Float2)
+    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(coordinates)
+    colour = texture.CreateOutput("rgb", _KINDS.Float3)
+    shader.CreateInput("diffuseColor", _KINDS.Color3f).ConnectToSource(colour)
     return material
 
 
@@ -46,24 +53,27 @@ def add_normal_map(
         offset: See `scale`.
     """
     place = _shader(stage, f"{path}/normals_st", "UsdTransform2d")
-    place.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*scale))
-    place.CreateInput("translation", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*offset))
+    place.CreateInput("scale", _KINDS.Float2).Set(Gf.Vec2f(*scale))
+    place.CreateInput("translation", _KINDS.Float2).Set(Gf.Vec2f(*offset))
     reader = UsdShade.Shader.Get(stage, f"{path}/st")
-    place.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.GetOutput("result"))
+    place.CreateInput("in", _KINDS.Float2).ConnectToSource(reader.GetOutput("result"))
     texture = _define_image(stage, f"{path}/normals", image, "raw", wrap="repeat")
     for name, value in (("scale", (2.0, 2.0, 2.0, 1.0)), ("bias", (-1.0, -1.0, -1.0, 0.0))):
-        texture.CreateInput(name, Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*value))
-    placed = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(placed)
-    normals = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+        texture.CreateInput(name, _KINDS.Float4).Set(Gf.Vec4f(*value))
+    placed = place.CreateOutput("result", _KINDS.Float2)
+    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(placed)
+    normals = texture.CreateOutput("rgb", _KINDS.Float3)
     surface = UsdShade.Shader.Get(stage, f"{path}/surface")
-    surface.CreateInput("normal", Sdf.ValueTypeNames.Normal3f).ConnectToSource(normals)
+    surface.CreateInput("normal", _KINDS.Normal3f).ConnectToSource(normals)
 
 
 def define_friction(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:
     """A material that is nothing but friction."""
     material = UsdShade.Material.Define(stage, path)
-    _make_physical(material, friction)
+    physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    physics.CreateStaticFrictionAttr(friction)
+    physics.CreateDynamicFrictionAttr(friction)
+    physics.CreateRestitutionAttr(0.0)
     return material
 
 
@@ -78,27 +88,14 @@ def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
 
 
-def _define_matt(
-    stage: Usd.Stage, path: str, friction: float
-) -> tuple[UsdShade.Material, UsdShade.Shader]:
-    material = UsdShade.Material.Define(stage, path)
-    _make_physical(material, friction)
-    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
-    shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
-    output = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    material.CreateSurfaceOutput().ConnectToSource(output)
-    return material, shader
-
-
 def _define_image(
     stage: Usd.Stage, path: str, image: str, colours: str, *, wrap: str
 ) -> UsdShade.Shader:
     texture = _shader(stage, path, "UsdUVTexture")
-    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(colours)
+    texture.CreateInput("file", _KINDS.Asset).Set(image)
+    texture.CreateInput("sourceColorSpace", _KINDS.Token).Set(colours)
     for side in ("wrapS", "wrapT"):
-        texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set(wrap)
+        texture.CreateInput(side, _KINDS.Token).Set(wrap)
     return texture
 
 
@@ -106,10 +103,3 @@ def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
     shader = UsdShade.Shader.Define(stage, path)
     shader.CreateIdAttr(kind)
     return shader
-
-
-def _make_physical(material: UsdShade.Material, friction: float) -> None:
-    physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
-    physics.CreateStaticFrictionAttr(friction)
-    physics.CreateDynamicFrictionAttr(friction)
-    physics.CreateRestitutionAttr(0.0)

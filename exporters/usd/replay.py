@@ -12,9 +12,8 @@ from terrain_forge.model import Link, Rover, Shape, Trajectory, World
 from terrain_forge.paths import sample_times, straight_places
 from terrain_forge.writers import identifier
 
-from .layer import define_mesh, gf_quaternion, label, new_layer, save, set_conventions
+from .layer import ROOT, define_mesh, gf_quaternion, label, new_layer, save, set_conventions
 from .rig import define_rig
-from .scenery import ROOT
 
 
 def write_scene(path: Path, world: World, *, base: str) -> None:

@@ -10,63 +10,74 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 from terrain_forge.exporters.usd import library
 
-from terrain_forge.base import xyzw
-from terrain_forge.geometry import merge_in_parts, rock_texture
-from terrain_forge.model import Mesh, RockField, World, world_friction
-from terrain_forge.writers import write_png
+from terrain_forge.base import Array, xyzw
+from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes, rock_texture
+from terrain_forge.model import Mesh, RockField, RockLibrary, Tile, World, world_friction
+from terrain_forge.rocks import dynamic_contact
+from terrain_forge.writers import rock_name, write_png
 
-from .dynamic import define_dynamic_groups, specify_dynamic
-from .layer import define_mesh, label, make_collider, new_stage
+from .layer import (
+    apply_schemas,
+    define_mesh,
+    gf_quaternion,
+    label,
+    make_collider,
+    new_stage,
+    specify,
+    specify_place,
+)
 from .library import specify_instance
-from .material import bind, define_textured
+from .material import bind, bind_friction, define_friction, define_textured
 from .options import Options
-from .specs import specify_place
 
 
 def write_rocks(
-    tile: World,
-    whole: World,
-    assets: Path,
-    *,
-    name: str,
-    coarse: list[Mesh],
-    levels: NDArray[np.int64],
-    options: Options,
+    tile: Tile, assets: Path, *, coarse: list[Mesh], levels: NDArray[np.int64], options: Options
 ) -> None:
-    """Write `assets`/NAME.usdc for one tile of the world.
+    """Write `assets`/rocks_NNN.usdc for one tile of the world.
 
     Args:
         tile: The tile; its own rocks are written.
-        whole: The world that it is part of.
         assets: The folder.
-        name: Name of the file and of its root prim.
         coarse: The mesh that stands for each prototype among the merged colliders.
         levels: Level of detail by which each prototype is drawn where rocks are small.
         options: The export's options.
     """
-    stage = new_stage(assets / f"{name}.usdc", name, kind=Kind.Tokens.component)
+    name, whole, field = tile.name("rocks"), tile.whole, tile.field
+    stage = new_stage(assets / f"{name}.usdc", name)
     grip = world_friction(whole.site.body.name, options)
-    looks = _define_materials(stage, name, tile.field, grip.rock)
-    fixed, dynamic = (
-        tile.field.select(tile.field.dynamic == is_dynamic) for is_dynamic in (False, True)
-    )
-    _define_visuals(stage, name, fixed, whole, looks, levels=levels, options=options)
+    looks = {
+        n: define_textured(
+            stage, f"/{name}/Looks/rock_{n}", f"./{_texture_file(n)}", grip.rock, wrap="repeat"
+        )
+        for n in np.unique(field.population).tolist()
+    }
+    fixed, dynamic = field.select(~field.dynamic), field.select(field.dynamic)
+    for population, rocks in grouped(fixed):
+        # The finest level of detail where the camera may come close enough to tell.
+        level = np.where(rocks.diameter >= options.collider_min_m, 0, levels[rocks.prototype])
+        path = f"/{name}/visual_{population}"
+        _define_instancer(stage, path, rocks, whole, level)
+        bind(stage.GetPrimAtPath(path), looks[population])
     colliders = UsdGeom.Xform.Define(stage, f"/{name}/colliders")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
     if looks:
         bind(colliders.GetPrim(), next(iter(looks.values())))  # all have the same friction
     solid = fixed.select(fixed.collides)
     large = solid.diameter >= options.collider_min_m
-    _define_merged(stage, f"/{name}/colliders/small", solid.select(~large), whole, coarse)
-    define_dynamic_groups(stage, f"/{name}", dynamic, looks)
+    parts = merge_in_parts(solid.select(~large), coarse, whole.ground)
+    for number, (vertices, faces) in enumerate(parts):
+        path = f"/{name}/colliders/small{f'_{number}' if number else ''}"
+        make_collider(define_mesh(stage, path, vertices, faces), UsdPhysics.Tokens.none)
+    _define_dynamic_groups(stage, f"/{name}", dynamic, looks)
     layer = stage.GetRootLayer()
     del stage
     # Composing each rock while it is written would take ten times as long.
     _specify_hulls(layer, f"/{name}/colliders", solid.select(large))
-    specify_dynamic(layer, f"/{name}", dynamic, whole.library)
+    _specify_dynamic(layer, f"/{name}", dynamic, whole.library)
     layer.Save()
 
 
@@ -78,41 +89,6 @@ def write_textures(world: World, assets: Path) -> None:
 
 def _texture_file(population: int) -> str:
     return f"rock_{population}.png"
-
-
-def _define_materials(
-    stage: Usd.Stage, name: str, field: RockField, friction: float
-) -> dict[int, UsdShade.Material]:
-    """The material of each population that occurs."""
-    return {
-        n: define_textured(
-            stage,
-            f"/{name}/Looks/rock_{n}",
-            f"./{_texture_file(n)}",
-            friction,
-            wrap="repeat",
-        )
-        for n in np.unique(field.population).tolist()
-    }
-
-
-def _define_visuals(
-    stage: Usd.Stage,
-    name: str,
-    fixed: RockField,
-    whole: World,
-    looks: dict[int, UsdShade.Material],
-    *,
-    levels: NDArray[np.int64],
-    options: Options,
-) -> None:
-    for population in np.unique(fixed.population).tolist():
-        rocks = fixed.select(fixed.population == population)
-        # The finest level of detail where the camera may come close enough to tell.
-        level = np.where(rocks.diameter >= options.collider_min_m, 0, levels[rocks.prototype])
-        path = f"/{name}/visual_{population}"
-        _define_instancer(stage, path, rocks, whole, level)
-        bind(stage.GetPrimAtPath(path), looks[population])
 
 
 def _define_instancer(
@@ -149,19 +125,62 @@ def _define_prototypes(stage: Usd.Stage, path: str, pairs: NDArray[np.int64]) ->
     return targets
 
 
-def _define_merged(
-    stage: Usd.Stage, path: str, rocks: RockField, whole: World, coarse: list[Mesh]
-) -> None:
-    for number, (vertices, faces) in enumerate(merge_in_parts(rocks, coarse, whole.ground)):
-        mesh = define_mesh(stage, f"{path}_{number}" if number else path, vertices, faces)
-        make_collider(mesh, UsdPhysics.Tokens.none)
-
-
 def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField) -> None:
     """An instanceable reference to the hulls of each rock."""
     parent = layer.GetPrimAtPath(path)
     columns = (rocks.id, rocks.prototype, rocks.position, rocks.quaternion, rocks.scale)
     with Sdf.ChangeBlock():
         for identity, prototype, position, quaternion, scale in zip(*columns, strict=True):
-            rock = specify_instance(parent, f"rock_{identity}", library.hull_path(prototype))
+            rock = specify_instance(parent, rock_name(identity), library.hull_path(prototype))
             specify_place(rock, position=position, quaternion=quaternion, scale=float(scale))
+
+
+def _define_dynamic_groups(
+    stage: Usd.Stage, root: str, rocks: RockField, looks: dict[int, UsdShade.Material]
+) -> None:
+    """A group `dynamic_<population>` for each population's dynamic rocks, with its materials."""
+    if not len(rocks):
+        return
+    sliding = dynamic_contact(float(rocks.diameter[0])).sliding  # the same for all sizes
+    friction = define_friction(stage, f"{root}/Looks/dynamic", sliding)
+    for population in np.unique(rocks.population).tolist():
+        group = UsdGeom.Xform.Define(stage, _group(root, population)).GetPrim()
+        label(group, "rock")
+        bind(group, looks[population])
+        bind_friction(group, friction)
+
+
+def _specify_dynamic(layer: Sdf.Layer, root: str, rocks: RockField, shapes: RockLibrary) -> None:
+    """A body `rock_<id>` for each dynamic rock, in the groups of `_define_dynamic_groups`.
+
+    The body itself is not scaled, so that its mass properties are in metres and kilograms.
+    """
+    if not len(rocks):
+        return
+    moments, axes = principal_axes(inertias(rocks, shapes))
+    with Sdf.ChangeBlock():
+        for row in range(len(rocks)):
+            parent = layer.GetPrimAtPath(_group(root, int(rocks.population[row])))
+            body = Sdf.PrimSpec(parent, rock_name(rocks.id[row]), Sdf.SpecifierDef, "Xform")
+            specify_place(body, position=rocks.position[row], quaternion=rocks.quaternion[row])
+            apply_schemas(body, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
+            _specify_mass(body, float(rocks.mass[row]), moments[row], axes[row])
+            scale, prototype = float(rocks.scale[row]), int(rocks.prototype[row])
+            visual = specify_instance(body, "visual", library.visual_path(prototype, 0))
+            specify_place(visual, scale=scale)
+            hulls = specify_instance(body, "hulls", library.hull_path(prototype))
+            specify_place(hulls, scale=scale)
+            token = Sdf.ValueTypeNames.Token
+            specify(hulls, "purpose", token, UsdGeom.Tokens.guide, Sdf.VariabilityUniform)
+
+
+def _specify_mass(body: Sdf.PrimSpec, mass: float, moments: Array, axes: Array) -> None:
+    specify(body, "physics:mass", Sdf.ValueTypeNames.Float, mass)
+    specify(body, "physics:centerOfMass", Sdf.ValueTypeNames.Point3f, Gf.Vec3f(0.0))
+    diagonal = Gf.Vec3f(*moments.tolist())
+    specify(body, "physics:diagonalInertia", Sdf.ValueTypeNames.Float3, diagonal)
+    specify(body, "physics:principalAxes", Sdf.ValueTypeNames.Quatf, gf_quaternion(axes))
+
+
+def _group(root: str, population: int) -> str:
+    return f"{root}/dynamic_{population}"

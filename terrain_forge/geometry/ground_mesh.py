@@ -5,11 +5,18 @@ Vertices are the nodes, row by row from the south-west; a cell is cut from there
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import BinaryIO
+
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import kernel
-from terrain_forge.model import Heightfield
+from terrain_forge.model import Heightfield, Tile
+from terrain_forge.writers import write_obj_grid_faces, write_obj_rows
+
+_BAND_NODES = 1 << 16
+"""Nodes that are turned into vertices at once: they then stay in the processor's cache."""
 
 
 def grid_vertices(ground: Heightfield) -> NDArray[np.float64]:
@@ -30,15 +37,53 @@ def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
     return np.stack(corners, axis=-1).reshape(-1, 3)
 
 
-def grid_texture_coordinates(rows: int, columns: int) -> NDArray[np.float64]:
-    """Where each node lies in an image with one pixel per node, shape [rows * columns, 2].
+def grid_texture_coordinates(
+    rows: int, columns: int, band: slice = slice(None)
+) -> NDArray[np.float64]:
+    """Where each node, or those of a band of rows, lies in an image with one pixel per node.
 
-    u runs east, v north, 0 to 1 over the image; a node sits in the middle of its pixel.
+    u runs east, v north, 0 to 1 over the image; a node sits in the middle of its pixel. Shape
+    [nodes, 2].
     """
-    coordinates = np.empty((rows, columns, 2))
+    north = ((np.arange(rows) + 0.5) / rows)[band]
+    coordinates = np.empty((len(north), columns, 2))
     coordinates[..., 0] = (np.arange(columns) + 0.5) / columns
-    coordinates[..., 1] = ((np.arange(rows) + 0.5) / rows)[:, None]
+    coordinates[..., 1] = north[:, None]
     return coordinates.reshape(-1, 2)
+
+
+def node_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:
+    """The rows of nodes in bands that share none of them, from the south."""
+    rows, columns = ground.shape
+    step = max(1, _BAND_NODES // columns)
+    for first in range(0, rows, step):
+        band = slice(first, min(first + step, rows))
+        origin = (ground.origin[0], ground.origin[1] + first * ground.spacing)
+        yield band, ground.replace(elevation=ground.elevation[band], origin=origin)
+
+
+def cell_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:
+    """The rows of cells in bands that share their border nodes, from the south."""
+    rows, columns = ground.shape
+    step = max(1, _BAND_NODES // columns)
+    for first in range(0, rows - 1, step):
+        last = min(first + step, rows - 1)
+        cut = ground.cut(column=0, row=first, columns=columns - 1, rows=last - first)
+        yield slice(first, last), cut
+
+
+def write_ground_obj(file: BinaryIO, tile: Tile, *, material: str = "") -> None:
+    """Write a tile's ground into an OBJ, as the first thing in it that has vertices."""
+    ground, (rows, columns) = tile.ground, tile.ground.shape
+    for _, band in node_bands(ground):
+        write_obj_rows(file, b"v", grid_vertices(band))
+    for _, band in node_bands(ground):
+        write_obj_rows(file, b"vn", grid_normals(band, tile.whole.ground))
+    for span, _ in node_bands(ground):
+        write_obj_rows(file, b"vt", grid_texture_coordinates(rows, columns, span))
+    if material:
+        file.write(f"usemtl {material}\n".encode())
+    write_obj_grid_faces(file, rows, columns)
 
 
 def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:

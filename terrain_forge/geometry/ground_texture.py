@@ -19,7 +19,7 @@ from terrain_forge.base import (
     srgb_from_linear,
     stage_key,
 )
-from terrain_forge.model import GroundDetail, Heightfield, World
+from terrain_forge.model import GroundDetail, Heightfield, Tile, World
 from terrain_forge.scene import CLAST_SHARE, ground_grain
 
 _STEPS = 4096
@@ -63,28 +63,9 @@ def detail_placement(
     return (columns * cells, rows * cells), (west, south)
 
 
-def detail_loss(detail: GroundDetail) -> str:
-    """What a format leaves out of the detail tile that takes its normals alone."""
-    return (
-        f"The ground's normal map repeats every {detail.size:g} m and knows nothing of the stones "
-        "in the colours; the brightness that belongs to it is left out."
-    )
-
-
-def texture_loss(ground: Heightfield, largest: int, *, normals: bool) -> str:
-    """What a picture of `largest` pixels a side leaves out of the ground's looks.
-
-    Args:
-        ground: The whole ground.
-        largest: Pixels of its longer side.
-        normals: Whether the format takes a normal map.
-    """
-    pixel = 1000.0 * ground.spacing / finest_texture(ground, largest)
-    bumps = "" if normals else ", without a normal map"
-    return (
-        f"The ground's texture has pixels of {pixel:.3g} mm{bumps}; nothing touches the soil and "
-        "stones in it."
-    )
+def bake_tile(tile: Tile, largest: int) -> GroundTexture:
+    """The tile's part of a picture of the whole ground of `largest` pixels a side."""
+    return bake_ground(tile.world, finer=finest_texture(tile.whole.ground, largest))
 
 
 def bake_ground(tile: World, *, finer: int) -> GroundTexture:

@@ -1,14 +1,19 @@
-"""Rocks as triangles: which level of detail will do, and many rocks merged into one mesh."""
+"""Rocks as triangles: levels of detail, textured shapes, and many rocks merged into one mesh."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere, inner, kernel
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, rotations
+from terrain_forge.base import Array, inner, kernel
+from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
+from terrain_forge.writers import index_corners, vertex_normals, write_obj
 
 # A face goes only where it is this fraction of the rock's diameter under the ground.
 _BURIED_MARGIN = 0.05
@@ -31,24 +36,6 @@ def outline_error(mesh: Mesh, reference: Mesh) -> float:
 def largest_outline_error(coarse: Sequence[Mesh], shapes: Sequence[RockPrototype]) -> float:
     """The largest `outline_error` of meshes that stand for rock shapes [mean axes]."""
     return max(outline_error(c, s.meshes[0]) for c, s in zip(coarse, shapes, strict=True))
-
-
-def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
-    """What an export loses by colliding rocks as their convex parts, as a sentence."""
-    excess = max((shape.hull_excess for shape in shapes), default=0.0)
-    distance = max((shape.hull_distance for shape in shapes), default=0.0)
-    if max(excess, distance) <= 0.0:
-        return ()
-    return (
-        f"Rocks collide as convex parts, up to {100 * max(excess, 0.0):.1f} % larger than the rock "
-        f"and off its surface by up to {100 * distance:.1f} % of its size.",
-    )
-
-
-def static_losses(field: RockField) -> tuple[str, ...]:
-    """What an export loses by fixing rocks to the ground, as a sentence."""
-    fixed = len(field) - int(field.dynamic.sum())
-    return (f"{fixed} rocks are fixed: they have no mass.",) if fixed else ()
 
 
 def coarse_shape(prototype: RockPrototype, tolerance: float) -> Mesh:
@@ -106,6 +93,56 @@ def merge_in_parts(
         vertices, faces = merge_rocks(field.select(rows), shapes, ground)
         if len(faces):
             yield vertices, faces
+
+
+def level_of_detail(prototype: RockPrototype, tolerance: float) -> int:
+    """The coarsest level whose outline is off by no more than `tolerance` [mean axes].
+
+    The finest level is the shape itself, so there always is one.
+    """
+    errors = prototype.outline_errors
+    return max(level for level, error in enumerate(errors) if level == 0 or error <= tolerance)
+
+
+def surface(prototype: RockPrototype, level: int = 0) -> TexturedMesh:
+    """A level of detail for formats that know one index per corner: cut open along seams.
+
+    Normals are those of the closed mesh, so that no seam shows in the shading.
+    """
+    mesh = prototype.meshes[level]
+    corners = mesh.faces.reshape(-1, 1).astype(np.float64)
+    rows = np.hstack([corners, prototype.uvs[level].reshape(-1, 2)])
+    distinct, index = np.unique(rows, axis=0, return_inverse=True)
+    vertex = distinct[:, 0].astype(np.int64)
+    return TexturedMesh(
+        vertices=mesh.vertices[vertex],
+        normals=vertex_normals(mesh.vertices, mesh.faces)[vertex],
+        texture_coordinates=distinct[:, 1:],
+        faces=index.reshape(-1, 3).astype(np.int32),
+    )
+
+
+def write_rock_shape(
+    path: Path, shape: RockPrototype, level: int = 0, *, material: tuple[str, str] | None = None
+) -> None:
+    """Write a level of detail of a rock's shape as OBJ, in the prototype's frame."""
+    mesh = shape.meshes[level]
+    coordinates, corners = index_corners(shape.uvs[level])
+    write_obj(
+        path,
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        texture_coordinates=coordinates,
+        texture_faces=corners,
+        material=material,
+    )
+
+
+def grouped(field: RockField, *keys: NDArray[Any]) -> Iterator[tuple[Any, ...]]:
+    """The rocks by population and further keys, a value per rock: `(population, *keys, rocks)`."""
+    table = np.stack([field.population, *keys], axis=-1)
+    for group in np.unique(table, axis=0).tolist():
+        yield *group, field.select((table == group).all(axis=1))
 
 
 def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic], NDArray[np.int64]]:

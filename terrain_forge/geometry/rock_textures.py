@@ -28,5 +28,11 @@ def mean_rock_colour(world: World, population: int) -> Array:
     return result
 
 
+def mean_rock_srgb(world: World, population: int) -> list[float]:
+    """`mean_rock_colour` as sRGB, 0 to 1."""
+    colour: list[float] = srgb_from_linear(mean_rock_colour(world, population)).tolist()
+    return colour
+
+
 def _linear(world: World, population: int) -> Array:
     return linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)

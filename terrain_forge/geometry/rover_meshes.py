@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from terrain_forge.model import Rover
-from terrain_forge.writers import vertex_normals, write_obj
+from terrain_forge.writers import write_obj
 
 
 def rover_mesh(link: int, shape: int) -> str:
@@ -22,10 +22,5 @@ def write_rover_meshes(rover: Rover, folder: Path) -> list[str]:
                 continue
             folder.mkdir(parents=True, exist_ok=True)
             names.append(rover_mesh(number, part))
-            write_obj(
-                folder / names[-1],
-                vertices=shape.mesh.vertices,
-                faces=shape.mesh.faces,
-                normals=vertex_normals(shape.mesh.vertices, shape.mesh.faces),
-            )
+            write_obj(folder / names[-1], vertices=shape.mesh.vertices, faces=shape.mesh.faces)
     return names

@@ -1,5 +1,8 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
+from .appearance import Appearance as Appearance
+from .appearance import GroundDetail as GroundDetail
+from .appearance import Lighting as Lighting
 from .bodies import BODIES as BODIES
 from .bodies import MARS as MARS
 from .bodies import MOON as MOON
@@ -17,8 +20,16 @@ from .exporting import exporter_names as exporter_names
 from .friction import Friction as Friction
 from .friction import surface_friction as surface_friction
 from .friction import world_friction as world_friction
+from .heightfield import Heightfield as Heightfield
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
+from .rocks import RockField as RockField
+from .rocks import RockLibrary as RockLibrary
+from .rocks import RockPrototype as RockPrototype
+from .rocks import merge as merge
+from .rocks import owned as owned
+from .rocks import rotations as rotations
+from .rocks import touches as touches
 from .route import Route as Route
 from .rover import Coupling as Coupling
 from .rover import Grousers as Grousers
@@ -36,15 +47,5 @@ from .site import Site as Site
 from .site import Table as Table
 from .site import Window as Window
 from .trajectory import Trajectory as Trajectory
-from .world import Appearance as Appearance
-from .world import GroundDetail as GroundDetail
-from .world import Heightfield as Heightfield
-from .world import Lighting as Lighting
-from .world import RockField as RockField
-from .world import RockLibrary as RockLibrary
-from .world import RockPrototype as RockPrototype
+from .world import Tile as Tile
 from .world import World as World
-from .world import merge as merge
-from .world import owned as owned
-from .world import rotations as rotations
-from .world import touches as touches

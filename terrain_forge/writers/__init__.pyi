@@ -7,7 +7,6 @@ from .glb import LARGEST_FILE as LARGEST_FILE
 from .glb import Gltf as Gltf
 from .image import encode_png as encode_png
 from .image import write_png as write_png
-from .lettering import figure_text as figure_text
 from .mesh import Floats as Floats
 from .mesh import Indices as Indices
 from .mesh import index_corners as index_corners
@@ -20,8 +19,11 @@ from .mesh import write_stl_faces as write_stl_faces
 from .mesh import write_stl_header as write_stl_header
 from .mtl import MattMaterial as MattMaterial
 from .mtl import write_mtl as write_mtl
+from .naming import ROCK as ROCK
+from .naming import figure_text as figure_text
 from .naming import file_name as file_name
 from .naming import identifier as identifier
+from .naming import rock_name as rock_name
 from .obj_grid import write_obj_grid_faces as write_obj_grid_faces
 from .table import Column as Column
 from .table import quoted as quoted

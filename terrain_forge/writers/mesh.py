@@ -32,7 +32,7 @@ def write_obj(
     *,
     vertices: Floats,
     faces: Indices,
-    normals: Floats,
+    normals: Floats | None = None,
     texture_coordinates: Floats | None = None,
     texture_faces: Indices | None = None,
     material: tuple[str, str] | None = None,
@@ -45,7 +45,7 @@ def write_obj(
         path: The file.
         vertices: Positions [m], shape [vertices, 3]; written to a micrometre.
         faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
-        normals: Unit normals, shape [vertices, 3].
+        normals: Unit normals, shape [vertices, 3]; by default `vertex_normals`.
         texture_coordinates: u to the right, v upwards, an image being 1 wide and high, shape
             [coordinates, 2].
         texture_faces: Indices of the faces' corners into them, shape [faces, 3]; by default they
@@ -56,7 +56,7 @@ def write_obj(
         if material:
             file.write("mtllib {}\nusemtl {}\n".format(*material).encode())
         write_obj_rows(file, b"v", vertices)
-        write_obj_rows(file, b"vn", normals)
+        write_obj_rows(file, b"vn", vertex_normals(vertices, faces) if normals is None else normals)
         if texture_coordinates is not None:
             write_obj_rows(file, b"vt", texture_coordinates)
             texture_faces = faces if texture_faces is None else texture_faces

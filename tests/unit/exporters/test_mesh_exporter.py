@@ -172,7 +172,7 @@ def test_ply_has_the_nodes_colours(small_world, tmp_path):
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])
 def test_bands_do_not_show(small_world, tmp_path, monkeypatch, form):
     whole = exported(small_world, tmp_path / "whole", format=form)
-    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.part"), "_BAND_NODES", 300)
+    monkeypatch.setattr(import_module("terrain_forge.geometry.ground_mesh"), "_BAND_NODES", 300)
     banded = exported(small_world, tmp_path / "banded", format=form)
     name = f"world.{form}"
     assert (banded / name).read_bytes() == (whole / name).read_bytes()

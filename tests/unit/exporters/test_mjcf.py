@@ -72,7 +72,7 @@ def test_rays_meet_the_triangulated_ground(world, exported):
 
 
 def test_a_window_away_from_the_centre_lies_where_it_should(world, tmp_path):
-    tile = list(world.tiles(cells=40))[-1]
+    tile = list(world.tiles(cells=40))[-1].world
     assert tile.ground.bounds[0] > 0
     assert largest_ground_error(tile, export(tile, tmp_path)) < 1e-5
 

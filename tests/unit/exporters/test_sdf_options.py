@@ -142,18 +142,17 @@ def many(world, count, *, dynamic=False):
     )
 
 
-def test_too_many_rocks_of_their_own_are_refused_with_a_size_that_works(small_world, tmp_path):
+def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_world, tmp_path):
     world = many(small_world, 45_000)
     with pytest.raises(
-        ExportError, match=r"45000 rocks are elements of their own.* 24 GB"
-    ) as caught:
+        ExportError,
+        match=r"45000 rocks are elements of their own.* 24 GB .*; a larger individual_min_m merges",
+    ):
         export(world, tmp_path, options=Options(individual_min_m=0))
     assert not list(tmp_path.iterdir())
-    least, left = re.search(r"individual_min_m: ([\d.]+) leaves (\d+)", str(caught.value)).groups()
-    report = export(world, tmp_path, options=Options(individual_min_m=float(least)))
-    assert f"{45_000 - int(left)} rocks below {float(least):g} m are merged" in " ".join(
-        report.losses
-    )
+    report = export(world, tmp_path, options=Options(individual_min_m=1.375))
+    left = int((world.field.diameter >= 1.375).sum())
+    assert f"{45_000 - left} rocks below 1.375 m are merged" in " ".join(report.losses)
     assert not any("Gazebo's parser" in loss for loss in report.losses)
 
 

@@ -110,7 +110,7 @@ def test_ties_go_to_the_lower_id_and_to_the_ground():
 def test_a_window_has_the_bits_of_the_whole():
     world = worlds.world(rocks=60)
     top, rock_id = rock_rasters(world)
-    tiles = list(world.tiles(cells=21))
+    tiles = [tile.world for tile in world.tiles(cells=21)]
     assert len(tiles) == 20
     for tile in tiles:
         rows = slice(tile.window.row, tile.window.row + tile.window.rows + 1)

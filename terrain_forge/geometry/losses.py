@@ -1,0 +1,50 @@
+"""What several formats do not say of a world, a sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from terrain_forge.geometry.ground_texture import finest_texture
+from terrain_forge.model import GroundDetail, Heightfield, RockField, RockPrototype
+
+
+def detail_loss(detail: GroundDetail) -> str:
+    """What a format leaves out of the detail tile that takes its normals alone."""
+    return (
+        f"The ground's normal map repeats every {detail.size:g} m and knows nothing of the stones "
+        "in the colours; the brightness that belongs to it is left out."
+    )
+
+
+def texture_loss(ground: Heightfield, largest: int, *, normals: bool) -> str:
+    """What a picture of `largest` pixels a side leaves out of the ground's looks.
+
+    Args:
+        ground: The whole ground.
+        largest: Pixels of its longer side.
+        normals: Whether the format takes a normal map.
+    """
+    pixel = 1000.0 * ground.spacing / finest_texture(ground, largest)
+    bumps = "" if normals else ", without a normal map"
+    return (
+        f"The ground's texture has pixels of {pixel:.3g} mm{bumps}; nothing touches the soil and "
+        "stones in it."
+    )
+
+
+def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
+    """What an export loses by colliding rocks as their convex parts, as a sentence."""
+    excess = max((shape.hull_excess for shape in shapes), default=0.0)
+    distance = max((shape.hull_distance for shape in shapes), default=0.0)
+    if max(excess, distance) <= 0.0:
+        return ()
+    return (
+        f"Rocks collide as convex parts, up to {100 * max(excess, 0.0):.1f} % larger than the rock "
+        f"and off its surface by up to {100 * distance:.1f} % of its size.",
+    )
+
+
+def static_losses(field: RockField) -> tuple[str, ...]:
+    """What an export loses by fixing rocks to the ground, as a sentence."""
+    fixed = len(field) - int(field.dynamic.sum())
+    return (f"{fixed} rocks are fixed: they have no mass.",) if fixed else ()

@@ -1,0 +1,65 @@
+"""What a world looks like: its colours, the ground close by, Sun and sky."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, Record, compass_to_direction
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundDetail(Record):
+    """A tile of the ground close by, which repeats both ways: soil down to millimetres."""
+
+    size: float
+    """Side of the tile on the ground [m]; tiles are counted from the site's origin."""
+    brightness: NDArray[np.uint8]
+    """Linear factor on the ground's colour, `MIDDLE` for 1, rows run north, shape [side, side]."""
+    normals: NDArray[np.uint8]
+    """Unit normals towards east, north and away from the ground, -1 to 1 as 0 to 255, rows run
+    north, shape [side, side, 3]."""
+
+    MIDDLE: ClassVar[int] = 128
+
+    def __post_init__(self) -> None:
+        self.freeze("brightness", np.uint8, ("side", "side"))
+        self.freeze("normals", np.uint8, (*self.brightness.shape, 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Appearance(Record):
+    """What the ground and the rocks look like."""
+
+    ground_rgb: NDArray[np.uint8]
+    """sRGB colour of each node of the ground, rows run north, shape [rows, columns, 3]."""
+    rock_rgb: NDArray[np.uint8]
+    """sRGB colour of each population's rocks, shape [populations, 3]."""
+    detail: GroundDetail | None = None
+    """What the ground looks like close by; None where nobody made it."""
+
+    def __post_init__(self) -> None:
+        self.freeze("ground_rgb", np.uint8, ("rows", "columns", 3))
+        self.freeze("rock_rgb", np.uint8, ("populations", 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lighting(Record):
+    """The Sun and the sky."""
+
+    sun_azimuth: float
+    """Where the Sun stands, clockwise from north [rad]."""
+    sun_elevation: float
+    """Height of the Sun above the horizon [rad]."""
+    irradiance: float
+    """Irradiance of a surface that faces the Sun [W/m²]."""
+    sky_rgb: tuple[float, float, float]
+    """Colour of the sky, linear 0 to 1."""
+
+    @property
+    def towards_sun(self) -> Array:
+        """Unit vector (east, north, up) from the ground to the Sun."""
+        return compass_to_direction(self.sun_azimuth, self.sun_elevation)

@@ -1,0 +1,182 @@
+"""The rocks of a world: their shapes, and where each lies."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, fields
+from functools import cached_property
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, Record, matrix_from_quaternion, to_plain
+from terrain_forge.model.heightfield import Bounds, Heightfield
+from terrain_forge.model.mesh import Mesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockPrototype(Record):
+    """One rock shape: origin at its centre of mass, z up as it rests, mean axis 1 m."""
+
+    family: str
+    """Which generator made it."""
+    meshes: tuple[Mesh, ...]
+    """Watertight visual meshes, finest first (levels of detail); the first one is the rock's
+    shape."""
+    hulls: tuple[Mesh, ...]
+    """Convex collision parts."""
+    volume: float
+    """Volume of the first mesh [m³]."""
+    inertia: Array
+    """Inertia tensor of the first mesh about its centre of mass for a density of 1 kg/m³, shape
+    [3, 3]."""
+    hull_excess: float
+    """Volume of the hulls' union over the volume of the mesh, minus 1."""
+    hull_distance: float
+    """Hausdorff distance between the surface of the hulls' union and that of the first mesh [mean
+    axes]."""
+    uvs: tuple[Array, ...]
+    """Texture coordinates of each mesh's face corners, in units of the library's tiling texture,
+    each of shape [faces, 3, 2]; a seam lies between faces that disagree at a shared corner."""
+    outline_errors: tuple[float, ...]
+    """For each mesh, how far its outline is off the first one's, seen from any side, at most [mean
+    axes]; 0 for the first."""
+    reach: float
+    """Over all tilts and burials that resting allows: the largest horizontal distance of any point
+    of the rock from its centre of mass, as a fraction of the exposed diameter."""
+    rise: float
+    """Over the same tilts and burials: the largest height of the rock above the ground's tangent
+    plane, as a fraction of the exposed diameter."""
+
+    def __post_init__(self) -> None:
+        self.freeze("inertia", np.float64, (3, 3))
+        if not len(self.meshes) == len(self.uvs) == len(self.outline_errors):
+            raise ValueError("RockPrototype: as many uvs and outline_errors as meshes")
+        for uv, mesh in zip(self.uvs, self.meshes, strict=True):
+            if uv.shape != (len(mesh.faces), 3, 2):
+                raise ValueError(f"RockPrototype.uvs: shape {uv.shape}, expected a pair per corner")
+            uv.setflags(write=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockLibrary(Record):
+    """The rock shapes that a world uses; many worlds can share one."""
+
+    prototypes: tuple[RockPrototype, ...]
+    """The shapes; rocks name them by index."""
+    seed: int
+    """The library's own seed."""
+    texture: NDArray[np.uint8]
+    """Brightness of a rock's surface, which tiles both ways and which a population's colour
+    multiplies, linear, 0 to 255, rows run up, shape [rows, columns]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("texture", np.uint8, ("rows", "columns"))
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of all that the library holds, its stated errors too, hexadecimal."""
+        arrays: dict[str, NDArray[Any]] = {}
+        plain = json.dumps(to_plain(self, arrays), sort_keys=True)
+        digest = sha256(plain.encode())
+        for array in arrays.values():
+            digest.update(array.tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RockField(Record):
+    """The rocks of a world, one row each, ordered by id."""
+
+    populations: tuple[str, ...]
+    """Names of the populations; rocks name them by index."""
+    id: NDArray[np.int32]
+    """Unique within the site and the same in every window of it, shape [rocks]."""
+    population: NDArray[np.int32]
+    """Index into `populations`, shape [rocks]."""
+    prototype: NDArray[np.int32]
+    """Index into the library, shape [rocks]."""
+    position: Array
+    """Centre of mass in the world frame [m], shape [rocks, 3]."""
+    quaternion: Array
+    """Rotation (w, x, y, z) from the prototype's axes to the world's, shape [rocks, 4]."""
+    scale: Array
+    """Size in units of the prototype, shape [rocks]."""
+    diameter: Array
+    """Exposed plan diameter [m], shape [rocks]."""
+    height: Array
+    """Top of the rock above the ground's tangent plane at its centre [m], shape [rocks]."""
+    buried_fraction: Array
+    """Part of the rock's extent across the tangent plane that lies below it, 0 to 1, shape
+    [rocks]."""
+    volume: Array
+    """Volume of the whole rock [m³], shape [rocks]."""
+    mass: Array
+    """Mass [kg], shape [rocks]."""
+    dynamic: NDArray[np.bool_]
+    """Which rocks lie on the ground as bodies that can be pushed; the others are fixed, shape
+    [rocks]."""
+    collides: NDArray[np.bool_]
+    """Which rocks can be touched; the others are visual-only, shape [rocks]."""
+
+    def __post_init__(self) -> None:
+        for name in ("id", "population", "prototype"):
+            self.freeze(name, np.int32, ("rocks",))
+        self.freeze("position", np.float64, ("rocks", 3))
+        self.freeze("quaternion", np.float64, ("rocks", 4))
+        for name in ("scale", "diameter", "height", "buried_fraction", "volume", "mass"):
+            self.freeze(name, np.float64, ("rocks",))
+        for name in ("dynamic", "collides"):
+            self.freeze(name, np.bool_, ("rocks",))
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> RockField:
+        """The rocks of a mask or of an index array."""
+        return self.replace(**{name: getattr(self, name)[rows] for name in ROCK_COLUMNS})
+
+
+ROCK_COLUMNS = tuple(field.name for field in fields(RockField) if field.name != "populations")
+"""Names of a rock field's arrays."""
+
+
+def merge(one: RockField, other: RockField) -> RockField:
+    """Both fields' rocks, ordered by id."""
+    order = np.argsort(np.concatenate([one.id, other.id]), kind="stable")
+    joined = {
+        name: np.concatenate([getattr(one, name), getattr(other, name)])[order]
+        for name in ROCK_COLUMNS
+    }
+    return one.replace(**joined)
+
+
+def owned(field: RockField, part: Heightfield, whole: Bounds) -> NDArray[np.bool_]:
+    """Which rocks belong to a part of the ground: those whose centre lies in it.
+
+    Borders count to the part on their east and north, the outer ones of the whole to the last part.
+    """
+    west, south, east, north = part.bounds
+    x, y = field.position[:, 0], field.position[:, 1]
+    inside_east = (x >= west) & ((x < east) | (east >= whole[2]))
+    result: NDArray[np.bool_] = inside_east & (y >= south) & ((y < north) | (north >= whole[3]))
+    return result
+
+
+def touches(field: RockField, part: Heightfield, library: RockLibrary) -> NDArray[np.bool_]:
+    """Which rocks may reach into a part of the ground: those whose circle of reach does."""
+    reaches = np.array([prototype.reach for prototype in library.prototypes])
+    reach = reaches[field.prototype] * field.diameter
+    west, south, east, north = part.bounds
+    x, y = field.position[:, 0], field.position[:, 1]
+    away_east = np.maximum(np.maximum(west - x, x - east), 0.0)
+    away_north = np.maximum(np.maximum(south - y, y - north), 0.0)
+    result: NDArray[np.bool_] = np.hypot(away_east, away_north) <= reach
+    return result
+
+
+def rotations(field: RockField) -> Array:
+    """Rotation matrices of the rocks, shape [rocks, 3, 3]."""
+    return matrix_from_quaternion(field.quaternion)
