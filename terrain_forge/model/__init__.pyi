@@ -1,22 +1,26 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
 from .bodies import BODIES as BODIES
-from .bodies import Body as Body
 from .bodies import MARS as MARS
 from .bodies import MOON as MOON
+from .bodies import Body as Body
 from .check import Check as Check
 from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
-from .exporting import ExportReport as ExportReport
 from .exporting import Exporter as Exporter
+from .exporting import ExportReport as ExportReport
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
 from .friction import Friction as Friction
 from .friction import surface_friction as surface_friction
 from .friction import world_friction as world_friction
+from .inputs import CustomMesh as CustomMesh
+from .inputs import Image as Image
+from .inputs import Orthoimage as Orthoimage
+from .inputs import Table as Table
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
 from .route import Route as Route
@@ -27,13 +31,9 @@ from .rover import Rover as Rover
 from .rover import Sensor as Sensor
 from .rover import Shape as Shape
 from .rover import Wheel as Wheel
-from .site import CustomMesh as CustomMesh
 from .site import ExclusionZone as ExclusionZone
-from .site import Image as Image
-from .site import Orthoimage as Orthoimage
 from .site import Roughness as Roughness
 from .site import Site as Site
-from .site import Table as Table
 from .site import Window as Window
 from .trajectory import Trajectory as Trajectory
 from .world import Appearance as Appearance

@@ -14,6 +14,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from terrain_forge.base import Key, OutputError, RecipeError, TerrainForgeError
+from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter, json_schema
 
 _UNION = ("tuple[", "dict[", "function-")
@@ -57,6 +58,7 @@ def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFil
     """
     path = Path(path)
     data, lines = _read(path)
+    _rename(data, path, lines)
     for change in changes:
         _apply(data, change)
     try:
@@ -134,20 +136,41 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
             _collect(path, value, (*key, index), lines, seen)
 
 
+def _rename(data: Any, path: Path, lines: dict[Key, int]) -> None:
+    """Give the data the names that keys have now, and the lines of the old names to them."""
+    try:
+        renamed = rename_keys(data)
+    except RecipeError as error:
+        raise RecipeError(_locate(path, lines, error.key, str(error))) from None
+    for old, new in renamed:
+        warn_renamed(f"{path}:{lines[old]}", old, new)
+        for key in [key for key in lines if key[: len(old)] == old]:
+            lines[*new, *key[len(new) :]] = lines.pop(key)
+
+
 def _apply(data: Any, change: str) -> None:
     """Put one `key=value` of the command line into the data."""
     name, equals, text = change.partition("=")
-    keys = name.strip().replace("[", ".").replace("]", "").split(".")
-    if not equals or not all(keys):
+    given = tuple(name.strip().replace("[", ".").replace("]", "").split("."))
+    if not equals or not all(given):
         raise RecipeError(f"--set {change}: must be key=value, such as terrain.spacing_m=0.25")
+    keys = current_key(data, given)
+    for n, (old, new) in enumerate(zip(given, keys, strict=True)):
+        if old != new:
+            warn_renamed("--set", given[: n + 1], keys[: n + 1])
     try:
         value = YAML(typ="safe", pure=True).load(text)
         target = data
         for key in keys[:-1]:
             target = target[int(key)] if isinstance(target, list) else target.setdefault(key, {})
         target[int(keys[-1]) if isinstance(target, list) else keys[-1]] = value
+        renamed = rename_keys(data)  # in a value that is a mapping
     except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
+    except RecipeError as error:
+        raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None
+    for old_key, new_key in renamed:
+        warn_renamed("--set", old_key, new_key)
 
 
 def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
@@ -155,7 +178,7 @@ def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
     while known and known not in lines:
         known = known[:-1]
     line = f":{lines[known]}" if known in lines else ""
-    name = "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in key).lstrip(".")
+    name = dotted(key)
     return f"{path}{line}: {name}: {message}" if name else f"{path}{line}: {message}"
 
 

@@ -26,7 +26,7 @@ def expected_cover(populations: tuple[PopulationSpec, ...], site: Site, window: 
     places = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
     for number, population in enumerate(populations):
         law = population.size_frequency
-        smallest, largest = population.diameter_range(site.size[0] * site.size[1])
+        smallest, largest = population.diameters
         share = float(law.cumulative_area(smallest) - law.cumulative_area(largest))
         if intensity.thins(number):
             sizes = np.full(len(places), smallest)

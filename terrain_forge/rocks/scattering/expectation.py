@@ -82,7 +82,7 @@ def expected(
     """
     east, north = site.axes(window)
     area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
-    _, largest = population.diameter_range(site.size[0] * site.size[1])
+    _, largest = population.diameters
     intensity = make_intensity((population,), site)
     intensity = with_slopes(intensity, site=site, area=area, ground=ground)
     if isinstance(population.arrangement, AroundCraters):

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import DataError, Key
+from terrain_forge.base import DataError, InputFile, Key
 from terrain_forge.model import Table
 
-NEEDED = ("x_m", "y_m", "diameter_m")
-"""Columns of every list: east and north of the centre and exposed plan diameter [m]."""
-OPTIONAL = ("yaw_deg", "buried_fraction", "prototype")
-"""Columns that a list may have: turn anticlockwise [degrees], buried part of the height, and index
-of the shape in the library."""
-MAX_LISTED = 2_000_000
-"""Rocks of one list."""
+ROCK_LIST = InputFile(
+    kind="table",
+    columns=("x_m", "y_m", "diameter_m"),
+    optional=("yaw_deg", "buried_fraction", "prototype"),
+)
+"""Every list has the place east and north of the centre and the exposed plan diameter [m]; it may
+have the turn anticlockwise [degrees], the buried part of the height, and the index of the shape in
+the library."""
 SMALLEST = 1e-3
 """Diameter of the smallest rock that a list may give [m]."""
 DEEPEST = 0.5

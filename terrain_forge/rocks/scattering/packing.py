@@ -88,7 +88,7 @@ def _steps(
     crowding: float,
 ) -> Array:
     """Diameter [m], number [1/m²], perimeter [m] and area [m²] of rocks, shape [4, steps]."""
-    smallest, largest = population.diameter_range(size[0] * size[1])
+    smallest, largest = population.diameters
     if largest <= smallest:
         return np.zeros((4, 0))
     ends, law = np.geomspace(smallest, largest, _STEPS + 1), population.size_frequency
