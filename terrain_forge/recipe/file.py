@@ -143,7 +143,7 @@ def _rename(data: Any, path: Path, lines: dict[Key, int]) -> None:
     except RecipeError as error:
         raise RecipeError(_locate(path, lines, error.key, str(error))) from None
     for old, new in renamed:
-        warn_renamed(f"{path}:{lines[old]}", old, new)
+        warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new)
         for key in [key for key in lines if key[: len(old)] == old]:
             lines[*new, *key[len(new) :]] = lines.pop(key)
 
@@ -151,8 +151,9 @@ def _rename(data: Any, path: Path, lines: dict[Key, int]) -> None:
 def _apply(data: Any, change: str) -> None:
     """Put one `key=value` of the command line into the data."""
     name, equals, text = change.partition("=")
-    given = tuple(name.strip().replace("[", ".").replace("]", "").split("."))
-    if not equals or not all(given):
+    words = name.strip().replace("[", ".").replace("]", "").split(".")
+    given = tuple(int(word) if word.isdecimal() else word for word in words)
+    if not equals or not all(words):
         raise RecipeError(f"--set {change}: must be key=value, such as terrain.spacing_m=0.25")
     keys = current_key(data, given)
     for n, (old, new) in enumerate(zip(given, keys, strict=True)):
@@ -162,8 +163,9 @@ def _apply(data: Any, change: str) -> None:
         value = YAML(typ="safe", pure=True).load(text)
         target = data
         for key in keys[:-1]:
-            target = target[int(key)] if isinstance(target, list) else target.setdefault(key, {})
-        target[int(keys[-1]) if isinstance(target, list) else keys[-1]] = value
+            is_list = isinstance(target, list)
+            target = target[int(key)] if is_list else target.setdefault(str(key), {})
+        target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
         renamed = rename_keys(data)  # in a value that is a mapping
     except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
@@ -207,13 +209,16 @@ def _meant(error: ValidationError) -> list[Any]:
 def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
     """The key in the file: pydantic's location without the names of union members."""
     key: list[str | int] = []
+    inside = False  # of a union's member, whose name is the mapping's `kind`
     for n, step in enumerate(loc):
         last = n == len(loc) - 1
         if str(step).startswith(_UNION) or step == "[key]":
             continue
-        if isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
+        if isinstance(data, dict) and not (last or inside) and data.get("kind") == step:
+            inside = True
+        elif isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
             key.append(step)
-            data = data.get(step)
+            data, inside = data.get(step), False
         elif isinstance(data, list) and isinstance(step, int):
             key.append(step)
             data = data[step] if step < len(data) else None

@@ -26,17 +26,10 @@ from terrain_forge.rocks import (
     Tabulated,
 )
 from terrain_forge.rovers import FileRover
-from terrain_forge.terrain import (
-    CraterLayer,
-    CraterTable,
-    DetailSpec,
-    DisplacementMap,
-    Layer,
-    Mask,
-    OrthoimageSpec,
-)
-
-POPULATIONS = ("rocks", "populations")
+from terrain_forge.terrain import CraterLayer, CraterTable, DisplacementMap, Layer
+from terrain_forge.terrain.detail import DetailSpec
+from terrain_forge.terrain.masks import Mask
+from terrain_forge.terrain.orthoimage import OrthoimageSpec
 
 
 def recipe(*, layers=(), rocks=None, **more):
@@ -76,6 +69,16 @@ class Foreign(Layer):
     pictures: tuple[Annotated[str, InputFile(kind="image")], ...] = ()
     parts: dict[str, Part]
     table: Annotated[str, InputFile(kind="table", columns=("a",), blanks=(("a", 7.0),))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seven(Layer):
+    file: Annotated[str, InputFile(kind="table", columns=("a", "b"), blanks=(("a", 7.0),))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Eight(Layer):
+    file: Annotated[str, InputFile(kind="table", columns=("a", "b"), blanks=(("a", 8.0),))]
 
 
 def test_any_spec_that_marks_a_field_has_its_file_read_hashed_and_named(tmp_path):
@@ -144,7 +147,7 @@ def test_all_our_keys_that_name_files_are_found():
 def test_one_file_at_many_keys(tmp_path):
     """In two populations, as image and as density, as table of craters and of rocks."""
     picture(tmp_path / "map.png")
-    (tmp_path / "list.csv").write_text("x_m,y_m,diameter_m\n1,2,0.8\n-4,0,0.5\n")
+    (tmp_path / "list.csv").write_text("x_m,y_m,diameter_m\n1,2,2.5\n-4,0,3\n")
     trimesh.creation.box((1.0, 0.8, 0.6)).export(tmp_path / "box.stl")
     here = str(tmp_path / "list.csv")
     rocks = RocksSpec(
@@ -196,21 +199,10 @@ def test_two_keys_that_read_empty_fields_otherwise(tmp_path):
     """One table cannot hold both."""
     (tmp_path / "a.csv").write_text("a,b\n1,1\n,2\n")
 
-    def marked(blank):
-        mark = InputFile(kind="table", columns=("a", "b"), blanks=(("a", blank),))
-
-        @dataclass(frozen=True, kw_only=True)
-        class Blanks(Layer):
-            file: str
-
-            __annotations__ = {"file": Annotated[str, mark]}  # noqa: RUF012
-
-        return Blanks(file="a.csv")
-
-    same = InputFiles(recipe(layers=(marked(7.0), marked(7.0))), tmp_path)
+    same = InputFiles(recipe(layers=(Seven(file="a.csv"), Seven(file="a.csv"))), tmp_path)
     assert same.tables()[0].column("a").tolist() == [1.0, 7.0]
     with pytest.raises(DataError, match="used elsewhere") as caught:
-        InputFiles(recipe(layers=(marked(7.0), marked(8.0))), tmp_path).tables()
+        InputFiles(recipe(layers=(Seven(file="a.csv"), Eight(file="a.csv"))), tmp_path).tables()
     assert caught.value.key == ("terrain", "layers", 1, "file")
 
 

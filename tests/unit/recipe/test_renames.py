@@ -90,16 +90,15 @@ def test_errors_in_old_keys_have_their_line_and_the_new_name(tmp_path):
 def test_both_names_are_refused(tmp_path, rename):
     start = OLD.index(f"{rename.old}:")
     line = OLD.count("\n", 0, start) + 1
-    ends = {"drake": ",", "": "\n" + " " * (start - OLD.rindex("\n", 0, start) - 1)}
-    text = OLD[:start] + f"{rename.new}: 1{ends.get(rename.kind, ends[''])} " + OLD[start:]
-    if rename.kind != "drake":
-        text = text.replace("  " + rename.old, " " + rename.old)
+    flow = OLD[start - 1] == "{"
+    gap = ", " if flow else "\n" + " " * (start - OLD.rindex("\n", 0, start) - 1)
+    text = f"{OLD[:start]}{rename.new}: 1{gap}{OLD[start:]}"
     path = write(tmp_path, text)
     with pytest.raises(RecipeError) as caught:
         load_recipe(path)
     message = str(caught.value)
     assert f"{rename.old!r} is the old name of {rename.new!r}: give one of them" in message
-    assert message.startswith(f"{path}:{line + (rename.kind != 'drake')}: ")
+    assert message.startswith(f"{path}:{line + (not flow)}: ")
 
 
 def test_keys_of_the_command_line(tmp_path):
