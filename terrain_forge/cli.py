@@ -301,10 +301,10 @@ class _located:
 
 
 def _show_warning(
-    message: Warning | str, category: type[Warning], file: str, line: int, *_: Any
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
 ) -> None:
     """Show a warning about a recipe as one line, others as Python does."""
-    text = warnings.formatwarning(message, category, file, line)
+    text = warnings.formatwarning(message, category, filename, lineno)
     click.echo(
         f"terrain-forge: {message}" if issubclass(category, RecipeWarning) else text, err=True
     )

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache
+from operator import methodcaller
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from terrain_forge.base import DataError, InputFile, Key, RecipeError, Spec
 from terrain_forge.dtm import files_of_raster, read_image, require_file
@@ -23,6 +24,7 @@ WHOLE_BYTES = 256 * 2**20
 """Size up to which all of an input is hashed [bytes]."""
 
 _PIECES, _PIECE_BYTES = 64, 2**20
+_Read = TypeVar("_Read", Image, Table, CustomMesh)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,20 +50,24 @@ def resolve(recipe: Recipe, inputs: InputFiles) -> Recipe:
         RecipeError: for a law that contradicts itself, or diameters that are not known.
         DataError: for a table that cannot be read.
     """
-    laws = [population.size_frequency.on(recipe.body) for population in recipe.rocks.populations]
-    for number, law in enumerate(laws):
-        law.check(("rocks", "populations", number, "size_frequency"))
-        recipe = _put(recipe, ("rocks", "populations", number, "size_frequency"), law)
-    recipe = inputs.taken_over(recipe)
     area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
-    for number, population in enumerate(recipe.rocks.populations):
-        key: Key = ("rocks", "populations", number)
-        population.size_frequency.check((*key, "size_frequency"))
+    keys: list[Key] = [("rocks", "populations", n) for n in range(len(recipe.rocks.populations))]
+    for key in keys:
+        recipe = _changed(recipe, (*key, "size_frequency"), methodcaller("on", recipe.body))
+    _check_laws(recipe, keys)
+    recipe = inputs.taken_over(recipe)
+    _check_laws(recipe, keys)
+    for key in keys:
         try:
-            recipe = _put(recipe, key, population.with_diameters(area))
+            recipe = _changed(recipe, key, methodcaller("with_diameters", area))
         except RecipeError as error:
             raise RecipeError(str(error), key=(*key, "diameter_m")) from None
     return recipe
+
+
+def _check_laws(recipe: Recipe, keys: list[Key]) -> None:
+    for key, population in zip(keys, recipe.rocks.populations, strict=True):
+        population.size_frequency.check((*key, "size_frequency"))
 
 
 def find_inputs(recipe: Recipe) -> tuple[Input, ...]:
@@ -108,17 +114,16 @@ class InputFiles:
                 require_file(self.folder / one.path, one.path, one.key)
                 table = read_table(one.path, self.folder, one.mark, key=one.key)
                 try:
-                    spec = _at(recipe, one.owner).with_table(table)
+                    recipe = _changed(recipe, one.owner, methodcaller("with_table", table))
                 except ValueError as error:
                     raise DataError(f"{one.path}: {error}", key=one.key) from None
-                recipe = _put(recipe, one.owner, spec)
         return recipe
 
     def portable(self, recipe: Recipe) -> Recipe:
         """The recipe with names instead of absolute paths."""
         for one in find_inputs(recipe):
             if self.names[one.path] != one.path:
-                recipe = _put(recipe, one.key, self.names[one.path])
+                recipe = _changed(recipe, one.key, self.names.__getitem__)
         return recipe
 
     def images(self) -> tuple[Image, ...]:
@@ -127,12 +132,12 @@ class InputFiles:
         Raises:
             DataError: for a file that is no image.
         """
-        images: dict[str, Image] = {}
-        for one in self._of_kind("image"):
-            if one.path not in images:
-                values = read_image(one.path, self.folder, one.key)
-                images[one.path] = Image(path=self.names[one.path], values=values)
-        return tuple(images.values())
+
+        def read(one: Input) -> Image:
+            values = read_image(one.path, self.folder, one.key)
+            return Image(path=self.names[one.path], values=values)
+
+        return self._read("image", read)
 
     def tables(self) -> tuple[Table, ...]:
         """The tables that layers and rocks use, under their portable names.
@@ -140,16 +145,12 @@ class InputFiles:
         Raises:
             DataError: for a file that is not the table that one of its keys wants.
         """
-        tables: dict[str, Table] = {}
-        for one in self._of_kind("table"):
+
+        def read(one: Input) -> Table:
             table = read_table(one.path, self.folder, one.mark, key=one.key)
-            table = table.replace(path=self.names[one.path])
-            if tables.setdefault(one.path, table) != table:
-                raise DataError(
-                    f"{one.path} is used elsewhere too, where its empty fields mean other numbers",
-                    key=one.key,
-                )
-        return tuple(tables.values())
+            return table.replace(path=self.names[one.path])
+
+        return self._read("table", read)
 
     def meshes(self) -> tuple[CustomMesh, ...]:
         """The user's own rock shapes, repaired, under their portable names.
@@ -157,15 +158,30 @@ class InputFiles:
         Raises:
             DataError: for a file that is no mesh, or none that encloses a volume.
         """
-        from terrain_forge.rocks import read_rock_mesh
 
-        meshes: dict[str, CustomMesh] = {}
-        for one in self._of_kind("mesh"):
-            if one.path not in meshes:
-                mesh, repairs = read_rock_mesh(self.folder / one.path, key=one.key)
-                name = self.names[one.path]
-                meshes[one.path] = CustomMesh(path=name, mesh=mesh, repairs=repairs)
-        return tuple(meshes.values())
+        def read(one: Input) -> CustomMesh:
+            from terrain_forge.rocks import read_rock_mesh
+
+            mesh, repairs = read_rock_mesh(self.folder / one.path, key=one.key)
+            return CustomMesh(path=self.names[one.path], mesh=mesh, repairs=repairs)
+
+        return self._read("mesh", read)
+
+    def _read(self, kind: str, read: Callable[[Input], _Read]) -> tuple[_Read, ...]:
+        """What is read of all files of a kind, each once for each way to read it."""
+        found: dict[str, _Read] = {}
+        marks = set()
+        for one in self.found:
+            if one.mark.kind != kind or one.taken_over or (one.path, one.mark) in marks:
+                continue
+            marks.add((one.path, one.mark))
+            values = read(one)
+            if found.setdefault(one.path, values) != values:
+                raise DataError(
+                    f"{one.path} is used elsewhere too, where its empty fields mean other numbers",
+                    key=one.key,
+                )
+        return tuple(found.values())
 
     def hashes(
         self, *, patch: DtmPatch | None, rover_files: tuple[Path, ...]
@@ -180,29 +196,23 @@ class InputFiles:
             rover_files: the rover's file, then those that were read for it.
         """
         used = patch.heights.tobytes() if patch is not None else b""
-        hashes: dict[str, str] = {}
-        beside: dict[str, tuple[Path, bytes]] = {}
+        files, beside = [], []
         for one in self.found:
-            path, name, part = self.folder / one.path, self.names[one.path], b""
-            others: Iterable[Path] = ()
-            if one.mark.kind == "folder":
-                continue
-            if one.mark.kind == "dtm":
-                part, others = used, files_of_raster(path)
-            elif one.mark.kind == "rover":
-                others = rover_files[1:]
-            if name not in hashes:
-                hashes[name] = fingerprint(path, used=part)
+            path, name = self.folder / one.path, self.names[one.path]
+            is_dtm = one.mark.kind == "dtm"
+            others = files_of_raster(path) if is_dtm else []
+            if one.mark.kind == "rover":
+                others = [*rover_files[1:]]
+            if one.mark.kind != "folder":
+                files.append((name, path, is_dtm))
             for other in others:
                 place = Path(name).parent / os.path.relpath(other, path.parent)
-                beside[os.path.normpath(place)] = other, part
-        for name, (path, part) in beside.items():
+                beside.append((os.path.normpath(place), other, is_dtm))
+        hashes: dict[str, str] = {}
+        for name, path, is_dtm in (*files, *beside):
             if name not in hashes:
-                hashes[name] = fingerprint(path, used=part)
+                hashes[name] = fingerprint(path, used=used if is_dtm else b"")
         return tuple(hashes.items())
-
-    def _of_kind(self, kind: str) -> Iterator[Input]:
-        return (one for one in self.found if one.mark.kind == kind and not one.taken_over)
 
 
 def fingerprint(path: Path, *, used: bytes = b"") -> str:
@@ -261,22 +271,14 @@ def _mark(hint: Any) -> InputFile | None:
     return next((found for part in get_args(hint) if (found := _mark(part))), None)
 
 
-def _at(value: Any, key: Key) -> Any:
-    """What stands at a key of a spec."""
-    for step in key:
-        value = getattr(value, str(step)) if isinstance(value, Spec) else value[step]
-    return value
-
-
-def _put(value: Any, key: Key, new: Any) -> Any:
-    """A spec with what stands at a key replaced."""
+def _changed(value: Any, key: Key, change: Callable[[Any], Any]) -> Any:
+    """A spec in which something else stands at a key."""
     if not key:
-        return new
-    step, inner = key[0], _put(_at(value, key[:1]), key[1:], new)
+        return change(value)
+    step: Any = key[0]
     if isinstance(value, Spec):
-        return replace(value, **{str(step): inner})
+        return replace(value, **{step: _changed(getattr(value, step), key[1:], change)})
+    inner = _changed(value[step], key[1:], change)
     if isinstance(value, dict):
         return {**value, step: inner}
-    items = list(value)
-    items[int(step)] = inner
-    return tuple(items)
+    return (*value[:step], inner, *value[step + 1 :])
