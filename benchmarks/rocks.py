@@ -49,7 +49,7 @@ class Place:
     """A square site with one population, and what its rocks are made of."""
 
     def __init__(self, side: float, population: PopulationSpec, spacing: float = 0.5) -> None:
-        self.population = population
+        self.population = population.with_diameters(side**2)
         recipe = Recipe(
             name="bench",
             seed=1,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.model import exporter, exporter_names
-from terrain_forge.recipe import json_schema
+from terrain_forge.recipe import RENAMES, json_schema
 
 HERE = Path(__file__).parent
 
@@ -24,6 +24,13 @@ $schema=…/docs/recipe.schema.json` on the first line. `recipes/hello.yaml` is 
 comments.
 
 This page is made from the code by `python docs/make_pages.py`.
+"""
+
+RENAMED = """## Renamed keys
+
+A key that was renamed is still read by its old name, in recipes, after `--set` and in saved worlds,
+with a warning that names file and line: `recipe.yaml:12: rocks.populations[0].loose_m is now called
+dynamic_m`. To give both names is an error.
 """
 
 
@@ -54,7 +61,17 @@ def recipe_page(schema: dict[str, Any]) -> str:
 
         options = TypeAdapter(exporter(name).Options).json_schema()
         parts.append(section(f"Options of the exporter {name}", options, options))
+    parts.append(renamed_keys())
     return "\n".join(parts)
+
+
+def renamed_keys() -> str:
+    """The keys that had another name before."""
+    rows = [
+        f"| `{one.where}.{one.old}`{f' (kind `{one.kind}`)' * bool(one.kind)} | `{one.new}` |"
+        for one in RENAMES
+    ]
+    return "\n".join([RENAMED, "| old | new |", "|---|---|", *rows, ""])
 
 
 def section(name: str, part: dict[str, Any], schema: dict[str, Any]) -> str:

@@ -3,11 +3,13 @@
 from .base import DataError as DataError
 from .base import ExportError as ExportError
 from .base import Fraction as Fraction
+from .base import InputFile as InputFile
 from .base import NotNegative as NotNegative
 from .base import OutputError as OutputError
 from .base import Pair as Pair
 from .base import Positive as Positive
 from .base import RecipeError as RecipeError
+from .base import RecipeWarning as RecipeWarning
 from .base import SimulationError as SimulationError
 from .base import Spec as Spec
 from .base import TerrainForgeError as TerrainForgeError

@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError, SimulationError, TerrainForgeError
+from terrain_forge.base import OutputError, RecipeWarning, SimulationError, TerrainForgeError
 
 if TYPE_CHECKING:
     from terrain_forge.recipe import RecipeFile
@@ -63,6 +64,7 @@ def cli(debug: bool) -> None:
     )
     for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
+    warnings.showwarning = _show_warning
 
 
 @cli.command()
@@ -296,6 +298,16 @@ class _located:
     def __exit__(self, _: Any, error: BaseException | None, __: Any) -> None:
         if isinstance(error, TerrainForgeError) and error.key:
             raise type(error)(self._file.locate(error)) from None
+
+
+def _show_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
+) -> None:
+    """Show a warning about a recipe as one line, others as Python does."""
+    text = warnings.formatwarning(message, category, filename, lineno)
+    click.echo(
+        f"terrain-forge: {message}" if issubclass(category, RecipeWarning) else text, err=True
+    )
 
 
 def _share_one_heap() -> None:

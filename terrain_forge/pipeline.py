@@ -38,17 +38,10 @@ from terrain_forge.model import BODIES, Lighting, Site, Window, World, owned, to
 from terrain_forge.paths import make_trajectories, plan_routes
 from terrain_forge.recipe import (
     ExportOrder,
+    InputFiles,
     Recipe,
     ValidateSpec,
     export_orders,
-    hash_inputs,
-    hash_rover,
-    portable_json,
-    portable_names,
-    read_images,
-    read_layer_tables,
-    read_meshes,
-    read_tables,
     recipe_from_json,
     recipe_json,
     require_centre,
@@ -56,9 +49,10 @@ from terrain_forge.recipe import (
     require_fits,
     require_lattice,
     require_paths,
-    resolve_laws,
+    resolve,
 )
 from terrain_forge.rocks import (
+    check_lists,
     check_packing,
     check_rocks,
     exclusion_zones,
@@ -103,17 +97,22 @@ def plan(
     """
     folder = Path(folder)
     recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
+    inputs = InputFiles(recipe, folder)
     body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
     rover = found.rover
     size = recipe.dtm.size_m
     require_paths(recipe)
     require_centre(recipe)
     require_lattice(recipe)
-    given, recipe = recipe, resolve_laws(recipe, folder)
+    recipe = resolve(recipe, inputs)
+    named = inputs.portable(recipe)
     check_rocks(recipe.rocks, size)
     require_dynamic(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
-    tables = read_tables(recipe, folder)
-    require_fits(recipe, listed=sum(len(table.values) for table in tables))
+    inputs.require()
+    tables = {table.path: table for table in inputs.tables()}
+    lists = tuple(tables[spec.file] for spec in named.rocks.lists)
+    check_lists(recipe.rocks, lists, size=size)
+    require_fits(recipe, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
     ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
     site = Site(
@@ -128,30 +127,26 @@ def plan(
         slope=ground.slope,
         dtm=ground.dtm,
         roughness=ground.roughness,
-        largest_rock=largest_rock(recipe.rocks, size[0] * size[1], tables),
-        images=read_images(recipe, folder),
-        tables=(*tables, *read_layer_tables(recipe, folder)),
-        meshes=read_meshes(recipe, folder),
-        inputs=(*hash_inputs(given, folder, patch=ground.dtm), *hash_rover(found.files, recipe)),
+        largest_rock=largest_rock(recipe.rocks, lists),
+        images=inputs.images(),
+        tables=tuple(tables.values()),
+        meshes=inputs.meshes(),
+        inputs=inputs.hashes(patch=ground.dtm, rover_files=found.files),
         custom_rover=rover if found.files else None,
         routes=routes,
         exclusion_zones=exclusion_zones(recipe.rocks.exclusion_zones, routes=routes, rover=rover),
-        recipe_json=portable_json(recipe),
+        recipe_json=recipe_json(named),
     )
     require_straight(site)
     check_layers(site.recipe.terrain.layers, site)
     check_appearance(recipe.terrain.appearance, site)
-    site = _with_found_craters(_with_orthoimage(site, recipe, folder))
+    if (picture := recipe.terrain.appearance.orthoimage) is not None:
+        name = inputs.names[picture.image]
+        picture_of_site = read_orthoimage(picture, name=name, site=site, folder=folder)
+        site = site.replace(orthoimage=picture_of_site)
+    site = _with_found_craters(site)
     require_place(site.recipe.rocks.populations, site)
     return site
-
-
-def _with_orthoimage(site: Site, recipe: Recipe, folder: Path) -> Site:
-    spec = recipe.terrain.appearance.orthoimage
-    if spec is None:
-        return site
-    name = portable_names(recipe)[spec.image]
-    return site.replace(orthoimage=read_orthoimage(spec, name=name, site=site, folder=folder))
 
 
 def _with_found_craters(site: Site) -> Site:

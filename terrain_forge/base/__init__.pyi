@@ -10,6 +10,7 @@ from .errors import DataError as DataError
 from .errors import ExportError as ExportError
 from .errors import OutputError as OutputError
 from .errors import RecipeError as RecipeError
+from .errors import RecipeWarning as RecipeWarning
 from .errors import SimulationError as SimulationError
 from .errors import TerrainForgeError as TerrainForgeError
 from .frames import compass_to_direction as compass_to_direction
@@ -49,6 +50,7 @@ from .specs import MAX_NAME as MAX_NAME
 from .specs import ByKind as ByKind
 from .specs import FileName as FileName
 from .specs import Fraction as Fraction
+from .specs import InputFile as InputFile
 from .specs import NotNegative as NotNegative
 from .specs import Pair as Pair
 from .specs import Positive as Positive

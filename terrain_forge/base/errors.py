@@ -34,3 +34,7 @@ class ExportError(TerrainForgeError):
 
 class SimulationError(TerrainForgeError):
     """A simulation could not be carried to an end that means anything (exit status 1)."""
+
+
+class RecipeWarning(FutureWarning):
+    """A recipe uses a key by its old name."""

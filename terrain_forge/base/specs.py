@@ -8,7 +8,7 @@ docs/recipe.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Union, get_args
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
 from annotated_types import Ge, Gt, Interval, Len, MinLen, Predicate
 
@@ -29,6 +29,32 @@ def is_file_name(text: str) -> bool:
 
 FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]
 """A name that may become a file's or a folder's: no separator, no leading dot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputFile:
+    """Marks a field that names a file: `Annotated[str, MinLen(1), InputFile(kind="image")]`.
+
+    The file's path is relative to the recipe. It must be there, its hash stands in the manifest,
+    and the world calls it by a name that is no absolute path. Images, tables and meshes are read
+    when the site is planned: a layer finds them as `site.image(path)` and `site.table(path)`. A
+    spec with a method `with_table(table)`, such as a size law, takes the numbers over: the method
+    returns the spec with the numbers and without the file, or raises a ValueError.
+    """
+
+    kind: Literal["image", "table", "mesh", "dtm", "orthoimage", "route", "rover", "folder"]
+    """What it is; from `dtm` on, the room of the spec reads it. A folder has only its name
+    changed."""
+    columns: tuple[str, ...] = ()
+    """Columns that a table (CSV) must have."""
+    optional: tuple[str, ...] = ()
+    """Columns that it may have; others are refused, lest a misspelt one is lost."""
+    positive: tuple[str, ...] = ()
+    """Columns whose numbers must be above 0."""
+    blanks: tuple[tuple[str, float], ...] = ()
+    """Columns whose fields may be empty, and what the table holds there."""
+    most: int = 2_000_000
+    """Rows that it may have."""
 
 
 @dataclass(frozen=True)

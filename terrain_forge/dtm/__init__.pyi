@@ -1,13 +1,13 @@
 """Reading digital terrain models: rasters, projections, heights, quality, roughness."""
 
-from .interpolation import NEAR as NEAR
-from .interpolation import STENCIL as STENCIL
-from .interpolation import add_cell_means as add_cell_means
 from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts
-from .interpolation import dtm_heights as dtm_heights
+from .interpolation import NEAR as NEAR
+from .interpolation import STENCIL as STENCIL
+from .interpolation import add_cell_means as add_cell_means
 from .interpolation import cubic as cubic
+from .interpolation import dtm_heights as dtm_heights
 from .lattice import Nodes as Nodes
 from .lattice import PixelFrame as PixelFrame
 from .lattice import Places as Places

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Interval, MinLen
 
-from terrain_forge.base import Pair, Positive, PositivePair, Spec
+from terrain_forge.base import InputFile, Pair, Positive, PositivePair, Spec
 
 Longitude = Annotated[float, Interval(ge=-180, le=360)]
 Latitude = Annotated[float, Interval(ge=-90, le=90)]
@@ -30,7 +30,7 @@ class RasterDtm(Spec):
     """Heights from a raster file: anything that GDAL opens."""
 
     kind: Literal["raster"] = "raster"
-    source: Annotated[str, MinLen(1)]
+    source: Annotated[str, MinLen(1), InputFile(kind="dtm")]
     """The file, its path relative to the recipe (for PDS3 with a detached label: the label)."""
     size_m: PositivePair
     """Size of the site, node to node, east and north [m]; whole multiples of the spacing."""

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere, inner, kernel
-from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, rotations
-from terrain_forge.base import Array, inner, kernel
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
 from terrain_forge.writers import index_corners, vertex_normals, write_obj
 

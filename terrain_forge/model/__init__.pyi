@@ -21,6 +21,10 @@ from .friction import Friction as Friction
 from .friction import surface_friction as surface_friction
 from .friction import world_friction as world_friction
 from .heightfield import Heightfield as Heightfield
+from .inputs import CustomMesh as CustomMesh
+from .inputs import Image as Image
+from .inputs import Orthoimage as Orthoimage
+from .inputs import Table as Table
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
 from .rocks import RockField as RockField
@@ -38,13 +42,9 @@ from .rover import Rover as Rover
 from .rover import Sensor as Sensor
 from .rover import Shape as Shape
 from .rover import Wheel as Wheel
-from .site import CustomMesh as CustomMesh
 from .site import ExclusionZone as ExclusionZone
-from .site import Image as Image
-from .site import Orthoimage as Orthoimage
 from .site import Roughness as Roughness
 from .site import Site as Site
-from .site import Table as Table
 from .site import Window as Window
 from .trajectory import Trajectory as Trajectory
 from .world import Tile as Tile

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Record
 from terrain_forge.model.bodies import Body
 from terrain_forge.model.dtm_patch import DtmPatch
-from terrain_forge.model.mesh import Mesh
+from terrain_forge.model.inputs import CustomMesh, Image, Orthoimage, Table
 from terrain_forge.model.rover import Rover
 
 if TYPE_CHECKING:
@@ -66,72 +67,6 @@ class Roughness(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Image(Record):
-    """An image that a layer uses, read when the site was planned."""
-
-    path: str
-    """As the recipe writes it."""
-    values: NDArray[np.float64]
-    """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
-
-    def __post_init__(self) -> None:
-        self.freeze("values", np.float64, ("rows", "columns"))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Orthoimage(Record):
-    """A picture of the ground from above, cut to the site when it was planned."""
-
-    path: str
-    """As the recipe writes it."""
-    albedo: NDArray[np.float32]
-    """Linear, in the source's row order, shape [rows, columns, 1 | 3]: one band tells brightness
-    over its mean on the site, three bands tell colour, 0 to 1."""
-    to_pixel: tuple[float, ...]
-    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
-    coordinates and whole numbers are pixel centres."""
-    crs: str
-    """WKT of the source's CRS; empty where x, y are the site's own metres."""
-    wrap: tuple[float, float]
-    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
-
-    def __post_init__(self) -> None:
-        self.freeze("albedo", np.float32, ("rows", "columns", "bands"))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Table(Record):
-    """A table of numbers that the recipe names, read when the site was planned."""
-
-    path: str
-    """As the recipe writes it."""
-    columns: tuple[str, ...]
-    """Names of the columns."""
-    values: NDArray[np.float64]
-    """The numbers, shape [rows, columns]; NaN is refused."""
-
-    def __post_init__(self) -> None:
-        self.freeze("values", np.float64, ("rows", len(self.columns)))
-
-    def column(self, name: str) -> NDArray[np.float64]:
-        """Numbers of the column of that name, shape [rows]."""
-        values: NDArray[np.float64] = self.values[:, self.columns.index(name)]
-        return values
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CustomMesh(Record):
-    """A rock shape that the user brings, read and repaired when the site was planned."""
-
-    path: str
-    """As the recipe writes it."""
-    mesh: Mesh
-    """Closed, faces outward, in the file's axes and units."""
-    repairs: tuple[str, ...]
-    """What was repaired, for the report."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ExclusionZone(Record):
     """A circle that no rock above a clearance reaches into, such as a landing pad."""
 
@@ -177,9 +112,9 @@ class Site(Record):
     largest_rock: float
     """Exposed diameter that no rock of the site exceeds [m]."""
     images: tuple[Image, ...]
-    """Images that layers and rocks use."""
+    """Images that layers, the ground's colour and rocks use."""
     tables: tuple[Table, ...]
-    """Tables that rocks use."""
+    """Tables that layers and rocks use."""
     meshes: tuple[CustomMesh, ...]
     """Rock shapes that the user brings."""
     orthoimage: Orthoimage | None = None
@@ -199,9 +134,17 @@ class Site(Record):
     @cached_property
     def recipe(self) -> Recipe:
         """The resolved recipe."""
+        # A site reads its own recipe, here and below: the one import that goes up in the house.
         from terrain_forge.recipe import recipe_from_json
 
         return recipe_from_json(self.recipe_json)
+
+    def with_current_keys(self, file: Path) -> Site:
+        """The site with keys of its recipe that were renamed since; warns, naming the file."""
+        from terrain_forge.recipe import current_json
+
+        current = current_json(self.recipe_json, file)
+        return self if current == self.recipe_json else self.replace(recipe_json=current)
 
     @property
     def west(self) -> float:

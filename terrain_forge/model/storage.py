@@ -48,6 +48,7 @@ def load_world(directory: Path) -> World:
         world = from_plain(plain["world"], arrays)
         if plain["brought"]:
             world = world.replace(site=world.site.replace(custom_rover=world.rover))
+        world = world.replace(site=world.site.with_current_keys(text))
     except OutputError:
         raise
     except (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError) as error:

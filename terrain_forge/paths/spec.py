@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval, Le, MinLen
 
-from terrain_forge.base import ByKind, FileName, NotNegative, Pair, Positive, Spec
+from terrain_forge.base import ByKind, FileName, InputFile, NotNegative, Pair, Positive, Spec
 from terrain_forge.paths.shape_spec import FigureEight, Lawnmower, Loop, Spiral, Triangle
 
 
@@ -41,7 +41,7 @@ class Recorded(Spec):
     """A path from a file: a table with a line of column names, a plain list of x and y, or TUM."""
 
     kind: Literal["file"] = "file"
-    file: str
+    file: Annotated[str, InputFile(kind="route")]
     """CSV with columns x, y and perhaps time and yaw or qw, qx, qy, qz, with or without units as in
     our own paths/NAME.csv (x_m, time_s, yaw_rad, yaw_deg); x and y without names; or TUM (time x y
     z qx qy qz qw). What else is in it is passed over."""

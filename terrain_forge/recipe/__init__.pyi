@@ -1,17 +1,12 @@
 """The recipe: its schema, reading it, its input files and its limits."""
 
+from .exports import ExportOrder as ExportOrder
+from .exports import export_orders as export_orders
 from .file import RecipeFile as RecipeFile
 from .file import load_recipe as load_recipe
 from .file import save_recipe as save_recipe
-from .inputs import hash_inputs as hash_inputs
-from .inputs import hash_rover as hash_rover
-from .inputs import portable_json as portable_json
-from .inputs import portable_names as portable_names
-from .inputs import read_images as read_images
-from .inputs import read_layer_tables as read_layer_tables
-from .inputs import read_meshes as read_meshes
-from .inputs import read_tables as read_tables
-from .inputs import resolve_laws as resolve_laws
+from .inputs import InputFiles as InputFiles
+from .inputs import resolve as resolve
 from .inputs import sha256 as sha256
 from .limits import expected_nodes as expected_nodes
 from .limits import memory_needed as memory_needed
@@ -21,11 +16,11 @@ from .limits import require_fits as require_fits
 from .limits import require_lattice as require_lattice
 from .limits import require_paths as require_paths
 from .limits import rocks_of as rocks_of
-from .schema import ExportOrder as ExportOrder
+from .renames import RENAMES as RENAMES
+from .renames import current_json as current_json
 from .schema import Recipe as Recipe
 from .schema import SunSpec as SunSpec
 from .schema import TerrainSpec as TerrainSpec
-from .schema import export_orders as export_orders
 from .schema import json_schema as json_schema
 from .schema import recipe_from_json as recipe_from_json
 from .schema import recipe_json as recipe_json

@@ -14,6 +14,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from terrain_forge.base import Key, OutputError, RecipeError, TerrainForgeError
+from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter, json_schema
 
 _UNION = ("tuple[", "dict[", "function-")
@@ -57,6 +58,7 @@ def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFil
     """
     path = Path(path)
     data, lines = _read(path)
+    _rename(data, path, lines)
     for change in changes:
         _apply(data, change)
     try:
@@ -134,20 +136,43 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
             _collect(path, value, (*key, index), lines, seen)
 
 
+def _rename(data: Any, path: Path, lines: dict[Key, int]) -> None:
+    """Give the data the names that keys have now, and the lines of the old names to them."""
+    try:
+        renamed = rename_keys(data)
+    except RecipeError as error:
+        raise RecipeError(_locate(path, lines, error.key, str(error))) from None
+    for old, new in renamed:
+        warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new)
+        for key in [key for key in lines if key[: len(old)] == old]:
+            lines[*new, *key[len(new) :]] = lines.pop(key)
+
+
 def _apply(data: Any, change: str) -> None:
     """Put one `key=value` of the command line into the data."""
     name, equals, text = change.partition("=")
-    keys = name.strip().replace("[", ".").replace("]", "").split(".")
-    if not equals or not all(keys):
+    words = name.strip().replace("[", ".").replace("]", "").split(".")
+    given = tuple(int(word) if word.isdecimal() else word for word in words)
+    if not equals or not all(words):
         raise RecipeError(f"--set {change}: must be key=value, such as terrain.spacing_m=0.25")
+    keys = current_key(data, given)
+    for n, (old, new) in enumerate(zip(given, keys, strict=True)):
+        if old != new:
+            warn_renamed("--set", given[: n + 1], keys[: n + 1])
     try:
         value = YAML(typ="safe", pure=True).load(text)
         target = data
         for key in keys[:-1]:
-            target = target[int(key)] if isinstance(target, list) else target.setdefault(key, {})
-        target[int(keys[-1]) if isinstance(target, list) else keys[-1]] = value
+            is_list = isinstance(target, list)
+            target = target[int(key)] if is_list else target.setdefault(str(key), {})
+        target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
+        renamed = rename_keys(data)  # in a value that is a mapping
     except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
+    except RecipeError as error:
+        raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None
+    for old_key, new_key in renamed:
+        warn_renamed("--set", old_key, new_key)
 
 
 def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
@@ -155,7 +180,7 @@ def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
     while known and known not in lines:
         known = known[:-1]
     line = f":{lines[known]}" if known in lines else ""
-    name = "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in key).lstrip(".")
+    name = dotted(key)
     return f"{path}{line}: {name}: {message}" if name else f"{path}{line}: {message}"
 
 
@@ -184,13 +209,16 @@ def _meant(error: ValidationError) -> list[Any]:
 def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
     """The key in the file: pydantic's location without the names of union members."""
     key: list[str | int] = []
+    inside = False  # of a union's member, whose name is the mapping's `kind`
     for n, step in enumerate(loc):
         last = n == len(loc) - 1
         if str(step).startswith(_UNION) or step == "[key]":
             continue
-        if isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
+        if isinstance(data, dict) and not (last or inside) and data.get("kind") == step:
+            inside = True
+        elif isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
             key.append(step)
-            data = data.get(step)
+            data, inside = data.get(step), False
         elif isinstance(data, list) and isinstance(step, int):
             key.append(step)
             data = data[step] if step < len(data) else None

@@ -6,68 +6,60 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.base import DataError, Key
-from terrain_forge.dtm import require_file
+from terrain_forge.base import Array, DataError, InputFile, Key
 from terrain_forge.model import Table
 
 
-def read_table(
-    file: str,
-    folder: Path,
-    *,
-    needed: tuple[str, ...],
-    optional: tuple[str, ...] = (),
-    blanks: tuple[tuple[str, float], ...] = (),
-    most: int,
-    key: Key,
-) -> Table:
+def read_table(file: str, folder: Path, mark: InputFile, *, key: Key) -> Table:
     """The numbers of a CSV file whose first line names the columns; lines after # are skipped.
 
     Args:
         file: path as the recipe writes it.
         folder: what it is relative to.
-        needed: columns that must be there.
-        optional: columns that may be there; others are refused, lest a misspelt one is lost.
-        blanks: columns whose fields may be empty, and what the table holds there.
-        most: rows that it may have.
+        mark: which columns it may have, and how many rows.
         key: where in the recipe the file is named.
 
     Raises:
-        DataError: if the file is missing or no such table; says in which line.
+        DataError: if it is no such table; says in which line.
     """
-    require_file(folder / file, file, key)
     try:
-        text = (folder / file).read_text(encoding="utf-8-sig")
+        return _read(file, (folder / file).read_text(encoding="utf-8-sig"), mark)
     except UnicodeDecodeError:
         raise DataError(f"{file} is no text in UTF-8", key=key) from None
+    except ValueError as error:
+        raise DataError(f"{file}{error}", key=key) from None
+
+
+def _read(file: str, text: str, mark: InputFile) -> Table:
+    """The table of a text. What is wrong with it is a ValueError, to be read after the file."""
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if len(lines) < 2:
-        raise DataError(f"{file} needs a line of column names and at least one more", key=key)
-    if len(lines) > most + 1:
-        raise DataError(f"{file} has {len(lines) - 1:,} rows, at most {most:,}", key=key)
+        raise ValueError(" needs a line of column names and at least one more")
+    if len(lines) > mark.most + 1:
+        raise ValueError(f" has {len(lines) - 1:,} rows, at most {mark.most:,}")
     columns = tuple(_fields(lines[0][1]))
-    _require_columns(file, columns, needed, optional, key)
+    _require_columns(columns, mark)
     values = _all_numbers([line for _, line in lines[1:]], len(columns))
     if values is None:
-        rows = [
-            _numbers(f"{file}, line {n}", _fields(line), columns, dict(blanks), key)
-            for n, line in lines[1:]
-        ]
-        values = np.array(rows)
-    return Table(path=file, columns=columns, values=values)
+        blanks = dict(mark.blanks)
+        values = np.array([_numbers(n, _fields(line), columns, blanks) for n, line in lines[1:]])
+    table = Table(path=file, columns=columns, values=values)
+    for name in mark.positive:
+        if name in columns and (least := float(table.column(name).min())) <= 0.0:
+            raise ValueError(f": {name} must be above 0, found {least:g}")
+    return table
 
 
 def _fields(line: str) -> list[str]:
     return [field.strip() for field in next(csv.reader([line]))]
 
 
-def _all_numbers(lines: list[str], columns: int) -> NDArray[np.float64] | None:
+def _all_numbers(lines: list[str], columns: int) -> Array | None:
     """The numbers of all lines at once, or None where they must be looked at one by one."""
     try:
         values = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
@@ -76,30 +68,23 @@ def _all_numbers(lines: list[str], columns: int) -> NDArray[np.float64] | None:
     return values if values.shape[1] == columns and np.isfinite(values).all() else None
 
 
-def _require_columns(
-    file: str,
-    columns: tuple[str, ...],
-    needed: tuple[str, ...],
-    optional: tuple[str, ...],
-    key: Key,
-) -> None:
-    found = f"found {', '.join(columns)}"
-    for name in needed:
+def _require_columns(columns: tuple[str, ...], mark: InputFile) -> None:
+    for name in mark.columns:
         if name not in columns:
-            raise DataError(f"{file} has no column {name!r}, {found}", key=key)
+            raise ValueError(f" has no column {name!r}, found {', '.join(columns)}")
+    known = (*mark.columns, *mark.optional)
     for name in columns:
-        if name not in (*needed, *optional):
-            allowed = ", ".join((*needed, *optional))
-            raise DataError(f"{file}: unknown column {name!r}, allowed: {allowed}", key=key)
+        if name not in known:
+            raise ValueError(f": unknown column {name!r}, allowed: {', '.join(known)}")
         if columns.count(name) > 1:
-            raise DataError(f"{file} has two columns {name!r}", key=key)
+            raise ValueError(f" has two columns {name!r}")
 
 
 def _numbers(
-    where: str, row: list[str], columns: tuple[str, ...], blanks: dict[str, float], key: Key
+    line: int, row: list[str], columns: tuple[str, ...], blanks: dict[str, float]
 ) -> list[float]:
     if len(row) != len(columns):
-        raise DataError(f"{where}: {len(row)} fields, expected {len(columns)}", key=key)
+        raise ValueError(f", line {line}: {len(row)} fields, expected {len(columns)}")
     numbers = []
     for name, field in zip(columns, row, strict=True):
         if not field and name in blanks:
@@ -108,8 +93,8 @@ def _numbers(
         try:
             number = float(field)
         except ValueError:
-            raise DataError(f"{where}: {name} must be a number, found {field!r}", key=key) from None
+            raise ValueError(f", line {line}: {name} must be a number, found {field!r}") from None
         if not np.isfinite(number):
-            raise DataError(f"{where}: {name} is {field}, not finite", key=key)
+            raise ValueError(f", line {line}: {name} is {field}, not finite")
         numbers.append(number)
     return numbers

@@ -10,7 +10,8 @@ from math import dist
 from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.model import Site, check_capacity
 from terrain_forge.paths import PathSpec, Planned
-from terrain_forge.recipe.schema import ExportOrder, Recipe
+from terrain_forge.recipe.exports import ExportOrder
+from terrain_forge.recipe.schema import Recipe
 from terrain_forge.rocks import expected_count
 
 BYTES = 0.4e9

@@ -14,6 +14,7 @@ from .embedding.embed import embed as embed
 from .embedding.outline import edges as edges
 from .embedding.outline import exposed_points as exposed_points
 from .embedding.outline import extent as extent
+from .feasibility import check_lists as check_lists
 from .feasibility import check_rocks as check_rocks
 from .feasibility import expected_count as expected_count
 from .feasibility import largest_rock as largest_rock
@@ -23,7 +24,6 @@ from .laws.exponential import Exponential as Exponential
 from .laws.golombek import Golombek as Golombek
 from .laws.law import SizeLaw as SizeLaw
 from .laws.power_law import PowerLaw as PowerLaw
-from .laws.tabulated import MAX_ROWS as MAX_ROWS
 from .laws.tabulated import Tabulated as Tabulated
 from .library import LibrarySpec as LibrarySpec
 from .library import MeshSpec as MeshSpec
@@ -40,9 +40,6 @@ from .scattering.expectation import expected as expected
 from .scattering.intensity import make_intensity as make_intensity
 from .scattering.intensity import weights as weights
 from .scattering.layer_craters import with_layer_craters as with_layer_craters
-from .scattering.listed import MAX_LISTED as MAX_LISTED
-from .scattering.listed import NEEDED as NEEDED
-from .scattering.listed import OPTIONAL as OPTIONAL
 from .scattering.listed import check_list as check_list
 from .scattering.overlap import find_overlaps as find_overlaps
 from .scattering.overlap import overlapping_pairs as overlapping_pairs

@@ -25,7 +25,9 @@ from terrain_forge.rocks.populations import (
     RockListSpec,
     RocksSpec,
 )
+from terrain_forge.rocks.scattering.listed import check_list
 from terrain_forge.rocks.scattering.packing import check_cover
+from terrain_forge.rocks.size_frequency import largest_diameter
 
 _SAMPLES = 100
 
@@ -50,14 +52,14 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
     for number, population in enumerate(rocks.populations):
         key = ("rocks", "populations", number)
         _check_sizes(population, size, key)
-        _check_touch(population, size, key)
+        _check_touch(population, key)
         _check_burial(population, key)
         _check_families(population, rocks.library, key)
         _check_craters(population, size, key)
     for number, listed in enumerate(rocks.lists):
         _check_burial(listed, ("rocks", "lists", number))
         _check_families(listed, rocks.library, ("rocks", "lists", number))
-    check_cover(rocks.populations, size)
+    check_cover(rocks.populations)
     _check_exclusion_zones(rocks.exclusion_zones, size)
 
 
@@ -68,7 +70,7 @@ def expected_count(population: PopulationSpec, size: Size) -> float:
     aside, and so is that craters lie partly outside or in one another.
     """
     area = size[0] * size[1]
-    law, (smallest, largest) = population.size_frequency, population.diameter_range(area)
+    law, (smallest, largest) = population.size_frequency, population.diameters
     if not isinstance(population.arrangement, AroundCraters):
         return area * float(law.cumulative_number(smallest) - law.cumulative_number(largest))
     craters = population.arrangement.craters
@@ -77,16 +79,31 @@ def expected_count(population: PopulationSpec, size: Size) -> float:
     return float(number @ [_effective_area(crater) for crater in craters])
 
 
-def largest_rock(rocks: RocksSpec, area: float, tables: tuple[Table, ...] = ()) -> float:
+def check_lists(rocks: RocksSpec, lists: tuple[Table, ...], *, size: Size) -> None:
+    """Refuse listed rocks that cannot lie on a site.
+
+    Args:
+        rocks: what is wanted.
+        lists: the tables of its lists.
+        size: the site, east and north [m].
+
+    Raises:
+        DataError: for the first that is wrong.
+    """
+    shapes = rocks.library.shapes + len(rocks.library.meshes)
+    for number, table in enumerate(lists):
+        check_list(table, size=size, shapes=shapes, key=("rocks", "lists", number, "file"))
+
+
+def largest_rock(rocks: RocksSpec, lists: tuple[Table, ...] = ()) -> float:
     """Exposed diameter [m] that no rock exceeds, scattered or listed; 0 without any.
 
     Args:
         rocks: what is wanted.
-        area: the site's [m²].
-        tables: the lists of rocks that were read.
+        lists: the tables of its lists.
     """
-    scattered = [p.diameter_range(area)[1] for p in rocks.populations]
-    listed = [float(table.column("diameter_m").max()) for table in tables]
+    scattered = [p.diameters[1] for p in rocks.populations]
+    listed = [float(table.column("diameter_m").max()) for table in lists]
     return max([*scattered, *listed], default=0.0)
 
 
@@ -129,37 +146,34 @@ def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
 
 
 def _check_range(population: PopulationSpec, size: Size, key: Key) -> None:
-    try:
-        low, high = population.smallest_diameter, population.diameter_m[1]
-    except RecipeError as error:
-        raise RecipeError(str(error), key=key) from None
-    known = population.size_frequency.smallest_known
-    if population.size_frequency.kind == "table" and known is not None and low < known:
-        raise RecipeError(f"from {low:g} m, the table begins at {known:g} m", key=key)
-    if high is not None and high <= low:
+    (low, high), law = population.diameters, population.size_frequency
+    if law.kind == "table" and law.smallest_known is not None and low < law.smallest_known:
+        raise RecipeError(f"from {low:g} m, the table begins at {law.smallest_known:g} m", key=key)
+    # A range that nothing is expected in ends where it begins: see `with_diameters`.
+    if high < low or high == low < largest_diameter(law, size[0] * size[1]):
         raise RecipeError(
             f"smallest {low:g} m, largest {high:g} m: the largest must be larger", key=key
         )
-    most, limit = population.diameter_range(size[0] * size[1])[1], 0.5 * min(size)
-    if isinstance(population.arrangement, AroundCraters) and high is None:
+    most, limit = high, 0.5 * min(size)
+    if isinstance(population.arrangement, AroundCraters):
         craters = population.arrangement.craters
         most = min(most, max((crater.largest_rock_m for crater in craters), default=low))
     if max(low, most) > limit:
-        found = f"rocks of up to {max(low, most):.3g} m"
-        advice = "" if high else " by the law: give the largest diameter"
         raise RecipeError(
-            f"{found}{advice}, at most half the site's shorter side, {limit:g} m", key=key
+            f"rocks of up to {max(low, most):.3g} m, at most half the site's shorter side, "
+            f"{limit:g} m: give the largest diameter, or a smaller one",
+            key=key,
         )
 
 
-def _check_touch(population: PopulationSpec, size: Size, key: Key) -> None:
+def _check_touch(population: PopulationSpec, key: Key) -> None:
     """Refuse dynamic rocks that are none of the population's, or that cannot be touched."""
     if population.dynamic_m is None:
         return
     (low, high), key = population.dynamic_m, (*key, "dynamic_m")
     if high <= low:
         raise RecipeError(f"from {low:g} to {high:g} m: the smaller one comes first", key=key)
-    smallest, largest = population.diameter_range(size[0] * size[1])
+    smallest, largest = population.diameters
     if high < smallest or low > largest:
         raise RecipeError(
             f"from {low:g} to {high:g} m, but the rocks have {smallest:g} to {largest:g} m", key=key
@@ -208,7 +222,7 @@ def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
         most = max(c.largest_rock_m * (c.strength > 0.0) for c in arrangement.craters)
         raise RecipeError(
             f"no rock is left around these craters: they are too old, or their largest rocks of "
-            f"{most:.3g} m are smaller than {population.smallest_diameter:g} m",
+            f"{most:.3g} m are smaller than {population.diameters[0]:g} m",
             key=key,
         )
 

@@ -12,7 +12,7 @@ from annotated_types import Interval, MinLen
 from numba import get_num_threads
 from numpy.random import Generator, Philox
 
-from terrain_forge.base import Array, Spec, mix, stage_key
+from terrain_forge.base import Array, InputFile, Spec, mix, stage_key
 from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
@@ -30,7 +30,7 @@ _OUTLINE_TOLERANCE = 2e-3  # of a mean axis
 class MeshSpec(Spec):
     """A rock shape of the user's own."""
 
-    file: Annotated[str, MinLen(1)]
+    file: Annotated[str, MinLen(1), InputFile(kind="mesh")]
     """A closed mesh in metres, z up: OBJ, STL, PLY, GLB or glTF. It is scaled to the diameters that
     are drawn; its materials are not used."""
     family: Annotated[str, MinLen(1)] | None = None
@@ -69,10 +69,6 @@ class LibrarySpec(Spec):
     hull_distance: Annotated[float, Interval(ge=0.02, le=1)] = 0.15
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
-
-    def files(self) -> tuple[str, ...]:
-        """Paths of the user's own shapes as the recipe writes them, each once."""
-        return tuple(dict.fromkeys(mesh.file for mesh in self.meshes))
 
     def family_names(self) -> tuple[str, ...]:
         """The families that the library has shapes of, each once."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 from annotated_types import Interval, MinLen
@@ -11,6 +11,7 @@ from terrain_forge.base import (
     Array,
     FileName,
     Fraction,
+    InputFile,
     NotNegative,
     Pair,
     Positive,
@@ -26,6 +27,15 @@ MAX_POPULATIONS = 64
 """Populations and lists of a site; a rock's id holds the population's index and its number."""
 MAX_ROCKS = 2**25
 """Rocks of one population."""
+
+ROCK_LIST = InputFile(
+    kind="table",
+    columns=("x_m", "y_m", "diameter_m"),
+    optional=("yaw_deg", "buried_fraction", "prototype"),
+)
+"""Every list has the place east and north of the centre and the exposed plan diameter [m]; it may
+have the turn anticlockwise [degrees], the buried part of the height, and the index of the shape in
+the library."""
 
 BuriedFraction = Annotated[float, Interval(ge=0, le=0.5)]
 
@@ -49,7 +59,7 @@ class PopulationSpec(Spec):
     to 0.9, so that no daylight shows."""
     arrangement: Arrangement = field(default_factory=Poisson)
     """How the rocks lie towards each other: anywhere (Poisson), in clusters, around craters."""
-    density_image: Annotated[str, MinLen(1)] | None = None
+    density_image: Annotated[str, MinLen(1), InputFile(kind="image")] | None = None
     """An image laid over the site, north up; it multiplies the number of rocks by 0 (black) to 1
     (white, the law's own number). Of colours the luma counts."""
     max_slope_deg: Annotated[float, Interval(gt=0, le=90)] | None = None
@@ -67,27 +77,36 @@ class PopulationSpec(Spec):
     density_kg_m3: Annotated[float, Interval(ge=100, le=20000)] | None = None
     """Density [kg/m³]; by default that of the body's rocks."""
 
-    def diameter_range(self, area: float) -> tuple[float, float]:
-        """Smallest and largest diameter [m] on an area [m²]; equal where no rock is expected."""
-        smallest, largest = self.smallest_diameter, self.diameter_m[1]
-        if largest is None:
-            largest = max(smallest, largest_diameter(self.size_frequency, area))
-        return smallest, largest
+    def with_diameters(self, area: float) -> PopulationSpec:
+        """The population with both diameters as numbers, equal where no rock is expected.
 
-    @property
-    def smallest_diameter(self) -> float:
-        """Smallest diameter [m], the population's own or else its law's.
+        The largest is rounded to 10 digits, so that it is the same on every machine.
+
+        Args:
+            area: the site's [m²].
 
         Raises:
-            RecipeError: if neither has one.
+            RecipeError: if neither the population nor its law has a smallest diameter.
         """
-        smallest = self.diameter_m[0] or self.size_frequency.smallest_known
+        smallest, largest = self.diameter_m
+        smallest = smallest or self.size_frequency.smallest_known
         if smallest is None:
             raise RecipeError(
                 f"a {self.size_frequency.kind} law goes on to ever smaller rocks: give the "
                 "smallest diameter, as in [0.1, null]"
             )
-        return smallest
+        if largest is None:
+            found = float(f"{largest_diameter(self.size_frequency, area):.10g}")
+            largest = max(smallest, found)
+        return replace(self, diameter_m=(smallest, largest))
+
+    @property
+    def diameters(self) -> tuple[float, float]:
+        """Smallest and largest diameter [m] of a population of a planned site."""
+        smallest, largest = self.diameter_m
+        if smallest is None or largest is None:
+            raise ValueError(f"{self.name!r} needs both diameters: see with_diameters")
+        return smallest, largest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +115,7 @@ class RockListSpec(Spec):
 
     name: FileName
     """Name, unique among lists and populations."""
-    file: Annotated[str, MinLen(1)]
+    file: Annotated[str, MinLen(1), ROCK_LIST]
     """CSV with a header: `x_m`, `y_m` (east and north of the centre in the site's frame) and
     `diameter_m`; if wanted `yaw_deg`, `buried_fraction` and `prototype` too."""
     buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)

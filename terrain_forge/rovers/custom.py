@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Positive, Spec
+from terrain_forge.base import InputFile, Positive, Spec
 from terrain_forge.rovers.parts import RoverSpec
 
 JointName = Annotated[str, MinLen(1)]
@@ -34,7 +33,7 @@ class FileRover(RoverSpec):
 
     kind: Literal["file"] = "file"
     """A rover from a file."""
-    file: Annotated[str, MinLen(1)]
+    file: Annotated[str, MinLen(1), InputFile(kind="rover")]
     """The `.urdf`, `.xacro` or MJCF `.xml` file."""
     wheels: tuple[JointName, ...] = ()
     """Links or joints of the driven wheels; by default those that turn without end and have `wheel`
@@ -52,7 +51,7 @@ class FileRover(RoverSpec):
     """Gears between passive joints that the file does not name."""
     wheel_radius_m: Positive | None = None
     """Radius of the wheels [m]; by default that of their shapes."""
-    packages: dict[str, str] = field(default_factory=dict)
+    packages: dict[str, Annotated[str, InputFile(kind="folder")]] = field(default_factory=dict)
     """Folders of the packages that the file's paths name, as `{package: folder}`; by default
     looked for above the file and beside it."""
     torque_limit_n_m: Positive | None = None
@@ -62,11 +61,3 @@ class FileRover(RoverSpec):
     """Largest speed over ground [m/s]."""
     tilt_limit_deg: Annotated[float, Interval(gt=0, lt=90)] = 25.0
     """Largest tilt in which it may be driven [degrees]."""
-
-    def portable(self) -> FileRover:
-        """The same with folders of packages by their names alone where they are absolute."""
-        packages = {
-            package: Path(place).name if Path(place).is_absolute() else place
-            for package, place in self.packages.items()
-        }
-        return replace(self, packages=packages)

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Array, Spec, inner, kernel, mix, over_chunks, stage_key
+from terrain_forge.base import Array, InputFile, Spec, inner, kernel, mix, over_chunks, stage_key
 from terrain_forge.model import GroundDetail, Site
 
 _SIDE, _SIZE = 512, 1.536
@@ -30,7 +30,7 @@ _CONTRAST = 0.16
 class DetailSpec(Spec):
     """A picture of soil that is laid in tiles, instead of the procedural one."""
 
-    image: Annotated[str, MinLen(1)]
+    image: Annotated[str, MinLen(1), InputFile(kind="image")]
     """The image, which must tile both ways. Its brightness over its mean counts, and makes the
     normal map: bright is high."""
     size_m: Annotated[float, Interval(ge=0.05, le=100)]

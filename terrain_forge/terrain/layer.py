@@ -16,40 +16,18 @@ LAYERS = "terrain_forge.layers"
 
 
 @dataclass(frozen=True, kw_only=True)
-class InputTable:
-    """A table of numbers (CSV) that a layer reads, found as `site.table(file)`."""
-
-    file: str
-    """Path as the recipe writes it."""
-    field: str
-    """The layer's field that names it."""
-    needed: tuple[str, ...]
-    """Columns that it must have."""
-    optional: tuple[str, ...] = ()
-    """Columns that it may have."""
-    blanks: tuple[tuple[str, float], ...] = ()
-    """Columns whose fields may be left empty, and what the table holds there."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Layer(Spec):
     """One step of the ground: a spec with the relief that it adds.
 
     A subclass has a field `kind` (a Literal with its default) and is found if its module lies in
     `terrain_forge.terrain.layers` or is named by an entry point of the group
-    `terrain_forge.layers`.
+    `terrain_forge.layers`. A field that names a file is marked, as in
+    `image: Annotated[str, InputFile(kind="image")]`; `site.image(self.image)` then has what was
+    read, and `site.table(…)` a table.
     """
 
     mask: Mask | None = None
     """Where the layer applies; without it, everywhere."""
-
-    def images(self) -> tuple[str, ...]:
-        """Image files that the layer reads, as the recipe writes them."""
-        return ()
-
-    def tables(self) -> tuple[InputTable, ...]:
-        """Tables that the layer reads."""
-        return ()
 
     def check(self, *, site: Site, key: tuple[str | int, ...]) -> None:
         """Refuse, when the site is planned, what it cannot have; `key` is the layer's place.

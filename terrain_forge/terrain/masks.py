@@ -14,7 +14,16 @@ import numpy as np
 from annotated_types import Interval, MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, Key, NotNegative, Positive, RecipeError, Spec
+from terrain_forge.base import (
+    Array,
+    DataError,
+    InputFile,
+    Key,
+    NotNegative,
+    Positive,
+    RecipeError,
+    Spec,
+)
 from terrain_forge.dtm import bilinear
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.route_distance import route_distance
@@ -79,7 +88,7 @@ class Mask(Spec):
     """By the slope of the ground before this layer."""
     height: HeightBand | None = None
     """By the height of the ground before this layer."""
-    image: Annotated[str, MinLen(1)] | None = None
+    image: Annotated[str, MinLen(1), InputFile(kind="image")] | None = None
     """By an image over the whole site, north up: 0 (black) to 1 (white). The outer pixels' centres
     lie on the site's edges."""
     route: RouteBand | None = None

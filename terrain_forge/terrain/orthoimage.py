@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, Fraction, Spec, linear_from_srgb
+from terrain_forge.base import Array, DataError, Fraction, InputFile, Spec, linear_from_srgb
 from terrain_forge.dtm import (
     Nodes,
     cubic,
@@ -37,7 +37,7 @@ class OrthoimageSpec(Spec):
     there are three bands, everything else is linear.
     """
 
-    image: Annotated[str, MinLen(1)]
+    image: Annotated[str, MinLen(1), InputFile(kind="orthoimage")]
     """The file. If it is georeferenced it is laid where it belongs; otherwise it covers the whole
     site, north up, its outer edges on the site's."""
     strength: Fraction = 1.0

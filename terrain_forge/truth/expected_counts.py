@@ -30,8 +30,7 @@ class ExpectedCounts:
     @staticmethod
     def of(spec: PopulationSpec, world: World) -> ExpectedCounts:
         """What a population of a world should have."""
-        east, north = world.site.size
-        smallest, _ = spec.diameter_range(east * north)
+        smallest, _ = spec.diameters
         expectation = expected(spec, site=world.site, window=world.window, ground=world.ground)
         return ExpectedCounts(law=spec.size_frequency, smallest=smallest, expectation=expectation)
 

@@ -138,7 +138,7 @@ def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) ->
 def _law(spec: PopulationSpec) -> dict[str, Any]:
     """The law's own report, and below which diameter [m] it goes on beyond what was counted."""
     known, report = spec.size_frequency.smallest_known, spec.size_frequency.report()
-    if known is None or spec.smallest_diameter >= known:
+    if known is None or spec.diameters[0] >= known:
         return report
     return {**report, "extrapolated_below_m": known}
 

@@ -81,6 +81,27 @@ def test_foreign_exporter_and_layer(installed, tmp_path):
     assert abs(step.mean() - 0.5) < 0.2  # the terrace, above the fractal's few centimetres
 
 
+def test_a_foreign_layer_has_its_file_read_hashed_and_named(installed, tmp_path):
+    """Its field is marked, and that is all."""
+    faults = tmp_path / "away" / "faults.csv"
+    faults.parent.mkdir()
+    faults.write_text("x_m,rise_m\n0.1,2.5\n")
+    recipe = RECIPE.replace("rise_m: 0.5", f"rise_m: 0, faults: {faults}").replace("EXPORTS", "[]")
+    script = (
+        "import sys, terrain_forge as tf\n"
+        "site = tf.plan(tf.load_recipe(sys.argv[1]).recipe)\n"
+        "layer = site.recipe.terrain.layers[1]\n"
+        "print(layer.faults, site.table(layer.faults).values.tolist(), dict(site.inputs))\n"
+    )
+    for text, words in (
+        (recipe, "faults.csv [[0.1, 2.5]] {'faults.csv': '"),
+        (recipe.replace("faults.csv", "none.csv"), "no such file: "),
+    ):
+        (tmp_path / "plugged.yaml").write_text(text)
+        done = python(installed, "-c", script, tmp_path / "plugged.yaml")
+        assert words in done.stdout + done.stderr
+
+
 def test_options_and_losses(installed, tmp_path):
     done = build(installed, tmp_path, "{thin: {kind: xyz, every: 2, separator: comma}}")
     assert done.returncode == 0, done.stderr
@@ -110,7 +131,7 @@ def test_wrong_exports_are_refused(installed, tmp_path):
         (tmp_path / f"{number}.yaml").write_text(RECIPE.replace("EXPORTS", exports))
     script = (
         "import logging, sys, terrain_forge as tf\n"
-        "from terrain_forge.recipe.schema import export_orders\n"
+        "from terrain_forge.recipe import export_orders\n"
         "logging.basicConfig()\n"
         "for path in sys.argv[1:]:\n"
         "    try:\n"

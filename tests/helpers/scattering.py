@@ -30,7 +30,7 @@ def run(place, *populations, window=None, library=LIBRARY, **more):
     """Scatter populations on a place."""
     return scatter(
         site=place,
-        populations=populations,
+        populations=tuple(one.with_diameters(place.size[0] * place.size[1]) for one in populations),
         library=library,
         window=window or place.window,
         **more,

@@ -66,7 +66,7 @@ def require_dynamic(populations: Populations, *, size: tuple[float, float], spac
         RecipeError: with what was found and what is allowed.
     """
     area, count = size[0] * size[1], 0.0
-    for number, low, high in _dynamic_sizes(populations, area):
+    for number, low, high in _dynamic_sizes(populations):
         key = ("rocks", "populations", number, "dynamic_m")
         if high > LARGEST_DYNAMIC * spacing:
             raise RecipeError(
@@ -89,16 +89,16 @@ def expected_dynamic(populations: Populations, *, size: tuple[float, float]) -> 
     area = size[0] * size[1]
     return sum(
         _expected_number(populations[number], area, low, high)
-        for number, low, high in _dynamic_sizes(populations, area)
+        for number, low, high in _dynamic_sizes(populations)
     )
 
 
-def _dynamic_sizes(populations: Populations, area: float) -> list[tuple[int, float, float]]:
+def _dynamic_sizes(populations: Populations) -> list[tuple[int, float, float]]:
     """Numbers of the populations with dynamic rocks, and the smallest and largest of these [m]."""
     sizes = []
     for number, population in enumerate(populations):
         if population.dynamic_m is not None:
-            smallest, largest = population.diameter_range(area)
+            smallest, largest = population.diameters
             low, high = population.dynamic_m
             sizes.append((number, max(smallest, low), min(largest, high)))
     return sizes

@@ -5,20 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, Positive, RecipeError, Spec
+from terrain_forge.base import Array, InputFile, Key, Positive, RecipeError, Spec
 from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
 from terrain_forge.rocks.laws.golombek import MAX_K
+
+if TYPE_CHECKING:
+    from terrain_forge.model import Table
 
 MAX_COUNTED = 100_000
 """Rocks or bins of a count; more are told apart well enough by bins."""
 LEAST_COUNTED = 5
 """Rocks that a law is fitted to at least."""
+
+_BINS = ("low_m", "high_m", "count")
+_TABLE = InputFile(
+    kind="table",
+    optional=("diameter_m", *_BINS),
+    positive=("diameter_m", "low_m", "high_m"),
+    most=MAX_COUNTED,
+)
 
 Bin = tuple[Positive, Positive | None, Annotated[int, Ge(0)]]
 
@@ -33,7 +44,7 @@ class Counts(Spec):
 
     kind: Literal["counts"] = "counts"
     """Name of the law."""
-    file: Annotated[str, MinLen(1)] | None = None
+    file: Annotated[str, MinLen(1), _TABLE] | None = None
     """CSV with a header: a column `diameter_m`, a row for each rock; or `low_m`, `high_m`,
     `count`, a row for each bin."""
     diameters_m: Annotated[tuple[Positive, ...], MinLen(1), MaxLen(MAX_COUNTED)] | None = None
@@ -86,6 +97,19 @@ class Counts(Spec):
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] of the fitted law."""
         return self.fitted.law.sample(hashes, smallest, largest)
+
+    def with_table(self, table: Table) -> Counts:
+        """The law with the rocks or bins of its file."""
+        if set(table.columns) == {"diameter_m"}:
+            return replace(self, file=None, diameters_m=tuple(table.column("diameter_m").tolist()))
+        if set(table.columns) != set(_BINS):
+            found = ", ".join(table.columns)
+            columns = "the column diameter_m, or low_m, high_m and count"
+            raise ValueError(f"needs {columns}; found {found}")
+        rows = [*zip(*(table.column(name).tolist() for name in _BINS), strict=True)]
+        if any(count < 0 or count != int(count) for _, _, count in rows):
+            raise ValueError("a count is no whole number of rocks")
+        return replace(self, file=None, bins=tuple((a, b, int(count)) for a, b, count in rows))
 
     def on(self, body: str) -> Counts:
         """The law with the body's q(k), unless it has its own."""

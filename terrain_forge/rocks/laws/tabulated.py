@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, Positive, RecipeError, Spec, kernel, mix, uniform
+from terrain_forge.base import (
+    Array,
+    InputFile,
+    Key,
+    Positive,
+    RecipeError,
+    Spec,
+    kernel,
+    mix,
+    uniform,
+)
 from terrain_forge.rocks.laws.power_law import moment_above
+
+if TYPE_CHECKING:
+    from terrain_forge.model import Table
 
 MAX_ROWS = 10_000
 """Rows of a table."""
+
+_COLUMNS = ("diameter_m", "number_per_m2")
 
 
 class _Pieces(NamedTuple):
@@ -31,7 +46,14 @@ class Tabulated(Spec):
 
     kind: Literal["table"] = "table"
     """Name of the law."""
-    file: Annotated[str, MinLen(1)] | None = None
+    file: (
+        Annotated[
+            str,
+            MinLen(1),
+            InputFile(kind="table", columns=_COLUMNS, positive=_COLUMNS, most=MAX_ROWS),
+        ]
+        | None
+    ) = None
     """CSV with the columns `diameter_m` and `number_per_m2`, instead of the two lists."""
     diameters_m: Annotated[tuple[Positive, ...], MinLen(2), MaxLen(MAX_ROWS)] | None = None
     """Diameters [m], rising."""
@@ -64,6 +86,11 @@ class Tabulated(Spec):
         ends = self.cumulative_number(np.array([smallest, largest]))
         diameters: Array = _sample(hashes, ends[0], ends[1], *self._pieces)
         return np.clip(diameters, smallest, largest)
+
+    def with_table(self, table: Table) -> Tabulated:
+        """The law with the numbers of its file."""
+        diameters, numbers = (tuple(table.column(name).tolist()) for name in _COLUMNS)
+        return replace(self, file=None, diameters_m=diameters, numbers_per_m2=numbers)
 
     def on(self, body: str) -> Tabulated:
         """The law itself, which is the same on every body."""

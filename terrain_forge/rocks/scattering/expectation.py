@@ -73,7 +73,7 @@ def expected(
     """
     east, north = site.axes(window)
     area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
-    _, largest = population.diameter_range(site.size[0] * site.size[1])
+    _, largest = population.diameters
     intensity = make_intensity((population,), site)
     intensity = with_slopes(intensity, site=site, area=area, ground=ground)
     if isinstance(population.arrangement, AroundCraters):
@@ -111,7 +111,7 @@ def expected_cover(populations: tuple[PopulationSpec, ...], site: Site, window: 
     intensity = make_intensity(populations, site)
     for number, population in enumerate(populations):
         law = population.size_frequency
-        smallest, largest = population.diameter_range(site.size[0] * site.size[1])
+        smallest, largest = population.diameters
         share = float(law.cumulative_area(smallest) - law.cumulative_area(largest))
         if intensity.thins(number):
             cover += share * weights(intensity, number, places, np.full(len(places), smallest))

@@ -98,13 +98,14 @@ def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Inten
 def _image(population: PopulationSpec, index: int, site: Site) -> Array:
     if population.density_image is None:
         return np.zeros((0, 0))
-    values = site.image(population.density_image)
-    if values.min() < 0.0 or values.max() > 1.0 or values.max() == 0.0:
+    name, values = population.density_image, site.image(population.density_image)
+    key, least, most = ("rocks", "populations", index, "density_image"), values.min(), values.max()
+    if least < 0.0 or most > 1.0:
         raise DataError(
-            f"{population.density_image}: values from {values.min():g} to {values.max():g}; "
-            "0 (no rocks) to 1 are allowed, some of them above 0",
-            key=("rocks", "populations", index, "density_image"),
+            f"{name} holds values from {least:g} to {most:g}, allowed: 0 (no rocks) to 1", key=key
         )
+    if most == 0.0:
+        raise DataError(f"{name} is black all over: it leaves no place for rocks", key=key)
     return values
 
 

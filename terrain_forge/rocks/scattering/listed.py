@@ -12,13 +12,6 @@ from terrain_forge.rocks.scattering.candidates import Candidates
 from terrain_forge.rocks.scattering.cells import Cells
 from terrain_forge.rocks.scattering.size_classes import shapes_of
 
-NEEDED = ("x_m", "y_m", "diameter_m")
-"""Columns of every list: east and north of the centre and exposed plan diameter [m]."""
-OPTIONAL = ("yaw_deg", "buried_fraction", "prototype")
-"""Columns that a list may have: turn anticlockwise [degrees], buried part of the height, and index
-of the shape in the library."""
-MAX_LISTED = 2_000_000
-"""Rocks of one list."""
 SMALLEST = 1e-3
 """Diameter of the smallest rock that a list may give [m]."""
 DEEPEST = 0.5

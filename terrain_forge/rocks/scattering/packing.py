@@ -41,17 +41,13 @@ Populations = tuple[PopulationSpec, ...]
 Size = tuple[float, float]
 
 
-def check_cover(populations: Populations, size: Size) -> None:
+def check_cover(populations: Populations) -> None:
     """Refuse rocks that cover more ground than rocks of any shape and size can.
-
-    Args:
-        populations: The rocks.
-        size: The site, east and north [m].
 
     Raises:
         RecipeError: with the cover, on the whole or where rocks are crowded.
     """
-    for cover, _, where, key in _crowds(populations, size):
+    for cover, _, where, key in _crowds(populations):
         if cover > MAX_COVER:
             raise RecipeError(
                 f"the rocks would cover {cover:.3g} of the ground{where}, at most {MAX_COVER:g} "
@@ -71,7 +67,7 @@ def check_packing(populations: Populations, size: Size, library: RockLibrary) ->
     Raises:
         RecipeError: with the cover, on the whole or where rocks are crowded.
     """
-    crowds = [crowd for crowd in _crowds(populations, size) if crowd[0] > _ALWAYS_FITS]
+    crowds = [crowd for crowd in _crowds(populations) if crowd[0] > _ALWAYS_FITS]
     if not crowds:
         return
     shapes = _footprints(library)
@@ -88,7 +84,7 @@ def check_packing(populations: Populations, size: Size, library: RockLibrary) ->
             )
 
 
-def _crowds(populations: Populations, size: Size) -> Iterator[tuple[float, Array, str, Key]]:
+def _crowds(populations: Populations) -> Iterator[tuple[float, Array, str, Key]]:
     """Cover of the ground on the whole, then where each population is densest.
 
     With how many times denser than its law each population lies there, in words where that is, and
@@ -96,7 +92,7 @@ def _crowds(populations: Populations, size: Size) -> Iterator[tuple[float, Array
     """
     key, covers = ("rocks", "populations"), []
     for population in populations:
-        smallest, largest = population.diameter_range(size[0] * size[1])
+        smallest, largest = population.diameters
         law = population.size_frequency
         covers.append(float(law.cumulative_area(smallest) - law.cumulative_area(largest)))
     yield sum(covers), np.ones(len(covers)), "", key
@@ -120,7 +116,7 @@ def _footprints(library: RockLibrary) -> Array:
 
 def _steps(population: PopulationSpec, size: Size, shapes: Array) -> Array:
     """Diameter [m], number [1/m²], perimeter [m] and area [m²] of rocks, shape [4, steps]."""
-    smallest, largest = population.diameter_range(size[0] * size[1])
+    smallest, largest = population.diameters
     if largest <= smallest:
         return np.zeros((4, 0))
     ends, law = np.geomspace(smallest, largest, _STEPS + 1), population.size_frequency

@@ -31,7 +31,7 @@ def require_place(
     strips = corridors(site)
     for number, population in enumerate(populations):
         limited = known.thins(number) or len(strips.half_width) > 0
-        if limited and not _has_place(known, number, strips, population.smallest_diameter):
+        if limited and not _has_place(known, number, strips, population.diameters[0]):
             reasons = {
                 "its slope limit": np.isfinite(known.steepest[number]),
                 "its density image": population.density_image is not None,

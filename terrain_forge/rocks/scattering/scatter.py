@@ -156,10 +156,9 @@ def rock_margin(
     A rock that reaches into the window has its centre up to its own reach outside, and looks as far
     again for its ground; a dynamic one somewhat farther.
     """
-    area = site.size[0] * site.size[1]
     diameters = [0.0]
     for population in populations:
-        _, largest = population.diameter_range(area)
+        _, largest = population.diameters
         dynamic = min(largest, (population.dynamic_m or (0.0, 0.0))[1])
         diameters.append(max(largest, DYNAMIC_SPACE * dynamic))
     for spec in lists:

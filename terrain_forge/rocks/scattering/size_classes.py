@@ -107,7 +107,7 @@ def _octaves(
     where = ("rocks", "populations", index)
     shapes = shapes_of(population.families, library, where)
     reach = max(library.prototypes[shape].reach for shape in shapes)
-    low, last = population.diameter_range(site.size[0] * site.size[1])
+    low, last = population.diameters
     last = min(last, intensity.largest_rock(index))
     key = stage_key(site.seed, f"rocks/{population.name}")
     parents = None

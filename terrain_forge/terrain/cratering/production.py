@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from annotated_types import Interval, MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import BY_KIND, Array, Positive, Spec
+from terrain_forge.base import BY_KIND, Array, InputFile, Positive, Spec
 from terrain_forge.terrain.cratering.chronology import MARS, MARS_HARTMANN, MOON, OLDEST, Chronology
+
+if TYPE_CHECKING:
+    from terrain_forge.model import Table
+
+_COLUMNS = ("diameter_m", "number_per_km2")
 
 Age = Annotated[float, Interval(gt=0, le=OLDEST)]
 
@@ -204,7 +209,14 @@ class CraterTable(Spec):
     """
 
     kind: Literal["table"] = "table"
-    file: Annotated[str, MinLen(1)] | None = None
+    file: (
+        Annotated[
+            str,
+            MinLen(1),
+            InputFile(kind="table", columns=_COLUMNS, positive=_COLUMNS, most=10_000),
+        ]
+        | None
+    ) = None
     """CSV with the columns `diameter_m` and `number_per_km2`, instead of the two lists."""
     diameters_m: tuple[Positive, ...] = ()
     """Rising diameters [m]."""
@@ -229,6 +241,11 @@ class CraterTable(Spec):
             raise ValueError("a table needs a file, or two diameters and numbers at least")
         if np.any(np.diff(diameters) <= 0.0) or np.any(np.diff(numbers) >= 0.0):
             raise ValueError("diameters must rise from row to row, and numbers fall")
+
+    def with_table(self, table: Table) -> CraterTable:
+        """The law with the numbers of its file."""
+        diameters, numbers = (tuple(table.column(name).tolist()) for name in _COLUMNS)
+        return replace(self, file=None, diameters_m=diameters, numbers_per_km2=numbers)
 
     def law(self) -> SizeLaw:
         """The law itself."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Array, FileName, Positive
+from terrain_forge.base import Array, FileName, InputFile, Positive
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
@@ -15,7 +15,14 @@ from terrain_forge.terrain.cratering.feasibility import check_craters
 from terrain_forge.terrain.cratering.layer_craters import NOT_GIVEN, make_craters
 from terrain_forge.terrain.cratering.production import Production
 from terrain_forge.terrain.cratering.relief import crater_relief
-from terrain_forge.terrain.layer import InputTable, Layer
+from terrain_forge.terrain.layer import Layer
+
+CraterList = InputFile(
+    kind="table",
+    columns=("diameter_m",),
+    optional=("x_m", "y_m", "lon_deg", "lat_deg", "age_ga", "depth_to_diameter"),
+    blanks=(("age_ga", 0.0), ("depth_to_diameter", NOT_GIVEN)),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +40,7 @@ class CraterLayer(Layer):
     """Smallest and largest diameter [m]. A smallest of null is 4 spacings, the least that the grid
     can show; a largest of null is 5 postings of the DTM, which shows the larger ones itself, or
     on a flat site what one crater of the area is expected to reach."""
-    file: Annotated[str, MinLen(1)] | None = None
+    file: Annotated[str, MinLen(1), CraterList] | None = None
     """CSV of craters that are placed one by one: `x_m`, `y_m` (east and north of the site's centre)
     or `lon_deg`, `lat_deg`, and `diameter_m`; if wanted `age_ga` (0 without) and
     `depth_to_diameter` (of the fresh crater, crest to floor). Fields of these two may be empty."""
@@ -50,20 +57,6 @@ class CraterLayer(Layer):
     def __post_init__(self) -> None:
         if self.production is None and self.file is None:
             raise ValueError("craters need a production function, a file, or both")
-
-    def tables(self) -> tuple[InputTable, ...]:
-        """The list of craters."""
-        if self.file is None:
-            return ()
-        return (
-            InputTable(
-                file=self.file,
-                field="file",
-                needed=("diameter_m",),
-                optional=("x_m", "y_m", "lon_deg", "lat_deg", "age_ga", "depth_to_diameter"),
-                blanks=(("age_ga", 0.0), ("depth_to_diameter", NOT_GIVEN)),
-            ),
-        )
 
     def check(self, *, site: Site, key: tuple[str | int, ...]) -> None:
         """Refuse craters that a site cannot have."""

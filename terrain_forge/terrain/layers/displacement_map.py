@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Array, Fraction, PositivePair
+from terrain_forge.base import Array, Fraction, InputFile, PositivePair
 from terrain_forge.dtm import cubic
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.layer import Layer
@@ -23,7 +23,7 @@ class DisplacementMap(Layer):
     """
 
     kind: Literal["displacement_map"] = "displacement_map"
-    image: Annotated[str, MinLen(1)]
+    image: Annotated[str, MinLen(1), InputFile(kind="image")]
     """Image file (8 or 16 bit, or float), its path relative to the recipe."""
     height_m: Annotated[float, Interval(ge=-1e4, le=1e4)]
     """Height of the value 1 above the value 0 [m]; negative turns hills into hollows."""
@@ -31,10 +31,6 @@ class DisplacementMap(Layer):
     """The value that leaves the ground where it is."""
     tile_m: PositivePair | None = None
     """Size of one tile, east and north [m]; without it the image covers the site once."""
-
-    def images(self) -> tuple[str, ...]:
-        """The displacement image."""
-        return (self.image,)
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """The image, interpolated by a cubic kernel at the window's nodes."""

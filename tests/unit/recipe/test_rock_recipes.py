@@ -107,7 +107,7 @@ def test_smallest_diameter_may_come_from_the_law(tmp_path):
     table = Tabulated(diameters_m=(0.2, 2.0), numbers_per_m2=(1.0, 0.001))
     for law, smallest in ((counts, 0.3), (table, 0.2)):
         spec = population(size_frequency=law, diameter_m=(None, None))
-        assert spec.diameter_range(100.0)[0] == smallest
+        assert spec.with_diameters(100.0).diameters[0] == smallest
         plan(recipe(spec), folder=tmp_path)
     for law in (LAW, Exponential(number_per_m2=1.0, decay_per_m=3.0)):
         key, text = complaint(recipe(population(size_frequency=law, diameter_m=(None, 1.0))), ".")
@@ -453,7 +453,7 @@ def test_circles_become_clearings():
 
 def test_expected_count_around_craters_is_the_integral_of_their_weight():
     crater = Crater(centre_m=(1.0, -2.0), diameter_m=12.0, age_ga=1.0)
-    spec = population(arrangement=AroundCraters(craters=(crater,)), diameter_m=(0.2, None))
+    spec = population(arrangement=AroundCraters(craters=(crater,)), diameter_m=(0.2, 9.0))
     east = np.linspace(-20, 20, 2001)
     weight = np.array([[crater.weight(x, y) for x in east[::4]] for y in east[::4]])
     area = weight.sum() * (4 * 0.02) ** 2

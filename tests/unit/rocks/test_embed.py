@@ -25,7 +25,9 @@ from tests.helpers.outlines import exposed_outline
 LIBRARY = worlds.library()
 DENSITY = (2900.0, 2500.0)
 PEBBLES = PopulationSpec(name="pebbles", size_frequency=Golombek(k=0.3), diameter_m=(0.15, 0.5))
-BOULDERS = PopulationSpec(name="boulders", size_frequency=Golombek(k=0.3), diameter_m=(0.5, None))
+BOULDERS = PopulationSpec(
+    name="boulders", size_frequency=Golombek(k=0.3), diameter_m=(0.5, None)
+).with_diameters(24.1 * 16.3)
 
 
 def place(spacing=0.1):

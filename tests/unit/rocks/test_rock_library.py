@@ -285,12 +285,11 @@ def test_bad_specs_are_refused(bad):
         TypeAdapter(LibrarySpec).validate_python(bad)
 
 
-def test_spec_names_its_files_and_families():
+def test_spec_names_its_families():
     own = (
         MeshSpec(file="a/odd.obj"),
         MeshSpec(file="b.stl", family="mine"),
         MeshSpec(file="b.stl"),
     )
     spec = LibrarySpec(shapes=2, families=("block", "slab", "cobble"), meshes=own)
-    assert spec.files() == ("a/odd.obj", "b.stl")
     assert spec.family_names() == ("block", "slab", "odd", "mine", "b")

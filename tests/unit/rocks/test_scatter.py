@@ -29,9 +29,9 @@ def population(name="pebbles", *, k=0.1, diameter_m=(0.1, 0.5)):
 
 
 def run(place, *populations, window=None):
-    return scatter(
-        site=place, populations=populations, library=LIBRARY, window=window or place.window
-    )
+    area = place.size[0] * place.size[1]
+    kinds = tuple(population.with_diameters(area) for population in populations)
+    return scatter(site=place, populations=kinds, library=LIBRARY, window=window or place.window)
 
 
 def route(points, *, width=1.2, clearance=0.15):
@@ -262,7 +262,7 @@ def test_contradictions_are_refused(populations, message):
 
 def test_largest_rock_comes_from_the_area():
     kinds = (population(k=0.1, diameter_m=(0.5, None)), population("b", diameter_m=(0.1, 0.6)))
-    rocks = RocksSpec(populations=kinds)
+    rocks = RocksSpec(populations=tuple(kind.with_diameters(1e4) for kind in kinds))
     check_rocks(rocks, (100.0, 100.0))
-    assert largest_rock(rocks, 1e4) == pytest.approx(1.743, abs=1e-3)
-    assert largest_rock(RocksSpec(), 1e4) == 0.0
+    assert largest_rock(rocks) == pytest.approx(1.743, abs=1e-3)
+    assert largest_rock(RocksSpec()) == 0.0

@@ -320,6 +320,7 @@ def test_populations_without_any_rock_are_said_to_have_none(tmp_path):
     assert found["clark_evans"] is None
     few = PowerLaw(number_per_m2=1e-9, exponent=2.0)
     none = PopulationSpec(name="p0", size_frequency=few, diameter_m=(0.5, None))
+    none = none.with_diameters(1e4)
     write_size_frequency(world, tmp_path, rocks=rocks(none))  # any warning fails the test
     (found,) = json.loads((tmp_path / "size_frequency.json").read_text())["populations"]
     assert (found["count"]["expected"], found["count"]["observed"]) == (0.0, 0)
@@ -332,7 +333,7 @@ def test_laws_tell_where_they_go_on_beyond_the_count():
     world = scattered([np.zeros(0)])
     for smallest, beyond in ((0.2, 0.3), (0.3, None), (None, None)):
         spec = PopulationSpec(name="p0", size_frequency=counts, diameter_m=(smallest, 2.0))
-        (found,) = size_frequency(world, rocks=rocks(spec))["populations"]
+        (found,) = size_frequency(world, rocks=rocks(spec.with_diameters(1e4)))["populations"]
         assert found["law"].get("extrapolated_below_m") == beyond
 
 

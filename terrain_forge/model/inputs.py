@@ -1,0 +1,77 @@
+"""What was read of the recipe's input files when the site was planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Record
+from terrain_forge.model.mesh import Mesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Image(Record):
+    """An image that a layer uses, read when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    values: NDArray[np.float64]
+    """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
+
+    def __post_init__(self) -> None:
+        self.freeze("values", np.float64, ("rows", "columns"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Orthoimage(Record):
+    """A picture of the ground from above, cut to the site when it was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    albedo: NDArray[np.float32]
+    """Linear, in the source's row order, shape [rows, columns, 1 | 3]: one band tells brightness
+    over its mean on the site, three bands tell colour, 0 to 1."""
+    to_pixel: tuple[float, ...]
+    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
+    coordinates and whole numbers are pixel centres."""
+    crs: str
+    """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    wrap: tuple[float, float]
+    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
+
+    def __post_init__(self) -> None:
+        self.freeze("albedo", np.float32, ("rows", "columns", "bands"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Table(Record):
+    """A table of numbers that the recipe names, read when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    columns: tuple[str, ...]
+    """Names of the columns."""
+    values: NDArray[np.float64]
+    """The numbers, shape [rows, columns]; NaN is refused."""
+
+    def __post_init__(self) -> None:
+        self.freeze("values", np.float64, ("rows", len(self.columns)))
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Numbers of the column of that name, shape [rows]."""
+        values: NDArray[np.float64] = self.values[:, self.columns.index(name)]
+        return values
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CustomMesh(Record):
+    """A rock shape that the user brings, read and repaired when the site was planned."""
+
+    path: str
+    """As the recipe writes it."""
+    mesh: Mesh
+    """Closed, faces outward, in the file's axes and units."""
+    repairs: tuple[str, ...]
+    """What was repaired, for the report."""
