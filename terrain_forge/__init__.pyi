@@ -46,6 +46,7 @@ from .paths import Corridor as Corridor
 from .paths import FigureEight as FigureEight
 from .paths import Lawnmower as Lawnmower
 from .paths import Loop as Loop
+from .paths import NamedShape as NamedShape
 from .paths import PathSpec as PathSpec
 from .paths import Planned as Planned
 from .paths import Polyline as Polyline
@@ -97,16 +98,14 @@ from .rocks import remove_rocks as remove_rocks
 from .rocks import scatter as scatter
 from .rovers import FileRover as FileRover
 from .terrain import AppearanceSpec as AppearanceSpec
+from .terrain import BodyProduction as BodyProduction
 from .terrain import CraterLayer as CraterLayer
 from .terrain import CraterPowerLaw as CraterPowerLaw
 from .terrain import CraterTable as CraterTable
 from .terrain import DetailSpec as DetailSpec
 from .terrain import DisplacementMap as DisplacementMap
 from .terrain import Fractal as Fractal
-from .terrain import HartmannDaubar as HartmannDaubar
-from .terrain import Ivanov as Ivanov
 from .terrain import Layer as Layer
-from .terrain import Neukum as Neukum
 from .terrain import OrthoimageSpec as OrthoimageSpec
 from .terrain import Ripples as Ripples
 from .terrain import RmsSlope as RmsSlope

@@ -34,6 +34,6 @@ def ground_link(tile: World, whole: World, folder: Path, *, name: str, options: 
     texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
     write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
-    grip = world_friction(whole.site.body.name, options)
+    grip = world_friction(whole.site.body, options)
     touch = rigid(f"{name}_collision", uri, grip.ground)
     return element("link", visual(f"{name}_visual", uri), touch, name=name)

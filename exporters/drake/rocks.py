@@ -41,7 +41,7 @@ def fixed_rocks(
     """
     fixed = tile.field.select(~tile.field.dynamic)
     single = is_single(fixed, options)
-    friction = world_friction(whole.site.body.name, options).rock
+    friction = world_friction(whole.site.body, options).rock
     parts = [*_single_rocks(fixed.select(single), folder, friction)]
     small = fixed.select(~single)
     groups = np.unique(np.stack([small.population, small.collides], axis=-1), axis=0)

@@ -54,7 +54,7 @@ def write_tile(
     visual = element("visual", geometry, look, name=f"{name}_visual")
     if options.ground == "heightmap":
         return [visual]
-    touch = surface(world_friction(whole.site.body.name, options).ground)
+    touch = surface(world_friction(whole.site.body, options).ground)
     return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
 
 

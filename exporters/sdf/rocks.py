@@ -36,7 +36,7 @@ def write_tile(
         options: The export's options.
     """
     single = is_single(tile.field, options)
-    friction = world_friction(whole.site.body.name, options).rock
+    friction = world_friction(whole.site.body, options).rock
     parts: list[Lines] = [
         _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
     ]

@@ -58,7 +58,7 @@ def write_ground(
     texture = bake_ground(tile, finer=finest_texture(whole.ground, options.texture_pixels))
     write_png(assets / f"{name}.png", image_rows(texture.rgb))
     path = f"/{name}/Looks/regolith"
-    grip = world_friction(tile.site.body.name, options)
+    grip = world_friction(tile.site.body, options)
     look = define_textured(stage, path, f"./{name}.png", grip.ground, wrap="clamp")
     if detail := tile.appearance.detail:
         scale, offset = detail_placement(ground, detail)

@@ -48,7 +48,7 @@ def write_rocks(
         options: The export's options.
     """
     stage = new_stage(assets / f"{name}.usdc", name, kind=Kind.Tokens.component)
-    grip = world_friction(whole.site.body.name, options)
+    grip = world_friction(whole.site.body, options)
     looks = _define_materials(stage, name, tile.field, grip.rock)
     fixed, dynamic = (
         tile.field.select(tile.field.dynamic == is_dynamic) for is_dynamic in (False, True)

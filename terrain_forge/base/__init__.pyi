@@ -33,6 +33,7 @@ from .registry import load_plugin as load_plugin
 from .registry import parts as parts
 from .registry import plugins as plugins
 from .registry import skip_plugin as skip_plugin
+from .registry import values as values
 from .seeds import mix as mix
 from .seeds import poisson as poisson
 from .seeds import stage_key as stage_key
@@ -40,10 +41,10 @@ from .seeds import uniform as uniform
 from .seeds import uniforms as uniforms
 from .seeds import zigzag as zigzag
 from .specs import BY_KIND as BY_KIND
+from .specs import MAX_NAME as MAX_NAME
 from .specs import ByKind as ByKind
 from .specs import FileName as FileName
 from .specs import Fraction as Fraction
-from .specs import MAX_NAME as MAX_NAME
 from .specs import NotNegative as NotNegative
 from .specs import Pair as Pair
 from .specs import Positive as Positive

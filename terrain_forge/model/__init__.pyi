@@ -1,22 +1,28 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
-from .bodies import BODIES as BODIES
-from .bodies import Body as Body
-from .bodies import MARS as MARS
-from .bodies import MOON as MOON
+from .bodies.mars import MARS as MARS
+from .bodies.moon import MOON as MOON
+from .body import Body as Body
+from .body import Chronology as Chronology
+from .body import CraterConstants as CraterConstants
+from .body import Frictions as Frictions
+from .body import ProductionFunction as ProductionFunction
+from .body import Soil as Soil
+from .body import SurfaceFriction as SurfaceFriction
+from .body import sheared as sheared
 from .check import Check as Check
 from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
-from .exporting import ExportReport as ExportReport
 from .exporting import Exporter as Exporter
+from .exporting import ExportReport as ExportReport
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
 from .friction import Friction as Friction
-from .friction import surface_friction as surface_friction
 from .friction import world_friction as world_friction
+from .known_bodies import BODIES as BODIES
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
 from .route import Route as Route

@@ -2,14 +2,15 @@
 
 from .files import write_trajectories as write_trajectories
 from .interpolation import ANGLE_LIMIT as ANGLE_LIMIT
-from .interpolation import Deviation as Deviation
 from .interpolation import POSITION_LIMIT as POSITION_LIMIT
+from .interpolation import Deviation as Deviation
 from .interpolation import angles_between as angles_between
 from .interpolation import deviation as deviation
 from .interpolation import sample_times as sample_times
 from .interpolation import spline_places as spline_places
 from .interpolation import straight_places as straight_places
 from .interpolation import times_between as times_between
+from .named_shape import NamedShape as NamedShape
 from .obstacles import UNITS as UNITS
 from .obstacles import highest_step as highest_step
 from .plan import overhang as overhang
@@ -20,11 +21,11 @@ from .profile import duration as duration
 from .recorded import read_recorded as read_recorded
 from .routes import lay_trajectories as lay_trajectories
 from .routes import plan_routes as plan_routes
-from .shape_spec import FigureEight as FigureEight
-from .shape_spec import Lawnmower as Lawnmower
-from .shape_spec import Loop as Loop
-from .shape_spec import Spiral as Spiral
-from .shape_spec import Triangle as Triangle
+from .shapes.figure_eight import FigureEight as FigureEight
+from .shapes.lawnmower import Lawnmower as Lawnmower
+from .shapes.loop import Loop as Loop
+from .shapes.spiral import Spiral as Spiral
+from .shapes.triangle import Triangle as Triangle
 from .spec import Corridor as Corridor
 from .spec import PathSpec as PathSpec
 from .spec import Planned as Planned
@@ -40,6 +41,6 @@ from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
 from .trajectory import lay_trajectory as lay_trajectory
 from .traversability_field import IMPASSABLE as IMPASSABLE
-from .traversability_field import Traversability as Traversability
 from .traversability_field import UNKNOWN as UNKNOWN
+from .traversability_field import Traversability as Traversability
 from .traversability_field import traversability as traversability

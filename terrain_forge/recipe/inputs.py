@@ -11,7 +11,7 @@ from pathlib import Path
 
 from terrain_forge.base import DataError, Key
 from terrain_forge.dtm import RasterDtm, files_of_raster, read_image, require_file
-from terrain_forge.model import CustomMesh, DtmPatch, Image, Table
+from terrain_forge.model import BODIES, CustomMesh, DtmPatch, Image, Table
 from terrain_forge.paths import Recorded
 from terrain_forge.recipe.input_table import read_table
 from terrain_forge.recipe.schema import Recipe, recipe_json
@@ -285,7 +285,7 @@ def _all_paths(recipe: Recipe) -> Iterator[str]:
 
 def _resolve(law: SizeFrequency, recipe: Recipe, folder: Path, number: int) -> SizeFrequency:
     key: Key = ("rocks", "populations", number, "size_frequency")
-    law = law.on(recipe.body)
+    law = law.on(BODIES[recipe.body], key)
     law.check(key)
     if isinstance(law, Counts) and law.file is not None:
         return _read_counts(law, law.file, folder, (*key, "file"))

@@ -14,7 +14,7 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from terrain_forge.base import BY_KIND, FileName, Positive, RecipeError, Spec
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
-from terrain_forge.model import exporter
+from terrain_forge.model import BODIES, exporter
 from terrain_forge.paths import PathSpec
 from terrain_forge.recipe.validate_spec import ValidateSpec
 from terrain_forge.rocks import RocksSpec
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from terrain_forge.model import Exporter
 
     AnyLayer = Layer
+    BodyName = str
 else:
+    BodyName = Literal[tuple(BODIES)]
     AnyLayer = Annotated[Union[layer_types()], BY_KIND]  # noqa: UP007 (a tuple, not a list)
 
 
@@ -74,7 +76,7 @@ class Recipe(Spec):
     """Name of the world, and of its folder unless the command line gives another."""
     seed: Annotated[int, Ge(0), Lt(2**63)] = 0
     """Root of all randomness: the same seed makes the same world."""
-    body: Literal["mars", "moon"]
+    body: BodyName
     """The planet or moon."""
     dtm: Dtm
     """Where the heights come from."""

@@ -11,9 +11,11 @@ import numpy as np
 from annotated_types import Ge, MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, Positive, RecipeError, Spec
+from terrain_forge.base import Array, Key, Positive, RecipeError
+from terrain_forge.model import Body
 from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
-from terrain_forge.rocks.laws.golombek import MAX_K
+from terrain_forge.rocks.laws.golombek import MAX_K, USUAL, DecayOf, decay_of
+from terrain_forge.rocks.laws.law import SizeLaw
 
 MAX_COUNTED = 100_000
 """Rocks or bins of a count; more are told apart well enough by bins."""
@@ -24,7 +26,7 @@ Bin = tuple[Positive, Positive | None, Annotated[int, Ge(0)]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Counts(Spec):
+class Counts(SizeLaw):
     """A law fitted by maximum likelihood to a count of rocks, and used in its place.
 
     The rocks are given by one of `file`, `diameters_m` and `bins`. The fit and how good it is stand
@@ -48,7 +50,7 @@ class Counts(Spec):
     default the smallest diameter of the count."""
     fit: Literal["golombek", "power_law", "exponential"] = "golombek"
     """The law to fit."""
-    q_of_k: Literal["mars", "moon", "free"] | None = None
+    q_of_k: DecayOf | Literal["free"] | None = None
     """For `golombek`: how the cover's decay q follows from k; `free` fits both. By default that of
     the site's body."""
 
@@ -69,7 +71,7 @@ class Counts(Spec):
     @cached_property
     def fitted(self) -> Fit:
         """The fit of the law."""
-        return fit_law(self.count, fit=self.fit, decay=self.q_of_k or "mars")
+        return fit_law(self.count, fit=self.fit, decay=self.q_of_k)
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) [1/m²] of the fitted law."""
@@ -87,11 +89,11 @@ class Counts(Spec):
         """Diameters [m] of the fitted law."""
         return self.fitted.law.sample(hashes, smallest, largest)
 
-    def on(self, body: str) -> Counts:
+    def on(self, body: Body, key: Key = ()) -> Counts:
         """The law with the body's q(k), unless it has its own."""
-        if body != "moon" or self.fit != "golombek" or self.q_of_k:
+        if self.fit != "golombek" or self.q_of_k or body.rock_decay == USUAL:
             return self
-        return replace(self, q_of_k="moon")
+        return replace(self, q_of_k=decay_of(body, key))
 
     def check(self, key: Key) -> None:
         """Refuse a count that is missing, doubled, too small, or beyond the law's family."""

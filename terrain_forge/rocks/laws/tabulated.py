@@ -10,7 +10,8 @@ import numpy as np
 from annotated_types import MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, Positive, RecipeError, Spec, kernel, mix, uniform
+from terrain_forge.base import Array, Key, Positive, RecipeError, kernel, mix, uniform
+from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.power_law import moment_above
 
 MAX_ROWS = 10_000
@@ -26,7 +27,7 @@ class _Pieces(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tabulated(Spec):
+class Tabulated(SizeLaw):
     """A table of N(>D), used as it is: a power law from row to row, and on beyond the last one."""
 
     kind: Literal["table"] = "table"
@@ -64,11 +65,6 @@ class Tabulated(Spec):
         ends = self.cumulative_number(np.array([smallest, largest]))
         diameters: Array = _sample(hashes, ends[0], ends[1], *self._pieces)
         return np.clip(diameters, smallest, largest)
-
-    def on(self, body: str) -> Tabulated:
-        """The law itself, which is the same on every body."""
-        del body
-        return self
 
     def check(self, key: Key) -> None:
         """Refuse a table that is missing, doubled, ragged, or whose numbers do not fall."""

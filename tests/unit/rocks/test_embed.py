@@ -7,6 +7,7 @@ from terrain_forge.base import matrix_from_quaternion
 from terrain_forge.model import Heightfield, Mesh, Window, rotations
 from terrain_forge.rocks import (
     FOOT,
+    Golombek,
     LibrarySpec,
     PopulationSpec,
     Scattered,
@@ -16,7 +17,6 @@ from terrain_forge.rocks import (
     scatter,
 )
 from terrain_forge.rocks.embedding import outline
-from terrain_forge.rocks.size_frequency import Golombek
 from tests.helpers import worlds
 
 LIBRARY = worlds.library()
