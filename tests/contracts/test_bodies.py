@@ -1,4 +1,4 @@
-"""Every body that is found makes a world with craters, rocks, soils and friction, in each format."""
+"""Every installed body makes worlds with craters, rocks, soils, friction, in each format."""
 
 from __future__ import annotations
 

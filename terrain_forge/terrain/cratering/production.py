@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from annotated_types import Interval, MinLen
-from numpy.typing import NDArray
 
-from terrain_forge.base import BY_KIND, Array, Positive, RecipeError, Spec
+from terrain_forge.base import BY_KIND, Array, Positive, PowerPieces, RecipeError, Spec
 from terrain_forge.model import BODIES, Body, Chronology, ProductionFunction
 from terrain_forge.terrain.cratering.chronology import OLDEST
 
@@ -60,32 +59,6 @@ class Polynomial:
     def _arguments(self, diameter: Array) -> tuple[Array, Array]:
         logarithm = np.log10(np.asarray(diameter, np.float64)) - 3.0
         return logarithm, np.clip(logarithm, *np.log10(self.range_km))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pieces:
-    """A cumulative law known at some diameters, a power law between them and beyond."""
-
-    diameters: Array
-    """Rising diameters [m]."""
-    numbers: Array
-    """N(≥D) [1/m²], falling."""
-
-    def number(self, diameter: Array) -> Array:
-        """N(≥D) [1/m²]."""
-        row, slope = self._piece(diameter)
-        found: Array = self.numbers[row] * (diameter / self.diameters[row]) ** -slope
-        return found
-
-    def slope(self, diameter: Array) -> Array:
-        """-d ln N / d ln D of the piece."""
-        return self._piece(diameter)[1]
-
-    def _piece(self, diameter: Array) -> tuple[NDArray[np.intp], Array]:
-        row = np.searchsorted(self.diameters, diameter, side="right") - 1
-        row = np.clip(row, 0, len(self.diameters) - 2)
-        slopes = -np.diff(np.log(self.numbers)) / np.diff(np.log(self.diameters))
-        return row, slopes[row]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +119,7 @@ class BodyProduction(Production):
         bins = 1e-6 * growth * np.array(function.bins)
         steps = 0.5 * np.arange(len(bins), dtype=np.float64)
         edges = 1000.0 * 2.0 ** (steps + function.first_bin)
-        return Pieces(diameters=edges, numbers=np.cumsum(bins[::-1])[::-1])
+        return PowerPieces.through(edges, np.cumsum(bins[::-1])[::-1])
 
     def _function(self, body: Body) -> ProductionFunction:
         found = body.craters.production(self.kind)
@@ -172,8 +145,8 @@ class CraterPowerLaw(Production):
 
     def law(self, body: Body) -> Counted:  # noqa: ARG002
         """The law itself."""
-        ends = np.array([1.0, 2.0])
-        return Pieces(diameters=ends, numbers=self.number_per_m2 * ends**-self.exponent)
+        one, number, exponent = (np.array([v]) for v in (1.0, self.number_per_m2, self.exponent))
+        return PowerPieces(diameters=one, numbers=number, exponents=exponent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,9 +181,7 @@ class CraterTable(Production):
 
     def law(self, body: Body) -> Counted:  # noqa: ARG002
         """The law itself."""
-        return Pieces(
-            diameters=np.array(self.diameters_m), numbers=1e-6 * np.array(self.numbers_per_km2)
-        )
+        return PowerPieces.through(self.diameters_m, 1e-6 * np.array(self.numbers_per_km2))
 
 
 AnyProduction = Annotated[BodyProduction | CraterPowerLaw | CraterTable, BY_KIND]
