@@ -7,7 +7,7 @@ import time
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.terrain import CraterLayer, Fractal, Neukum, make_craters, shape_ground
+from terrain_forge.terrain import BodyProduction, CraterLayer, Fractal, make_craters, shape_ground
 
 ROUNDS = 3
 
@@ -15,7 +15,9 @@ ROUNDS = 3
 def main() -> None:
     """Time both sizes, craters alone and with fractal detail."""
     for cells, smallest in ((4000, 2.8), (1024, 1.0)):
-        craters = CraterLayer(production=Neukum(age_ga=3.5), diameter_m=(smallest, 200.0))
+        craters = CraterLayer(
+            production=BodyProduction(kind="neukum", age_ga=3.5), diameter_m=(smallest, 200.0)
+        )
         detail = Fractal(longest_wavelength_m=64.0)
         for layers in ((craters,), (detail, craters)):
             terrain = TerrainSpec(spacing_m=0.25, layers=layers)

@@ -20,7 +20,7 @@ from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import quaternion_from_rpy
 from terrain_forge.driving import Vehicle, drive, eased, load_scene
-from terrain_forge.model import Trajectory, World, surface_friction
+from terrain_forge.model import MARS, Trajectory, World
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import DriveSpec, load_recipe
 
@@ -89,7 +89,7 @@ def make_worlds(folder: Path) -> tuple[tuple[World, Path], tuple[World, Path]]:
     file.write_text(RECIPE)
     recipe = load_recipe(file)
     rough = realise(plan(recipe.recipe, folder=folder))
-    angle = 0.85 * math.atan(surface_friction("mars", "regolith").coefficient)
+    angle = 0.85 * math.atan(MARS.friction.regolith.coefficient)
     plane = np.tile(math.tan(angle) * rough.ground.east, (rough.ground.shape[0], 1))
     bare = rough.field.select(np.zeros(0, np.intp))
     slope = rough.replace(ground=rough.ground.replace(elevation=plane), field=bare)

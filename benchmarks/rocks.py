@@ -30,6 +30,7 @@ from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import (
     Clustered,
+    Golombek,
     LibrarySpec,
     PopulationSpec,
     RocksSpec,
@@ -41,7 +42,6 @@ from terrain_forge.rocks import (
     scatter,
     settle,
 )
-from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.terrain import Fractal, shape_ground
 
 

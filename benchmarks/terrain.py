@@ -21,7 +21,14 @@ import numpy as np
 import terrain_forge as tf
 from terrain_forge.dtm import ArrayDtm, FlatDtm
 from terrain_forge.recipe import TerrainSpec
-from terrain_forge.terrain import CraterLayer, Fractal, Layer, Neukum, make_craters, shape_ground
+from terrain_forge.terrain import (
+    BodyProduction,
+    CraterLayer,
+    Fractal,
+    Layer,
+    make_craters,
+    shape_ground,
+)
 
 SPACING = 0.125
 SMALLEST = {1025: 0.5, 4000: 1.4}
@@ -80,7 +87,7 @@ def place(
     heights = random.normal(size=(posts, posts)).cumsum(axis=0).cumsum(axis=1) / 20.0
     layers: tuple[Layer, ...] = (Fractal(longest_wavelength_m=2.0 * POSTING),)
     if craters:
-        law = Neukum(age_ga=3.5)
+        law = BodyProduction(kind="neukum", age_ga=3.5)
         layers += (CraterLayer(production=law, diameter_m=(SMALLEST[nodes], 60.0)),)
     recipe = tf.Recipe(
         name="benchmark",

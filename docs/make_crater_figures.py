@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from terrain_forge.dtm import FlatDtm
-from terrain_forge.model import Site
+from terrain_forge.model import MOON, Site
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import (
     LIMITS,
+    BodyProduction,
     CraterLayer,
     Craters,
-    Neukum,
     fresh_shapes,
     make_craters,
     population_of,
@@ -43,7 +43,9 @@ def _save(figure: Figure, name: str) -> None:
 
 
 def _site(age: float, *, spacing: float) -> tuple[Site, CraterLayer]:
-    layer = CraterLayer(production=Neukum(age_ga=age), diameter_m=(2.0, 200.0))
+    layer = CraterLayer(
+        production=BodyProduction(kind="neukum", age_ga=age), diameter_m=(2.0, 200.0)
+    )
     recipe = Recipe(
         name="figure",
         seed=8,
@@ -73,7 +75,7 @@ def _profiles() -> Figure:
 
 def _single(diameter: float, wear: float) -> Craters:
     diameters = np.array([diameter])
-    shape = fresh_shapes(diameters, body="moon")
+    shape = fresh_shapes(diameters, body=MOON)
     return Craters(
         id=np.zeros(1),
         listed=np.zeros(1),

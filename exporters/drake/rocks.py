@@ -44,7 +44,7 @@ def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Option
     """
     fixed = tile.field.select(~tile.field.dynamic)
     single = is_single(fixed, options)
-    friction = world_friction(tile.whole.site.body.name, options).rock
+    friction = world_friction(tile.whole.site.body, options).rock
     parts = [*_single_rocks(fixed.select(single), folder, friction)]
     small, name = fixed.select(~single), tile.name("rocks")
     for population, solid, rocks in grouped(small, small.collides):

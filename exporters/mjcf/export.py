@@ -108,7 +108,7 @@ def _world_xml(world: World, tiles: list[Tile], grounds: list[GroundPart], optio
         bodies += dynamic_rocks(world.library, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
-    grip = world_friction(world.site.body.name, options)
+    grip = world_friction(world.site.body, options)
     static = [*_static(grip), *rock_classes(world, textured=textured, friction=grip.rock)]
     parts = [
         *_settings(world, options, shown=_extent(world)),
@@ -199,7 +199,7 @@ def _scene_xml(world: World, options: Options) -> str:
     if world.rover.links:
         bodies.append(rover_body(world.rover, position, quaternion))
         parts += [
-            element("default", rover_classes(world_friction(world.site.body.name, options).ground)),
+            element("default", rover_classes(world_friction(world.site.body, options).ground)),
             element("asset", rover_assets(world.rover, "assets")),
             element("equality", rover_equalities(world.rover)),
             element("actuator", rover_actuators(world.rover)),

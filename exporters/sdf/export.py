@@ -105,7 +105,7 @@ def _write_models(
     parts: list[Lines] = []
     links: list[Lines] = []
     if heightmap:
-        friction = world_friction(world.site.body.name, options).ground
+        friction = world_friction(world.site.body, options).ground
         parts.append(write_heightmap(heightmap, world.ground, ground_model, friction=friction))
     for tile in world.tiles(cells=options.tile_cells):
         names.append(tile.name("ground"))

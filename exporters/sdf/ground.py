@@ -26,7 +26,7 @@ def write_tile(tile: Tile, model: Model, *, options: Options) -> list[Lines]:
     visual = element("visual", geometry, look, name=f"{name}_visual")
     if options.ground == "heightmap":
         return [visual]
-    touch = surface(world_friction(tile.whole.site.body.name, options).ground)
+    touch = surface(world_friction(tile.whole.site.body, options).ground)
     return [element("collision", geometry, touch, name=f"{name}_collision"), visual]
 
 

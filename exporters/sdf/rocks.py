@@ -37,7 +37,7 @@ def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options
     """
     whole = tile.whole
     single = is_single(tile.field, options)
-    friction = world_friction(whole.site.body.name, options).rock
+    friction = world_friction(whole.site.body, options).rock
     parts: list[Lines] = [
         _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
     ]

@@ -48,7 +48,7 @@ def write_rocks(
     """
     name, whole, field = tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)
-    grip = world_friction(whole.site.body.name, options)
+    grip = world_friction(whole.site.body, options)
     looks = {
         n: define_textured(
             stage, f"/{name}/Looks/rock_{n}", f"./{_texture_file(n)}", grip.rock, wrap="repeat"

@@ -29,6 +29,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import over_chunks as over_chunks
 from .mujoco_files import load_model as load_model
+from .power_pieces import PowerPieces as PowerPieces
 from .progress import Progress as Progress
 from .progress import Stopwatch as Stopwatch
 from .progress import silent as silent
@@ -39,6 +40,7 @@ from .registry import load_plugin as load_plugin
 from .registry import parts as parts
 from .registry import plugins as plugins
 from .registry import skip_plugin as skip_plugin
+from .registry import values as values
 from .seeds import mix as mix
 from .seeds import poisson as poisson
 from .seeds import stage_key as stage_key

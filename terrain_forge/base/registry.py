@@ -1,7 +1,8 @@
 """Finding what can be plugged in: modules in a folder of ours, and those of other packages.
 
-A kind of part (a layer, a size law, …) is a class with a literal `kind`. Adding one is adding a
-module to our folder of that kind, or naming a module of another package by an entry point.
+A kind of part (a layer, a size law, …) is a class with a literal `kind`; a body is a value with a
+name. Adding one is adding a module to our folder of that kind, or naming a module of another
+package by an entry point.
 """
 
 from __future__ import annotations
@@ -12,10 +13,18 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 _log = logging.getLogger(__name__)
 _Part = TypeVar("_Part")
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_Value = TypeVar("_Value", bound=_Named)
 
 
 @cache
@@ -58,26 +67,50 @@ def parts(base: type[_Part], folder: str, group: str) -> tuple[type[_Part], ...]
         folder: our package, each of whose modules defines some.
         group: entry points that name modules of other packages. Ours keep their kinds.
     """
-    names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
-    modules = [import_module(name) for name in names]
-    points = sorted(set(entry_points(group=group)), key=_precedence)
-    modules += [module for point in points if (module := load_plugin(point, group))]
     found: dict[str, type[_Part]] = {}
-    for module in modules:
+    for module in _modules(folder, group):
         for member in vars(module).values():
             if isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind"):
                 kind = str(vars(member).get("kind", member.__name__))
                 first = found.setdefault(kind, member)
                 if first is not member:
-                    _log.warning(
-                        "%s %r of %s is skipped: %s has that kind",
-                        _what(group), kind, member.__module__, first.__module__,
-                    )  # fmt: skip
+                    _warn_of_twin(group, "kind", kind, member.__module__, first.__module__)
     return tuple(sorted(found.values(), key=lambda part: part.__name__))
 
 
+def values(base: type[_Value], folder: str, group: str) -> tuple[_Value, ...]:
+    """All installed values of a class, each with a `name`, in the order of these.
+
+    Args:
+        base: the class.
+        folder: our package, each of whose modules defines some.
+        group: entry points that name modules of other packages. Ours keep their names.
+    """
+    found: dict[str, tuple[_Value, str]] = {}
+    for module in _modules(folder, group):
+        for member in vars(module).values():
+            if isinstance(member, base):
+                first, where = found.setdefault(member.name, (member, module.__name__))
+                if first is not member:
+                    _warn_of_twin(group, "name", member.name, module.__name__, where)
+    return tuple(found[name][0] for name in sorted(found))
+
+
+def _modules(folder: str, group: str) -> list[ModuleType]:
+    """The modules of our folder, then those of other packages that can be imported."""
+    names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
+    points = sorted(set(entry_points(group=group)), key=_precedence)
+    others = [module for point in points if (module := load_plugin(point, group))]
+    return [*map(import_module, names), *others]
+
+
+def _warn_of_twin(group: str, what: str, name: str, module: str, first: str) -> None:
+    _log.warning("%s %r of %s is skipped: %s has that %s", _what(group), name, module, first, what)
+
+
 def _what(group: str) -> str:
-    return group.rpartition(".")[2].removesuffix("s").replace("_", " ")
+    word = group.rpartition(".")[2].replace("_", " ")
+    return f"{word[:-3]}y" if word.endswith("ies") else word.removesuffix("s")
 
 
 def _precedence(point: EntryPoint) -> tuple[bool, str]:

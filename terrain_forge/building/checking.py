@@ -85,7 +85,8 @@ def check_raster(path: Path) -> list[str]:
                 raise
             continue
         with raster.dataset:
-            return [f"DTM {path}", *_lines(describe(raster))]
+            known = [f"  {'body':<12} {body.name}"] if raster.crs else []
+            return [f"DTM {path}", *known, *_lines(describe(raster))]
     raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Record
-from terrain_forge.model.bodies import Body
+from terrain_forge.model.body import Body
 from terrain_forge.model.dtm_patch import DtmPatch
 from terrain_forge.model.inputs import CustomMesh, Image, Orthoimage, Table
 from terrain_forge.model.rover import Rover

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import OutputError, from_plain, to_plain
 from terrain_forge.model.world import World
 
-FORMAT = 4
+FORMAT = 5
 
 
 def save_world(world: World, directory: Path) -> list[Path]:

@@ -7,10 +7,9 @@ import numpy as np
 from terrain_forge.base import Array, DataError, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_polyline, trace_spline
+from terrain_forge.paths.named_shape import NamedShape
 from terrain_forge.paths.obstacles import highest_step
 from terrain_forge.paths.recorded import RecordedPoses, follow
-from terrain_forge.paths.shape_spec import NamedShape
-from terrain_forge.paths.shapes import is_closed, trace_shape
 from terrain_forge.paths.spec import Corridor, PathSpec, Planned, Polyline, Recorded, Spline
 
 CORRIDOR_MARGIN = 0.4
@@ -100,7 +99,7 @@ def _trace(route: object, recorded: RecordedPoses | None, key: Key) -> tuple[Cur
         assert recorded is not None, "a route from a file comes with what was read from it"
         return follow(route, recorded, key=(*key, "file"))
     if isinstance(route, NamedShape):
-        return trace_shape(route, key), None
+        return route.curve(key), None
     key = (*key, "points_m")
     if isinstance(route, Polyline):
         points = np.asarray(route.points_m, np.float64)
@@ -113,7 +112,7 @@ def _trace(route: object, recorded: RecordedPoses | None, key: Key) -> tuple[Cur
 
 def _closes(route: object) -> bool:
     if isinstance(route, NamedShape):
-        return is_closed(route)
+        return route.closed
     if isinstance(route, Recorded):
         return route.closed and route.timing == "speed"
     assert isinstance(route, Spline | Polyline | Planned)

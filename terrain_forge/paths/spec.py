@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Union
 
 from annotated_types import Ge, Interval, Le, MinLen
 
-from terrain_forge.base import ByKind, FileName, InputFile, NotNegative, Pair, Positive, Spec
-from terrain_forge.paths.shape_spec import FigureEight, Lawnmower, Loop, Spiral, Triangle
+from terrain_forge.base import ByKind, FileName, InputFile, NotNegative, Pair, Positive, Spec, parts
+from terrain_forge.paths.named_shape import NamedShape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +77,13 @@ class Planned(Spec):
     """Distance that the rover's side keeps from what it cannot pass [m]."""
 
 
-RouteSpec = Annotated[
-    Spline | Polyline | Loop | Triangle | Lawnmower | Spiral | FigureEight | Recorded | Planned,
-    ByKind(default="spline"),
-]
-"""All kinds of routes."""
+if TYPE_CHECKING:
+    RouteSpec = Spline | Polyline | NamedShape | Recorded | Planned
+else:
+    _SHAPES = parts(NamedShape, "terrain_forge.paths.shapes", "terrain_forge.route_shapes")
+    RouteSpec = Annotated[
+        Union[(Spline, Polyline, *_SHAPES, Recorded, Planned)], ByKind(default="spline")
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)

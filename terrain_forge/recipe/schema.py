@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.base import BY_KIND, ByKind, FileName, Positive, RecipeError, Spec
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
+from terrain_forge.model import BODIES
 from terrain_forge.paths import PathSpec
 from terrain_forge.recipe.validate_spec import ValidateSpec
 from terrain_forge.rocks import RocksSpec
@@ -21,7 +22,9 @@ from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
 
 if TYPE_CHECKING:
     AnyLayer = Layer
+    BodyName = str
 else:
+    BodyName = Literal[tuple(BODIES)]
     AnyLayer = Annotated[Union[layer_types()], BY_KIND]  # noqa: UP007 (a tuple, not a list)
 
 
@@ -60,7 +63,7 @@ class Recipe(Spec):
     """Name of the world, and of its folder unless the command line gives another."""
     seed: Annotated[int, Ge(0), Lt(2**63)] = 0
     """Root of all randomness: the same seed makes the same world."""
-    body: Literal["mars", "moon"]
+    body: BodyName
     """The planet or moon."""
     dtm: Dtm
     """Where the heights come from."""

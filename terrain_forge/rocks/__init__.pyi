@@ -56,4 +56,3 @@ from .shapes.contact_sheet import SIZES as SIZES
 from .shapes.contact_sheet import render_contact_sheet as render_contact_sheet
 from .shapes.custom_mesh import read_rock_mesh as read_rock_mesh
 from .shapes.families import FAMILIES as FAMILIES
-from .size_frequency import SizeFrequency as SizeFrequency

@@ -1,37 +1,19 @@
-"""Size-frequency laws: how many rocks of which exposed diameter lie on a square metre.
-
-A law is one class in terrain_forge.rocks.laws: its closed forms and its exact sampler. Adding a law
-is adding a module there and its class here.
-"""
+"""The size-frequency laws that are installed, and the largest rock that one expects."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import numpy as np
 
-from terrain_forge.base import BY_KIND
-from terrain_forge.rocks.laws.counts import Counts
-from terrain_forge.rocks.laws.exponential import Exponential
-from terrain_forge.rocks.laws.golombek import CoverAbove, Golombek
+from terrain_forge.base import BY_KIND, parts
 from terrain_forge.rocks.laws.law import SizeLaw
-from terrain_forge.rocks.laws.power_law import PowerLaw
-from terrain_forge.rocks.laws.tabulated import Tabulated
 
-__all__ = [
-    "Counts",
-    "CoverAbove",
-    "Exponential",
-    "Golombek",
-    "PowerLaw",
-    "SizeFrequency",
-    "SizeLaw",
-    "Tabulated",
-    "largest_diameter",
-]
-
-SizeFrequency = Annotated[Golombek | PowerLaw | Exponential | Counts | Tabulated, BY_KIND]
-"""The laws that a recipe can name by their `kind`."""
+if TYPE_CHECKING:
+    SizeFrequency = SizeLaw
+else:
+    _LAWS = parts(SizeLaw, "terrain_forge.rocks.laws", "terrain_forge.size_laws")
+    SizeFrequency = Annotated[Union[_LAWS], BY_KIND]  # noqa: UP007 (a tuple, not a list)
 
 _RANGE = 1e-9, 1e6
 """Diameters [m] among which the largest rock is looked for."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,17 @@ from terrain_forge.base import (
     srgb_from_linear,
     stage_key,
 )
-from terrain_forge.model import Appearance, Heightfield, Site, Window
+from terrain_forge.model import BODIES, Appearance, Heightfield, Site, Window
 from terrain_forge.terrain.detail import DetailSpec, ground_detail
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.masks import mask_weight
 from terrain_forge.terrain.noise import fbm
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
-from terrain_forge.terrain.regolith import REGOLITHS
+
+if TYPE_CHECKING:
+    SoilName = str
+else:
+    SoilName = Literal[tuple(soil.name for body in BODIES.values() for soil in body.soils)]
 
 _STENCIL_M = 0.5
 _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN = 23.0, 7, 0.68
@@ -40,9 +44,7 @@ _ENCODED = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) *
 class AppearanceSpec(Spec):
     """What the ground looks like."""
 
-    regolith: (
-        Literal["mars_dust", "mars_plains", "mars_sand", "lunar_mare", "lunar_highlands"] | None
-    ) = None
+    regolith: SoilName | None = None
     """What the ground is made of; without it the body's usual regolith."""
     ground_rgb: tuple[Fraction, Fraction, Fraction] | None = None
     """sRGB colour of level ground, 0 to 1 each, instead of the regolith's."""
@@ -64,8 +66,8 @@ def check_appearance(spec: AppearanceSpec, site: Site) -> None:
     Raises:
         RecipeError: says which soils the body has.
     """
-    if spec.regolith is not None and REGOLITHS[spec.regolith].body != site.body.name:
-        known = [name for name, soil in REGOLITHS.items() if soil.body == site.body.name]
+    known = [soil.name for soil in site.body.soils]
+    if spec.regolith is not None and spec.regolith not in known:
         raise RecipeError(
             f"{spec.regolith} is no soil of {site.body.name}, which has {', '.join(known)}",
             key=("terrain", "appearance", "regolith"),
@@ -171,7 +173,8 @@ def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, i
 
 def _base(site: Site, window: Window, spec: AppearanceSpec) -> Array:
     """Linear colour before any variation, of each node, or of all where shape [1, 1, 3]."""
-    soil = REGOLITHS[spec.regolith].rgb if spec.regolith else site.body.ground_rgb
+    soils = {soil.name: soil.rgb for soil in site.body.soils}
+    soil = soils[spec.regolith] if spec.regolith else site.body.ground_rgb
     colour = linear_from_srgb(spec.ground_rgb or soil)
     if site.orthoimage is None:
         return colour.reshape(1, 1, 3)

@@ -42,7 +42,7 @@ class DetailSpec(Spec):
 def ground_detail(spec: DetailSpec | None, site: Site) -> GroundDetail:
     """The tile that a recipe asks for, or the procedural one of its body."""
     if spec is None:
-        return _procedural(airless=max(site.body.sky_rgb) == 0.0)
+        return _procedural(airless=site.body.airless)
     values = _squared(site.image(spec.image))
     return _detail(
         size=spec.size_m,

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from terrain_forge.model import MARS, MOON, exporter, surface_friction
+from terrain_forge.model import BODIES, MARS, exporter
 from terrain_forge.rocks.embedding.dynamic import SLIDING
 
 MU = "{http://drake.mit.edu}mu_"
@@ -71,15 +71,14 @@ def frictions(world, folder, kind, **options):
 
 
 @pytest.mark.parametrize("kind", READERS)
-@pytest.mark.parametrize("body", [MARS, MOON])
+@pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
 def test_each_surface_has_the_friction_of_its_body(small_world, tmp_path, kind, body):
     dynamic = np.arange(len(small_world.field)) % 3 == 0
     world = small_world.replace(
         site=small_world.site.replace(body=body), field=small_world.field.replace(dynamic=dynamic)
     )
     wanted = {
-        name: {surface_friction(body.name, name).coefficient}
-        for name in ("regolith", "bedrock", "rock")
+        name: {getattr(body.friction, name).coefficient} for name in ("regolith", "bedrock", "rock")
     }
     own = {SLIDING}
     assert frictions(world, tmp_path, kind) == (wanted["regolith"], wanted["rock"], own)
@@ -90,5 +89,5 @@ def test_each_surface_has_the_friction_of_its_body(small_world, tmp_path, kind, 
 
 def test_a_height_map_has_it_too(small_world, tmp_path):
     ground, rocks, _ = frictions(small_world, tmp_path, "sdf", ground="heightmap")
-    assert ground == {surface_friction("mars", "regolith").coefficient}
-    assert rocks == {surface_friction("mars", "rock").coefficient}
+    assert ground == {MARS.friction.regolith.coefficient}
+    assert rocks == {MARS.friction.rock.coefficient}

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from terrain_forge.model import Heightfield, Image, Table
-from terrain_forge.rocks import Clustered, PopulationSpec, scatter
-from terrain_forge.rocks.size_frequency import PowerLaw
+from terrain_forge.rocks import Clustered, PopulationSpec, PowerLaw, scatter
 from tests.helpers import worlds
 
 LIBRARY = worlds.library()

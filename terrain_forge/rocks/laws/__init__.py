@@ -1,1 +1,1 @@
-"""The size-frequency laws, a module each; terrain_forge.rocks.size_frequency lists them."""
+"""The size-frequency laws, a module each; terrain_forge.rocks.size_frequency finds them."""

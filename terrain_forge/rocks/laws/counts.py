@@ -11,9 +11,11 @@ import numpy as np
 from annotated_types import Ge, MaxLen, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, InputFile, Key, Positive, RecipeError, Spec
+from terrain_forge.base import Array, InputFile, Key, Positive, RecipeError
+from terrain_forge.model import Body
 from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
-from terrain_forge.rocks.laws.golombek import MAX_K
+from terrain_forge.rocks.laws.golombek import MAX_K, USUAL, DecayOf, decay_of
+from terrain_forge.rocks.laws.law import SizeLaw
 
 if TYPE_CHECKING:
     from terrain_forge.model import Table
@@ -35,7 +37,7 @@ Bin = tuple[Positive, Positive | None, Annotated[int, Ge(0)]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Counts(Spec):
+class Counts(SizeLaw):
     """A law fitted by maximum likelihood to a count of rocks, and used in its place.
 
     The rocks are given by one of `file`, `diameters_m` and `bins`. The fit and how good it is stand
@@ -59,7 +61,7 @@ class Counts(Spec):
     default the smallest diameter of the count."""
     fit: Literal["golombek", "power_law", "exponential"] = "golombek"
     """The law to fit."""
-    q_of_k: Literal["mars", "moon", "free"] | None = None
+    q_of_k: DecayOf | Literal["free"] | None = None
     """For `golombek`: how the cover's decay q follows from k; `free` fits both. By default that of
     the site's body."""
 
@@ -80,7 +82,7 @@ class Counts(Spec):
     @cached_property
     def fitted(self) -> Fit:
         """The fit of the law."""
-        return fit_law(self.count, fit=self.fit, decay=self.q_of_k or "mars")
+        return fit_law(self.count, fit=self.fit, decay=self.q_of_k)
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) [1/m²] of the fitted law."""
@@ -111,11 +113,11 @@ class Counts(Spec):
             raise ValueError("a count is no whole number of rocks")
         return replace(self, file=None, bins=tuple((a, b, int(count)) for a, b, count in rows))
 
-    def on(self, body: str) -> Counts:
+    def on(self, body: Body, key: Key = ()) -> Counts:
         """The law with the body's q(k), unless it has its own."""
-        if body != "moon" or self.fit != "golombek" or self.q_of_k:
+        if self.fit != "golombek" or self.q_of_k or body.rock_decay == USUAL:
             return self
-        return replace(self, q_of_k="moon")
+        return replace(self, q_of_k=decay_of(body, key))
 
     def check(self, key: Key) -> None:
         """Refuse a count that is missing, doubled, too small, or beyond the law's family."""

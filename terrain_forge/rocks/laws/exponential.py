@@ -9,11 +9,12 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, Spec, kernel, mix, uniform
+from terrain_forge.base import Array, kernel, mix, uniform
+from terrain_forge.rocks.laws.law import SizeLaw
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exponential(Spec):
+class Exponential(SizeLaw):
     """Exponential number N(>D) = N0 exp(-λ D)."""
 
     kind: Literal["exponential"] = "exponential"
@@ -22,11 +23,6 @@ class Exponential(Spec):
     """Rocks of all sizes on a square metre, N0 [1/m²]."""
     decay_per_m: Annotated[float, Interval(gt=0, le=1e4)]
     """Fall of the number with diameter, λ [1/m]: the inverse of the mean diameter."""
-
-    @property
-    def smallest_known(self) -> None:
-        """None: the number of rocks is finite, but they go on to the size of dust."""
-        return None
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) = N0 exp(-λ D) [1/m²]."""
@@ -59,14 +55,6 @@ class Exponential(Spec):
         """Diameters [m] by inversion of the truncated law."""
         diameters: Array = _sample(hashes, smallest, largest, self.decay_per_m)
         return diameters
-
-    def on(self, body: str) -> Exponential:
-        """The law itself, which is the same on every body."""
-        del body
-        return self
-
-    def check(self, key: Key) -> None:
-        """Nothing that the schema does not refuse."""
 
     def report(self) -> dict[str, Any]:
         """N0 and λ."""

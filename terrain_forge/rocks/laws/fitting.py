@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from terrain_forge.rocks.laws.golombek import MAX_K, Golombek
 from terrain_forge.rocks.laws.power_law import PowerLaw
 
 FittedLaw = Golombek | PowerLaw | Exponential
-Decay = Literal["mars", "moon", "free"]
 
 LEAST_EXPECTED = 5.0
 """Rocks that a bin of the chi-square test is expected to hold at least; smaller bins are joined."""
@@ -114,7 +113,7 @@ class _Family:
     amplitude: str | None = None
 
 
-def _family(fit: str, decay: Decay, smallest: float) -> _Family:
+def _family(fit: str, decay: str | None, smallest: float) -> _Family:
     """The family of a fit; decays are searched relative to the smallest diameter [m]."""
     decays = _DECAYS[0] / smallest, _DECAYS[1] / smallest
     if fit == "power_law":
@@ -134,7 +133,7 @@ def _family(fit: str, decay: Decay, smallest: float) -> _Family:
     return _Family(make=golombek, shape="k", limits=(1e-4, MAX_K))
 
 
-def fit_law(count: RockCount, *, fit: str, decay: Decay) -> Fit:
+def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
     """The law of a family that makes a count likeliest.
 
     An amplitude follows from the shape in closed form, since the expected number equals the counted
@@ -143,7 +142,7 @@ def fit_law(count: RockCount, *, fit: str, decay: Decay) -> Fit:
     Args:
         count: the rocks, at least one.
         fit: the family, `golombek`, `power_law` or `exponential`.
-        decay: q(k) of a `golombek` law; `free` fits q as well as k.
+        decay: the `q_of_k` of a `golombek` law; `free` fits q as well as k.
     """
     from scipy.optimize import minimize_scalar
 

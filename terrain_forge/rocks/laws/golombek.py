@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, Key, NotNegative, RecipeError, Spec, kernel, mix, uniform
+from terrain_forge.model import BODIES, MARS, Body
+from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.sites import ABUNDANCES, GolombekSite, RockAbundance
 
 MAX_K = 0.4
 """Largest rock abundance of the family: beyond it nobody has counted, and curves might cross."""
 
-DECAYS = {"mars": (1.79, 0.152), "moon": (0.5648, 0.01285)}
-"""q(k) = a + b / k [1/m] as (a, b): Golombek et al. 2003, LPSC XXXIV; for the Moon a fit to
-orbital and descent images (Li & Wu 2018, doi:10.1029/2017JE005496), known at second hand."""
+DECAYS = {body.name: body.rock_decay for body in BODIES.values() if body.rock_decay}
+"""q(k) = a + b / k [1/m] as (a, b), by the bodies whose rocks it was fitted to."""
+USUAL = DECAYS[MARS.name]
+"""The law's own q(k) (Golombek et al. 2003, LPSC XXXIV)."""
+
+if TYPE_CHECKING:
+    DecayOf = str
+else:
+    DecayOf = Literal[tuple(DECAYS)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +39,7 @@ class CoverAbove(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Golombek(Spec):
+class Golombek(SizeLaw):
     """Exponential cover F(>D) = k exp(-q D) by one of `k`, `cover` and `site`.
 
     Golombek & Rapp 1997, doi:10.1029/96JE03319; q(k) of Golombek et al. 2003, LPSC XXXIV. The law
@@ -47,16 +55,11 @@ class Golombek(Spec):
     site: GolombekSite | None = None
     """A landing site whose rocks to take. Viking's two, Meridiani, Gale, Jezero and Chang'e 3 are
     commonly quoted figures that were not checked in their sources (docs/science.md)."""
-    q_of_k: Literal["mars", "moon"] | None = None
+    q_of_k: DecayOf | None = None
     """How the cover's decay q follows from k: `mars` 1.79 + 0.152 / k, `moon` 0.5648 + 0.01285 / k
     [1/m], the latter known at second hand; by default that of the site's body."""
     q_per_m: Annotated[float, Interval(gt=0, le=1000)] | None = None
     """Decay q of the cover with diameter [1/m], instead of q(k)."""
-
-    @property
-    def smallest_known(self) -> None:
-        """None: the number of rocks diverges towards small ones."""
-        return None
 
     @property
     def preset(self) -> RockAbundance | None:
@@ -112,11 +115,11 @@ class Golombek(Spec):
         diameters: Array = _sample(hashes, smallest, largest, self.q)
         return diameters
 
-    def on(self, body: str) -> Golombek:
+    def on(self, body: Body, key: Key = ()) -> Golombek:
         """The law with the body's q(k), unless it has a q of its own."""
-        if body != "moon" or self.site or self.q_of_k or self.q_per_m:
+        if self.site or self.q_of_k or self.q_per_m or body.rock_decay == USUAL:
             return self
-        return replace(self, q_of_k="moon")
+        return replace(self, q_of_k=decay_of(body, key))
 
     def check(self, key: Key) -> None:
         """Refuse a law without or with two of k, cover and site, or a cover beyond the family."""
@@ -150,7 +153,9 @@ class Golombek(Spec):
 
     @property
     def _decay(self) -> tuple[float, float]:
-        return DECAYS[self.preset.body if self.preset else self.q_of_k or "mars"]
+        if self.preset:
+            return self.preset.decay
+        return DECAYS[self.q_of_k] if self.q_of_k else USUAL
 
     def _k_of_cover(self, cover: CoverAbove) -> float:
         """The k of F = k exp(-(a + b / k) D): b D / k = W(b D exp(-a D) / F), Lambert's W."""
@@ -163,6 +168,21 @@ class Golombek(Spec):
         # k = b D / W(x) in a form that holds for D = 0 too: 1 / W(x) = exp(W(x)) / x.
         w = float(lambertw(argument).real)
         return float(cover.fraction * np.exp(constant * cover.above_m + w))
+
+
+def decay_of(body: Body, key: Key) -> str:
+    """The `q_of_k` of a body.
+
+    Raises:
+        RecipeError: if no q(k) was fitted to its rocks.
+    """
+    if body.rock_decay is None:
+        raise RecipeError(
+            f"no q(k) was fitted to rocks of {body.name.capitalize()}: give q_per_m, or take that "
+            f"of another body by q_of_k: {' or '.join(DECAYS)}",
+            key=key,
+        )
+    return body.name
 
 
 @kernel

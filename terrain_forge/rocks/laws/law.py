@@ -2,45 +2,67 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key
+from terrain_forge.base import Array, Key, Spec
+from terrain_forge.model import Body
 
 
-class SizeLaw(Protocol):
-    """What scattering and the proof of the sizes need of a law; diameters D in metres."""
+@dataclass(frozen=True, kw_only=True)
+class SizeLaw(Spec):
+    """How many rocks of which exposed diameter D [m] lie on a square metre.
 
-    @property
-    def kind(self) -> str:
+    A law is a subclass with a field `kind` (a Literal with its default): its closed forms and its
+    exact sampler. It is found if its module lies in `terrain_forge.rocks.laws` or is named by an
+    entry point of the group `terrain_forge.size_laws`.
+    """
+
+    if TYPE_CHECKING:
+        kind: str
         """Name of the law, as a recipe writes it."""
 
     @property
     def smallest_known(self) -> float | None:
         """Least diameter [m] that the law speaks of; None if it goes on to ever smaller rocks."""
+        return None
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) [1/m²], rocks larger than each diameter on a square metre."""
+        raise NotImplementedError
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D), part of the ground that rocks larger than each diameter cover.
 
         Where that diverges it is given up to a constant, so that differences still hold.
         """
+        raise NotImplementedError
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """Variance of the cover that rocks between two diameters [m] have on an area [m²].
 
         The rocks are scattered as a Poisson process: (π/4)² ∫ D⁴ n(D) dD / area.
         """
+        raise NotImplementedError
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] drawn between two diameters [m], one by each hashed address."""
+        raise NotImplementedError
 
-    def on(self, body: str) -> SizeLaw:
-        """The law with what it leaves to the body (`mars` or `moon`) written out."""
+    def on(self, body: Body, key: Key = ()) -> SizeLaw:  # noqa: ARG002
+        """The law with what it leaves to the body written out; by default itself.
+
+        Args:
+            body: where the rocks lie.
+            key: where the law stands in the recipe.
+
+        Raises:
+            RecipeError: if the body does not say what the law needs.
+        """
+        return self
 
     def check(self, key: Key) -> None:
         """Refuse a law that contradicts itself.
@@ -54,3 +76,4 @@ class SizeLaw(Protocol):
 
     def report(self) -> dict[str, Any]:
         """The law in plain numbers, sources and fits resolved, as JSON can hold it."""
+        raise NotImplementedError

@@ -9,12 +9,13 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, RecipeError, Spec, kernel, mix, uniform
+from terrain_forge.base import Array, Key, RecipeError, kernel, mix, uniform
+from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.sites import FRAGMENTS, FragmentCount, SurveyorSite
 
 
 @dataclass(frozen=True, kw_only=True)
-class PowerLaw(Spec):
+class PowerLaw(SizeLaw):
     """Power law N(>D) = c D^-m by its two numbers or by `site`.
 
     The law has ever more rocks the smaller they are: a population needs a smallest diameter.
@@ -29,11 +30,6 @@ class PowerLaw(Spec):
     site: SurveyorSite | None = None
     """A Surveyor lander whose count to take (Shoemaker & Morris 1970): commonly quoted figures that
     were not checked in the source (docs/science.md)."""
-
-    @property
-    def smallest_known(self) -> None:
-        """None: the number of rocks diverges towards small ones."""
-        return None
 
     @property
     def preset(self) -> FragmentCount | None:
@@ -77,11 +73,6 @@ class PowerLaw(Spec):
         """Diameters [m] by inversion of the truncated law."""
         diameters: Array = _sample(hashes, smallest, largest, self.coefficients[1])
         return diameters
-
-    def on(self, body: str) -> PowerLaw:
-        """The law itself, which is the same on every body."""
-        del body
-        return self
 
     def check(self, key: Key) -> None:
         """Refuse a law without its numbers, or with a site besides."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from terrain_forge.model import MARS, MOON, Body
+
 GolombekSite = Literal[
     "viking_1",
     "viking_2",
@@ -34,7 +36,7 @@ SurveyorSite = Literal["surveyor_1", "surveyor_3", "surveyor_5", "surveyor_6", "
 class RockAbundance:
     """Cover F(>D) = k exp(-q D) of a site."""
 
-    body: Literal["mars", "moon"]
+    body: Body
     """Where the site lies; its q(k) holds where the site has no fitted q."""
     k: float
     """Part of the ground that rocks of all sizes cover."""
@@ -46,6 +48,12 @@ class RockAbundance:
     """Whether the figure was read in the source itself."""
     note: str = ""
     """What else there is to know."""
+
+    @property
+    def decay(self) -> tuple[float, float]:
+        """The body's q(k) = a + b / k as (a, b)."""
+        assert self.body.rock_decay is not None
+        return self.body.rock_decay
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,13 +80,13 @@ _FRAGMENTS = (
     "2.5 m the laws give too many, but for Surveyor 3 (Cintala & McBride 1995, NASA TM-104804)"
 )
 _CHANGE_3 = RockAbundance(
-    body="moon",
+    body=MOON,
     k=0.0125,
     source="Di et al. 2016, doi:10.1016/j.pss.2015.11.012",
     verified=False,
 )
 _CHANGE_4 = RockAbundance(
-    body="moon",
+    body=MOON,
     k=0.0021,
     source="Wu et al. 2021, doi:10.1016/j.epsl.2020.116666",
     verified=True,
@@ -86,55 +94,55 @@ _CHANGE_4 = RockAbundance(
 )
 
 ABUNDANCES: dict[GolombekSite, RockAbundance] = {
-    "viking_1": RockAbundance(body="mars", k=0.069, q_per_m=4.08, source=_RAPP, verified=False),
-    "viking_2": RockAbundance(body="mars", k=0.176, q_per_m=2.73, source=_RAPP, verified=False),
+    "viking_1": RockAbundance(body=MARS, k=0.069, q_per_m=4.08, source=_RAPP, verified=False),
+    "viking_2": RockAbundance(body=MARS, k=0.176, q_per_m=2.73, source=_RAPP, verified=False),
     "pathfinder": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.19,
         source="Golombek et al. 2003, doi:10.1029/2002JE002035",
         verified=True,
         note="from the abstract",
     ),
     "gusev": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.05,
         source=_INSIGHT,
         verified=True,
         note="the plains at Spirit's landing site, as quoted there; up to 0.35 near Bonneville",
     ),
     "meridiani": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.01,
         source="commonly quoted, not traced to a count",
         verified=False,
         note="plains almost free of rocks; figures up to 0.05 are quoted too",
     ),
     "phoenix": RockAbundance(
-        body="mars", k=0.02, source=_INSIGHT, verified=True, note="as quoted there"
+        body=MARS, k=0.02, source=_INSIGHT, verified=True, note="as quoted there"
     ),
     "gale": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.05,
         source="commonly quoted, not traced to a count",
         verified=False,
         note="the landing ellipse's order of magnitude, no count of one place",
     ),
     "insight": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.03,
         source=_INSIGHT,
         verified=True,
         note="within 10 m of the lander; 0.006 to 0.05 from side to side",
     ),
     "jezero": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.08,
         source="commonly quoted, not traced to a count",
         verified=False,
         note="the landing ellipse's order of magnitude, no count of one place",
     ),
     "zhurong": RockAbundance(
-        body="mars",
+        body=MARS,
         k=0.033,
         source="Wang et al. 2024, doi:10.1016/j.icarus.2024.116001",
         verified=True,

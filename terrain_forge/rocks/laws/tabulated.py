@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import MaxLen, MinLen
@@ -15,12 +15,13 @@ from terrain_forge.base import (
     InputFile,
     Key,
     Positive,
+    PowerPieces,
     RecipeError,
-    Spec,
     kernel,
     mix,
     uniform,
 )
+from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.power_law import moment_above
 
 if TYPE_CHECKING:
@@ -32,16 +33,8 @@ MAX_ROWS = 10_000
 _COLUMNS = ("diameter_m", "number_per_m2")
 
 
-class _Pieces(NamedTuple):
-    """A power law N = number (D / diameter)^-exponent from each row on; the last has no end."""
-
-    diameter: Array
-    number: Array
-    exponent: Array
-
-
 @dataclass(frozen=True, kw_only=True)
-class Tabulated(Spec):
+class Tabulated(SizeLaw):
     """A table of N(>D), used as it is: a power law from row to row, and on beyond the last one."""
 
     kind: Literal["table"] = "table"
@@ -63,14 +56,11 @@ class Tabulated(Spec):
     @property
     def smallest_known(self) -> float:
         """The table's first diameter [m]."""
-        return float(self._pieces.diameter[0])
+        return float(self._pieces.diameters[0])
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) [1/m²], log-log linear between the rows."""
-        d = np.asarray(diameter, np.float64)
-        pieces = self._pieces_at(d)
-        number: Array = pieces.number * (d / pieces.diameter) ** -pieces.exponent
-        return number
+        return self._pieces.number(np.asarray(diameter, np.float64))
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D), exact for the pieces; up to a constant if the last one's exponent is ≤ 2."""
@@ -83,19 +73,15 @@ class Tabulated(Spec):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] by inversion of the truncated law."""
-        ends = self.cumulative_number(np.array([smallest, largest]))
-        diameters: Array = _sample(hashes, ends[0], ends[1], *self._pieces)
+        ends, own = self.cumulative_number(np.array([smallest, largest])), self._pieces
+        pieces = own.diameters, own.numbers, own.exponents
+        diameters: Array = _sample(hashes, ends[0], ends[1], *pieces)
         return np.clip(diameters, smallest, largest)
 
     def with_table(self, table: Table) -> Tabulated:
         """The law with the numbers of its file."""
         diameters, numbers = (tuple(table.column(name).tolist()) for name in _COLUMNS)
         return replace(self, file=None, diameters_m=diameters, numbers_per_m2=numbers)
-
-    def on(self, body: str) -> Tabulated:
-        """The law itself, which is the same on every body."""
-        del body
-        return self
 
     def check(self, key: Key) -> None:
         """Refuse a table that is missing, doubled, ragged, or whose numbers do not fall."""
@@ -130,40 +116,32 @@ class Tabulated(Spec):
         pieces = self._pieces
         return {
             "kind": self.kind,
-            "rows": len(pieces.diameter),
-            "diameter_m": [float(pieces.diameter[n]) for n in (0, -1)],
-            "number_per_m2": [float(pieces.number[n]) for n in (0, -1)],
+            "rows": len(pieces.diameters),
+            "diameter_m": [float(pieces.diameters[n]) for n in (0, -1)],
+            "number_per_m2": [float(pieces.numbers[n]) for n in (0, -1)],
         }
 
     @cached_property
-    def _pieces(self) -> _Pieces:
+    def _pieces(self) -> PowerPieces:
         if self.diameters_m is None or self.numbers_per_m2 is None:
             raise RecipeError("table needs diameters_m and numbers_per_m2")
-        diameter, number = np.array(self.diameters_m), np.array(self.numbers_per_m2)
-        exponent = -np.diff(np.log(number)) / np.diff(np.log(diameter))
-        return _Pieces(diameter, number, np.append(exponent, exponent[-1]))
-
-    def _pieces_at(self, diameter: Array) -> _Pieces:
-        return _Pieces(*(values[self._row(diameter)] for values in self._pieces))
-
-    def _row(self, diameter: Array) -> NDArray[np.intp]:
-        rows = np.searchsorted(self._pieces.diameter, diameter, side="right") - 1
-        return np.maximum(rows, 0)
+        return PowerPieces.through(self.diameters_m, self.numbers_per_m2)
 
     def _moment_above(self, diameter: Array, power: int) -> Array:
         """∫ D^power n(D) dD from each diameter on: its piece's rest, and the pieces above."""
+        own = self._pieces
+        start, scale = own.diameters, own.numbers * own.diameters**power
 
-        def above(at: Array, pieces: _Pieces) -> Array:
-            scale = pieces.number * pieces.diameter**power
-            moment: Array = scale * moment_above(at / pieces.diameter, pieces.exponent, power)
+        def above(at: Array, row: NDArray[np.intp]) -> Array:
+            ratio = at / start[row]
+            moment: Array = scale[row] * moment_above(ratio, own.exponents[row], power)
             return moment
 
-        pieces, row = self._pieces, self._row(diameter)
-        ends = np.append(pieces.diameter[1:], pieces.diameter[-1])
-        at_ends = np.append(above(ends, pieces)[:-1], 0.0)
-        whole = above(pieces.diameter, pieces) - at_ends
+        every, row = np.arange(len(start)), own.row(diameter)
+        at_ends = np.append(above(start[1:], every[:-1]), 0.0)
+        whole = above(start, every) - at_ends
         beyond = np.append(np.cumsum(whole[::-1])[::-1], 0.0)[row + 1]
-        found: Array = above(diameter, self._pieces_at(diameter)) - at_ends[row] + beyond
+        found: Array = above(diameter, row) - at_ends[row] + beyond
         return found
 
 

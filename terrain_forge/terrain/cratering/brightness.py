@@ -1,4 +1,4 @@
-"""Bright ejecta of young craters on the Moon."""
+"""Bright ejecta of young craters on airless bodies; figures of the Moon."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Limit:
         return (np.asarray(diameter) > self.border).astype(np.intp)
 
 
-LIMITS: dict[Equilibrium, Limit] = {
+LIMITS: dict[str, Limit] = {
     # Trask 1966 (JPL TR 32-800); as an upper limit also in NASA's SLS-SPEC-159 (DSNE).
     "trask": Limit(numbers=(10.0**-1.1,), exponents=(2.0,)),
     # Hartmann 1984, Icarus 60, 56, on a km², D in km.

@@ -11,7 +11,6 @@ from terrain_forge.base import DataError, Key, RecipeError
 from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.chronology import OLDEST
 from terrain_forge.terrain.cratering.degradation import REACH
-from terrain_forge.terrain.cratering.fresh import LARGEST_SIMPLE
 from terrain_forge.terrain.cratering.layer_craters import (
     FEWEST_NODES,
     NOT_GIVEN,
@@ -53,18 +52,18 @@ def check_craters(spec: CraterLayer, *, site: Site, key: Key) -> None:
 
 def _check_body(spec: CraterLayer, site: Site, key: Key) -> None:
     assert spec.production is not None
-    body = spec.production.body
-    if body is not None and body != site.body.name:
+    if not spec.production.holds_on(site.body):
+        own = ", ".join(one.kind for one in site.body.craters.productions) or "none"
         raise RecipeError(
-            f"{spec.production.kind} is a law of {body.capitalize()}, the site is on "
-            f"{site.body.name.capitalize()}",
+            f"{spec.production.kind} is no production function of {site.body.name.capitalize()}, "
+            f"which has {own}",
             key=(*key, "production", "kind"),
         )
 
 
 def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
     given = spec.diameter_m
-    finest, complex_from = FEWEST_NODES * site.spacing, LARGEST_SIMPLE[site.body.name]
+    finest, complex_from = FEWEST_NODES * site.spacing, site.body.craters.largest_simple
     if given[0] is not None and given[0] < finest:
         raise RecipeError(
             f"craters of {given[0]:g} m need a spacing of {given[0] / FEWEST_NODES:g} m or less, "
@@ -111,7 +110,7 @@ def _check_number(spec: CraterLayer, site: Site, key: Key) -> None:
 
 def _check_list(table: Table, site: Site, key: Key) -> None:
     _check_places(table, site, key)
-    complex_from = LARGEST_SIMPLE[site.body.name]
+    complex_from = site.body.craters.largest_simple
     limits = {
         "lon_deg": (-180.0, 360.0),
         "lat_deg": (-90.0, 90.0),

@@ -1,4 +1,4 @@
-"""Fresh craters: depth, rim and ejecta by diameter and body, and how far craters are simple."""
+"""Fresh craters: depth, rim and ejecta by diameter and body."""
 
 from __future__ import annotations
 
@@ -7,18 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from terrain_forge.base import Array
+from terrain_forge.model import Body, CraterConstants
 
-LARGEST_SIMPLE = {"moon": 10_583.0, "mars": 6_000.0}
-"""Diameter [m] at which craters become complex. Moon: where the depths of simple and complex
-craters cross (Pike 1977); Mars: about 6 km (Robbins & Hynek 2012, doi:10.1029/2011JE003967)."""
 RIM_SHARE = 0.5
 """Largest part of a rim's height that its ejecta make up; the rest is uplift."""
-
-# Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022: depth over diameter of fresh lunar craters
-# from these diameters [m] up, down to 40 m; below as continued by synthterrain (NASA Ames).
-_STEPS = np.array([10.0, 40.0, 100.0, 200.0, 400.0])
-_RATIOS = np.array([0.10, 0.11, 0.13, 0.15, 0.17, 0.21])
-_MARS_RATIO = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,19 +28,18 @@ class FreshShapes:
 def fresh_shapes(
     diameter: Array,
     *,
-    body: str,
+    body: Body,
     depth_to_diameter: Array | float | None = None,
     ejecta: bool = True,
 ) -> FreshShapes:
     """Measures of fresh simple craters.
 
-    Moon: Pike 1977 from 400 m up (depth 0.196 D^1.010, rim 0.036 D^1.014, km), and below the depths
-    of Stopar et al. 2017, in the steps of their classes. Mars: depth 0.2 D, an average of what is
-    reported for fresh primaries. Rims are as high a part of the depth as Pike's are.
+    Depths are those of the body. Rims are as high a part of the depth as the Moon's are by Pike
+    1977: depth 0.196 D^1.010, rim 0.036 D^1.014, km.
 
     Args:
         diameter: diameters [m].
-        body: `moon` or `mars`.
+        body: whose craters they are.
         depth_to_diameter: depth over diameter, of all or of each, instead of the body's.
         ejecta: whether rims carry an ejecta blanket.
     """
@@ -57,14 +48,21 @@ def fresh_shapes(
     pike = 0.196 * kilometres**0.010
     if depth_to_diameter is not None:
         ratio = np.full(diameter.shape, depth_to_diameter, np.float64)
-    elif body == "moon":
-        ratio = np.minimum(_RATIOS[np.searchsorted(_STEPS, diameter, side="right")], pike)
     else:
-        ratio = np.full(diameter.shape, _MARS_RATIO)
+        ratio = _depth_to_diameter(diameter, body.craters)
     depth = ratio * diameter
     rim = depth * (0.036 * kilometres**0.014) / pike
     blanket = np.minimum(ejecta_thickness(0.5 * diameter), RIM_SHARE * rim)
     return FreshShapes(depth=depth, rim=rim, ejecta=blanket if ejecta else np.zeros_like(blanket))
+
+
+def _depth_to_diameter(diameter: Array, of_body: CraterConstants) -> Array:
+    classes = np.searchsorted(of_body.depth_steps, diameter, side="right")
+    ratio: Array = np.array(of_body.depth_ratios)[classes]
+    if of_body.depth_power is None:
+        return ratio
+    factor, exponent = of_body.depth_power
+    return np.minimum(ratio, factor * (diameter / 1000.0) ** exponent)
 
 
 def ejecta_thickness(radius: Array) -> Array:

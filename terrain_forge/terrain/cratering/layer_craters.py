@@ -11,8 +11,7 @@ from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.craters import Craters
 from terrain_forge.terrain.cratering.degradation import diffusivity
-from terrain_forge.terrain.cratering.equilibrium import Equilibrium
-from terrain_forge.terrain.cratering.fresh import LARGEST_SIMPLE, fresh_shapes
+from terrain_forge.terrain.cratering.fresh import fresh_shapes
 from terrain_forge.terrain.cratering.placement import Drawn, Rectangle, draw_craters
 from terrain_forge.terrain.cratering.population import Population, largest_expected
 
@@ -26,7 +25,6 @@ UNRESOLVED = 5.0
 """Postings of a DTM up to which it does not show craters itself."""
 NOT_GIVEN = -1.0
 """What a list holds for a crater whose depth it does not give."""
-_EQUILIBRIUM: dict[str, Equilibrium] = {"moon": "trask", "mars": "hartmann"}
 
 
 def make_craters(spec: CraterLayer, *, site: Site, area: Rectangle) -> Craters:
@@ -62,16 +60,19 @@ def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
     """What chance draws for a layer on a site; None where its craters are listed only."""
     if spec.production is None:
         return None
-    equilibrium = spec.equilibrium or _EQUILIBRIUM[site.body.name]
+    of_body = site.body.craters
+    equilibrium = spec.equilibrium or of_body.equilibrium
     smallest, largest = spec.diameter_m
     if smallest is None:
         smallest = FEWEST_NODES * site.spacing
     if largest is None and site.dtm is not None:
         largest = UNRESOLVED * site.dtm.posting
     if largest is None:
-        expected = largest_expected(spec.production, equilibrium, site.size[0] * site.size[1])
-        largest = min(expected, LARGEST_SIMPLE[site.body.name])
+        area = site.size[0] * site.size[1]
+        expected = largest_expected(spec.production, site.body, equilibrium, area)
+        largest = min(expected, of_body.largest_simple)
     return Population(
+        body=site.body,
         production=spec.production,
         equilibrium=equilibrium,
         diameters=(smallest, largest),
@@ -114,7 +115,7 @@ def _shaped(
     """Craters with their fresh measures and their wear."""
     fresh = fresh_shapes(
         drawn.diameter,
-        body=site.body.name,
+        body=site.body,
         depth_to_diameter=spec.depth_to_diameter if ratio is None else ratio,
         ejecta=spec.ejecta,
     )

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from terrain_forge.base import Array
-from terrain_forge.terrain.cratering.chronology import Chronology
+from terrain_forge.model import Body, Chronology
 from terrain_forge.terrain.cratering.degradation import diffusivity
-from terrain_forge.terrain.cratering.equilibrium import LIMITS, Equilibrium
-from terrain_forge.terrain.cratering.production import Production, SizeLaw
+from terrain_forge.terrain.cratering.equilibrium import LIMITS
+from terrain_forge.terrain.cratering.production import Counted, Production
 
 _SEEN = 0.1133
 """κt/D² at which a tenth of a crater's depth is left."""
@@ -40,8 +40,10 @@ class Population:
 
     production: Production
     """What has come."""
-    equilibrium: Equilibrium
-    """How many there can be."""
+    body: Body
+    """Where it has come."""
+    equilibrium: str
+    """How many there can be: a name of LIMITS, or `none`."""
     diameters: tuple[float, float]
     """Smallest and largest diameter [m]; others would be there, but are left out."""
     diffusivity: float | None = None
@@ -50,12 +52,12 @@ class Population:
     @property
     def chronology(self) -> Chronology:
         """How the number has grown with time."""
-        return self.production.chronology
+        return self.production.chronology(self.body)
 
     @cached_property
-    def produced(self) -> SizeLaw:
+    def produced(self) -> Counted:
         """All craters that have come."""
-        return self.production.law()
+        return self.production.law(self.body)
 
     def number(self, diameter: Array) -> Array:
         """Expected N(≥D) on a square metre [1/m²], however large the craters are."""
@@ -109,8 +111,10 @@ class Population:
         return [(n, 2.0**n, 2.0 ** (n + 1)) for n in reversed(range(first, last))]
 
 
-def largest_expected(production: Production, equilibrium: Equilibrium, area: float) -> float:
+def largest_expected(production: Production, body: Body, equilibrium: str, area: float) -> float:
     """Diameter [m] that one crater of an area [m²] is expected to reach."""
-    whole = Population(production=production, equilibrium=equilibrium, diameters=(0.01, 1e5))
+    whole = Population(
+        production=production, body=body, equilibrium=equilibrium, diameters=(0.01, 1e5)
+    )
     table = whole.table
     return float(table.diameter[np.argmax(table.number * area < 1.0)])

@@ -13,7 +13,7 @@ from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
 from terrain_forge.terrain.cratering.feasibility import check_craters
 from terrain_forge.terrain.cratering.layer_craters import NOT_GIVEN, make_craters
-from terrain_forge.terrain.cratering.production import Production
+from terrain_forge.terrain.cratering.production import AnyProduction
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import Layer
 
@@ -32,10 +32,11 @@ class CraterLayer(Layer):
     kind: Literal["craters"] = "craters"
     name: FileName = "craters"
     """Name, unique among the layers of craters; it addresses their randomness."""
-    production: Production | None = None
+    production: AnyProduction | None = None
     """How many craters have come; without it only those of the file."""
     equilibrium: Equilibrium | None = None
-    """How many there can be. Without it, Trask's law on the Moon and Hartmann's on Mars."""
+    """How many there can be. Without it, the body's: Trask's law on airless
+    ones, Hartmann's on Mars."""
     diameter_m: tuple[Positive | None, Positive | None] = (None, None)
     """Smallest and largest diameter [m]. A smallest of null is 4 spacings, the least that the grid
     can show; a largest of null is 5 postings of the DTM, which shows the larger ones itself, or
@@ -49,8 +50,8 @@ class CraterLayer(Layer):
     ejecta: bool = True
     """Whether rims carry an ejecta blanket; without, craters end at 1.5 radii when fresh."""
     ejecta_contrast: Annotated[float, Interval(ge=0, le=1)] = 0.4
-    """How much brighter than the ground the ejecta of a fresh crater of 100 m and more are, on the
-    Moon; it fades with age (to 1/e in 50·10⁶ years) and is less for smaller craters."""
+    """How much brighter than the ground the ejecta of a fresh crater of 100 m and more are, on
+    airless bodies; it fades with age (to 1/e in 50·10⁶ years) and is less for smaller craters."""
     diffusivity_m2_per_myr: Annotated[float, Interval(ge=0, le=1000)] | None = None
     """How fast craters wear [m²/10⁶ years]; by default it grows with their size. 0: not at all."""
 
@@ -64,7 +65,8 @@ class CraterLayer(Layer):
 
     def brightness(self, *, site: Site, window: Window) -> Array | None:
         """Bright ejecta of young craters; None where they are no brighter than the ground."""
-        if not self.ejecta or self.ejecta_contrast == 0.0 or site.body.name != "moon":
+        bright = self.ejecta and site.body.craters.bright_ejecta
+        if not bright or self.ejecta_contrast == 0.0:
             return None
         east, north = site.axes(window)
         craters = make_craters(self, site=site, area=_area(east, north))

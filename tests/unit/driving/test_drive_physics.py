@@ -11,14 +11,13 @@ from terrain_forge.base import SimulationError, quaternion_from_rpy
 from terrain_forge.driving import Vehicle, drive, load_scene
 from terrain_forge.driving.audit import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
-from terrain_forge.model import MARS, MOON, surface_friction
-from terrain_forge.model.friction import FRICTIONS
+from terrain_forge.model import BODIES, MARS
 from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers.morpheus import morpheus
 from tests.helpers import worlds
 from tests.unit.driving.test_drive import boulder_at, drive_through, line, plain
 
-MU = surface_friction("mars", "regolith").coefficient
+MU = MARS.friction.regolith.coefficient
 
 
 def vehicle_on(world, folder, position, rpy, **options):
@@ -48,7 +47,7 @@ def test_locked_wheels_hold_below_the_friction_angle_and_slide_above(tmp_path, u
 
 def test_friction_is_the_ground_s_and_the_option_s(tmp_path):
     """A slope between two friction angles: slippery ground lets go, bedrock holds."""
-    slope = 0.92 * math.atan(surface_friction("mars", "bedrock").coefficient)
+    slope = 0.92 * math.atan(MARS.friction.bedrock.coefficient)
     assert slope > 1.05 * math.atan(MU)
     assert speed_on_a_slope(tmp_path, slope, up=False) > 0.05
     assert speed_on_a_slope(tmp_path, slope, up=False, surface="bedrock") < 0.0005
@@ -67,16 +66,13 @@ def test_each_contact_has_its_surface_s_friction(tmp_path):
     assert found == {"rock": {0.7}, "ground": {0.66}}
 
 
-def test_frictions_are_plausible_and_say_where_they_are_from():
-    for friction in FRICTIONS:
+@pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
+def test_frictions_are_plausible_and_say_where_they_are_from(body):
+    for surface in ("regolith", "bedrock", "rock"):
+        friction = getattr(body.friction, surface)
         assert friction.lowest < friction.coefficient < friction.highest
         assert "doi:" in friction.source or "NTRS" in friction.source
-    assert surface_friction("mars", "regolith").lowest == pytest.approx(
-        math.tan(math.radians(30)), abs=0.005
-    )
-    assert {(f.body, f.surface) for f in FRICTIONS} == {
-        (body.name, surface) for body in (MARS, MOON) for surface in ("regolith", "bedrock", "rock")
-    }
+    assert MARS.friction.regolith.lowest == pytest.approx(math.tan(math.radians(30)), abs=0.005)
 
 
 @pytest.mark.parametrize(("height", "climbs"), [(0.10, True), (0.45, False)])

@@ -62,7 +62,7 @@ def test_shipped_recipes_are_sound(recipe):
         ("spacing_m: 0.1", "spacing: 0.1", ["'spacing'", "did you mean 'spacing_m'"]),
         ("body: mars", "boddy: mars", ["'boddy'", "did you mean 'body'"]),
         ("diameter_m: [0.1, 0.5]", "diameters_m: [0.1, 0.5]", ["did you mean 'diameter_m'"]),
-        ("body: mars", "body: pluto", ["'mars' or 'moon'", "pluto"]),
+        ("body: mars", "body: pluto", ["'mars', 'mercury' or 'moon'", "pluto"]),
         ("spacing_m: 0.1", "spacing_m: 0", ["greater than 0", "found 0"]),
         ("spacing_m: 0.1", "spacing_m: -0.1", ["greater than 0", "-0.1"]),
         ("spacing_m: 0.1", "spacing_m: fine", ["number", '"fine"']),

@@ -16,26 +16,24 @@ from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.recipe.limits import expected_rocks
 from terrain_forge.rocks import (
     Clustered,
+    Counts,
+    Exponential,
+    Golombek,
     LibrarySpec,
     PopulationSpec,
+    PowerLaw,
     RockListSpec,
     RocksSpec,
+    Tabulated,
     check_packing,
     check_rocks,
     expected_count,
     find_library,
 )
 from terrain_forge.rocks.arrangement import AroundCraters, Crater
+from terrain_forge.rocks.laws.golombek import CoverAbove
 from terrain_forge.rocks.library import MeshSpec
 from terrain_forge.rocks.populations import ExclusionSpec
-from terrain_forge.rocks.size_frequency import (
-    Counts,
-    CoverAbove,
-    Exponential,
-    Golombek,
-    PowerLaw,
-    Tabulated,
-)
 
 SIZE = (40.0, 30.0)
 LAW = Golombek(k=0.05)

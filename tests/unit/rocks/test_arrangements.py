@@ -9,6 +9,7 @@ from terrain_forge.base import DataError, RecipeError
 from terrain_forge.model import ExclusionZone, Heightfield, Window, rotations
 from terrain_forge.rocks import (
     Clustered,
+    Golombek,
     PopulationSpec,
     RockListSpec,
     RocksSpec,
@@ -23,7 +24,6 @@ from terrain_forge.rocks.arrangement import AroundCraters, Crater, crowding
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.scattering.intensity import crater_bounds
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
-from terrain_forge.rocks.size_frequency import Golombek
 from tests.helpers.scattering import CLUSTERED, LIBRARY, image, listed, rough, run, sand, site
 
 COLUMNS = (

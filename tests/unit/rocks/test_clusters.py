@@ -8,9 +8,8 @@ from scipy.stats import chi2, kstest, norm, t
 
 from terrain_forge.base import RecipeError, stage_key
 from terrain_forge.model import Window
-from terrain_forge.rocks import Clustered, PopulationSpec, expected
+from terrain_forge.rocks import Clustered, Golombek, PopulationSpec, expected
 from terrain_forge.rocks.scattering.clusters import parents
-from terrain_forge.rocks.size_frequency import Golombek
 from tests.helpers.scattering import CLUSTERED, image, run, sand, site
 
 

@@ -15,10 +15,9 @@ import terrain_forge as tf
 from terrain_forge.dtm import ArrayDtm, FlatDtm
 from terrain_forge.model import World, rotations
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
-from terrain_forge.rocks import LibrarySpec, PopulationSpec, RocksSpec, overlapping_pairs
+from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec, overlapping_pairs
 from terrain_forge.rocks.editing import BY_HAND
 from terrain_forge.rocks.embedding.hull import mean_width
-from terrain_forge.rocks.size_frequency import Golombek
 from terrain_forge.terrain import Fractal
 from tests.helpers.outlines import exposed_outline
 

@@ -7,6 +7,7 @@ from terrain_forge.base import matrix_from_quaternion
 from terrain_forge.model import Heightfield, Mesh, Window, rotations
 from terrain_forge.rocks import (
     FOOT,
+    Golombek,
     LibrarySpec,
     PopulationSpec,
     Scattered,
@@ -18,7 +19,6 @@ from terrain_forge.rocks import (
 from terrain_forge.rocks.embedding import outline
 from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, bounds, footprint
 from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
-from terrain_forge.rocks.size_frequency import Golombek
 from tests.helpers import worlds
 from tests.helpers.outlines import exposed_outline
 

@@ -5,8 +5,10 @@ from scipy.stats import chi2, kstest, norm
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Route, Window
 from terrain_forge.rocks import (
+    Golombek,
     LibrarySpec,
     PopulationSpec,
+    PowerLaw,
     RocksSpec,
     check_rocks,
     corridor_area,
@@ -14,7 +16,6 @@ from terrain_forge.rocks import (
     largest_rock,
     scatter,
 )
-from terrain_forge.rocks.size_frequency import Golombek, PowerLaw
 from tests.helpers import worlds
 
 LIBRARY = worlds.library()

@@ -10,18 +10,13 @@ from scipy.integrate import quad
 from scipy.stats import chisquare, kstest
 
 from terrain_forge.base import RecipeError
+from terrain_forge.model import MARS, MOON
+from terrain_forge.rocks import Counts, Exponential, Golombek, PowerLaw, Tabulated
 from terrain_forge.rocks.laws.fitting import fit_law
+from terrain_forge.rocks.laws.golombek import CoverAbove
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.rocks.scattering.addresses import words
-from terrain_forge.rocks.size_frequency import (
-    Counts,
-    CoverAbove,
-    Exponential,
-    Golombek,
-    PowerLaw,
-    Tabulated,
-    largest_diameter,
-)
+from terrain_forge.rocks.size_frequency import largest_diameter
 
 ALPHA = 0.001
 # A table whose pieces fall as D^-2.5, D^-2 (where the cover needs a logarithm) and D^-4.2.
@@ -166,14 +161,14 @@ def test_cover_gives_the_k_that_covers(above, given):
 
 
 def test_lunar_decay():
-    law = Golombek(k=0.0125).on("moon")
+    law = Golombek(k=0.0125).on(MOON)
     assert law.q == pytest.approx(1.5928, rel=1e-9)
     np.testing.assert_allclose(
         law.cumulative_number([0.1, 0.5, 1.0]), (0.15912, 0.01024, 0.0016333), rtol=1e-4
     )
-    assert Golombek(k=0.0125).on("mars") == Golombek(k=0.0125)
-    assert Golombek(k=0.0125, q_per_m=2.0).on("moon").q == 2.0
-    assert Golombek(site="insight").on("moon").q == Golombek(k=0.03).q
+    assert Golombek(k=0.0125).on(MARS) == Golombek(k=0.0125)
+    assert Golombek(k=0.0125, q_per_m=2.0).on(MOON).q == 2.0
+    assert Golombek(site="insight").on(MOON).q == Golombek(k=0.03).q
     assert Golombek(site="chang_e_3").q == pytest.approx(1.5928)
 
 
@@ -279,7 +274,7 @@ def test_a_fitted_law_serves_as_a_law():
     np.testing.assert_array_equal(
         law.sample(addresses(9), 0.2, 1.0), fitted.sample(addresses(9), 0.2, 1.0)
     )
-    assert law.on("moon").fitted.law.q_of_k == "moon"
+    assert law.on(MOON).fitted.law.q_of_k == "moon"
     for one in (law, *LAWS):
         assert json.loads(json.dumps(one.report(), allow_nan=False))["kind"] == one.kind
 

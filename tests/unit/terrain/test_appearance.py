@@ -12,7 +12,7 @@ from rasterio.transform import Affine
 from terrain_forge.base import DataError, RecipeError, linear_from_srgb
 from terrain_forge.dtm import FlatDtm, transform
 from terrain_forge.geometry import bake_ground, finest_texture, grid_texture_coordinates
-from terrain_forge.model import GroundDetail, Window
+from terrain_forge.model import BODIES, GroundDetail, Window
 from terrain_forge.model.storage import load_world, save_world
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
@@ -27,7 +27,6 @@ from terrain_forge.terrain.detail import DetailSpec
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
 from terrain_forge.terrain.masks import HeightBand, Mask
 from terrain_forge.terrain.orthoimage import OrthoimageSpec
-from terrain_forge.terrain.regolith import REGOLITHS
 from tests.helpers import worlds
 
 MARS_RADIUS = 3396190.0
@@ -165,10 +164,10 @@ def test_bad_orthoimages_are_refused(tmp_path):
 
 def test_soils_differ_and_belong_to_their_body():
     means = {}
-    for name, soil in REGOLITHS.items():
-        spec = AppearanceSpec(regolith=name, variation=0.0)
-        rgb = coloured(plan(recipe(spec, body=soil.body)))
-        means[name] = rgb.mean()
+    for place, soil in [(body.name, soil) for body in BODIES.values() for soil in body.soils]:
+        spec = AppearanceSpec(regolith=soil.name, variation=0.0)
+        rgb = coloured(plan(recipe(spec, body=place)))
+        means[soil.name] = rgb.mean()
         assert np.abs(rgb / 255.0 - soil.rgb).max() < 0.005
     assert means["mars_dust"] > means["mars_plains"] > means["mars_sand"]
     assert means["lunar_highlands"] > means["lunar_mare"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from terrain_forge.base import DataError, RecipeError
+from terrain_forge.base import DataError, RecipeError, registry
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.model import Image, Route, Window
 from terrain_forge.pipeline import plan
@@ -238,7 +238,7 @@ def test_another_package_can_register_a_layer(monkeypatch, caplog):
         EntryPoint(name="ramp", value=__name__, group=LAYERS),
         EntryPoint(name="broken", value="no.such.package", group=LAYERS),
     ]
-    monkeypatch.setattr(layer, "entry_points", lambda group: points if group == LAYERS else [])
+    monkeypatch.setattr(registry, "entry_points", lambda group: points if group == LAYERS else [])
     found = layer.layer_types.__wrapped__()
     assert {Ramp, Step, Fractal} <= set(found)
     assert "layer 'broken' (no.such.package) is skipped" in caplog.text

@@ -13,8 +13,11 @@ from terrain_forge.base import matrix_from_quaternion
 from terrain_forge.model import Route
 from terrain_forge.rocks import (
     Clustered,
+    Counts,
     Expectation,
+    Golombek,
     PopulationSpec,
+    PowerLaw,
     RockListSpec,
     RocksSpec,
     expected,
@@ -23,7 +26,6 @@ from terrain_forge.rocks import (
     scatter,
 )
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
-from terrain_forge.rocks.size_frequency import Counts, Golombek, PowerLaw
 from terrain_forge.truth import shape_figures
 from terrain_forge.truth.expected_counts import ExpectedCounts
 from terrain_forge.truth.shapes import is_closed

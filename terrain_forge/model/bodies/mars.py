@@ -1,0 +1,85 @@
+"""Mars.
+
+Gravity and radius: NASA fact sheet (Williams). Irradiance: 1361 W/m² (Kopp & Lean 2011,
+doi:10.1029/2010GL045777) over the square of the mean distance in astronomical units. Rocks are
+taken as basalt; q(k) of Golombek et al. 2003, LPSC XXXIV. Density and colours are assumptions
+within the usual ranges (docs/science.md); the soils' order is that of the albedos, bright dust
+about 0.25 to 0.3 and dark sand 0.1 to 0.15. Craters: complex from about 6 km (Robbins & Hynek 2012,
+doi:10.1029/2011JE003967); depth 0.2 D, an average of what is reported for fresh primaries.
+"""
+
+from __future__ import annotations
+
+from terrain_forge.model.body import (
+    Body,
+    Chronology,
+    CraterConstants,
+    Frictions,
+    ProductionFunction,
+    Soil,
+    sheared,
+)
+
+_HARTMANN_NEUKUM = Chronology(burst=3.22e-14, steady=4.875e-4)
+
+MARS = Body(
+    name="mars",
+    gravity=3.711,
+    mean_radius=3389.5e3,
+    solar_irradiance=586.2,
+    sun_diameter=0.00611,
+    airless=False,
+    sky_rgb=(0.78, 0.50, 0.40),
+    ground_rgb=(0.65, 0.43, 0.29),
+    soils=(
+        Soil(name="mars_dust", rgb=(0.73, 0.51, 0.35)),
+        Soil(name="mars_plains", rgb=(0.65, 0.43, 0.29)),
+        Soil(name="mars_sand", rgb=(0.44, 0.34, 0.28)),
+    ),
+    rock_rgb=(0.44, 0.33, 0.27),
+    rock_density=2900.0,
+    rock_decay=(1.79, 0.152),
+    roughness=(0.58, 0.0959),
+    friction=Frictions(
+        regolith=sheared(
+            30.0, 33.5, 37.0,
+            "friction angles 30° to 37° of trenches by the Mars Exploration Rovers' wheels, "
+            "Sullivan et al. 2011, doi:10.1029/2010JE003625",
+        )
+    ),
+    craters=CraterConstants(
+        largest_simple=6_000.0,
+        depth_ratios=(0.2,),
+        equilibrium="hartmann",
+        bright_ejecta=False,
+        chronology=_HARTMANN_NEUKUM,
+        productions=(
+            ProductionFunction(
+                kind="ivanov",
+                coefficients=(
+                    *(-3.383677, -3.197453, 1.256814, 0.7915374, -0.4860814, -0.3630098),
+                    *(0.1015683, 0.06755923, -0.01180639, -0.004753462, 6.232845e-4, 5.805492e-5),
+                ),
+                range_km=(0.015, 362.0),
+                chronology=_HARTMANN_NEUKUM,
+                source="Ivanov 2001, doi:10.1023/A:1011941121102; ages by Hartmann & Neukum 2001, "
+                "doi:10.1023/A:1011945222010",
+            ),
+            ProductionFunction(
+                kind="hartmann_daubar",
+                bins=(
+                    *(1.10e5, 7.50e4, 4.50e4, 2.40e4, 1.10e4, 4.20e3, 1.60e3, 6.00e2, 1.90e2),
+                    *(6.70e1, 2.40e1, 9.44, 3.30, 1.22, 4.37e-1, 1.47e-1, 4.70e-2, 1.38e-2),
+                    *(4.02e-3, 1.15e-3, 3.08e-4, 1.28e-4, 6.85e-5, 3.67e-5, 1.98e-5, 1.06e-5),
+                    *(5.68e-6, 3.04e-6, 1.62e-6, 8.71e-7, 4.67e-7, 2.40e-7, 1.12e-7, 5.21e-8),
+                    *(2.43e-8, 1.13e-8, 5.28e-9, 2.47e-9, 1.15e-9, 5.37e-10),
+                ),
+                first_bin=-10.0,
+                chronology=Chronology(burst=3.79e-14, steady=5.84e-4),
+                source="Hartmann & Daubar 2016, Meteoritics & Planetary Science; new impacts of 1 "
+                "to 30 m too, and secondaries; ages by Hartmann 2005 as in Michael 2013, "
+                "doi:10.1016/j.icarus.2013.07.004",
+            ),
+        ),
+    ),
+)  # fmt: skip

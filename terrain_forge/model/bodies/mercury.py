@@ -1,0 +1,78 @@
+"""Mercury.
+
+Gravity and irradiance: NASA fact sheet (Williams). Radius: Perry et al. 2015,
+doi:10.1002/2015GL065101. The Sun's diameter is that at the mean distance, 0.3871 au. Roughness: the
+median Hurst exponent of intercrater plains (Fa et al. 2016, doi:10.1002/2016GL068120, from the
+abstract; smooth plains have 0.66) over hundreds of metres; the deviation at 1 m is assumed to be
+the Moon's.
+
+Nobody has landed. Friction, the density of rocks and all colours are assumptions, like the Moon's
+and a little darker. No size-frequency law was fitted to its rocks.
+
+Craters: complex from 10.3 km (Pike 1988, in Vilas et al., Mercury, p. 165, as commonly quoted; the
+change of depth near 10 km is Malin & Dzurisin's 1978). Fresh ones are as deep as images of Mariner
+10 showed (Barnouin et al. 2012, doi:10.1016/j.icarus.2012.02.029, from the abstract), for which 0.2
+D is taken. Below 400 m the Moon's ratios are assumed, and everywhere its equilibrium and its bright
+young ejecta.
+"""
+
+from __future__ import annotations
+
+from terrain_forge.model.body import (
+    Body,
+    Chronology,
+    CraterConstants,
+    Frictions,
+    ProductionFunction,
+    Soil,
+    sheared,
+)
+
+_NEUKUM = Chronology(burst=6.247e-14, steady=9.620e-4)
+
+MERCURY = Body(
+    name="mercury",
+    gravity=3.70,
+    mean_radius=2439.4e3,
+    solar_irradiance=9082.7,
+    sun_diameter=0.02403,
+    airless=True,
+    sky_rgb=(0.0, 0.0, 0.0),
+    ground_rgb=(0.38, 0.37, 0.35),
+    soils=(
+        Soil(name="mercury_plains", rgb=(0.42, 0.40, 0.37)),
+        Soil(name="mercury_low_reflectance", rgb=(0.31, 0.30, 0.30)),
+    ),
+    rock_rgb=(0.47, 0.46, 0.44),
+    rock_density=2900.0,
+    rock_decay=None,
+    roughness=(0.80, 0.05),
+    friction=Frictions(
+        regolith=sheared(
+            24.0, 37.0, 47.0,
+            "assumption: the Moon's regolith, Hovland & Mitchell 1973 (NTRS 19730039283)",
+        )
+    ),
+    craters=CraterConstants(
+        largest_simple=10_300.0,
+        depth_steps=(10.0, 40.0, 100.0, 200.0, 400.0),
+        depth_ratios=(0.10, 0.11, 0.13, 0.15, 0.17, 0.20),
+        equilibrium="trask",
+        bright_ejecta=True,
+        chronology=_NEUKUM,
+        productions=(
+            ProductionFunction(
+                kind="neukum",
+                coefficients=(
+                    *(-3.016675, -3.627417, 0.6038601, 1.026714, -3.767761e-3, -0.4204364),
+                    *(-3.2235e-2, 8.044575e-2, 3.170165e-3, -6.733922e-3, 1.334403e-4),
+                    1.428627e-4,
+                ),
+                range_km=(0.01, 100.0),
+                chronology=_NEUKUM,
+                source="Neukum et al. 2001, Planet. Space Sci. 49, 1507, "
+                "doi:10.1016/S0032-0633(01)00089-7, coefficients as in Craterstats",
+            ),
+        ),
+    ),
+)  # fmt: skip

@@ -1,0 +1,72 @@
+"""The Moon.
+
+Gravity and radius: NASA fact sheet (Williams). Irradiance: Kopp & Lean 2011,
+doi:10.1029/2010GL045777. Rocks are taken as breccia; q(k) is a fit to orbital and descent images
+(Li & Wu 2018, doi:10.1029/2017JE005496), known at second hand. Density and colours are assumptions
+within the usual ranges (docs/science.md); maria have an albedo of about 0.07, highlands 0.15.
+Craters: complex where the depths of simple and complex ones cross (Pike 1977). Depths over
+diameter from 40 to 400 m: Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022, in the steps of
+their classes; below as continued by synthterrain (NASA Ames); above: Pike 1977, 0.196 D^1.010, km.
+"""
+
+from __future__ import annotations
+
+from terrain_forge.model.body import (
+    Body,
+    Chronology,
+    CraterConstants,
+    Frictions,
+    ProductionFunction,
+    Soil,
+    sheared,
+)
+
+_NEUKUM = Chronology(burst=5.44e-14, steady=8.38e-4)
+
+MOON = Body(
+    name="moon",
+    gravity=1.62,
+    mean_radius=1737.4e3,
+    solar_irradiance=1361.0,
+    sun_diameter=0.00930,
+    airless=True,
+    sky_rgb=(0.0, 0.0, 0.0),
+    ground_rgb=(0.42, 0.41, 0.39),
+    soils=(
+        Soil(name="lunar_mare", rgb=(0.35, 0.34, 0.33)),
+        Soil(name="lunar_highlands", rgb=(0.50, 0.49, 0.47)),
+    ),
+    rock_rgb=(0.52, 0.51, 0.49),
+    rock_density=2700.0,
+    rock_decay=(0.5648, 0.01285),
+    roughness=(0.76, 0.05),
+    friction=Frictions(
+        regolith=sheared(
+            24.0, 37.0, 47.0,
+            "friction angles 24° to 47°, mean 37°, of boulder tracks, Hovland & Mitchell 1973 "
+            "(NTRS 19730039283)",
+        )
+    ),
+    craters=CraterConstants(
+        largest_simple=10_583.0,
+        depth_steps=(10.0, 40.0, 100.0, 200.0, 400.0),
+        depth_ratios=(0.10, 0.11, 0.13, 0.15, 0.17, 0.21),
+        depth_power=(0.196, 0.010),
+        equilibrium="trask",
+        bright_ejecta=True,
+        chronology=_NEUKUM,
+        productions=(
+            ProductionFunction(
+                kind="neukum",
+                # a₀ as in Craterstats; -3.0876 as printed does not fit the function's own N(1 km).
+                coefficients=(
+                    *(-3.0768, -3.557528, 0.781027, 1.021521, -0.156012, -0.444058),
+                    *(0.019977, 0.086850, -0.005874, -0.006809, 8.25e-4, 5.54e-5),
+                ),
+                range_km=(0.01, 100.0),
+                chronology=_NEUKUM,
+                source="Neukum et al. 2001, doi:10.1023/A:1011989004263",
+            ),
+        ),
+    ),
+)  # fmt: skip

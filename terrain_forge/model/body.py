@@ -1,0 +1,188 @@
+"""A planetary body: all that the stages need to know of it, as cited values in SI units.
+
+A body is one module of terrain_forge.model.bodies, or one of another package that an entry point of
+the group `terrain_forge.bodies` names (docs/bodies.md). Nothing else asks which body it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from terrain_forge.base import Array, Record
+
+RGB = tuple[float, float, float]
+Surface = Literal["regolith", "bedrock", "rock"]
+"""What a wheel rolls on: loose ground, ground of solid rock, or a rock that lies on the ground."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceFriction(Record):
+    """Sliding friction between a wheel and a surface.
+
+    A wheel with grousers does not slide on regolith, it shears it: see `sheared`. On bedrock and on
+    rocks no measured coefficient of a rover's metal wheel was found: it is
+    an assumption.
+    """
+
+    coefficient: float
+    """Coulomb coefficient that is used by default."""
+    lowest: float
+    """Lower end of the plausible range."""
+    highest: float
+    """Upper end of the plausible range."""
+    source: str
+    """Where it comes from; begins with `assumption` where nobody has measured it."""
+
+
+def sheared(low_deg: float, mean_deg: float, high_deg: float, source: str) -> SurfaceFriction:
+    """Friction on regolith: the tangent of its angle of internal friction [degrees].
+
+    Cohesion adds to it and sinkage takes from it; neither is modelled by a rigid contact.
+    """
+    low, mean, high = (round(math.tan(math.radians(a)), 2) for a in (low_deg, mean_deg, high_deg))
+    return SurfaceFriction(coefficient=mean, lowest=low, highest=high, source=source)
+
+
+def _on_rock(coefficient: float) -> SurfaceFriction:
+    return SurfaceFriction(
+        coefficient=coefficient,
+        lowest=0.6,
+        highest=1.0,
+        source="assumption: metal grousers on rock, below rock on rock (doi:10.1007/BF00876528)",
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frictions(Record):
+    """Friction of wheels on the surfaces of a body."""
+
+    regolith: SurfaceFriction
+    """On loose ground."""
+    bedrock: SurfaceFriction = field(default_factory=lambda: _on_rock(0.8))
+    """On ground of solid rock; by default below rock on rock, 0.85 (Byerlee 1978)."""
+    rock: SurfaceFriction = field(default_factory=lambda: _on_rock(0.7))
+    """On rocks that lie on the ground."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chronology(Record):
+    """N(1 km) = a (exp(b T) - 1) + c T, craters of 1 km and more on a km² of an age T [10⁹ years].
+
+    Neukum et al. 2001, doi:10.1023/A:1011989004263; coefficients as in Craterstats (Michael et
+    al.).
+    """
+
+    burst: float
+    """a [1/km²]."""
+    rate: float = 6.93
+    """b [1/10⁹ years]."""
+    steady: float
+    """c [1/(km² · 10⁹ years)]."""
+
+    def number(self, age: ArrayLike) -> Array:
+        """N(1 km) [1/km²] of surfaces of ages [10⁹ years]."""
+        age = np.asarray(age, np.float64)
+        return np.asarray(self.burst * np.expm1(self.rate * age) + self.steady * age)
+
+    def growth(self, age: float) -> float:
+        """Craters that a surface of an age [10⁹ years] has, over those after 10⁹ years."""
+        return float(self.number(age) / self.number(1.0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProductionFunction(Record):
+    """Craters that a surface of a body has gathered after 10⁹ years: a polynomial, or bins."""
+
+    kind: str
+    """Its name, as a recipe writes it as the `kind` of a layer's production."""
+    coefficients: tuple[float, ...] = ()
+    """a₀, a₁, … of log₁₀ N = Σ aₙ (log₁₀ D)ⁿ, N(≥D) on a km², D in km."""
+    range_km: tuple[float, float] = (0.0, 0.0)
+    """Diameters [km] that the polynomial was fitted to."""
+    bins: tuple[float, ...] = ()
+    """Or craters on a km² in bins of a factor √2 of diameter, the smallest first."""
+    first_bin: float = 0.0
+    """log₂ of the smallest diameter of the first bin [km]."""
+    chronology: Chronology
+    """How their number grows with time."""
+    source: str
+    """Who counted."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CraterConstants(Record):
+    """What craters of a body are like, and how many there are."""
+
+    largest_simple: float
+    """Diameter [m] at which craters become complex."""
+    depth_steps: tuple[float, ...] = ()
+    """Rising diameters [m] at which the next ratio of depth to diameter begins to hold."""
+    depth_ratios: tuple[float, ...]
+    """Depth over diameter of fresh craters, crest to floor: below the first step, and from each."""
+    depth_power: tuple[float, float] | None = None
+    """An upper limit of that ratio, a D^b with D in km, as (a, b); None for none."""
+    equilibrium: str
+    """How many craters there can be where the recipe does not say: a name of the crater layer's
+    `equilibrium`."""
+    bright_ejecta: bool
+    """Whether ejecta of young craters are brighter than the ground."""
+    chronology: Chronology
+    """How the number of craters grows with time, where no production function has its own."""
+    productions: tuple[ProductionFunction, ...] = ()
+    """The production functions that were made for the body."""
+
+    def production(self, kind: str) -> ProductionFunction | None:
+        """The production function of a name; None if the body has none."""
+        return next((one for one in self.productions if one.kind == kind), None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Soil(Record):
+    """The looks of one kind of loose ground."""
+
+    name: str
+    """Its name, as a recipe writes it; no two bodies share one."""
+    rgb: RGB
+    """Colour of level ground as a well exposed camera shows it, sRGB 0 to 1: an assumption."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Body(Record):
+    """A planet or moon as far as a rover's world needs it."""
+
+    name: str
+    """Lower-case name, as the recipe writes it."""
+    gravity: float
+    """Surface gravity [m/s²], towards -z."""
+    mean_radius: float
+    """Mean radius [m]; a DTM whose ellipsoid is within 5 % of it is one of the body."""
+    solar_irradiance: float
+    """Irradiance at the mean distance from the Sun, above any atmosphere [W/m²]."""
+    sun_diameter: float
+    """Apparent diameter of the Sun [rad]."""
+    airless: bool
+    """Whether there is no wind that could move soil."""
+    sky_rgb: RGB
+    """Colour of the sky, linear 0 to 1."""
+    ground_rgb: RGB
+    """Colour of the regolith as a camera shows it, sRGB 0 to 1."""
+    soils: tuple[Soil, ...]
+    """Kinds of regolith that a recipe can name."""
+    rock_rgb: RGB
+    """Colour of the rocks as a camera shows it, sRGB 0 to 1."""
+    rock_density: float
+    """Density of a rock [kg/m³]."""
+    rock_decay: tuple[float, float] | None
+    """Golombek's q(k) = a + b / k [1/m] of the body's rocks as (a, b); None where nobody fitted it.
+    """
+    roughness: tuple[float, float]
+    """Fallback where no DTM tells: Hurst exponent, RMS deviation at 1 m [m]."""
+    friction: Frictions
+    """Friction of wheels."""
+    craters: CraterConstants
+    """Shapes and numbers of craters."""

@@ -1,0 +1,191 @@
+"""Every installed body makes worlds with craters, rocks, soils, friction, in each format."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+import rasterio
+
+import terrain_forge as tf
+from terrain_forge.building.checking import check_raster
+from terrain_forge.model import BODIES, exporter
+from terrain_forge.model.storage import load_world, save_world
+from terrain_forge.recipe import recipe_from_json
+from terrain_forge.terrain import LIMITS, fresh_shapes
+
+ALL = pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
+
+
+def recipe(body, **changes):
+    """A tiny site with craters of the body, pebbles, and a few stones that can be pushed."""
+    kinds = [one.kind for one in body.craters.productions]
+    law = {"kind": "power_law", "number_per_m2": 0.02, "exponent": 2.0}
+    plain = {
+        "name": body.name,
+        "seed": 3,
+        "body": body.name,
+        "dtm": {"kind": "flat", "size_m": [16, 12]},
+        "terrain": {
+            "spacing_m": 0.25,
+            "layers": [
+                {"kind": "fractal", "longest_wavelength_m": 4},
+                {
+                    "kind": "craters",
+                    "production": {"kind": kinds[0], "age_ga": 3.0} if kinds else law,
+                    "diameter_m": [1.0, 10.0],
+                },
+            ],
+            "appearance": {"regolith": body.soils[-1].name, "variation": 0.0},
+        },
+        "rocks": {
+            "library": {"shapes": 4},
+            "populations": [
+                {
+                    "name": "stones",
+                    "size_frequency": law,
+                    "diameter_m": [0.2, 0.8],
+                    "dynamic_m": [0.2, 0.3],
+                }
+            ],
+        },
+        "paths": [
+            {"name": "line", "route": {"points_m": [[-5, -3], [5, -3]]}, "speed_m_s": 0.2},
+        ],
+        "exports": ["sdf", "mjcf", "usd"],
+    }
+    return recipe_from_json(json.dumps(plain | changes))
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    return {name: tf.realise(tf.plan(recipe(body))) for name, body in BODIES.items()}
+
+
+@ALL
+def test_a_world_has_craters_rocks_and_the_body_s_soil(worlds, body):
+    world = worlds[body.name]
+    assert world.site.body is body
+    assert np.ptp(world.ground.elevation) > 0.1  # more than the fractal makes
+    assert len(world.field) > 10
+    assert 0 < world.field.dynamic.sum() < len(world.field)
+    assert np.allclose(world.field.mass, world.field.volume * body.rock_density)
+    colours = world.appearance.ground_rgb.reshape(-1, 3) / 255.0
+    assert np.abs(np.median(colours, axis=0) - body.soils[-1].rgb).max() < 0.02
+
+
+@ALL
+def test_a_saved_world_knows_its_body_without_asking_for_it(worlds, body, tmp_path):
+    save_world(worlds[body.name], tmp_path)
+    assert load_world(tmp_path).site.body == body
+
+
+def sdf(folder, name):
+    root = ET.parse(folder / "world.sdf").getroot()
+    ground = ET.parse(folder / f"models/{name}_ground/model.sdf").getroot()
+    down = float(root.find(".//gravity").text.split()[2])
+    return -down, {float(element.text) for element in ground.iter("mu")}
+
+
+def mjcf(folder, name):
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(folder / "world.xml"))
+    grounds = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
+    return -model.opt.gravity[2], {round(float(model.geom_friction[n, 0]), 6) for n in grounds}
+
+
+def usd(folder, name):
+    from pxr import Usd, UsdPhysics, UsdShade
+
+    stage = Usd.Stage.Open(str(folder / "world.usda"))
+    prims = list(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    scene = next(UsdPhysics.Scene(p) for p in prims if p.IsA(UsdPhysics.Scene))
+    found = set()
+    for prim in prims:
+        if prim.HasAPI(UsdPhysics.CollisionAPI) and "/Ground/" in str(prim.GetPath()):
+            look = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
+            material = UsdPhysics.MaterialAPI(look.GetPrim())
+            found.add(round(material.GetDynamicFrictionAttr().Get(), 6))
+    return scene.GetGravityMagnitudeAttr().Get(), found
+
+
+@ALL
+@pytest.mark.parametrize("read", [sdf, mjcf, usd])
+def test_each_format_has_its_gravity_and_friction(worlds, tmp_path, body, read):
+    module = exporter(read.__name__)
+    module.export(worlds[body.name], tmp_path, options=module.Options())
+    gravity, friction = read(tmp_path, body.name)
+    assert gravity == pytest.approx(body.gravity)
+    assert friction == {body.friction.regolith.coefficient}
+
+
+@ALL
+def test_its_constants_are_possible(body):
+    craters = body.craters
+    assert craters.equilibrium in LIMITS
+    assert len(craters.depth_ratios) == len(craters.depth_steps) + 1
+    assert list(craters.depth_steps) == sorted(craters.depth_steps)
+    sizes = np.geomspace(1.0, craters.largest_simple, 200)
+    shape = fresh_shapes(sizes, body=body)
+    assert ((shape.depth / sizes > 0.05) & (shape.depth / sizes < 0.25)).all()
+    assert ((shape.rim > shape.ejecta) & (shape.rim < shape.depth)).all()
+    for one in craters.productions:
+        law = tf.BodyProduction(kind=one.kind, age_ga=1.0).law(body)
+        assert (np.diff(law.number(sizes)) < 0.0).all()
+        # N(1 km) after 10⁹ years is what the chronology says.
+        wanted = 1e-6 * one.chronology.number(1.0)
+        assert law.number(np.array([1000.0]))[0] == pytest.approx(wanted, rel=0.2)
+        assert one.source
+    astronomical_units = np.sqrt(1361.0 / body.solar_irradiance)
+    assert body.sun_diameter == pytest.approx(0.0093 / astronomical_units, rel=0.01)
+    assert body.airless == (max(body.sky_rgb) == 0.0)
+
+
+def test_soils_have_names_of_their_own():
+    names = [soil.name for body in BODIES.values() for soil in body.soils]
+    assert len(set(names)) == len(names)
+
+
+def test_mercury_is_built_end_to_end(tmp_path):
+    result = tf.build(recipe(BODIES["mercury"]), tmp_path / "out")
+    assert result.passed
+    with rasterio.open(tmp_path / "out" / "truth" / "surface.tif") as file:
+        assert file.tags()["TERRAIN_FORGE_BODY"] == "mercury"
+    world = load_world(tmp_path / "out")
+    assert world.site.body == BODIES["mercury"]
+    assert world.lighting.irradiance == 9082.7
+    for name in ("sdf", "mjcf", "usd"):
+        assert (tmp_path / "out" / name).is_dir()
+
+
+def test_rocks_of_mercury_have_no_decay_of_their_own():
+    population = {"name": "a", "size_frequency": {"kind": "golombek", "k": 0.05}}
+    rocks = {"populations": [population | {"diameter_m": [0.2, 0.8]}]}
+    with pytest.raises(
+        tf.RecipeError, match=r"of Mercury: give q_per_m, or .* q_of_k: mars or moon"
+    ):
+        tf.plan(recipe(BODIES["mercury"], rocks=rocks))
+    population["size_frequency"]["q_of_k"] = "moon"
+    site = tf.plan(recipe(BODIES["mercury"], rocks=rocks))
+    assert site.recipe.rocks.populations[0].size_frequency.q == pytest.approx(0.8218)
+
+
+@ALL
+def test_a_dtm_is_known_by_its_radius(tmp_path, body):
+    path = tmp_path / "dtm.tif"
+    crs = f"+proj=eqc +R={body.mean_radius} +units=m +no_defs"
+    heights = np.add.outer(np.arange(40.0), np.arange(40.0)).astype(np.float32)
+    profile = {"driver": "GTiff", "width": 40, "height": 40, "count": 1, "dtype": "float32"}
+    affine = rasterio.transform.from_origin(-20.0, 20.0, 1.0, 1.0)
+    with rasterio.open(path, "w", crs=crs, transform=affine, **profile) as file:
+        file.write(heights, 1)
+    assert any(body.name in line for line in check_raster(path))
+    dtm = {"kind": "raster", "source": str(path), "size_m": [16, 12]}
+    assert tf.plan(recipe(body, dtm=dtm)).dtm is not None
+    others = [other for other in BODIES.values() if other is not body]
+    for other in others:
+        with pytest.raises(tf.DataError, match=f"{other.name} has"):
+            tf.plan(recipe(other, dtm=dtm))

@@ -1,0 +1,293 @@
+"""What a change costs: a layer, a size law, a route shape and a body are one module each.
+
+The modules lie in a package of their own, installed with entry points; no file of ours knows them.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import rasterio
+
+from tests.helpers.places import ROOT
+
+LAYER = '''
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import terrain_forge as tf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ramp(tf.Layer):
+    """Ground that rises to the east."""
+
+    kind: Literal["ramp"] = "ramp"
+    grade: tf.Positive
+    """Rise over run."""
+
+    def relief(self, *, site, window, elevation):
+        east, _ = site.axes(window)
+        return np.broadcast_to(self.grade * east, elevation.shape)
+'''
+LAW = '''
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import terrain_forge as tf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Even(tf.SizeLaw):
+    """Rocks of all diameters up to the largest are as many."""
+
+    kind: Literal["even"] = "even"
+    number_per_m2: tf.Positive
+    """Rocks of all sizes on a square metre [1/m²]."""
+    largest_m: tf.Positive
+    """Largest diameter [m]."""
+
+    @property
+    def smallest_known(self):
+        return 0.2
+
+    def cumulative_number(self, diameter):
+        part = 1.0 - np.asarray(diameter) / self.largest_m
+        return self.number_per_m2 * np.clip(part, 0.0, 1.0)
+
+    def cumulative_area(self, diameter):
+        d = np.minimum(diameter, self.largest_m)
+        cubes = self.largest_m**3 - d**3
+        return 0.25 * np.pi * self.number_per_m2 * cubes / (3.0 * self.largest_m)
+
+    def cover_variance(self, smallest, largest, area):
+        fifths = (largest**5 - smallest**5) / (5.0 * self.largest_m)
+        return (0.25 * np.pi) ** 2 * self.number_per_m2 * fifths / area
+
+    def sample(self, hashes, smallest, largest):
+        part = (hashes >> np.uint64(11)) * 2.0**-53
+        return smallest + part * (largest - smallest)
+
+    def report(self):
+        return {"kind": self.kind, "number_per_m2": self.number_per_m2}
+'''
+SHAPE = '''
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import terrain_forge as tf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clover(tf.NamedShape):
+    """A curve of four leaves."""
+
+    kind: Literal["clover"] = "clover"
+
+    def outline(self, key):
+        def curve(t):
+            return np.stack([np.cos(2 * t) * np.cos(t), np.cos(2 * t) * np.sin(t)], -1)
+
+        def tangent(t):
+            x = -2 * np.sin(2 * t) * np.cos(t) - np.cos(2 * t) * np.sin(t)
+            y = -2 * np.sin(2 * t) * np.sin(t) + np.cos(2 * t) * np.cos(t)
+            return np.stack([x, y], -1)
+
+        return self.smooth(curve, tangent)
+'''
+BODY = '''
+"""Callisto; but for gravity, radius and sunlight (NASA fact sheet) all is made up for a test."""
+
+import terrain_forge as tf
+
+CALLISTO = tf.Body(
+    name="callisto",
+    gravity=1.236,
+    mean_radius=2410.3e3,
+    solar_irradiance=50.26,
+    sun_diameter=0.001787,
+    airless=True,
+    sky_rgb=(0.0, 0.0, 0.0),
+    ground_rgb=(0.33, 0.31, 0.29),
+    soils=(tf.Soil(name="dark_dust", rgb=(0.24, 0.22, 0.20)),),
+    rock_rgb=(0.5, 0.5, 0.52),
+    rock_density=1100.0,
+    rock_decay=None,
+    roughness=(0.7, 0.04),
+    friction=tf.Frictions(regolith=tf.sheared(25.0, 30.0, 40.0, "assumption")),
+    craters=tf.CraterConstants(
+        largest_simple=4_000.0,
+        depth_ratios=(0.15,),
+        equilibrium="gault",
+        bright_ejecta=True,
+        chronology=tf.Chronology(burst=0.0, steady=1e-4),
+        productions=(
+            tf.ProductionFunction(
+                kind="icy",
+                coefficients=(-4.0, -3.0),
+                range_km=(0.01, 10.0),
+                chronology=tf.Chronology(burst=0.0, steady=1e-4),
+                source="made up",
+            ),
+        ),
+    ),
+)
+'''
+PARTS = {
+    "layers": ("ramp", LAYER),
+    "size_laws": ("even", LAW),
+    "route_shapes": ("clover", SHAPE),
+    "bodies": ("callisto", BODY),
+}
+RECIPE = """
+schema: 1
+name: all-new
+seed: 4
+body: callisto
+dtm: {kind: flat, size_m: [16, 12]}
+terrain:
+  spacing_m: 0.25
+  appearance: {regolith: dark_dust, variation: 0}
+  layers:
+    - {kind: ramp, grade: 0.05}
+    - {kind: craters, production: {kind: icy, age_ga: 4}, diameter_m: [1, 6]}
+rocks:
+  library: {shapes: 4}
+  populations:
+    - name: stones
+      size_frequency: {kind: even, number_per_m2: 0.5, largest_m: 0.6}
+      dynamic_m: [0.2, 0.24]
+paths:
+  - {name: leaves, route: {kind: clover, length_m: 30}, speed_m_s: 0.5}
+exports: [sdf, mjcf, usd]
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The package as an installer leaves it: its modules and its entry points."""
+    site = tmp_path_factory.mktemp("site")
+    info = site / "new_parts-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: new-parts\nVersion: 1.0\n")
+    lines = []
+    for group, (name, text) in PARTS.items():
+        (site / f"new_{name}.py").write_text(text)
+        lines += [f"[terrain_forge.{group}]", f"{name} = new_{name}"]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    return site
+
+
+def python(installed, *arguments):
+    environment = os.environ | {"PYTHONPATH": str(installed)}
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def built(installed, tmp_path_factory):
+    """A world that needs all of the parts."""
+    folder = tmp_path_factory.mktemp("built")
+    (folder / "new.yaml").write_text(RECIPE)
+    done = python(
+        installed, "-m", "terrain_forge", "build", folder / "new.yaml", "-o", folder / "out"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "warning" not in done.stderr.lower()
+    return folder / "out"
+
+
+def rows(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_layer_is_one_module(built):
+    with rasterio.open(built / "truth" / "surface.tif") as file:
+        heights = file.read(1)
+    assert np.median(heights[:, -1] - heights[:, 0]) == pytest.approx(0.05 * 16, abs=0.15)
+
+
+def test_a_size_law_is_one_module(built):
+    sizes = np.array([float(row["diameter_m"]) for row in rows(built / "truth" / "rocks.csv")])
+    assert len(sizes) == pytest.approx(0.5 * 16 * 12 * 2 / 3, rel=0.5)
+    assert sizes.min() >= 0.2
+    assert sizes.max() <= 0.6
+    assert np.median(sizes) == pytest.approx(0.4, abs=0.08)
+    report = json.loads((built / "truth" / "size_frequency.json").read_text())
+    assert '"kind": "even"' in json.dumps(report)
+
+
+def test_a_route_shape_is_one_module(built):
+    path = rows(built / "paths" / "leaves.csv")
+    xy = np.array([[float(row["x_m"]), float(row["y_m"])] for row in path])
+    length = np.linalg.norm(np.diff(xy, axis=0), axis=1).sum()
+    assert length == pytest.approx(30.0, rel=0.01)
+    assert np.hypot(*xy.T).min() < 0.1  # it passes through its centre
+
+
+def test_a_body_is_one_module(built):
+    from terrain_forge.model.storage import load_world
+
+    world = load_world(built)  # here, where Callisto is not installed
+    assert world.site.body.name == "callisto"
+    assert world.lighting.irradiance == 50.26
+    assert np.allclose(world.field.mass, 1100.0 * world.field.volume)
+    assert "-1.236" in (built / "sdf" / "world.sdf").read_text()
+    assert "-1.236" in (built / "mjcf" / "world.xml").read_text()
+
+
+def test_schema_and_messages_know_them(installed, tmp_path):
+    script = (
+        "import json, terrain_forge as tf\n"
+        "schema = json.dumps(tf.json_schema())\n"
+        "print([name in schema for name in ('ramp', 'even', 'clover', 'callisto', 'icy')])\n"
+        "print(tf.SizeLaw, tf.Layer, tf.NamedShape, tf.BODIES['callisto'].gravity)\n"
+    )
+    done = python(installed, "-c", script)
+    assert done.stdout.startswith("[True, True, True, True, True]\n"), done.stderr
+    (tmp_path / "new.yaml").write_text(RECIPE.replace("kind: icy", "kind: neukum"))
+    done = python(installed, "-m", "terrain_forge", "check", tmp_path / "new.yaml")
+    assert done.returncode == 2
+    assert "neukum is no production function of Callisto, which has icy" in done.stderr
+
+
+def test_a_broken_or_doubled_one_is_skipped_with_a_warning(installed, tmp_path):
+    info = tmp_path / "bad-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[terrain_forge.bodies]\nnone = a_module_that_nobody_has\nmoon = other_moon\n"
+        "[terrain_forge.size_laws]\ngolombek = other_law\n"
+        "[terrain_forge.route_shapes]\nloop = other_loop\n"
+    )
+    (tmp_path / "other_moon.py").write_text(BODY.replace('"callisto"', '"moon"'))
+    (tmp_path / "other_law.py").write_text(LAW.replace('"even"', '"golombek"'))
+    (tmp_path / "other_loop.py").write_text(SHAPE.replace('"clover"', '"loop"'))
+    script = "import logging; logging.basicConfig(); import terrain_forge as tf; tf.Recipe\n"
+    script += "print(tf.BODIES['moon'].gravity)"
+    done = python(tmp_path, "-c", script)
+    assert done.stdout == "1.62\n", done.stderr
+    for warning in (
+        "body 'none' (a_module_that_nobody_has) is skipped: No module named",
+        "body 'moon' of other_moon is skipped: terrain_forge.model.bodies.moon has that name",
+        "size law 'golombek' of other_law is skipped: terrain_forge.rocks.laws.golombek has that",
+        "route shape 'loop' of other_loop is skipped: terrain_forge.paths.shapes.loop has that",
+    ):
+        assert done.stderr.count(warning) == 1, done.stderr
+
+
+def test_no_file_of_ours_names_them():
+    ours = [*(ROOT / "terrain_forge").rglob("*.py"), *(ROOT / "exporters").rglob("*.py")]
+    text = "\n".join(path.read_text("utf-8") for path in ours)
+    assert '"neukum"' in text
+    assert not any(f'"{name}"' in text for name, _ in PARTS.values())
