@@ -81,6 +81,47 @@ class Eight(Layer):
     file: Annotated[str, InputFile(kind="table", columns=("a", "b"), blanks=(("a", 8.0),))]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Law(Spec):
+    """A law of another package: it takes its numbers over."""
+
+    file: Annotated[str, InputFile(kind="table", columns=("a",), positive=("a",))] | None = None
+    numbers: tuple[float, ...] = ()
+
+    def with_table(self, table):
+        if len(table.values) < 2:
+            raise ValueError("two rows at least")
+        return replace(self, file=None, numbers=tuple(table.column("a").tolist()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lawful(Layer):
+    law: Law
+
+
+def test_a_foreign_law_takes_its_table_over(tmp_path):
+    layers = (Lawful(law=Law(numbers=(3.0,))), Lawful(law=Law(file="law.csv")))
+    wanted, file = recipe(layers=layers), tmp_path / "law.csv"
+    inputs = InputFiles(wanted, tmp_path)
+    for text, words in (
+        (None, "no such file: law.csv"),
+        ("a\n1\n", "law.csv: two rows at least"),
+        ("a\n1\n-2\n", "law.csv: a must be above 0, found -2"),
+    ):
+        if text:
+            file.write_text(text)
+        with pytest.raises(DataError) as caught:
+            inputs.taken_over(wanted)
+        assert str(caught.value) == words
+        assert caught.value.key == ("terrain", "layers", 1, "law", "file")
+    file.write_text("a\n1\n2\n")
+    found = inputs.taken_over(wanted)
+    assert [layer.law.numbers for layer in found.terrain.layers] == [(3.0,), (1.0, 2.0)]
+    assert inputs.portable(found) == found
+    assert inputs.tables() == ()
+    assert [name for name, _ in inputs.hashes(patch=None, rover_files=())] == ["law.csv"]
+
+
 def test_any_spec_that_marks_a_field_has_its_file_read_hashed_and_named(tmp_path):
     away = tmp_path / "away"
     for path in (tmp_path / "one.png", away / "one.png", away / "two.png"):
