@@ -16,7 +16,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 from terrain_forge.base import DataError, InputFile, Key, RecipeError, Spec
 from terrain_forge.dtm import files_of_raster, read_image, require_file
-from terrain_forge.model import CustomMesh, DtmPatch, Image, Table
+from terrain_forge.model import BODIES, CustomMesh, DtmPatch, Image, Table
 from terrain_forge.recipe.input_table import read_table
 from terrain_forge.recipe.schema import Recipe
 
@@ -53,7 +53,8 @@ def resolve(recipe: Recipe, inputs: InputFiles) -> Recipe:
     area = recipe.dtm.size_m[0] * recipe.dtm.size_m[1]
     keys: list[Key] = [("rocks", "populations", n) for n in range(len(recipe.rocks.populations))]
     for key in keys:
-        recipe = _changed(recipe, (*key, "size_frequency"), methodcaller("on", recipe.body))
+        law = (*key, "size_frequency")
+        recipe = _changed(recipe, law, methodcaller("on", BODIES[recipe.body], law))
     _check_laws(recipe, keys)
     recipe = inputs.taken_over(recipe)
     _check_laws(recipe, keys)
