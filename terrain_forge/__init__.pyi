@@ -110,6 +110,7 @@ from .terrain import AppearanceSpec as AppearanceSpec
 from .terrain import BodyProduction as BodyProduction
 from .terrain import CraterLayer as CraterLayer
 from .terrain import CraterPowerLaw as CraterPowerLaw
+from .terrain import CraterProduction as CraterProduction
 from .terrain import CraterTable as CraterTable
 from .terrain import DetailSpec as DetailSpec
 from .terrain import DisplacementMap as DisplacementMap

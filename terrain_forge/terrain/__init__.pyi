@@ -11,8 +11,9 @@ from .cratering.fresh import fresh_shapes as fresh_shapes
 from .cratering.layer_craters import make_craters as make_craters
 from .cratering.layer_craters import population_of as population_of
 from .cratering.production import BodyProduction as BodyProduction
-from .cratering.production import CraterPowerLaw as CraterPowerLaw
-from .cratering.production import CraterTable as CraterTable
+from .cratering.production import CraterProduction as CraterProduction
+from .cratering.productions.power_law import CraterPowerLaw as CraterPowerLaw
+from .cratering.productions.table import CraterTable as CraterTable
 from .detail import DetailSpec as DetailSpec
 from .detail import ground_detail as ground_detail
 from .ground import shape_ground as shape_ground

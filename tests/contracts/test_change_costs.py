@@ -1,4 +1,4 @@
-"""What a change costs: a layer, a size law, a route shape and a body are one module each.
+"""What a change costs: a layer, a law, a route shape and a body are one module each.
 
 The modules lie in a package of their own, installed with entry points; no file of ours knows them.
 """
@@ -142,7 +142,38 @@ CALLISTO = tf.Body(
     ),
 )
 '''
+PRODUCTION = '''
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import terrain_forge as tf
+
+
+class Law:
+    def __init__(self, number):
+        self.whole = number
+
+    def number(self, diameter):
+        return self.whole * np.exp(-np.asarray(diameter))
+
+    def slope(self, diameter):
+        return np.asarray(diameter)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fading(tf.CraterProduction):
+    """Craters whose number falls exponentially with diameter."""
+
+    kind: Literal["fading"] = "fading"
+    number_per_m2: tf.Positive
+    """Craters of all sizes on a square metre [1/m²]."""
+
+    def law(self, body):
+        return Law(self.number_per_m2)
+'''
 PARTS = {
+    "crater_productions": ("fading", PRODUCTION),
     "layers": ("ramp", LAYER),
     "size_laws": ("even", LAW),
     "route_shapes": ("clover", SHAPE),
@@ -160,6 +191,10 @@ terrain:
   layers:
     - {kind: ramp, grade: 0.05}
     - {kind: craters, production: {kind: icy, age_ga: 4}, diameter_m: [1, 6]}
+    - kind: craters
+      name: seen
+      production: {kind: fading, number_per_m2: 0.2, age_ga: 1}
+      diameter_m: [1, 3]
 rocks:
   library: {shapes: 4}
   populations:
@@ -217,6 +252,14 @@ def test_a_layer_is_one_module(built):
     assert np.median(heights[:, -1] - heights[:, 0]) == pytest.approx(0.05 * 16, abs=0.15)
 
 
+def test_a_crater_production_is_one_module(built):
+    craters = [row for row in rows(built / "truth" / "craters.csv") if row["layer"] == "seen"]
+    sizes = np.array([float(row["diameter_m"]) for row in craters])
+    assert len(sizes) > 3
+    assert sizes.min() >= 1.0
+    assert sizes.max() <= 3.0
+
+
 def test_a_size_law_is_one_module(built):
     sizes = np.array([float(row["diameter_m"]) for row in rows(built / "truth" / "rocks.csv")])
     assert len(sizes) == pytest.approx(0.5 * 16 * 12 * 2 / 3, rel=0.5)
@@ -250,7 +293,7 @@ def test_schema_and_messages_know_them(installed, tmp_path):
     script = (
         "import json, terrain_forge as tf\n"
         "schema = json.dumps(tf.json_schema())\n"
-        "print([name in schema for name in ('ramp', 'even', 'clover', 'callisto', 'icy')])\n"
+        "print([name in schema for name in ('ramp', 'even', 'clover', 'callisto', 'fading')])\n"
         "print(tf.SizeLaw, tf.Layer, tf.NamedShape, tf.BODIES['callisto'].gravity)\n"
     )
     done = python(installed, "-c", script)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
@@ -55,14 +55,6 @@ class Exponential(SizeLaw):
         """Diameters [m] by inversion of the truncated law."""
         diameters: Array = _sample(hashes, smallest, largest, self.decay_per_m)
         return diameters
-
-    def report(self) -> dict[str, Any]:
-        """N0 and λ."""
-        return {
-            "kind": self.kind,
-            "number_per_m2": self.number_per_m2,
-            "decay_per_m": self.decay_per_m,
-        }
 
 
 @kernel

@@ -147,8 +147,7 @@ class Golombek(SizeLaw):
         if self.cover:
             plain["cover"] = asdict(self.cover)
         if self.preset:
-            about = {name: getattr(self.preset, name) for name in ("source", "verified", "note")}
-            plain |= {"site": self.site, **about}
+            plain |= {"site": self.site, **self.preset.about}
         return plain
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,4 +76,4 @@ class SizeLaw(Spec):
 
     def report(self) -> dict[str, Any]:
         """The law in plain numbers, sources and fits resolved, as JSON can hold it."""
-        raise NotImplementedError
+        return asdict(self)

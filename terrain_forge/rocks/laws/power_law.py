@@ -88,14 +88,9 @@ class PowerLaw(SizeLaw):
     def report(self) -> dict[str, Any]:
         """c, m and the source of a site's figures."""
         number, exponent = self.coefficients
-        plain: dict[str, Any] = {
-            "kind": self.kind,
-            "number_per_m2": number,
-            "exponent": exponent,
-        }
+        plain: dict[str, Any] = {"kind": self.kind, "number_per_m2": number, "exponent": exponent}
         if self.preset:
-            about = {name: getattr(self.preset, name) for name in ("source", "verified", "note")}
-            plain |= {"site": self.site, **about}
+            plain |= {"site": self.site, **self.preset.about}
         return plain
 
 

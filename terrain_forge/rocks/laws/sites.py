@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from terrain_forge.model import MARS, MOON, Body
 
@@ -33,7 +33,24 @@ SurveyorSite = Literal["surveyor_1", "surveyor_3", "surveyor_5", "surveyor_6", "
 
 
 @dataclass(frozen=True, kw_only=True)
-class RockAbundance:
+class SiteCount:
+    """Where the figures of a site come from."""
+
+    source: str
+    """Who counted."""
+    verified: bool
+    """Whether the figures were read in the source itself."""
+    note: str = ""
+    """What else there is to know."""
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The source as JSON can hold it."""
+        return {"source": self.source, "verified": self.verified, "note": self.note}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RockAbundance(SiteCount):
     """Cover F(>D) = k exp(-q D) of a site."""
 
     body: Body
@@ -42,12 +59,6 @@ class RockAbundance:
     """Part of the ground that rocks of all sizes cover."""
     q_per_m: float | None = None
     """Decay of the cover with diameter [1/m], where it was fitted to the site itself."""
-    source: str
-    """Who counted."""
-    verified: bool
-    """Whether the figure was read in the source itself."""
-    note: str = ""
-    """What else there is to know."""
 
     @property
     def decay(self) -> tuple[float, float]:
@@ -57,19 +68,13 @@ class RockAbundance:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FragmentCount:
+class FragmentCount(SiteCount):
     """Number N(>D) = c D^-m of a site."""
 
     number_per_m2: float
     """Rocks larger than 1 m on a square metre, c [1/m²]."""
     exponent: float
     """Fall of the cumulative number with diameter, m."""
-    source: str
-    """Who counted."""
-    verified: bool
-    """Whether the figures were read in the source itself."""
-    note: str = ""
-    """What else there is to know."""
 
 
 _RAPP = "Golombek & Rapp 1997, doi:10.1029/96JE03319"

@@ -12,7 +12,7 @@ from terrain_forge.base import Array
 from terrain_forge.model import Body, Chronology
 from terrain_forge.terrain.cratering.degradation import diffusivity
 from terrain_forge.terrain.cratering.equilibrium import LIMITS
-from terrain_forge.terrain.cratering.production import Counted, Production
+from terrain_forge.terrain.cratering.production import Counted, CraterProduction
 
 _SEEN = 0.1133
 """κt/D² at which a tenth of a crater's depth is left."""
@@ -38,7 +38,7 @@ class Population:
     Where equilibrium limits them, those are left that came last: as many as there may be of a size.
     """
 
-    production: Production
+    production: CraterProduction
     """What has come."""
     body: Body
     """Where it has come."""
@@ -111,7 +111,9 @@ class Population:
         return [(n, 2.0**n, 2.0 ** (n + 1)) for n in reversed(range(first, last))]
 
 
-def largest_expected(production: Production, body: Body, equilibrium: str, area: float) -> float:
+def largest_expected(
+    production: CraterProduction, body: Body, equilibrium: str, area: float
+) -> float:
     """Diameter [m] that one crater of an area [m²] is expected to reach."""
     whole = Population(
         production=production, body=body, equilibrium=equilibrium, diameters=(0.01, 1e5)

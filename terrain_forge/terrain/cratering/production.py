@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
-from annotated_types import Interval, MinLen
+from annotated_types import Interval
 
-from terrain_forge.base import BY_KIND, Array, InputFile, Positive, PowerPieces, RecipeError, Spec
+from terrain_forge.base import Array, PowerPieces, RecipeError, Spec
 from terrain_forge.model import BODIES, Body, Chronology, ProductionFunction
 from terrain_forge.terrain.cratering.chronology import OLDEST
-
-if TYPE_CHECKING:
-    from terrain_forge.model import Table
-
-_COLUMNS = ("diameter_m", "number_per_km2")
 
 Age = Annotated[float, Interval(gt=0, le=OLDEST)]
 if TYPE_CHECKING:
@@ -67,8 +62,17 @@ class Polynomial:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Production(Spec):
-    """How many craters a surface has gathered, or shows."""
+class CraterProduction(Spec):
+    """How many craters a surface has gathered, or shows.
+
+    But for the functions of the bodies, a law is a subclass with a field `kind` (a Literal with its
+    default). It is found if its module lies in `terrain_forge.terrain.cratering.productions` or is
+    named by an entry point of the group `terrain_forge.crater_productions`.
+    """
+
+    if TYPE_CHECKING:
+        kind: str
+        """Name of the law, as a recipe writes it."""
 
     age_ga: Age
     """Age of the surface [10⁹ years]; it tells how worn the craters are."""
@@ -90,7 +94,7 @@ class Production(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyProduction(Production):
+class BodyProduction(CraterProduction):
     """A production function that was made for the site's body (docs/craters.md).
 
     The Moon and Mercury have `neukum`, Mars `ivanov` and `hartmann_daubar`.
@@ -131,75 +135,3 @@ class BodyProduction(Production):
         if found is None:
             raise RecipeError(f"{self.kind} is no production function of {body.name}")
         return found
-
-
-@dataclass(frozen=True, kw_only=True)
-class CraterPowerLaw(Production):
-    """N(≥D) = number · (D / 1 m)^-exponent: craters that can be seen on the surface.
-
-    They are as old as they can be seen, at most.
-    """
-
-    kind: Literal["power_law"] = "power_law"
-    number_per_m2: Positive
-    """Craters of 1 m and more on a square metre [1/m²]."""
-    exponent: Annotated[float, Interval(gt=0, le=8)]
-    """How steeply the number falls."""
-    age_ga: Age
-    """Age of the surface [10⁹ years]; it tells how worn the craters are."""
-
-    def law(self, body: Body) -> Counted:  # noqa: ARG002
-        """The law itself."""
-        one, number, exponent = (np.array([v]) for v in (1.0, self.number_per_m2, self.exponent))
-        return PowerPieces(diameters=one, numbers=number, exponents=exponent)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CraterTable(Production):
-    """N(≥D) as tabulated, a power law from row to row and beyond: craters that can be seen.
-
-    They are as old as they can be seen, at most.
-    """
-
-    kind: Literal["table"] = "table"
-    file: (
-        Annotated[
-            str,
-            MinLen(1),
-            InputFile(kind="table", columns=_COLUMNS, positive=_COLUMNS, most=10_000),
-        ]
-        | None
-    ) = None
-    """CSV with the columns `diameter_m` and `number_per_km2`, instead of the two lists."""
-    diameters_m: tuple[Positive, ...] = ()
-    """Rising diameters [m]."""
-    numbers_per_km2: tuple[Positive, ...] = ()
-    """Craters of at least these diameters on a square kilometre [1/km²], falling."""
-    age_ga: Age
-    """Age of the surface [10⁹ years]; it tells how worn the craters are."""
-
-    def __post_init__(self) -> None:
-        diameters, numbers = self.diameters_m, self.numbers_per_km2
-        if self.file is not None:
-            if diameters or numbers:
-                raise ValueError("a file, or diameters_m and numbers_per_km2, not both")
-            return
-        if len(diameters) != len(numbers):
-            raise ValueError(f"{len(diameters)} diameters but {len(numbers)} numbers")
-        if len(diameters) < 2:
-            raise ValueError("a table needs a file, or two diameters and numbers at least")
-        if np.any(np.diff(diameters) <= 0.0) or np.any(np.diff(numbers) >= 0.0):
-            raise ValueError("diameters must rise from row to row, and numbers fall")
-
-    def with_table(self, table: Table) -> CraterTable:
-        """The law with the numbers of its file."""
-        diameters, numbers = (tuple(table.column(name).tolist()) for name in _COLUMNS)
-        return replace(self, file=None, diameters_m=diameters, numbers_per_km2=numbers)
-
-    def law(self, body: Body) -> Counted:  # noqa: ARG002
-        """The law itself."""
-        return PowerPieces.through(self.diameters_m, 1e-6 * np.array(self.numbers_per_km2))
-
-
-AnyProduction = Annotated[BodyProduction | CraterPowerLaw | CraterTable, BY_KIND]
-"""The laws that a recipe can name by their `kind`."""

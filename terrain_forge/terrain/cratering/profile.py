@@ -44,16 +44,3 @@ def shapes(x: Array) -> Array:
     fade = np.clip((end - x) / (end - start), 0.0, 1.0)
     ejecta = np.maximum(x, 1.0) ** -3.0 * fade * fade * (3.0 - 2.0 * fade)
     return np.stack([-cavity, uplift, ejecta])
-
-
-def fresh_profile(x: Array, *, depth: float, rim: float, ejecta: float) -> Array:
-    """Height [m] of a fresh crater above the ground around at distances in radii.
-
-    Args:
-        x: distances from the centre [radii].
-        depth: floor below the crest [m].
-        rim: height of the crest [m].
-        ejecta: thickness of the ejecta at the crest [m].
-    """
-    weights = np.array([depth, rim - ejecta, ejecta])
-    return np.asarray(np.tensordot(weights, shapes(x), axes=1))

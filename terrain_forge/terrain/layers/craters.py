@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Union
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Array, FileName, InputFile, Positive
+from terrain_forge.base import BY_KIND, Array, FileName, InputFile, Positive, parts
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
 from terrain_forge.terrain.cratering.feasibility import check_craters
 from terrain_forge.terrain.cratering.layer_craters import NOT_GIVEN, make_craters
-from terrain_forge.terrain.cratering.production import AnyProduction
+from terrain_forge.terrain.cratering.production import BodyProduction, CraterProduction
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import Layer
 
@@ -23,6 +23,13 @@ CraterList = InputFile(
     optional=("x_m", "y_m", "lon_deg", "lat_deg", "age_ga", "depth_to_diameter"),
     blanks=(("age_ga", 0.0), ("depth_to_diameter", NOT_GIVEN)),
 )
+
+if TYPE_CHECKING:
+    AnyProduction = CraterProduction
+else:
+    _FOLDER = "terrain_forge.terrain.cratering.productions"
+    _SEEN = parts(CraterProduction, _FOLDER, "terrain_forge.crater_productions")
+    AnyProduction = Annotated[Union[(BodyProduction, *_SEEN)], BY_KIND]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ from terrain_forge.terrain.cratering.chronology import age_of
 from terrain_forge.terrain.cratering.degradation import diffusivity, worn_shapes
 from terrain_forge.terrain.cratering.fresh import ejecta_thickness
 from terrain_forge.terrain.cratering.placement import expected_craters
-from terrain_forge.terrain.cratering.production import CraterPowerLaw
+from terrain_forge.terrain.cratering.productions.power_law import CraterPowerLaw
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
 from terrain_forge.validation.craters import crater_checks
@@ -65,6 +65,12 @@ def listed(rows, columns=("x_m", "y_m", "diameter_m", "age_ga"), **changes):
 
 
 MOON_AGES = MOON.craters.chronology
+
+
+def fresh_profile(x, *, depth, rim, ejecta):
+    """Height [m] of a fresh crater above the ground around at distances in radii."""
+    weights = np.array([depth, rim - ejecta, ejecta])
+    return np.tensordot(weights, profile.shapes(x), axes=1)
 
 
 def everywhere(spec, place):
@@ -165,7 +171,7 @@ def test_profile_of_fassett_and_thomson():
     heights = profile.fassett_thomson(np.array([0.0, 0.5, 1.2, 1.5, 2.0]))
     assert heights == pytest.approx([-0.181, -0.099201, 0.016375, 0.0, 0.0], abs=1e-6)
     x = np.linspace(0.0, 3.0, 3001)
-    own = profile.fresh_profile(x, depth=profile.FT_DEPTH, rim=profile.FT_RIM, ejecta=0.0)
+    own = fresh_profile(x, depth=profile.FT_DEPTH, rim=profile.FT_RIM, ejecta=0.0)
     assert np.abs(own - profile.fassett_thomson(x)).max() < 2e-5
     assert np.ptp(own) == pytest.approx(0.21783, abs=1e-5)
 
@@ -174,10 +180,10 @@ def test_blanket_falls_with_the_cube():
     """McGetchin: R = 50 m has 2.53 m at the rim, an eighth of it at 2 R; the rest is uplift."""
     thickness = float(ejecta_thickness(np.array([50.0]))[0])
     x = np.array([1.0, 1.6, 2.0, 2.7, 4.0])
-    blanket = profile.fresh_profile(x, depth=15.0, rim=6.0, ejecta=thickness)
+    blanket = fresh_profile(x, depth=15.0, rim=6.0, ejecta=thickness)
     assert blanket[1:3] == pytest.approx([thickness / 1.6**3, 0.316429], rel=1e-5)
     assert blanket[3:] == pytest.approx([0.0, 0.0], abs=1e-12)
-    crest = profile.fresh_profile(np.array([profile.CREST]), depth=15.0, rim=6.0, ejecta=thickness)
+    crest = fresh_profile(np.array([profile.CREST]), depth=15.0, rim=6.0, ejecta=thickness)
     assert crest[0] == pytest.approx(6.0)
 
 
@@ -203,7 +209,7 @@ def test_wear_is_diffusion(tau):
     place, spec = listed([(0.0, 0.0, 100.0, 1.0)], diffusivity_m2_per_myr=tau * 10.0)
     craters = everywhere(spec, place)
     assert craters.wear == pytest.approx(tau)
-    fresh = profile.fresh_profile(
+    fresh = fresh_profile(
         x,
         depth=craters.fresh_depth[0],
         rim=craters.fresh_rim[0],
@@ -275,16 +281,14 @@ def test_surface_of_one_crater_is_its_profile(age):
     tau = float(diffusivity(np.array([40.0]))[0]) * 1000.0 * age / 1600.0
     radii, wanted = (
         worn(
-            profile.fresh_profile(
-                (np.arange(400) + 0.5) * 0.02, depth=depth, rim=rim, ejecta=ejecta
-            ),
+            fresh_profile((np.arange(400) + 0.5) * 0.02, depth=depth, rim=rim, ejecta=ejecta),
             *(0.02, tau),
         )
         if age
         else (x, None)
     )
     if wanted is None:
-        expected = profile.fresh_profile(x, depth=depth, rim=rim, ejecta=ejecta)
+        expected = fresh_profile(x, depth=depth, rim=rim, ejecta=ejecta)
     else:
         expected = np.interp(x, radii, wanted)
     assert np.abs(ground.elevation - expected).max() < 0.01 * depth
