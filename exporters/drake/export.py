@@ -6,6 +6,7 @@ from pathlib import Path
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
+    PLACE_LOSS,
     bake_tile,
     largest_outline_error,
     level_of_detail,
@@ -107,7 +108,7 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
     if world.trajectories:
         losses.append("Drake has no actors: the paths are left out.")
     if world.site.georeferenced:
-        losses.append("Longitude, latitude and the datum's height are left out.")
+        losses.append(PLACE_LOSS)
     losses += static_losses(world.field)
     small = int((~is_single(world.field, options)).sum())
     if small:

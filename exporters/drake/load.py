@@ -23,10 +23,11 @@ SECONDS_PER_BODY = 5e-3
 """Time per dynamic rock [s]."""
 MOST_SECONDS, MOST_MB = 300.0, 8192.0
 """What parsing may take."""
-WORTH_SAYING_SECONDS = 20.0
+_WORTH_SAYING = 20.0
 """From what on parsing is a loss to be told [s]."""
 _SAMPLE = 400
 """Merged rocks by which the faces of all are estimated: how much of each is above the ground."""
+_ALLOWED = f"at most {MOST_SECONDS:.0f} s and {MOST_MB / 1024:.0f} GB are allowed"
 _ADVICE = (
     "a larger individual_min_m or outline_error, a smaller size_m or fewer dynamic rocks make it "
     "less"
@@ -39,9 +40,9 @@ class Load:
 
     faces: int
     """Triangles of the ground and of static rocks that can be touched."""
-    single: int
+    single: int = 0
     """Static rocks of their own."""
-    dynamic: int
+    dynamic: int = 0
     """Dynamic rocks."""
 
     @property
@@ -51,21 +52,16 @@ class Load:
         return SECONDS_PER_FACE * self.faces + SECONDS_PER_PAIR * self.single**2 + bodies
 
     @property
-    def megabytes(self) -> float:
-        """Memory [MB]."""
-        return MB_PER_FACE * self.faces
-
-    @property
     def bearable(self) -> bool:
         """Whether it is allowed."""
-        return self.seconds <= MOST_SECONDS and self.megabytes <= MOST_MB
+        return self.seconds <= MOST_SECONDS and MB_PER_FACE * self.faces <= MOST_MB
 
     def __str__(self) -> str:
         """What is loaded and what that takes, as words of a sentence."""
         return (
             f"{self.faces:,} triangles, {self.single:,} static rocks of their own and "
             f"{self.dynamic:,} dynamic ones, some {self.seconds:.0f} s and "
-            f"{self.megabytes / 1024:.1f} GB"
+            f"{MB_PER_FACE * self.faces / 1024:.1f} GB"
         )
 
 
@@ -75,18 +71,18 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     Raises:
         ExportError: if the ground is too large, or rocks of their own too many.
     """
-    load = Load(faces=int(2 * nodes), single=0, dynamic=0)
-    if not load.bearable:
+    ground = Load(faces=int(2 * nodes))
+    if not ground.bearable:
         raise ExportError(
-            f"Drake's parser would take {load.seconds:.0f} s and {load.megabytes / 1024:.0f} GB "
-            f"for a ground of {nodes / 1e6:.1f} M nodes ({_allowed()}); choose a smaller size_m or "
-            "a larger spacing_m"
+            f"Drake's parser would take {ground.seconds:.0f} s and "
+            f"{MB_PER_FACE * ground.faces / 1024:.0f} GB for a ground of {nodes / 1e6:.1f} M nodes "
+            f"({_ALLOWED}); choose a smaller size_m or a larger spacing_m"
         )
-    load = Load(faces=load.faces, single=int(rocks), dynamic=0)
+    load = Load(faces=ground.faces, single=int(rocks))
     if options.individual_min_m == 0.0 and not load.bearable:  # else the number is not known yet
         raise ExportError(
-            f"Drake's parser would load {load} ({_allowed()}); a larger individual_min_m merges "
-            "the smaller ones",
+            f"Drake's parser would load {load} ({_ALLOWED}); a larger individual_min_m merges the "
+            "smaller ones",
             key=("individual_min_m",),
         )
 
@@ -99,13 +95,13 @@ def require_parsable(world: World, options: Options) -> None:
     """
     load = parsing(world, options)
     if not load.bearable:
-        raise ExportError(f"Drake's parser would load {load} ({_allowed()}); {_ADVICE}")
+        raise ExportError(f"Drake's parser would load {load} ({_ALLOWED}); {_ADVICE}")
 
 
 def parsing_losses(world: World, options: Options) -> list[str]:
     """What parsing takes, where that is much."""
     load = parsing(world, options)
-    if load.seconds <= WORTH_SAYING_SECONDS:
+    if load.seconds <= _WORTH_SAYING:
         return []
     return [f"Drake's parser loads {load}; {_ADVICE}."]
 
@@ -129,7 +125,3 @@ def _merged_faces(world: World, rocks: RockField, tolerance: float) -> int:
     shapes = [p.meshes[level_of_detail(p, tolerance)] for p in world.library.prototypes]
     _, faces = merge_rocks(rocks.select(rows), shapes, world.ground)
     return round(len(faces) * len(rocks) / len(rows))
-
-
-def _allowed() -> str:
-    return f"at most {MOST_SECONDS:.0f} s and {MOST_MB / 1024:.0f} GB are allowed"

@@ -36,11 +36,7 @@ def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
 def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Options) -> list[Lines]:
     """Write the merged meshes of one tile; returns a static model of its static rocks, if any.
 
-    Args:
-        tile: The tile.
-        folder: Where the meshes go.
-        coarse: The mesh that stands for each prototype among the merged rocks.
-        options: The export's options.
+    Among the merged rocks a mesh of `coarse` stands for each prototype.
     """
     fixed = tile.field.select(~tile.field.dynamic)
     single = is_single(fixed, options)

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import ExportError
-from terrain_forge.geometry import detail_loss, level_of_detail, texture_loss
-from terrain_forge.model import ExportReport, Lighting, World
+from terrain_forge.base import ExportError, xyzw
+from terrain_forge.geometry import PLACE_LOSS, detail_loss, level_of_detail, texture_loss
+from terrain_forge.model import ExportReport, Lighting, Trajectory, World
 from terrain_forge.writers import LARGEST_FILE, Gltf
 
 from .ground import TRANSFORM, SharedParts, ground_tile
 from .options import Options
-from .paths import animate, path_node
 from .rocks import merged_materials, merged_rocks, node_texts, rock_meshes
 
 _LIGHTS = "KHR_lights_punctual"
@@ -46,9 +45,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     coarse = np.array([level_of_detail(shape, options.outline_error) for shape in shapes])
     with TemporaryFile(dir=directory) as binary:
         gltf = Gltf(binary)
-        paths = [path_node(trajectory) for trajectory in world.trajectories]
+        paths = [_path_node(trajectory) for trajectory in world.trajectories]
         for number, trajectory in enumerate(world.trajectories):
-            animate(trajectory, gltf, node=1 + number)
+            _animate(trajectory, gltf, node=1 + number)
         tiles = _tiles(world, gltf, coarse, options)
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
@@ -87,6 +86,46 @@ def _tiles(
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
         nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)
     return nodes
+
+
+def _path_node(trajectory: Trajectory) -> dict[str, Any]:
+    """The node in the pose of the path's first sample."""
+    return {
+        "name": f"path_{trajectory.name}",
+        "translation": trajectory.position[0].tolist(),
+        "rotation": _turns(trajectory)[0].tolist(),
+    }
+
+
+def _animate(trajectory: Trajectory, gltf: Gltf, *, node: int) -> None:
+    """Add the animation of the node of that index: the trajectory's samples, straight between."""
+    times = gltf.add_samples(trajectory.time[:, None].astype(np.float32), bounded=True)
+    values = {
+        "translation": trajectory.position.astype(np.float32),
+        "rotation": _turns(trajectory).astype(np.float32),
+    }
+    samplers = [
+        {"input": times, "output": gltf.add_samples(some), "interpolation": "LINEAR"}
+        for some in values.values()
+    ]
+    channels = [
+        {"sampler": number, "target": {"node": node, "path": name}}
+        for number, name in enumerate(values)
+    ]
+    animation = {"name": trajectory.name, "samplers": samplers, "channels": channels}
+    gltf.add("animations", animation)
+
+
+def _turns(trajectory: Trajectory) -> NDArray[np.float64]:
+    """Rotations (x, y, z, w) of the samples, each on the side of the one before.
+
+    A quaternion and its negative are the same turn, but between the two a reader that blends
+    numbers would spin.
+    """
+    quaternions = xyzw(trajectory.quaternion)
+    turns_over = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0
+    sign = np.cumprod(np.where(np.concatenate([[False], turns_over]), -1.0, 1.0))
+    return quaternions * sign[:, None]
 
 
 def _sun_light(lighting: Lighting, options: Options) -> dict[str, Any]:
@@ -128,11 +167,11 @@ def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[
         "file, and no rock moves.",
         "The Sun's angular size and the colour of the sky are lost.",
     ]
-    unfelt = len(world.field) - int(world.field.collides.sum())
+    unfelt = int((~world.field.collides).sum())
     if unfelt:
         losses.append(f"{unfelt} rocks that are visual-only look like the others.")
     if world.site.georeferenced:
-        losses.append("Longitude, latitude and the datum's height are left out.")
+        losses.append(PLACE_LOSS)
     if world.trajectories:
         losses.append("Paths move an empty node: the rover's looks are not in the file.")
     small = int((world.field.diameter < options.instances_min_m).sum())
@@ -141,11 +180,12 @@ def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[
             f"{small} rocks below {options.instances_min_m:g} m are merged per tile, without names "
             "and textures."
         )
-    if np.any(world.field.diameter < max(options.instances_min_m, options.finest_min_m)):
+    finest = max(options.instances_min_m, options.finest_min_m)
+    if np.any(world.field.diameter < finest):
         shapes = zip(world.library.prototypes, coarse, strict=True)
-        error = max(shape.outline_errors[level] for shape, level in shapes)
+        error = 100 * max(shape.outline_errors[level] for shape, level in shapes)
         losses.append(
-            f"The outlines of rocks below {max(options.instances_min_m, options.finest_min_m):g} m "
-            f"are off by up to {100 * error:.1f} % of their size."
+            f"The outlines of rocks below {finest:g} m are off by up to {error:.1f} % of their "
+            "size."
         )
     return tuple(losses)

@@ -13,11 +13,10 @@ from terrain_forge.geometry import level_of_detail, texture_loss
 from terrain_forge.model import ExportReport, RockPrototype, World
 from terrain_forge.writers import MattMaterial
 
+from .binary import write_ply_part, write_stl_part
 from .obj import write_materials, write_obj_part
 from .options import Options
 from .part import Part
-from .ply import write_ply_part
-from .stl import write_stl_part
 
 _MOST_NODES = 2**30
 """Of a mesh's ground: indices are 32-bit numbers, and rocks want some too."""

@@ -32,16 +32,7 @@ MATERIALS = "world.mtl"
 
 
 def write_obj_part(part: Part, directory: Path, *, options: Options) -> MattMaterial:
-    """Write a part as OBJ, with the ground's texture.
-
-    Args:
-        part: What to write.
-        directory: The folder.
-        options: The export's options.
-
-    Returns:
-        The material of the part's ground, for `write_materials`.
-    """
+    """Write a part as OBJ, with the ground's texture; returns the ground's material."""
     ground = f"ground{part.name.removeprefix('world').removeprefix('tile')}"
     # Beside each other: kernels, compression and files leave Python's lock to the other thread.
     with ThreadPoolExecutor(1) as pool:

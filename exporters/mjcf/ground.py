@@ -40,11 +40,8 @@ def ground_part(tile: Tile, name: str, *, kind: str, largest: int) -> GroundPart
     MuJoCo spans a height field from edge to edge of its texture, which reaches half a cell beyond
     the outer nodes: its repeat, which counts from the middle, leaves that out.
 
-    Args:
-        tile: The tile.
-        name: Name of its elements and files.
-        kind: The geom's default class.
-        largest: Pixels of the whole ground's picture along its longer side.
+    `kind` is the geom's default class, `largest` the pixels of the whole ground's picture along its
+    longer side.
     """
     picture = f"assets/{name}.png"
     asset, place, files = _height_field(tile.ground, name, in_text=False)

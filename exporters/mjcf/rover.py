@@ -108,10 +108,10 @@ def rover_actuators(rover: Rover) -> list[str]:
 def rover_sensors(rover: Rover) -> list[str]:
     """True pose and velocity of the root, inertial sensors, wheel and rocker rates."""
     root = rover.links[0].name
+    true = {"framepos": "position", "framequat": "orientation", "framelinvel": "velocity"}
     pose = [
-        element("framepos", name=f"{root}_position", objtype="xbody", objname=root),
-        element("framequat", name=f"{root}_orientation", objtype="xbody", objname=root),
-        element("framelinvel", name=f"{root}_velocity", objtype="xbody", objname=root),
+        element(kind, name=f"{root}_{name}", objtype="xbody", objname=root)
+        for kind, name in true.items()
     ]
     inertial = [
         element(kind, name=f"{sensor.name}_{kind}", site=sensor.name)

@@ -20,14 +20,8 @@ def replay_actor(
     """An actor that moves `base_link` along the trajectory, looking like the rover at rest.
 
     Angles are continuous: Gazebo interpolates them as plain numbers, and a wrapped yaw would make
-    the rover spin. Tension 0 makes its spline smooth; more would brake at each waypoint.
-
-    Args:
-        trajectory: The path.
-        rover: Who drives.
-        name: Name of the actor.
-        model: Whose `meshes` are those of the rover (`write_rover_meshes`).
-        sensors: What it carries, in the frame of base_link.
+    the rover spin. Tension 0 makes its spline smooth; more would brake at each waypoint. The
+    rover's meshes are those of the model (`write_rover_meshes`).
     """
     times, poses = waypoints(trajectory)
     stops = [

@@ -23,26 +23,19 @@ def list_losses(
 ) -> tuple[str, ...]:
     """A sentence for each loss, with its size where there is one.
 
-    Args:
-        world: The world.
-        coarse: The mesh that stands for each prototype among the merged rocks.
-        heightmap: The ground's collision, unless it is a mesh.
-        version: Version of SDF.
-        options: The export's options.
+    The heightmap is the ground's collision, unless that is a mesh; among the merged rocks a mesh of
+    `coarse` stands for each prototype.
     """
+    normals = options.flavour == "gz" and options.normal_maps
     losses = [
         *static_losses(world.field),
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
-    ]
-    losses.append(
         "Gazebo takes the smaller friction of two things that touch: a wheel keeps its own where "
-        "the surface grips better."
-    )
-    if heightmap:
-        losses += heightmap_losses(heightmap, world.ground)
-    normals = options.flavour == "gz" and options.normal_maps
-    losses.append(texture_loss(world.ground, options.texture_pixels, normals=normals))
+        "the surface grips better.",
+        *(heightmap_losses(heightmap, world.ground) if heightmap else ()),
+        texture_loss(world.ground, options.texture_pixels, normals=normals),
+    ]
     if options.flavour == "classic":
         losses.append(
             "Gazebo Classic shows no normal maps: its shader for them asks for tangents, which its "

@@ -29,11 +29,7 @@ from .options import Options
 def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options) -> Lines:
     """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
-    Args:
-        tile: The tile.
-        model: The model of the rocks.
-        coarse: The mesh that stands for each prototype among the merged rocks.
-        options: The export's options.
+    Among the merged rocks a mesh of `coarse` stands for each prototype.
     """
     whole = tile.whole
     single = is_single(tile.field, options)
@@ -105,9 +101,7 @@ def _single_rocks(world: World, rocks: RockField, model: Model, friction: float)
 def dynamic_rocks(world: World, model: Model) -> list[Lines]:
     """A model `rock_<id>` for each dynamic rock, which gravity holds and a rover can push.
 
-    Args:
-        world: The world.
-        model: The model of the static rocks, whose meshes and textures they share.
+    They share meshes and textures with the static rocks, whose model this is.
     """
     field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])

@@ -52,14 +52,7 @@ def save(stage: Usd.Stage) -> None:
 def define_mesh(
     stage: Usd.Stage, path: str, vertices: NDArray[np.floating], faces: NDArray[np.int32]
 ) -> UsdGeom.Mesh:
-    """A mesh of triangles that no renderer subdivides.
-
-    Args:
-        stage: Where to.
-        path: Path of the prim.
-        vertices: Positions [m], shape [vertices, 3]; stored as float32.
-        faces: Corner indices, counter-clockwise from outside, shape [faces, 3].
-    """
+    """A mesh of triangles that no renderer subdivides; positions [m] are stored as float32."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(vertices, dtype=np.float32))
     mesh.CreatePointsAttr(points)

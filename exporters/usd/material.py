@@ -12,12 +12,7 @@ def define_textured(
 ) -> UsdShade.Material:
     """A matt material that shows an sRGB image through the texture coordinates `st`.
 
-    Args:
-        stage: Where to.
-        path: Path of the material.
-        image: The image's path, relative to the layer.
-        friction: Coulomb friction.
-        wrap: What lies beyond the image's edge: `repeat` for the image again, `clamp` for its rim.
+    Beyond the image's edge lies the image again (`wrap` is `repeat`) or its rim (`clamp`).
     """
     material = define_friction(stage, path, friction)
     shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
@@ -45,12 +40,7 @@ def add_normal_map(
 ) -> None:
     """Bend the light on a textured material by an image of normals that repeats.
 
-    Args:
-        stage: Where to.
-        path: Path of the material.
-        image: The image's path, relative to the layer: -1 to 1 as 0 to 255, green towards north.
-        scale: The image lies at `scale` · st + `offset`.
-        offset: See `scale`.
+    The image is -1 to 1 as 0 to 255, green towards north; it lies at `scale` · st + `offset`.
     """
     place = _shader(stage, f"{path}/normals_st", "UsdTransform2d")
     place.CreateInput("scale", _KINDS.Float2).Set(Gf.Vec2f(*scale))

@@ -39,12 +39,8 @@ def write_rocks(
 ) -> None:
     """Write `assets`/rocks_NNN.usdc for one tile of the world.
 
-    Args:
-        tile: The tile; its own rocks are written.
-        assets: The folder.
-        coarse: The mesh that stands for each prototype among the merged colliders.
-        levels: Level of detail by which each prototype is drawn where rocks are small.
-        options: The export's options.
+    Small rocks are drawn by the level of detail of `levels` for their prototype; among the merged
+    colliders a mesh of `coarse` stands for each.
     """
     name, whole, field = tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)

@@ -11,6 +11,7 @@ from .ground_texture import bake_ground as bake_ground
 from .ground_texture import bake_tile as bake_tile
 from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture
+from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss
 from .losses import static_losses as static_losses

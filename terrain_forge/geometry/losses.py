@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from terrain_forge.geometry.ground_texture import finest_texture
 from terrain_forge.model import GroundDetail, Heightfield, RockField, RockPrototype
 
+PLACE_LOSS = "Longitude, latitude and the datum's height are left out."
+
 
 def detail_loss(detail: GroundDetail) -> str:
     """What a format leaves out of the detail tile that takes its normals alone."""

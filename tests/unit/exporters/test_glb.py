@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation, Slerp
 from terrain_forge.exporters.glb import Options, export
-from terrain_forge.exporters.glb.node_text import rock_nodes
+from terrain_forge.exporters.glb.rocks import node_texts
 
 from terrain_forge.base import ExportError, xyzw
 from terrain_forge.model import rotations
@@ -300,7 +300,7 @@ def test_nodes_are_json_as_python_writes_it(small_world):
         position=position, id=(7 ** np.arange(20, dtype=np.int64)).repeat(2) % 2**31
     )
     meshes = np.arange(40) * 999
-    nodes = json.loads(f"[{rock_nodes(rocks, meshes)}]")
+    nodes = json.loads(f"[{','.join(node_texts(rocks, meshes))}]")
     assert [node["name"] for node in nodes] == [f"rock_{rock}" for rock in rocks.id]
     assert [node["mesh"] for node in nodes] == meshes.tolist()
     assert np.abs([node["translation"] for node in nodes] - position).max() <= 0.51e-7

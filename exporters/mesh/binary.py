@@ -1,4 +1,4 @@
-"""Binary PLY: vertices with a colour each, and triangles."""
+"""Binary STL, the triangles alone, and binary PLY: vertices with a colour each, and triangles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.geometry import cell_bands, grid_faces, grid_vertices, mean_rock_srgb, node_bands
-from terrain_forge.writers import Floats, Indices
+from terrain_forge.writers import Floats, Indices, write_stl_faces, write_stl_header
 
 from .part import Part
 
@@ -31,6 +31,22 @@ element face {faces}
 property list uchar int vertex_indices
 end_header
 """
+
+
+def write_stl_part(part: Part, path: Path, *, rocks: bool) -> None:
+    """Write a part, with its rocks or without."""
+    count = 0
+    with path.open("wb") as file:
+        write_stl_header(file, 0)
+        for _, band in cell_bands(part.tile.ground):
+            faces = grid_faces(*band.shape)
+            write_stl_faces(file, grid_vertices(band), faces)
+            count += len(faces)
+        for _, vertices, faces in part.merged_rocks() if rocks else ():
+            write_stl_faces(file, vertices, faces)
+            count += len(faces)
+        file.seek(0)
+        write_stl_header(file, count)
 
 
 def write_ply_part(part: Part, path: Path, *, rocks: bool) -> None:
