@@ -15,6 +15,7 @@ from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import vertex_normals, write_obj
 
 from ..sdf.markup import Lines, element, numbers
+from ..sdf.solids import inertial
 from .geometry import MATERIALS, compliant, rigid, visual
 from .options import Options
 from .shapes import hull_file, plain_material, shape_file
@@ -62,7 +63,7 @@ def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Line
     for row, tensor in enumerate(inertias(field, world.library)):
         link = element(
             "link",
-            _inertial(float(field.mass[row]), tensor),
+            inertial(float(field.mass[row]), tensor),
             visual("visual", _shape_uri(field, row, folder), scale=float(field.scale[row])),
             *(_hulls(world, field, row, folder, options) if field.collides[row] else ()),
             name="rock",
@@ -115,10 +116,3 @@ def _merged_rocks(
 
 def _shape_uri(field: RockField, row: int, folder: Path) -> str:
     return f"{folder.name}/{shape_file(int(field.prototype[row]), int(field.population[row]))}"
-
-
-def _inertial(mass: float, tensor: NDArray[np.float64]) -> Lines:
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    values = tensor[np.triu_indices(3)].tolist()
-    moments = [element(name, numbers([value])) for name, value in zip(names, values, strict=True)]
-    return element("inertial", element("mass", numbers([mass])), element("inertia", *moments))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from terrain_forge.exporters.sdf import material
 
-from terrain_forge.base import Array, rpy_from_quaternion
+from terrain_forge.base import rpy_from_quaternion
 from terrain_forge.geometry import inertias
 from terrain_forge.model import World
 from terrain_forge.rocks import dynamic_contact
@@ -15,6 +15,7 @@ from terrain_forge.rocks import dynamic_contact
 from .markup import Lines, element, numbers
 from .model import Model, surface
 from .rocks import hull_file, scaled_mesh, shape_file, texture_file
+from .solids import inertial
 
 
 def dynamic_rocks(world: World, model: Model) -> list[Lines]:
@@ -39,18 +40,11 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
         for part in range(len(world.library.prototypes[prototype].hulls)):
             body = f"{scaled_mesh(model.uri(hull_file(prototype, part)), scale)}{touch}"
             parts.append(f'<collision name="collision_{part}">{body}</collision>')
-        inertial = "".join(_inertial(float(field.mass[row]), tensors[row]))
-        link = element("link", [inertial], parts, name="rock")
+        weight = "".join(inertial(float(field.mass[row]), tensors[row]))
+        link = element("link", [weight], parts, name="rock")
         pose = element("pose", numbers(poses[row]))
         models.append(element("model", pose, link, name=f"rock_{rock}"))
     return models
-
-
-def _inertial(mass: float, tensor: Array) -> Lines:
-    entries = [("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2)]
-    entries += [("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2)]
-    moments = [element(name, numbers([tensor[i, j]])) for name, i, j in entries]
-    return element("inertial", element("mass", numbers([mass])), element("inertia", *moments))
 
 
 def _contact(diameter: float) -> Lines:

@@ -1,16 +1,16 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
 from .bodies import BODIES as BODIES
-from .bodies import Body as Body
 from .bodies import MARS as MARS
 from .bodies import MOON as MOON
+from .bodies import Body as Body
 from .check import Check as Check
 from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
-from .exporting import ExportReport as ExportReport
 from .exporting import Exporter as Exporter
+from .exporting import ExportReport as ExportReport
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
@@ -24,9 +24,15 @@ from .rover import Coupling as Coupling
 from .rover import Grousers as Grousers
 from .rover import Link as Link
 from .rover import Rover as Rover
-from .rover import Sensor as Sensor
 from .rover import Shape as Shape
 from .rover import Wheel as Wheel
+from .rover import moments as moments
+from .sensor import Sdf as Sdf
+from .sensor import Sensor as Sensor
+from .sensor import Topic as Topic
+from .sensor import View as View
+from .sensor import sensor_kinds as sensor_kinds
+from .sensor import titles as titles
 from .site import CustomMesh as CustomMesh
 from .site import ExclusionZone as ExclusionZone
 from .site import Image as Image

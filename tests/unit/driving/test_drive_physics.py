@@ -14,8 +14,8 @@ from terrain_forge.driving.result import longitudinal_slip
 from terrain_forge.model import MARS, MOON, surface_friction
 from terrain_forge.model.friction import FRICTIONS
 from terrain_forge.recipe import DriveSpec
-from terrain_forge.rovers.morpheus import morpheus
 from tests.helpers import worlds
+from tests.helpers.rovers import morpheus
 from tests.unit.driving.test_drive import boulder_at, drive_through, line, plain
 
 MU = surface_friction("mars", "regolith").coefficient
