@@ -184,6 +184,9 @@ def build_rover(choice: BuiltInRover) -> Rover:
         reading |= _filled(told.reading, names)
         rover = make_rover(assembly, _adapter(FileRover).validate_python(reading))
         sensors = tuple(_sensor(_filled(sensor, names)) for sensor in told.sensors)
+        lost = {sensor.link for sensor in sensors} - {link.name for link in rover.links}
+        if lost:
+            raise ValueError(f"a sensor sits on {lost.pop()!r}, which is no link of the rover")
     except (ValidationError, ValueError, TypeError, LookupError) as error:
         raise DataError(f"{file.stem}.yaml: {' '.join(str(error).split())}", key=_KEY) from None
     rover = rover.replace(name=file.stem, sensors=sensors)
@@ -210,5 +213,8 @@ def _filled(told: Any, names: Mapping[str, Value]) -> Any:
 
 
 def _sensor(told: dict[str, Any]) -> Sensor:
-    kind, rpy = told.pop("kind"), np.radians(told.pop("rpy_deg", (0.0, 0.0, 0.0)))
-    return sensor_kinds()[kind](rpy=rpy, position=told.pop("position_m"), **told)
+    kind, kinds = told.pop("kind", None), sensor_kinds()
+    if kind not in kinds:
+        raise ValueError(f"unknown kind of sensor {kind!r}, there are: {', '.join(sorted(kinds))}")
+    rpy = np.radians(told.pop("rpy_deg", (0.0, 0.0, 0.0)))
+    return kinds[kind](rpy=rpy, position=told.pop("position_m"), **told)

@@ -105,6 +105,10 @@ def site(tmp_path_factory):
     places = [("fl", 0.2, 0.3), ("fr", 0.2, -0.3), ("rl", -0.2, 0.3), ("rr", -0.2, -0.3)]
     wheels = "".join(WHEEL.format(n=n, x=x, y=y) for n, x, y in places)
     (fleet / "cart.urdf").write_text(CART.format(wheels))
+    told = "sensors: [{name: a, kind: %s, link: %s, position_m: [0, 0, 1]}]\n"
+    for name, sensor in (("smelly", ("snifer", "base_link")), ("handy", ("sniffer", "arm"))):
+        (fleet / f"{name}.urdf").write_text(CART.format(wheels))
+        (fleet / f"{name}.yaml").write_text(told % sensor)
     (fleet / "crooked.urdf").write_text("<robot/>")
     (fleet / "crooked.yaml").write_text("wings: 2\n")
     return site
@@ -188,10 +192,15 @@ def test_a_bare_urdf_is_a_rover_too(site, tmp_path):
 @pytest.mark.parametrize(
     ("rover", "told"),
     [
-        ("tnak", "unknown rover 'tnak', did you mean 'tank'? known: cart, morpheus, skid4, tank;"),
-        ("{kind: tnak}", "a mapping whose kind is cart, morpheus, skid4, tank or file"),
+        ("tnak", "unknown rover 'tnak', did you mean 'tank'? known: cart, handy, morpheus,"),
+        (
+            "{kind: tnak}",
+            "a mapping whose kind is cart, handy, morpheus, skid4, smelly, tank or file",
+        ),
         ("{kind: tank, dimensions: {wheelbase_m: 0.3}}", "must be more than two wheel radii"),
         ("{kind: tank, dimensions: {wheelbase: 0.3}}", "did you mean 'wheelbase_m'?"),
+        ("smelly", "smelly.yaml: unknown kind of sensor 'snifer', there are: camera, imu, lidar,"),
+        ("handy", "handy.yaml: a sensor sits on 'arm', which is no link of the rover"),
         ("{kind: cart, dimensions: {wheelbase_m: 0.3}}", "unknown key 'dimensions'"),
     ],
 )

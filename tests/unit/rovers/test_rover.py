@@ -2,12 +2,12 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 
 from terrain_forge.base import RecipeError, matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.model import Grousers, Shape
+from terrain_forge.model import Grousers
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.rovers import built_in_rovers, find_rover
-from terrain_forge.rovers.inertia import combine, solid_inertia
 from terrain_forge.rovers.tread import corners
 from tests.helpers import rovers
 from tests.helpers.places import ROOT
@@ -24,37 +24,31 @@ def dimension_table(spec):
     return "\n".join(lines)
 
 
-def shape(kind, size, position=(0, 0, 0), rpy=(0, 0, 0)):
-    return Shape(kind=kind, size=size, position=position, rpy=rpy, collides=True, rgb=(1, 1, 1))
-
-
-def test_two_halves_weigh_and_turn_like_the_whole():
-    halves = [(shape("box", (0.5, 0.3, 0.2), (x, 0.1, 0)), 2.0) for x in (-0.25, 0.25)]
-    mass, centre, inertia = combine(halves)
-    assert mass == 4.0
-    np.testing.assert_allclose(centre, (0, 0.1, 0), atol=1e-15)
-    np.testing.assert_allclose(inertia, solid_inertia(shape("box", (1.0, 0.3, 0.2)), 4.0))
-
-
-@pytest.mark.parametrize(
-    ("kind", "size"), [("box", (0.3, 0.5, 0.9)), ("cylinder", (0.3, 0.8)), ("sphere", (0.4,))]
-)
-def test_inertia_equals_that_of_the_meshed_solid(kind, size):
-    import trimesh
-
-    rpy = (0.3, -0.4, 1.1)
+def meshed(shape, mass):
+    """Mass, centre and inertia of a homogeneous solid, of its mesh."""
     mesh = {
-        "box": lambda: trimesh.creation.box(size),
-        "cylinder": lambda: trimesh.creation.cylinder(*size, sections=400),
-        "sphere": lambda: trimesh.creation.icosphere(5, *size),
-    }[kind]()
+        "box": lambda: trimesh.creation.box(shape.size),
+        "cylinder": lambda: trimesh.creation.cylinder(*shape.size, sections=400),
+    }[shape.kind]()
     placement = np.eye(4)
-    placement[:3, :3] = matrix_from_quaternion(quaternion_from_rpy(np.array(rpy)))
+    placement[:3, :3] = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
     mesh.apply_transform(placement)
-    mesh.density = 3.0 / mesh.volume
-    np.testing.assert_allclose(
-        solid_inertia(shape(kind, size, rpy=rpy), 3.0), mesh.moment_inertia, rtol=2e-3, atol=1e-4
-    )
+    mesh.density = mass / mesh.volume
+    return mass, shape.position, mesh.moment_inertia
+
+
+@pytest.mark.parametrize("name", ["morpheus", "skid4"])
+def test_inertias_equal_those_of_the_meshed_solids(name):
+    """Body, mast and tilted camera of base_link; a wheel's cylinder; a rocker's beam."""
+    rover, sizes = find_rover(name), built_in_rovers()[name]().dimensions
+    half = sizes.mast_mass_kg / 2
+    for link in rover.links:
+        masses = (sizes.body_mass_kg, half, half) if link.joint == "free" else (link.mass,)
+        parts = [meshed(one, mass) for one, mass in zip(link.shapes, masses, strict=True)]
+        mass, centre, inertia = rovers.total(parts)
+        assert link.mass == pytest.approx(mass)
+        np.testing.assert_allclose(link.centre_of_mass, centre, atol=1e-12)
+        np.testing.assert_allclose(link.inertia, inertia, rtol=2e-4, atol=1e-9)
 
 
 def test_masses_add_up_and_inertias_are_those_of_real_bodies():
