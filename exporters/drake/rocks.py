@@ -22,7 +22,7 @@ from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import MattMaterial, rock_name, write_obj, write_png
 
 from ..sdf.markup import Lines, element, numbers
-from ..sdf.model import inertial
+from ..sdf.solids import inertial
 from .geometry import MATERIALS, compliant, rigid, visual
 from .options import Options
 

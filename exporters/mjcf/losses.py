@@ -9,6 +9,7 @@ from .blocks import CELLS, wide_rocks
 from .capacity import BYTES_PER_MESH, SECONDS_PER_MESH, count_geoms
 from .options import Options
 from .rocks import SCALE_ERROR, drawn_level, has_own_shape
+from .rover import rig_losses
 
 _WHEEL_CELLS = 10
 """A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
@@ -29,7 +30,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         texture_loss(world.ground, options.texture_pixels, normals=False),
         *world.rover.notes,
         "The Sun is a light without size or irradiance in physical units.",
-        "A lidar is a bare site; its figures are not part of the model.",
+        *rig_losses(world.rover),
     )
 
 

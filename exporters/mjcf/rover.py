@@ -8,7 +8,7 @@ import numpy as np
 
 from terrain_forge.base import matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Link, Rover, Sensor, Shape
+from terrain_forge.model import Link, Rover, Sensor, Shape, titles
 
 from .xml import element
 
@@ -114,10 +114,9 @@ def rover_sensors(rover: Rover) -> list[str]:
         for kind, name in true.items()
     ]
     inertial = [
-        element(kind, name=f"{sensor.name}_{kind}", site=sensor.name)
+        element(tag, name=f"{sensor.name}_{tag}", site=sensor.name)
         for sensor in rover.sensors
-        if sensor.kind == "imu"
-        for kind in ("accelerometer", "gyro")
+        for tag in sensor.mjcf
     ]
     rates = [
         element("jointvel", name=f"{wheel.link}_rate", joint=wheel.link) for wheel in rover.wheels
@@ -128,6 +127,16 @@ def rover_sensors(rover: Rover) -> list[str]:
         if link.joint == "passive"
     ]
     return pose + inertial + rates + angles
+
+
+def rig_losses(rover: Rover, where: str = "") -> list[str]:
+    """What MJCF does not say of a rig; `where` is added where other formats are told of too."""
+    bare = titles(sensor for sensor in rover.sensors if not (sensor.view or sensor.mjcf))
+    return [
+        f"A{'n' * (name[0] in 'aeiouAEIOU')} {name} is a bare site{where}; its figures are not "
+        "part of the model."
+        for name in bare
+    ]
 
 
 def _body(rover: Rover, link: Link, **placement: np.ndarray) -> str:
@@ -196,18 +205,16 @@ def _geom(shape: Shape, mesh: str, *, wheel: bool) -> str:
 
 def _sensor(sensor: Sensor) -> str:
     """A camera, or the site that other sensors sit at."""
-    if sensor.kind != "camera":
+    if not sensor.view:
         quaternion = quaternion_from_rpy(sensor.rpy)
         return element("site", name=sensor.name, pos=sensor.position, quat=quaternion, size=0.01)
     axes = matrix_from_quaternion(quaternion_from_rpy(sensor.rpy)) @ _CAMERA_AXES
-    figures = dict(sensor.properties)
-    width, height = figures["width_px"], figures["height_px"]
-    view = 2 * math.atan(math.tan(figures["horizontal_fov"] / 2) * height / width)
+    width, height, across = sensor.view
     return element(
         "camera",
         name=sensor.name,
         pos=sensor.position,
         xyaxes=np.concatenate([axes[:, 0], axes[:, 1]]),
-        fovy=math.degrees(view),
+        fovy=math.degrees(2 * math.atan(math.tan(across / 2) * height / width)),
         resolution=(width, height),
     )

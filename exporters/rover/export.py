@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from terrain_forge.exporters.mjcf.rover import rig_losses as mjcf_losses
 from terrain_forge.exporters.rover import control, mjcf, sdf, urdf
+from terrain_forge.exporters.sdf.sensors import rig_losses as sdf_losses
 
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import write_rover_meshes
@@ -57,8 +59,12 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
             "SDF 1.9 has no joints that follow others: the rover's gears are left out; "
             "`release: harmonic` keeps them."
         )
-    if rover.sensors and "usd" in options.formats:
-        losses.append("USD has cameras; lidar and IMU are frames with their figures beside them.")
-    if rover.sensors and "mjcf" in options.formats:
-        losses.append("A lidar is a bare site in MJCF; its figures are not part of the model.")
+    if "usd" in options.formats:
+        from terrain_forge.exporters.usd.rig import rig_losses as usd_losses
+
+        losses += usd_losses(rover)
+    if "mjcf" in options.formats:
+        losses += mjcf_losses(rover, where=" in MJCF")
+    if {"urdf", "sdf"} & set(options.formats):
+        losses += sdf_losses(rover)
     return tuple(losses)

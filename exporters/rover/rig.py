@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array
 from terrain_forge.model import Link, Rover
 
 SKID_GAIN = 2.0
@@ -40,11 +39,3 @@ def joint_rate(rover: Rover, link: Link) -> float:
     """Largest rate of a joint [rad/s]."""
     radii = {wheel.link: wheel.radius for wheel in rover.wheels}
     return rover.speed_limit / radii[link.name] if link.name in radii else _LIMIT_RATE
-
-
-def origins(rover: Rover) -> dict[str, Array]:
-    """Each link's origin in base_link's frame at rest [m]."""
-    places: dict[str, Array] = {}
-    for link in rover.links:
-        places[link.name] = places.get(link.parent, np.zeros(3)) + link.origin
-    return places

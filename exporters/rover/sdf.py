@@ -4,29 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.exporters.sdf.markup import Lines, element, write_document
+from terrain_forge.exporters.sdf.markup import Lines, element, figures, write_document
 from terrain_forge.exporters.sdf.material import plain
 from terrain_forge.exporters.sdf.model import surface
 from terrain_forge.exporters.sdf.sensors import rig_sensors
+from terrain_forge.exporters.sdf.solids import inertial, solid
 
 from terrain_forge.base import Array
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Link, Rover, Shape
+from terrain_forge.model import Link, Rover
 
 from .options import Options
-from .rig import SKID_GAIN, joint_name, joint_rate, origins, sides, track, wheel_radius
-from .urdf import figures
+from .rig import SKID_GAIN, joint_name, joint_rate, sides, track, wheel_radius
 
 _VERSIONS = {"fortress": "1.9", "harmonic": "1.11"}
 _FILES = {"fortress": "ignition-gazebo-", "harmonic": "gz-sim-"}
 _CLASSES = {"fortress": "ignition::gazebo::systems::", "harmonic": "gz::sim::systems::"}
-_SIGHT = 300.0
-"""What cameras see [m]."""
 
 
 def write_sdf(directory: Path, rover: Rover, *, name: str, options: Options) -> None:
     """Write NAME.sdf and model.config, which make the folder a model that Gazebo finds."""
-    version, places = _VERSIONS[options.release], origins(rover)
+    version, places = _VERSIONS[options.release], rover.origins
     parts = [
         _link(rover, number, places[link.name], name, options)
         for number, link in enumerate(rover.links)
@@ -48,42 +46,19 @@ def write_sdf(directory: Path, rover: Rover, *, name: str, options: Options) -> 
 
 def _link(rover: Rover, number: int, place: Array, name: str, options: Options) -> Lines:
     link = rover.links[number]
-    parts = [element("pose", figures([*place, 0, 0, 0])), _inertial(link)]
+    weight = inertial(link.mass, link.inertia, centre=link.centre_of_mass, text=figures)
+    parts = [element("pose", figures([*place, 0, 0, 0])), weight]
     for part, shape in enumerate(link.shapes):
         pose = element("pose", figures([*shape.position, *shape.rpy]))
-        solid = element("geometry", _solid(shape, f"meshes/{rover_mesh(number, part)}"))
+        geometry = solid(shape, f"meshes/{rover_mesh(number, part)}", text=figures)
         if shape.visible:
-            parts.append(element("visual", pose, solid, plain(shape.rgb), name=f"visual_{part}"))
+            parts.append(element("visual", pose, geometry, plain(shape.rgb), name=f"visual_{part}"))
         if shape.collides:
             grip = surface(options.friction)
-            parts.append(element("collision", pose, solid, grip, name=f"collision_{part}"))
+            parts.append(element("collision", pose, geometry, grip, name=f"collision_{part}"))
     if number == 0 and rover.sensors:
-        parts += rig_sensors(rover, actor=name, flavour="gz", reach=_SIGHT)
+        parts += rig_sensors(rover, actor=name, flavour="gz")
     return element("link", *parts, name=link.name)
-
-
-def _inertial(link: Link) -> Lines:
-    tensor = link.inertia
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2)}
-    names |= {"iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    inertia = [element(key, figures([float(tensor[at])])) for key, at in names.items()]
-    return element(
-        "inertial",
-        element("pose", figures([*link.centre_of_mass, 0, 0, 0])),
-        element("mass", figures([link.mass])),
-        element("inertia", *inertia),
-    )
-
-
-def _solid(shape: Shape, mesh: str) -> Lines:
-    if shape.kind == "mesh":
-        return element("mesh", element("uri", mesh))
-    if shape.kind == "box":
-        return element("box", element("size", figures(shape.size)))
-    radius = element("radius", figures(shape.size[:1]))
-    if shape.kind == "sphere":
-        return element("sphere", radius)
-    return element("cylinder", radius, element("length", figures(shape.size[1:])))
 
 
 def _joint(link: Link, rover: Rover, options: Options) -> Lines:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.exporters.sdf.markup import Lines, element
+from terrain_forge.exporters.sdf.markup import Lines, element, figures
 from terrain_forge.exporters.sdf.sensors import rig_sensors
 
-from terrain_forge.base import Array
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape
+from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape, moments
 
 from .options import Options
 from .rig import joint_name, joint_rate
-
-_SIGHT = 300.0
-"""What Gazebo's cameras see [m]."""
 
 
 def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None:
@@ -45,11 +41,6 @@ def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None
 
 def _robot(parts: list[Lines], name: str) -> Lines:
     return element("robot", *parts, **{"xmlns:drake": "http://drake.mit.edu"}, name=name)
-
-
-def figures(values: Array | tuple[float, ...] | list[float]) -> str:
-    """Numbers in twelve significant digits, blank between."""
-    return " ".join(f"{value + 0.0:.12g}" for value in values)
 
 
 def _mujoco() -> Lines:
@@ -86,10 +77,7 @@ def _link(link: Link, number: int, options: Options) -> Lines:
 
 
 def _inertial(link: Link) -> Lines:
-    tensor = link.inertia
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2)}
-    names |= {"iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    inertia = {name: figures([float(tensor[at])]) for name, at in names.items()}
+    inertia = {name: figures([value]) for name, value in moments(link.inertia).items()}
     return element(
         "inertial",
         element("origin", xyz=figures(link.centre_of_mass), rpy="0 0 0"),
@@ -139,7 +127,7 @@ def _joint(link: Link, rover: Rover, gear: Coupling | None) -> Lines:
 
 def _sensor_frame(sensor: Sensor) -> list[Lines]:
     """A link without mass where the sensor is; said to be so, since PyBullet would take 1 kg."""
-    none = {name: "0" for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    none = dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0")
     inertial = element("inertial", element("mass", value="0"), element("inertia", **none))
     joint = element(
         "joint",
@@ -188,7 +176,7 @@ def _gazebo(rover: Rover, name: str, options: Options) -> list[Lines]:
         element("gazebo", element("mu1", grip), element("mu2", grip), reference=link.name)
         for link in rover.links
     ]
-    rig = rig_sensors(rover, actor=name, flavour="gz", reach=_SIGHT) if rover.sensors else []
+    rig = rig_sensors(rover, actor=name, flavour="gz") if rover.sensors else []
     if rig:
         tags.append(element("gazebo", *rig, reference="base_link"))
     plugin = element(

@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from terrain_forge.exporters.mjcf.rover import servo_gain
-from terrain_forge.exporters.usd.layer import define_mesh, gf_quaternion, new_stage, save
+from terrain_forge.exporters.usd.layer import gf_quaternion, new_stage, save
 from terrain_forge.exporters.usd.material import bind_friction, define_friction
 from terrain_forge.exporters.usd.rig import define_rig
+from terrain_forge.exporters.usd.solids import define_shape
 
-from terrain_forge.base import Array, linear_from_srgb, quaternion_from_rpy
+from terrain_forge.base import Array
 from terrain_forge.geometry import principal_axes
 from terrain_forge.model import Link, Rover, Shape
 from terrain_forge.writers import identifier
-
-from .rig import origins
 
 _DEGREE = math.pi / 180
 _X = np.array([1.0, 0.0, 0.0])
@@ -33,18 +32,16 @@ def write_usd(path: Path, rover: Rover, *, name: str, friction: float) -> None:
         friction: Coulomb friction of its colliders.
     """
     stage = new_stage(path, name)
-    places = origins(rover)
     root = stage.GetDefaultPrim()
     UsdPhysics.ArticulationRootAPI.Apply(root)
     bind_friction(root, define_friction(stage, f"/{name}/Looks/grip", friction))
     for link in rover.links:
-        _define_body(stage, _path(name, link.name), link, places[link.name])
+        _define_body(stage, _path(name, link.name), link, rover.origins[link.name])
     UsdGeom.Scope.Define(stage, f"/{name}/Joints")
     for link in rover.links:
         if link.parent:
             _define_joint(stage, name, link, rover)
-    own = {link.name: np.zeros(3) for link in rover.links}
-    define_rig(stage, _path(name, rover.links[0].name), rover, own)
+    define_rig(stage, _path(name, rover.links[0].name), rover)
     save(stage)
 
 
@@ -67,14 +64,7 @@ def _define_body(stage: Usd.Stage, path: str, link: Link, place: Array) -> None:
 
 
 def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
-    solid = _solid(stage, path, shape)
-    solid.AddTranslateOp().Set(Gf.Vec3d(*shape.position.tolist()))
-    solid.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(shape.rpy)))
-    if shape.kind == "box":
-        solid.AddScaleOp().Set(Gf.Vec3f(*shape.size))
-    if shape.mesh is None:
-        solid.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0)))
-    solid.CreateDisplayColorAttr([Gf.Vec3f(*linear_from_srgb(shape.rgb).tolist())])
+    solid = define_shape(stage, path, shape)
     if shape.collides:
         UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
         if shape.mesh is not None:
@@ -82,24 +72,6 @@ def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
             hull.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
     if not shape.visible:
         solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
-
-
-def _solid(stage: Usd.Stage, path: str, shape: Shape) -> UsdGeom.Gprim:
-    if shape.mesh is not None:
-        return define_mesh(stage, path, shape.mesh.vertices, shape.mesh.faces)
-    if shape.kind == "box":
-        cube = UsdGeom.Cube.Define(stage, path)
-        cube.CreateSizeAttr(1.0)
-        return cube
-    if shape.kind == "sphere":
-        sphere = UsdGeom.Sphere.Define(stage, path)
-        sphere.CreateRadiusAttr(shape.size[0])
-        return sphere
-    cylinder = UsdGeom.Cylinder.Define(stage, path)
-    cylinder.CreateAxisAttr(UsdGeom.Tokens.z)
-    cylinder.CreateRadiusAttr(shape.size[0])
-    cylinder.CreateHeightAttr(shape.size[1])
-    return cylinder
 
 
 def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None:

@@ -7,11 +7,12 @@ from terrain_forge.exporters.sdf import material
 
 from terrain_forge.base import Array
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Rover, Shape, Trajectory
+from terrain_forge.model import Rover, Trajectory
 from terrain_forge.paths import sample_times, spline_places
 
 from .markup import Lines, element, leaves, numbers
-from .model import Model, mesh
+from .model import Model
+from .solids import solid
 
 
 def replay_actor(
@@ -68,25 +69,13 @@ def _visuals(rover: Rover, model: Model) -> list[Lines]:
         box = element("geometry", element("box", element("size", "1 1 1")))
         look = material.plain((0.8, 0.8, 0.8))
         return [element("visual", element("pose", "0 0 0.5 0 0 0"), box, look, name="box")]
-    origins: dict[str, Array] = {}
-    visuals = []
+    origins, visuals = rover.origins, []
     for index, link in enumerate(rover.links):
-        origins[link.name] = origins.get(link.parent, np.zeros(3)) + link.origin
         for number, shape in enumerate(link.shapes):
             if not shape.visible:
                 continue
             name = f"{link.name}_{number}"
             pose = element("pose", numbers([*(origins[link.name] + shape.position), *shape.rpy]))
-            if shape.kind == "mesh":
-                solid = mesh(model.uri(f"meshes/{rover_mesh(index, number)}"))
-            else:
-                solid = element("geometry", _solid(shape))
-            visuals.append(element("visual", pose, solid, material.plain(shape.rgb), name=name))
+            geometry = solid(shape, model.uri(f"meshes/{rover_mesh(index, number)}"))
+            visuals.append(element("visual", pose, geometry, material.plain(shape.rgb), name=name))
     return visuals
-
-
-def _solid(shape: Shape) -> Lines:
-    if shape.kind == "box":
-        return element("box", *leaves(size=shape.size))
-    names = ("radius", "length")  # a sphere has no length
-    return element(shape.kind, *leaves(**dict(zip(names, shape.size, strict=False))))

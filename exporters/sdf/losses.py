@@ -16,6 +16,7 @@ from .heightmap import Heightmap, heightmap_losses
 from .load import loading_losses, stepping_losses
 from .options import Options
 from .scenery import knows_surface
+from .sensors import rig_losses
 
 
 def list_losses(
@@ -63,15 +64,10 @@ def _actor_losses(world: World, options: Options) -> list[str]:
             "Early Gazebo Fortress leaves out the links of actors, so that neither the rover nor "
             "its sensors are there; gz-sim has them since its pull request 1947."
         )
-    kinds = {sensor.kind for sensor in world.rover.sensors}
     if not options.sensors:
-        losses.append("Actors carry no sensors.")
-    elif "imu" in kinds:
-        losses.append(
-            "Physics does not move actors, so their IMU does not measure the path's accelerations "
-            "and rates."
-        )
-    return losses
+        return [*losses, "Actors carry no sensors."]
+    unmeasured = dict.fromkeys(s.actor_loss for s in world.rover.sensors if s.actor_loss)
+    return [*losses, *unmeasured, *rig_losses(world.rover)]
 
 
 def _merged_losses(world: World, coarse: list[Mesh], options: Options) -> list[str]:

@@ -44,6 +44,11 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value + 0.0:.9g}" for value in values)
 
 
+def figures(values: Iterable[float]) -> str:
+    """Numbers in twelve significant digits, separated by blanks."""
+    return " ".join(f"{value + 0.0:.12g}" for value in values)
+
+
 def write_document(path: Path, version: str, *content: Lines) -> None:
     """Write an SDF file whose root is `<sdf version="…">`."""
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', *element("sdf", *content, version=version)]

@@ -5,10 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from terrain_forge.base import Array
-
 from .markup import Lines, element, leaves, write_document
 
 
@@ -53,13 +49,6 @@ class Model:
 def mesh(uri: str) -> Lines:
     """The geometry of a mesh file."""
     return element("geometry", element("mesh", *leaves(uri=uri)))
-
-
-def inertial(mass: float, tensor: Array) -> Lines:
-    """A body's mass [kg] and its inertia about its centre of mass [kg m²]."""
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    moments = dict(zip(names, tensor[np.triu_indices(3)].tolist(), strict=True))
-    return element("inertial", *leaves(mass=mass), element("inertia", *leaves(**moments)))
 
 
 def surface(friction: float, *, patch_radius: float | None = None) -> Lines:

@@ -22,8 +22,9 @@ from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import rock_name, write_png, write_stl
 
 from .markup import Lines, element, numbers
-from .model import Model, inertial, mesh, surface
+from .model import Model, mesh, surface
 from .options import Options
+from .solids import inertial
 
 
 def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options) -> Lines:

@@ -9,11 +9,11 @@ from importlib.resources import files
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from terrain_forge.model import World
+from terrain_forge.model import Topic, World
 from terrain_forge.writers import file_name, identifier
 
 from .options import Options
-from .sensors import Topic, rig_topics
+from .sensors import rig_topics
 
 
 def write_package(world: World, directory: Path, *, options: Options) -> None:
@@ -48,7 +48,7 @@ def write_package(world: World, directory: Path, *, options: Options) -> None:
 
 def _bridge(world: World, options: Options) -> str:
     """Configuration of ros_gz_bridge: the clock, and what the actors' sensors publish."""
-    entries = [_entry(Topic(name="clock", gz_type="Clock", ros_type="Clock"), "rosgraph_msgs")]
+    entries = [_entry(Topic("clock", "Clock", "Clock"), "rosgraph_msgs")]
     for trajectory in world.trajectories if options.sensors else ():
         actor = file_name(trajectory.name)
         entries += [_entry(topic, "sensor_msgs") for topic in rig_topics(world.rover, actor=actor)]

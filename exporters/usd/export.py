@@ -25,6 +25,7 @@ from .layer import ROOT, new_stage, save
 from .library import write_library
 from .options import Options
 from .replay import write_scene
+from .rig import rig_losses
 from .rocks import write_rocks, write_textures
 
 _SKY_SHARE = 0.2
@@ -104,8 +105,8 @@ def _losses(
     ]
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
-    if world.trajectories and any(s.kind != "camera" for s in world.rover.sensors):
-        losses.append("Lidar and IMU are bare frames: no USD schema holds their figures.")
+    if world.trajectories:
+        losses += rig_losses(world.rover)
     if world.field.dynamic.any():
         losses.append("Dynamic rocks have no torsional and no rolling friction: USD knows neither.")
     losses += _outline_losses(world, coarse, levels, options)

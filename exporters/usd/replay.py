@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from terrain_forge.base import Array, linear_from_srgb, quaternion_from_rpy
-from terrain_forge.model import Link, Rover, Shape, Trajectory, World
+from terrain_forge.base import Array
+from terrain_forge.model import Link, Rover, Trajectory, World
 from terrain_forge.paths import sample_times, straight_places
 from terrain_forge.writers import identifier
 
-from .layer import ROOT, define_mesh, gf_quaternion, label, new_layer, save, set_conventions
+from .layer import ROOT, gf_quaternion, label, new_layer, save, set_conventions
 from .rig import define_rig
+from .solids import define_shape
 
 
 def write_scene(path: Path, world: World, *, base: str) -> None:
@@ -65,11 +66,9 @@ def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate:
 
 def _define_rover(stage: Usd.Stage, path: str, rover: Rover) -> None:
     """The rover at rest: the shapes of its links and its sensors, all in base_link's frame."""
-    origins: dict[str, Array] = {}
     for link in rover.links:
-        origins[link.name] = origins.get(link.parent, np.zeros(3)) + link.origin
-        _define_link(stage, f"{path}/{identifier(link.name)}", link, origins[link.name])
-    define_rig(stage, path, rover, origins)
+        _define_link(stage, f"{path}/{identifier(link.name)}", link, rover.origins[link.name])
+    define_rig(stage, path, rover)
 
 
 def _define_link(stage: Usd.Stage, path: str, link: Link, origin: Array) -> None:
@@ -77,30 +76,4 @@ def _define_link(stage: Usd.Stage, path: str, link: Link, origin: Array) -> None
     frame.AddTranslateOp().Set(Gf.Vec3d(*origin.tolist()))
     for number, shape in enumerate(link.shapes):
         if shape.visible:
-            _define_shape(stage, f"{path}/shape_{number}", shape)
-
-
-def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
-    solid: UsdGeom.Gprim
-    if shape.mesh is not None:
-        solid = define_mesh(stage, path, shape.mesh.vertices, shape.mesh.faces)
-    elif shape.kind == "box":
-        solid = UsdGeom.Cube.Define(stage, path)
-        solid.CreateSizeAttr(1.0)
-    elif shape.kind == "sphere":
-        solid = UsdGeom.Sphere.Define(stage, path)
-        solid.CreateRadiusAttr(shape.size[0])
-    else:
-        solid = UsdGeom.Cylinder.Define(stage, path)
-        solid.CreateAxisAttr(UsdGeom.Tokens.z)
-        solid.CreateRadiusAttr(shape.size[0])
-        solid.CreateHeightAttr(shape.size[1])
-    solid.AddTranslateOp().Set(Gf.Vec3d(*shape.position.tolist()))
-    solid.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(shape.rpy)))
-    if shape.kind == "box":
-        solid.AddScaleOp().Set(Gf.Vec3f(*shape.size))
-    if shape.mesh is None:
-        extent = UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0))
-        solid.CreateExtentAttr(extent)
-    colour = linear_from_srgb(shape.rgb).tolist()
-    solid.CreateDisplayColorAttr([Gf.Vec3f(*colour)])
+            define_shape(stage, f"{path}/shape_{number}", shape)

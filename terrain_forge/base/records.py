@@ -23,6 +23,9 @@ class Record:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        other = _TYPES.setdefault(cls.__name__, cls)
+        if other.__module__ != cls.__module__:  # a stored record is found by its name
+            raise TypeError(f"{other.__module__} has a record of the name {cls.__name__}")
         _TYPES[cls.__name__] = cls
 
     def __eq__(self, other: object) -> bool:

@@ -45,9 +45,15 @@ from .rover import Coupling as Coupling
 from .rover import Grousers as Grousers
 from .rover import Link as Link
 from .rover import Rover as Rover
-from .rover import Sensor as Sensor
 from .rover import Shape as Shape
 from .rover import Wheel as Wheel
+from .rover import moments as moments
+from .sensor import Sdf as Sdf
+from .sensor import Sensor as Sensor
+from .sensor import Topic as Topic
+from .sensor import View as View
+from .sensor import sensor_kinds as sensor_kinds
+from .sensor import titles as titles
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
 from .site import Site as Site

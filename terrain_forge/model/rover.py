@@ -1,4 +1,4 @@
-"""What a rover is: links, joints, wheels, sensors; simulator formats are written from this."""
+"""What a rover is: links, joints, wheels; simulator formats are written from this."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from terrain_forge.base import Array, Record
 from terrain_forge.model.mesh import Mesh
+from terrain_forge.model.sensor import Sensor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,6 +77,12 @@ class Link(Record):
         self.freeze("inertia", np.float64, (3, 3))
 
 
+def moments(inertia: Array) -> dict[str, float]:
+    """The six moments and products of an inertia [kg m²], by the names of URDF and SDF."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
+    return {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grousers(Record):
     """Bars across a wheel's tread, evenly around it; the wheel's radius reaches to their tops."""
@@ -122,28 +129,6 @@ class Coupling(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sensor(Record):
-    """A sensor and where it sits."""
-
-    name: str
-    """Unique name."""
-    kind: str
-    """`camera`, `lidar` or `imu`."""
-    link: str
-    """Link that carries it."""
-    position: Array
-    """In the link's frame [m], shape [3]."""
-    rpy: Array
-    """Roll, pitch, yaw in the link's frame [rad]; a camera looks along its x axis, shape [3]."""
-    properties: tuple[tuple[str, float], ...]
-    """Named figures in SI units, as the sensor's kind defines them."""
-
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, (3,))
-        self.freeze("rpy", np.float64, (3,))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Rover(Record):
     """A wheeled rover. base_link: x forward, y left, z up, origin on the ground amid the wheels."""
 
@@ -175,6 +160,14 @@ class Rover(Record):
     def mass(self) -> float:
         """Mass of the whole rover [kg]."""
         return sum(link.mass for link in self.links)
+
+    @property
+    def origins(self) -> dict[str, Array]:
+        """Each link's origin in base_link's frame at rest [m]."""
+        places: dict[str, Array] = {}
+        for link in self.links:
+            places[link.name] = places.get(link.parent, np.zeros(3)) + link.origin
+        return places
 
     @property
     def wheel_centres(self) -> Array:

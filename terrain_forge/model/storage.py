@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError, from_plain, to_plain
+from terrain_forge.model.sensor import sensor_kinds
 from terrain_forge.model.world import World
 
 FORMAT = 5
@@ -36,6 +37,8 @@ def save_world(world: World, directory: Path) -> list[Path]:
 def load_world(directory: Path) -> World:
     """Read what `save_world` wrote."""
     import terrain_forge.model.route  # noqa: F401  (registers Route among the records)
+
+    sensor_kinds()  # registers them too
 
     text = directory / "world" / "world.json"
     try:

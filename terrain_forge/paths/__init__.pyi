@@ -31,6 +31,7 @@ from .spec import PathSpec as PathSpec
 from .spec import Planned as Planned
 from .spec import Polyline as Polyline
 from .spec import Recorded as Recorded
+from .spec import RouteSpec as RouteSpec
 from .spec import Shake as Shake
 from .spec import Spline as Spline
 from .surroundings import FARTHEST as FARTHEST

@@ -1,5 +1,7 @@
 """Rovers: those of ours, and the user's from URDF, xacro or MJCF."""
 
+from .built_in import BuiltInRover as BuiltInRover
+from .built_in import built_in_rovers as built_in_rovers
 from .catalogue import RoverChoice as RoverChoice
 from .catalogue import find_rover as find_rover
 from .catalogue import require_ground as require_ground

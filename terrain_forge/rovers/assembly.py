@@ -32,6 +32,14 @@ class Solid:
     mesh: Mesh | None = None
     """Triangles of a mesh around its box's centre."""
 
+    def fills(self, other: Solid) -> bool:
+        """Whether another fills the same space: one solid then is both seen and touched."""
+        return (
+            self.mesh is None is other.mesh
+            and (self.kind, self.size) == (other.kind, other.size)
+            and np.array_equal(self.placement, other.placement)
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Joint:

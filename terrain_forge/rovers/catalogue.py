@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, Tag, TypeAdapter
 
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Rover
+from terrain_forge.rovers.built_in import BuiltInRover, build_rover, built_in_rovers
 from terrain_forge.rovers.custom import FileRover
-from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
-from terrain_forge.rovers.skid4 import Skid4Spec, skid4
 
 if TYPE_CHECKING:
     from terrain_forge.model import Site
-
-ROVERS: dict[str, Callable[[], Rover]] = {"morpheus": morpheus, "skid4": skid4}
-
 
 _FILE = "FileRover"
 """Tag of a rover from a file: its kind, `file`, is the name of one of its keys too."""
@@ -31,17 +26,19 @@ def _choice_kind(value: Any) -> str:
     return _FILE if found == "file" else str(found)
 
 
-RoverChoice = Annotated[
-    Annotated[str, Tag("name")]
-    | Annotated[MorpheusSpec, Tag("morpheus")]
-    | Annotated[Skid4Spec, Tag("skid4")]
-    | Annotated[FileRover, Tag(_FILE)],
-    Discriminator(
-        _choice_kind,
-        custom_error_type="rover_kind",
-        custom_error_message="a name, or a mapping whose kind is morpheus, skid4 or file",
-    ),
-]
+if TYPE_CHECKING:
+    RoverChoice = str | BuiltInRover | FileRover
+else:
+    _kinds = built_in_rovers()
+    _members = [Annotated[kind, Tag(name)] for name, kind in _kinds.items()]
+    RoverChoice = Annotated[
+        Union[(Annotated[str, Tag("name")], *_members, Annotated[FileRover, Tag(_FILE)])],
+        Discriminator(
+            _choice_kind,
+            custom_error_type="rover_kind",
+            custom_error_message=f"a name, or a mapping whose kind is {', '.join(_kinds)} or file",
+        ),
+    ]
 """What a recipe's `rover` may be."""
 
 
@@ -55,23 +52,23 @@ class FoundRover:
     """All files that were read: the rover's own, those it includes, its meshes."""
 
 
-def rover_names() -> list[str]:
-    """Names of all rovers of our own, sorted."""
-    return sorted(ROVERS)
+def find_rover(name: str, **options: Any) -> Rover:
+    """The built-in rover of that name.
 
-
-def find_rover(name: str) -> Rover:
-    """The rover of that name.
+    Args:
+        name: Its name.
+        options: What shall differ, by the keys of `rover: {kind: name, …}` (docs/recipe.md).
 
     Raises:
         RecipeError: if there is none; suggests the nearest name and lists all.
     """
-    if name in ROVERS:
-        return ROVERS[name]()
-    close = get_close_matches(name, ROVERS, n=1)
+    known = built_in_rovers()
+    if name in known:
+        return build_rover(TypeAdapter(known[name]).validate_python(options))
+    close = get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(
-        f"unknown rover {name!r}{hint} known: {', '.join(rover_names())}; a rover of your own is "
+        f"unknown rover {name!r}{hint} known: {', '.join(known)}; a rover of your own is "
         "`{kind: file, file: …}`",
         key=("rover",),
     )
@@ -97,10 +94,8 @@ def resolve_rover(choice: RoverChoice, folder: Path) -> FoundRover:
 def _find_choice(choice: RoverChoice, folder: Path) -> FoundRover:
     if isinstance(choice, str):
         return FoundRover(rover=find_rover(choice))
-    if isinstance(choice, MorpheusSpec):
-        return FoundRover(rover=morpheus(choice))
-    if isinstance(choice, Skid4Spec):
-        return FoundRover(rover=skid4(choice))
+    if isinstance(choice, BuiltInRover):
+        return FoundRover(rover=build_rover(choice))
     from terrain_forge.rovers.reading import read_rover
 
     return read_rover(choice, folder)

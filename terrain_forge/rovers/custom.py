@@ -8,9 +8,17 @@ from typing import Annotated, Literal
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import InputFile, Positive, Spec
-from terrain_forge.rovers.parts import RoverSpec
 
 JointName = Annotated[str, MinLen(1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoverSpec(Spec):
+    """What a recipe may say about any rover."""
+
+    step_limit_m: Positive | None = None
+    """Highest step or rock that it goes over [m], at most its smallest wheel's diameter; by default
+    the lower of its clearance and 0.8 of that diameter, an assumption (docs/rovers.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ The format: https://docs.ros.org/en/rolling/Tutorials/Intermediate/URDF/URDF-Mai
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -68,12 +69,16 @@ class _LinkReader:
     def body(self, name: str, link: Element, joint: Element | None, driven: set[str]) -> Body:
         """The body of a link and of the joint above it."""
         mass, centre, inertia = _mass(link)
-        solids = [
-            solid
+        seen, touched = (
+            [
+                solid
+                for element in link.findall(tag)
+                for solid in self._solids(element, collides=tag == "collision")
+            ]
             for tag in ("visual", "collision")
-            for element in link.findall(tag)
-            for solid in self._solids(element, collides=tag == "collision")
-        ]
+        )
+        solids = [*(replace(s, collides=any(map(s.fills, touched))) for s in seen)]
+        solids += [s for s in touched if not any(map(s.fills, seen))]
         return Body(
             name=name,
             parent="" if joint is None else _reference(joint, "parent"),
@@ -125,9 +130,10 @@ def _parents_first(
     if len(roots) != 1:
         found = ", ".join(roots) or "none"
         raise DataError(f"{file.name}: a rover has one root link, found {found}", key=KEY)
-    order = list(roots)
-    for name in order:  # grows as it is read
-        order += [child for child, above in parent.items() if above == name]
+    order, level = [], roots
+    while level:
+        order += level
+        level = [child for child, above in parent.items() if above in level]
     if len(order) < len(links):
         raise DataError(f"{file.name}: joints form a loop", key=KEY)
     return order

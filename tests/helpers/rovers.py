@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from terrain_forge.rovers import FileRover, resolve_rover
+from terrain_forge.rovers import FileRover, find_rover, resolve_rover
+
+morpheus = partial(find_rover, "morpheus")
+skid4 = partial(find_rover, "skid4")
 
 _BOX = (
     '<inertial><origin xyz="{at}" rpy="0 0 {yaw}"/><mass value="{mass}"/><inertia ixx="0.3" '

@@ -72,13 +72,13 @@ def rover_nodes(rover: Rover, gltf: Gltf) -> list[dict[str, Any]]:
     faces = sorted(len(shape.mesh.faces) for shape in shapes if shape.mesh is not None)
     fitting = [n for n, total in zip(faces, accumulate(faces), strict=True) if total <= _MOST_FACES]
     solids = Solids(gltf, most_faces=max(fitting, default=0))
-    origins: dict[str, Array] = {}
-    nodes = []
-    for link in rover.links:
-        origin = origins[link.parent] + link.origin if link.parent else np.zeros(3)
-        origins[link.name] = origin
-        nodes += [solids.node(shape, origin) for shape in link.shapes if shape.visible]
-    return nodes
+    origins = rover.origins
+    return [
+        solids.node(shape, origins[link.name])
+        for link in rover.links
+        for shape in link.shapes
+        if shape.visible
+    ]
 
 
 def _lengths(shape: Shape) -> list[float]:

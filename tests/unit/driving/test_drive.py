@@ -12,12 +12,12 @@ from terrain_forge.driving.planar_path import PlanarPath, wrap
 from terrain_forge.model import Mesh, Trajectory
 from terrain_forge.recipe import DriveSpec, ValidateSpec
 from terrain_forge.rocks import overlapping_pairs
-from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation import validate
 from terrain_forge.validation.agreement import ground_agreement, random_points
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
 from terrain_forge.writers import write_obj, write_stl
 from tests.helpers import worlds
+from tests.helpers.rovers import morpheus
 
 ARC = DriveSpec(path="arc", film=False)
 NO_ROCKS = np.array([], dtype=int)

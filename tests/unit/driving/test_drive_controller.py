@@ -16,8 +16,7 @@ from terrain_forge.driving.controller import (
 )
 from terrain_forge.driving.planar_path import PlanarPath
 from terrain_forge.model import Trajectory
-from terrain_forge.rovers.morpheus import morpheus
-from terrain_forge.rovers.skid4 import skid4
+from tests.helpers.rovers import morpheus, skid4
 from tests.unit.driving.test_drive import drive_through, line, path, plain
 
 CORNER = np.vstack([np.linspace((-3, -3), (3, -3), 61), np.linspace((3, -2.9), (3, 3), 60)])

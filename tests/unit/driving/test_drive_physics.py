@@ -13,8 +13,8 @@ from terrain_forge.driving.audit import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
 from terrain_forge.model import BODIES, MARS
 from terrain_forge.recipe import DriveSpec
-from terrain_forge.rovers.morpheus import morpheus
 from tests.helpers import worlds
+from tests.helpers.rovers import morpheus
 from tests.unit.driving.test_drive import boulder_at, drive_through, line, plain
 
 MU = MARS.friction.regolith.coefficient

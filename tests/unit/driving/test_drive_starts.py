@@ -17,9 +17,9 @@ from terrain_forge.driving.film import write_end, write_film
 from terrain_forge.driving.rover_picture import link_poses, photograph
 from terrain_forge.driving.starts import _runner, drive_from_many_starts, line_from_start
 from terrain_forge.recipe import StartsSpec, ValidateSpec
-from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation import validate
 from tests.helpers import worlds
+from tests.helpers.rovers import morpheus
 from tests.unit.driving.test_drive import ARC, boulder_at, drive_through, line, plain
 
 SPEC = StartsSpec(count=3, length_m=2.0)

@@ -17,11 +17,11 @@ from terrain_forge.driving import Vehicle, rover_mass_check
 from terrain_forge.driving.controller import wheel_rates
 from terrain_forge.model import Heightfield, Mesh
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.agreement import ground_agreement
 from terrain_forge.validation.surface_mesh import heights_on
 from tests.helpers import worlds
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
+from tests.helpers.rovers import morpheus
 
 SKY = 1000.0
 

@@ -20,11 +20,9 @@ from terrain_forge.exporters.rover import Options, export
 
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.model import Coupling
-from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
-from terrain_forge.rovers.parts import GrouserSpec
-from terrain_forge.rovers.skid4 import skid4
 from tests.helpers import rovers, worlds
 from tests.helpers.places import PROGRAMS
+from tests.helpers.rovers import morpheus, skid4
 
 
 def exported(rover, folder, **options):
@@ -45,7 +43,7 @@ def case(request, tmp_path_factory):
     """A rover and its files."""
     rover = {
         "plain": morpheus,
-        "detailed": lambda: morpheus(MorpheusSpec(model="detailed", grousers=GrouserSpec())),
+        "detailed": lambda: morpheus(model="detailed", grousers={}),
         "skid4": skid4,
         "custom": lambda: request.getfixturevalue("custom"),
     }[request.param]()

@@ -20,11 +20,11 @@ from terrain_forge.model import Heightfield, Mesh, Trajectory, rotations
 from terrain_forge.paths import angles_between, spline_places
 from terrain_forge.paths.interpolation import turns_between
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.scene import grain
 from tests.helpers import rovers
 from tests.helpers.gazebo import rested
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
+from tests.helpers.rovers import morpheus
 from tests.helpers.surfaces import random_points, top_under
 
 
@@ -394,7 +394,7 @@ def test_the_actor_carries_the_rovers_sensors(roving, tmp_path):
     kinds = {"camera": "camera", "lidar": "gpu_lidar", "imu": "imu"}
     assert set(found) == {sensor.name for sensor in roving.rover.sensors}
     for sensor in roving.rover.sensors:
-        written, figures = found[sensor.name], dict(sensor.properties)
+        written, figures = found[sensor.name], sensor.figures
         assert written.get("type") == kinds[sensor.kind]
         assert float(written.findtext("update_rate")) == figures["rate"]
         wanted = np.hstack([sensor.position, sensor.rpy])

@@ -10,12 +10,12 @@ import trimesh
 from terrain_forge.exporters.sdf import Options, export
 
 from terrain_forge.base import ExportError
-from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation.conformance.consumer import NotRun
 from terrain_forge.validation.conformance.gazebo import read_sdf
 from terrain_forge.validation.conformance.measures import Export, measure
 from terrain_forge.validation.conformance.sample import draw_sample
 from tests.helpers.gazebo import rested
+from tests.helpers.rovers import morpheus
 from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
 
 

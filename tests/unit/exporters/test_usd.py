@@ -23,7 +23,6 @@ from terrain_forge.model import Mesh, rotations
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.terrain import CraterLayer
 from tests.helpers.ground_pictures import (
     PIXELS,
@@ -32,6 +31,7 @@ from tests.helpers.ground_pictures import (
     shows_its_nodes,
     speckled,
 )
+from tests.helpers.rovers import morpheus
 from tests.helpers.surfaces import random_points, top_under
 
 
@@ -365,7 +365,7 @@ def test_cameras_look_where_the_sensors_do(small_world, stage):
         assert np.allclose(matrix.ExtractTranslation(), place, atol=1e-6)
         camera = UsdGeom.Camera(prim).GetCamera(Usd.TimeCode(0))
         view = camera.GetFieldOfView(Gf.Camera.FOVHorizontal)
-        assert np.radians(view) == pytest.approx(dict(sensor.properties)["horizontal_fov"])
+        assert np.radians(view) == pytest.approx(sensor.figures["horizontal_fov"])
 
 
 def test_payloads_let_a_large_world_open_at_once(usd):
@@ -465,7 +465,7 @@ def test_the_rig_holds_the_sensors_figures(stage):
     for sensor in rover.sensors:
         frame = stage.GetPrimAtPath(f"/World/Paths/arc/{sensor.name}")
         assert frame.GetCustomDataByKey("kind") == sensor.kind
-        assert frame.GetCustomDataByKey("figures") == dict(sensor.properties)
+        assert frame.GetCustomDataByKey("figures") == sensor.figures
         place = UsdGeom.Xformable(frame).GetLocalTransformation().ExtractTranslation()
         assert np.allclose(place, sensor.position)
     for side in ("left", "right"):

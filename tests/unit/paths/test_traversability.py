@@ -16,14 +16,13 @@ from terrain_forge.paths import UNKNOWN, PathSpec, Spline, highest_step, plan_ro
 from terrain_forge.paths.obstacles import find_obstacles
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe.schema import adapter
-from terrain_forge.rovers import find_rover, resolve_rover
-from terrain_forge.rovers.morpheus import MorpheusSpec
-from terrain_forge.rovers.skid4 import Skid4Spec
+from terrain_forge.rovers import built_in_rovers, find_rover, resolve_rover
 from terrain_forge.truth import rate_world
 from terrain_forge.truth.traversability import write_map, write_traversability
 from tests.helpers import worlds
 
 ROVER = find_rover("morpheus")
+MorpheusSpec, Skid4Spec = built_in_rovers().values()
 
 
 def ground(height, *, spacing=0.25, size=(24.0, 16.0)):

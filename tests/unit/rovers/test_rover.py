@@ -1,68 +1,54 @@
 import json
-from dataclasses import fields
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
+import trimesh
 
 from terrain_forge.base import RecipeError, matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.model import Grousers, Shape
+from terrain_forge.model import Grousers
 from terrain_forge.recipe import recipe_from_json
-from terrain_forge.rovers import find_rover
-from terrain_forge.rovers.catalogue import rover_names
-from terrain_forge.rovers.inertia import combine, solid_inertia
-from terrain_forge.rovers.morpheus import MorpheusDimensions, MorpheusSpec, morpheus
-from terrain_forge.rovers.parts import GrouserSpec
-from terrain_forge.rovers.skid4 import Skid4Dimensions, Skid4Spec, skid4
+from terrain_forge.rovers import built_in_rovers, find_rover
 from terrain_forge.rovers.tread import corners
 from tests.helpers import rovers
 from tests.helpers.places import ROOT
+from tests.helpers.rovers import morpheus, skid4
 
 
 def dimension_table(spec):
     """The table of a rover's dimensions as docs/rovers.md has it."""
-    schema = TypeAdapter(spec).json_schema()["properties"]
     lines = ["| dimension | default | meaning | source |", "|---|---|---|---|"]
-    for field in fields(spec):
-        default = schema[field.name]["default"]
-        text = " × ".join(f"{v:g}" for v in np.ravel(default))
-        meaning = " ".join(schema[field.name]["description"].split())
-        source = field.metadata.get("source", spec.SOURCE)
-        lines.append(f"| `{field.name}` | {text} | {meaning} | {source} |")
+    for name, one in spec.DESCRIPTION.dimensions.items():
+        text = " × ".join(f"{v:g}" for v in np.ravel(one.default))
+        source = one.source or spec.DESCRIPTION.source
+        lines.append(f"| `{name}` | {text} | {one.meaning} | {source} |")
     return "\n".join(lines)
 
 
-def shape(kind, size, position=(0, 0, 0), rpy=(0, 0, 0)):
-    return Shape(kind=kind, size=size, position=position, rpy=rpy, collides=True, rgb=(1, 1, 1))
-
-
-def test_two_halves_weigh_and_turn_like_the_whole():
-    halves = [(shape("box", (0.5, 0.3, 0.2), (x, 0.1, 0)), 2.0) for x in (-0.25, 0.25)]
-    mass, centre, inertia = combine(halves)
-    assert mass == 4.0
-    np.testing.assert_allclose(centre, (0, 0.1, 0), atol=1e-15)
-    np.testing.assert_allclose(inertia, solid_inertia(shape("box", (1.0, 0.3, 0.2)), 4.0))
-
-
-@pytest.mark.parametrize(
-    ("kind", "size"), [("box", (0.3, 0.5, 0.9)), ("cylinder", (0.3, 0.8)), ("sphere", (0.4,))]
-)
-def test_inertia_equals_that_of_the_meshed_solid(kind, size):
-    import trimesh
-
-    rpy = (0.3, -0.4, 1.1)
+def meshed(shape, mass):
+    """Mass, centre and inertia of a homogeneous solid, of its mesh."""
     mesh = {
-        "box": lambda: trimesh.creation.box(size),
-        "cylinder": lambda: trimesh.creation.cylinder(*size, sections=400),
-        "sphere": lambda: trimesh.creation.icosphere(5, *size),
-    }[kind]()
+        "box": lambda: trimesh.creation.box(shape.size),
+        "cylinder": lambda: trimesh.creation.cylinder(*shape.size, sections=400),
+    }[shape.kind]()
     placement = np.eye(4)
-    placement[:3, :3] = matrix_from_quaternion(quaternion_from_rpy(np.array(rpy)))
+    placement[:3, :3] = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
     mesh.apply_transform(placement)
-    mesh.density = 3.0 / mesh.volume
-    np.testing.assert_allclose(
-        solid_inertia(shape(kind, size, rpy=rpy), 3.0), mesh.moment_inertia, rtol=2e-3, atol=1e-4
-    )
+    mesh.density = mass / mesh.volume
+    return mass, shape.position, mesh.moment_inertia
+
+
+@pytest.mark.parametrize("name", ["morpheus", "skid4"])
+def test_inertias_equal_those_of_the_meshed_solids(name):
+    """Body, mast and tilted camera of base_link; a wheel's cylinder; a rocker's beam."""
+    rover, sizes = find_rover(name), built_in_rovers()[name]().dimensions
+    half = sizes.mast_mass_kg / 2
+    for link in rover.links:
+        masses = (sizes.body_mass_kg, half, half) if link.joint == "free" else (link.mass,)
+        parts = [meshed(one, mass) for one, mass in zip(link.shapes, masses, strict=True)]
+        mass, centre, inertia = rovers.total(parts)
+        assert link.mass == pytest.approx(mass)
+        np.testing.assert_allclose(link.centre_of_mass, centre, atol=1e-12)
+        np.testing.assert_allclose(link.inertia, inertia, rtol=2e-4, atol=1e-9)
 
 
 def test_masses_add_up_and_inertias_are_those_of_real_bodies():
@@ -111,7 +97,7 @@ def test_each_wheel_carries_about_the_same_load():
 
 
 def test_dimensions_change_the_rover():
-    wide = morpheus(MorpheusSpec(dimensions=MorpheusDimensions(track_m=1.0, wheel_mass_kg=3.3)))
+    wide = morpheus(dimensions={"track_m": 1.0, "wheel_mass_kg": 3.3})
     assert wide.width == pytest.approx(1.12)
     assert wide.mass == pytest.approx(56.0)
     assert skid4().mass == pytest.approx(48.0)
@@ -144,13 +130,13 @@ def _recipe(rover):
 @pytest.mark.parametrize(
     ("make", "key"),
     [
-        (lambda: morpheus(MorpheusSpec(dimensions=MorpheusDimensions(wheel_radius_m=0.3))),
+        (lambda: morpheus(dimensions={"wheel_radius_m": 0.3}),
          ("dimensions", "wheel_spacing_m")),
-        (lambda: morpheus(MorpheusSpec(dimensions=MorpheusDimensions(mast_height_m=0.3))),
+        (lambda: morpheus(dimensions={"mast_height_m": 0.3}),
          ("dimensions", "mast_height_m")),
-        (lambda: skid4(Skid4Spec(dimensions=Skid4Dimensions(track_m=0.5))),
+        (lambda: skid4(dimensions={"track_m": 0.5}),
          ("dimensions", "track_m")),
-        (lambda: skid4(Skid4Spec(grousers=GrouserSpec(height_m=0.1))), ("grousers", "height_m")),
+        (lambda: skid4(grousers={"height_m": 0.1}), ("grousers", "height_m")),
     ],
 )  # fmt: skip
 def test_parts_that_do_not_fit_are_refused(make, key):
@@ -159,9 +145,9 @@ def test_parts_that_do_not_fit_are_refused(make, key):
     assert caught.value.key == ("rover", *key)
 
 
-@pytest.mark.parametrize(("make", "spec"), [(morpheus, MorpheusSpec), (skid4, Skid4Spec)])
-def test_the_detailed_model_weighs_and_drives_as_the_simplified_one(make, spec, tmp_path):
-    plain, nice = (make(spec(model=model)) for model in ("simplified", "detailed"))
+@pytest.mark.parametrize("make", [morpheus, skid4])
+def test_the_detailed_model_weighs_and_drives_as_the_simplified_one(make, tmp_path):
+    plain, nice = (make(model=model) for model in ("simplified", "detailed"))
     assert len(nice.links[0].shapes) > len(plain.links[0].shapes)
     for one, other in zip(plain.links, nice.links, strict=True):
         assert one.replace(shapes=()) == other.replace(shapes=())
@@ -187,8 +173,8 @@ def test_the_detailed_model_weighs_and_drives_as_the_simplified_one(make, spec, 
 
 @pytest.mark.parametrize("collides", [False, True])
 def test_grousers_reach_to_the_wheels_radius(collides):
-    spec = GrouserSpec(count=12, height_m=0.02, thickness_m=0.01, collides=collides)
-    rover = morpheus(MorpheusSpec(grousers=spec))
+    bars = {"count": 12, "height_m": 0.02, "thickness_m": 0.01, "collides": collides}
+    rover = morpheus(grousers=bars)
     assert rover.wheels[0].grousers == Grousers(count=12, height=0.02, thickness=0.01)
     link = next(link for link in rover.links if link.name == rover.wheels[0].link)
     assert link.mass == morpheus().links[-1].mass
@@ -211,7 +197,7 @@ def test_skid4_turns_on_the_spot(tmp_path):
 
 def test_the_page_tells_where_each_dimension_comes_from():
     page = (ROOT / "docs" / "rovers.md").read_text(encoding="utf-8")
-    for spec in (MorpheusDimensions, Skid4Dimensions):
+    for spec in built_in_rovers().values():
         assert dimension_table(spec) in page
 
 
@@ -227,5 +213,5 @@ def test_rovers_are_found_by_name():
     with pytest.raises(RecipeError, match=r"unknown rover 'morfeus', did you mean 'morpheus'\?"):
         find_rover("morfeus")
     assert find_rover("skid4") == skid4()
-    with pytest.raises(RecipeError, match=f"known: {', '.join(rover_names())}; a rover"):
+    with pytest.raises(RecipeError, match=f"known: {', '.join(built_in_rovers())}; a rover"):
         find_rover("tank")

@@ -1,0 +1,53 @@
+"""A camera, alone or one of a stereo pair."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from terrain_forge.model.sensor import Sdf, Sensor, Topic, View, white_noise
+
+_NEAR = 0.02
+"""What it sees at least in Gazebo [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraSensor(Sensor):
+    """A pinhole camera; by default one of a ZED at its 720p setting, its figures nominal."""
+
+    kind: ClassVar[str] = "camera"
+    title: ClassVar[str] = "camera"
+    topics: ClassVar[tuple[Topic, ...]] = (
+        Topic("image", "Image", "Image"),
+        Topic("camera_info", "CameraInfo", "CameraInfo"),
+    )
+    # A level of their own, so that two cameras do not share camera_info.
+    sdf_topic: ClassVar[str] = "/image"
+
+    rate: float = 15.0
+    """Images per second [Hz]."""
+    width_px: int = 1280
+    """Pixels of a row."""
+    height_px: int = 720
+    """Pixels of a column."""
+    horizontal_fov: float = math.radians(85.0)
+    """Angle between the left and the right edge [rad]."""
+    baseline: float | None = None
+    """Distance of the stereo pair that it belongs to [m]."""
+    noise: float = 0.007
+    """Standard deviation of a pixel's intensity, which is 0 to 1."""
+
+    @property
+    def view(self) -> View:
+        """Its picture."""
+        return View(self.width_px, self.height_px, self.horizontal_fov)
+
+    def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
+        """A camera, with noise where it has any."""
+        lens = {
+            "horizontal_fov": self.horizontal_fov,
+            "image": {"width": self.width_px, "height": self.height_px, "format": "R8G8B8"},
+            "clip": {"near": _NEAR, "far": far},
+        }
+        return "camera", {"camera": lens | white_noise(self.noise)}

@@ -1,0 +1,220 @@
+"""Built-in rovers: a data file each, NAME.urdf or NAME.xacro, with NAME.yaml beside it.
+
+They lie in our folder `builtin`, or in packages that an entry point names (docs/rovers.md).
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field, make_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import Field, TypeAdapter, ValidationError
+
+from terrain_forge.base import DataError, Pair, RecipeError, Spec, load_plugin, plugins
+from terrain_forge.model import Rover, Sensor, sensor_kinds
+from terrain_forge.rovers.custom import FileRover, RoverSpec
+from terrain_forge.rovers.expressions import Value, evaluate, substitute
+from terrain_forge.rovers.grousers import GrouserSpec, add_grousers
+from terrain_forge.rovers.macros import read_macros
+from terrain_forge.rovers.mesh_files import MeshFiles
+from terrain_forge.rovers.packages import Packages
+from terrain_forge.rovers.rolling import make_rover
+from terrain_forge.rovers.urdf import read_urdf
+
+GROUP = "terrain_forge.rovers"
+"""Entry points that name packages of rovers' files."""
+_OURS = Path(__file__).with_name("builtin")
+_KEY = ("rover",)
+_RESERVED = {"file", "name"}
+_log = logging.getLogger(__name__)
+_adapter = cache(TypeAdapter)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimension(Spec):
+    """A number, or several, that a recipe may change."""
+
+    default: float | tuple[float, ...]
+    """What it is by default; all of several are positive."""
+    meaning: str
+    """A sentence, with the unit."""
+    source: str = ""
+    """Where the default is from, if not where the rover's others are."""
+    below: float | None = None
+    """What it must be below; above 0 in any case."""
+    between: Pair | None = None
+    """Least and largest value, in place of being above 0."""
+
+    def annotation(self) -> Any:
+        """Its type with its limits."""
+        number: Any = Annotated[float, Gt(0)]
+        if self.below is not None:
+            number = Annotated[float, Gt(0), Lt(self.below)]
+        if self.between:
+            number = Annotated[float, Ge(self.between[0]), Le(self.between[1])]
+        if isinstance(self.default, tuple):
+            number = tuple[(number,) * len(self.default)]  # type: ignore[misc]
+        return Annotated[number, Field(description=self.meaning)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirement(Spec):
+    """What a dimension must be more than."""
+
+    above: str
+    """An expression of the others."""
+    meaning: str
+    """What that is, in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description(Spec):
+    """NAME.yaml: what a URDF cannot say of a rover."""
+
+    text: str = "A built-in rover."
+    """What it is, a sentence."""
+    source: str = ""
+    """Where its dimensions are from."""
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
+    """What a recipe may change; expressions in both files use these names."""
+    require: dict[str, Requirement] = field(default_factory=dict)
+    """How its dimensions must fit each other."""
+    reading: dict[str, Any] = field(default_factory=dict)
+    """How to read the file: keys of `rover: {kind: file}`, with expressions."""
+    sensors: tuple[dict[str, Any], ...] = ()
+    """The rig, with expressions: `name`, `kind`, `link`, `position_m`, `rpy_deg`, and figures
+    of its kind."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuiltInRover(RoverSpec):
+    """What a recipe may say about a rover of our own."""
+
+    FILE: ClassVar[Path]
+    DESCRIPTION: ClassVar[Description]
+
+    model: Literal["detailed", "simplified"] = "simplified"
+    """How it looks; masses, inertias and what physics touches are the same."""
+    grousers: GrouserSpec | None = None
+    """Bars across the wheels' treads; without it they are smooth."""
+
+
+@cache
+def built_in_rovers() -> dict[str, type[BuiltInRover]]:
+    """What a recipe may say of each built-in rover, by their names."""
+    folders = [_OURS]
+    for point in plugins(GROUP).values():
+        folders += map(Path, getattr(load_plugin(point, GROUP), "__path__", ()))
+    found: dict[str, type[BuiltInRover]] = {}
+    for file in (file for folder in folders for file in sorted(folder.iterdir())):
+        if file.suffix not in (".urdf", ".xacro"):
+            continue
+        if file.stem in found.keys() | _RESERVED:
+            _log.warning("rover %s is skipped: there is one of that name", file)
+            continue
+        try:
+            found[file.stem] = _spec_type(file)
+        except DataError as error:
+            _log.warning("rover %s is skipped: %s", file, error)
+    return dict(sorted(found.items()))
+
+
+def _spec_type(file: Path) -> type[BuiltInRover]:
+    """The class of a rover's options: those of all rovers, its kind and its dimensions."""
+    told, title = _describe(file.with_suffix(".yaml")), file.stem[0].upper() + file.stem[1:]
+    options: list[tuple[str, Any, Any]] = [
+        ("kind", Annotated[Literal[file.stem], Field(description="This rover.")], file.stem)  # type: ignore[misc]
+    ]
+    if told.dimensions:
+        made = [(name, one.annotation(), one.default) for name, one in told.dimensions.items()]
+        text = "Lengths, masses and limits"
+        kind = _make(f"{title}Dimensions", Spec, made, f"{text} of {file.stem}.")
+        dimensions = Annotated[kind, Field(description=f"{text}.")]  # type: ignore[valid-type]
+        options.append(("dimensions", dimensions, field(default_factory=kind)))
+    spec: type[BuiltInRover] = _make(f"{title}Spec", BuiltInRover, options, told.text)
+    spec.FILE, spec.DESCRIPTION = file, told
+    return spec
+
+
+def _make(name: str, base: type, options: list[tuple[str, Any, Any]], text: str) -> Any:
+    told: dict[str, object] = {"use_attribute_docstrings": False}  # they are no source code
+    space: dict[str, Any] = {"__doc__": text, "__module__": __name__}
+    space["__pydantic_config__"] = Spec.__pydantic_config__ | told
+    return make_dataclass(name, options, bases=(base,), namespace=space, frozen=True, kw_only=True)
+
+
+def _describe(file: Path) -> Description:
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    if not file.is_file():
+        return Description()
+    try:
+        plain = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
+        told: Description = _adapter(Description).validate_json(json.dumps(plain), strict=True)
+    except (YAMLError, ValueError) as error:
+        raise DataError(f"{file.name}: {' '.join(str(error).split())}", key=_KEY) from None
+    return told
+
+
+def build_rover(choice: BuiltInRover) -> Rover:
+    """The rover of these options.
+
+    Raises:
+        RecipeError: if its parts do not fit together.
+        DataError: if its files are not right.
+    """
+    told, file = choice.DESCRIPTION, choice.FILE
+    sizes = getattr(choice, "dimensions", None)
+    names: dict[str, Value] = {name: getattr(sizes, name) for name in told.dimensions}
+    _require_fit(told, names)
+    names["detailed"] = choice.model == "detailed"
+    names["grouser_height_m"] = choice.grousers.height_m if choice.grousers else 0.0
+    root = read_macros(file, names, library=_OURS)
+    assembly = read_urdf(root, file=file, packages=Packages({}, file), meshes=MeshFiles())
+    try:
+        reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
+        reading |= _filled(told.reading, names)
+        rover = make_rover(assembly, _adapter(FileRover).validate_python(reading))
+        sensors = tuple(_sensor(_filled(sensor, names)) for sensor in told.sensors)
+        lost = {sensor.link for sensor in sensors} - {link.name for link in rover.links}
+        if lost:
+            raise ValueError(f"a sensor sits on {lost.pop()!r}, which is no link of the rover")
+    except (ValidationError, ValueError, TypeError, LookupError) as error:
+        raise DataError(f"{file.stem}.yaml: {' '.join(str(error).split())}", key=_KEY) from None
+    rover = rover.replace(name=file.stem, sensors=sensors)
+    return add_grousers(rover, choice.grousers) if choice.grousers else rover
+
+
+def _require_fit(told: Description, names: Mapping[str, Value]) -> None:
+    for name, requirement in told.require.items():
+        found, least = names[name], evaluate(requirement.above, names)
+        if found <= least:  # type: ignore[operator]
+            raise RecipeError(
+                f"{found:g} m, must be more than {requirement.meaning}, {least:g} m",
+                key=("rover", "dimensions", name),
+            )
+
+
+def _filled(told: Any, names: Mapping[str, Value]) -> Any:
+    """A part of a description with its expressions evaluated."""
+    if isinstance(told, str):
+        return substitute(told, names)
+    if isinstance(told, Mapping):
+        return {key: _filled(value, names) for key, value in told.items()}
+    return tuple(_filled(value, names) for value in told) if isinstance(told, list) else told
+
+
+def _sensor(told: dict[str, Any]) -> Sensor:
+    kind, kinds = told.pop("kind", None), sensor_kinds()
+    if kind not in kinds:
+        raise ValueError(f"unknown kind of sensor {kind!r}, there are: {', '.join(sorted(kinds))}")
+    rpy = np.radians(told.pop("rpy_deg", (0.0, 0.0, 0.0)))
+    return kinds[kind](rpy=rpy, position=told.pop("position_m"), **told)
