@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import get_num_threads
+from numba import get_num_threads, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, inner, kernel
-from terrain_forge.scene.borrow import borrow
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
@@ -238,6 +238,30 @@ def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point
     for lane in range(LANES):
         for channel in range(3):
             image[top + lane // _TILE, left + lane % _TILE, channel] /= taken
+
+
+def _borrow(_typing, members):  # type: ignore[no-untyped-def]
+    """The tuple or named tuple with all its arrays lent."""
+
+    def build(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
+        loan = arguments[0]
+        for index, member in enumerate(members):
+            if isinstance(member, types.Array):
+                value = builder.extract_value(loan, index)
+                view = context.make_array(member)(context, builder, value)
+                view.meminfo = view.meminfo.type(None)
+                loan = builder.insert_value(loan, view._getvalue(), index)
+        return loan
+
+    return members(members), build
+
+
+borrow: Any = intrinsic(_borrow)
+"""A tuple's arrays handed to kernels without their owner.
+
+Numba counts references to an array at every call that takes it, atomically; in a renderer of many
+small functions that costs more than the shading. A lent array is not counted: the caller keeps it.
+"""
 
 
 @kernel
