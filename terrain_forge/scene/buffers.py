@@ -15,6 +15,7 @@ from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.subject import Subject
 from terrain_forge.scene.surface import Land, Stones, Tracks
+from terrain_forge.writers import vertex_normals
 
 _PATH_STEP = 0.1
 _ZENITH = np.array([0.50, 0.45, 0.42])
@@ -119,21 +120,8 @@ def _shapes(
     corners = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     first = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])[:-1]
     faces = [mesh.faces.astype(np.int64) + c for mesh, c in zip(meshes, corners, strict=False)]
-    normals = np.concatenate([_vertex_normals(mesh) for mesh in meshes])
+    normals = np.concatenate([vertex_normals(mesh.vertices, mesh.faces) for mesh in meshes])
     return np.concatenate(faces), normals, first
-
-
-def _vertex_normals(mesh: Mesh) -> Array:
-    """Unit normals at the vertices, faces weighted by area."""
-    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
-    across = np.cross(b - a, c - a)
-    count = len(mesh.vertices)
-    corners = mesh.faces.ravel()
-    weights = np.repeat(across, 3, axis=0)
-    sums = [np.bincount(corners, weights[:, axis], minlength=count) for axis in range(3)]
-    normals = np.stack(sums, axis=-1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.maximum(length, 1e-300))
 
 
 def _resampled(plan: Array) -> Array:

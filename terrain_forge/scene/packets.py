@@ -11,29 +11,9 @@ from terrain_forge.base import inner, kernel
 LANES = 8
 """Rays of a packet; eight is the native width of AVX2."""
 (
-    ORIGIN_X,
-    ORIGIN_Y,
-    ORIGIN_Z,
-    NEAR,
-    DIRECTION_X,
-    DIRECTION_Y,
-    DIRECTION_Z,
-    TIME,
-    FAR,
-    MASK,
-    RAY_ID,
-    FLAGS,
-    NORMAL_X,
-    NORMAL_Y,
-    NORMAL_Z,
-    U,
-    V,
-    TRIANGLE,
-    GEOMETRY,
-    INSTANCE,
-    COPY,
-    ACTIVE,
-) = range(22)
+    ORIGIN_X, ORIGIN_Y, ORIGIN_Z, NEAR, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, TIME, FAR, MASK,
+    RAY_ID, FLAGS, NORMAL_X, NORMAL_Y, NORMAL_Z, U, V, TRIANGLE, GEOMETRY, INSTANCE, COPY, ACTIVE,
+) = range(22)  # fmt: skip
 ROWS = 24
 """The 21 words of a ray and its hit, the mask of active lanes, and padding to whole cache lines."""
 PACKET_BYTES = 4 * ROWS * LANES

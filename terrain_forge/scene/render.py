@@ -10,7 +10,7 @@ from numba import get_num_threads, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, inner, kernel
+from terrain_forge.base import Array, inlined, inner, kernel, srgb_from_linear
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
@@ -311,10 +311,7 @@ def develop(image: NDArray[np.float32]) -> NDArray[np.uint8]:
     steps = 4096
     exposure = np.linspace(0.0, 4.0, steps)
     shoulder = np.where(exposure < 0.5, exposure, 1.0 - 0.5 * np.exp(1.0 - 2.0 * exposure))
-    encoded = np.where(
-        shoulder <= 0.0031308, 12.92 * shoulder, 1.055 * shoulder ** (1.0 / 2.4) - 0.055
-    )
-    table = (255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.float32)
+    table = (255.0 * np.clip(srgb_from_linear(shoulder), 0.0, 1.0)).astype(np.float32)
     index = np.minimum(image * ((steps - 1) / 4.0), steps - 1).astype(np.int32)
     dithered = table[index] + _dither(*image.shape[:2])[:, :, None]
     return np.asarray(dithered, dtype=np.uint8)
