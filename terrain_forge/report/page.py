@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -79,11 +78,6 @@ def render(template: str, **values: Any) -> str:
         lstrip_blocks=True,
     )
     return environment.get_template(template).render(**values)
-
-
-def render_blocks(blocks: Sequence[Block]) -> str:
-    """Blocks one below the other, as a section has them."""
-    return render("blocks.html", blocks=blocks)
 
 
 def _place(kind: type[Section]) -> int:

@@ -13,7 +13,7 @@ from terrain_forge.report import write_report_page
 from terrain_forge.report.blocks import Block, plot
 from terrain_forge.report.describe import describe
 from terrain_forge.report.lines import ground_lines
-from terrain_forge.report.page import render_blocks
+from terrain_forge.report.page import render
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.checks import measure_facts
 from terrain_forge.report.sections.view import scripts
@@ -200,7 +200,7 @@ def test_what_was_only_measured_is_no_pass():
          "passed": True},
         {"name": "drive loop: slip", "figure": -0.25, "unit": "", "limit": None, "passed": True},
     ]  # fmt: skip
-    text = Page(render_blocks(measure_facts(checks))).text
+    text = Page(render("blocks.html", blocks=measure_facts(checks))).text
     assert text == "Measured, without a limit Distance 59.68 m Slip \u22120.25"
 
 
@@ -214,7 +214,7 @@ def test_any_report_can_be_shown():
         "wheels": [{"name": "front_left", "slip": 0.1, "torque_n_m": 4.0}, {"name": "rear_left"}],
         "joints": {"left": {"angle_deg": 2}, "right": {"angle_deg": -3}},
     }
-    page = Page(render_blocks(describe(content)))
+    page = Page(render("blocks.html", blocks=describe(content)))
     assert page.text == (
         "Mean speed 0.25 m/s Arrived yes Rocks rock_1, rock_2 Energy Driving 1\u202f234\u202f567 J "
         "Note <b> Wheels Name Slip Torque [N m] front_left 0.1 4 rear_left – – "
@@ -253,12 +253,12 @@ def test_an_animated_picture_stands_still_for_who_wants_that(tmp_path, monkeypat
 
     frames = [Image.new("RGB", (40, 30), colour) for colour in ("red", "blue", "green")]
     frames[0].save(tmp_path / "drive.gif", save_all=True, append_images=frames[1:])
-    page = Page(render_blocks([plot(tmp_path / "drive.gif", description="A drive")]))
+    page = Page(render("blocks.html", blocks=[plot(tmp_path / "drive.gif", description="A drive")]))
     assert [source.partition(";")[0] for source in page.sources] == [
         "data:image/jpeg", "data:image/gif",
     ]  # fmt: skip
     monkeypatch.setattr("terrain_forge.report.blocks.LARGEST_ANIMATION", 10)
-    page = Page(render_blocks([plot(tmp_path / "drive.gif", description="A drive")]))
+    page = Page(render("blocks.html", blocks=[plot(tmp_path / "drive.gif", description="A drive")]))
     assert page.sources == []
     assert page.text.endswith("drive.gif, beside this page.")
 

@@ -13,7 +13,7 @@ from terrain_forge.dtm import ArrayDtm, FlatDtm
 from terrain_forge.model import MOON, Table, Window
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
-from terrain_forge.report.page import render_blocks
+from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.craters import Craters as CratersSection
 from terrain_forge.rocks import PopulationSpec, RocksSpec
@@ -634,7 +634,7 @@ def test_proof_of_the_numbers(tmp_path):
     counts.write_text(json.dumps(bent))
     assert [check.passed for check in crater_checks(tmp_path)] == [False, True]
     counts.write_text(json.dumps({"layers": [report]}))
-    shown = render_blocks(CratersSection().blocks(Built(world, tmp_path)))
+    shown = render("blocks.html", blocks=CratersSection().blocks(Built(world, tmp_path)))
     assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown
     assert shown.count("<td") == 4 * 5
     assert report["cumulative"]["expected"][0] == pytest.approx(report["number"]["expected"])
