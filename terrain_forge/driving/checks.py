@@ -11,13 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Record, SimulationError
+from terrain_forge.base import Array, Record, SimulationError, matrix_from_quaternion
 from terrain_forge.driving.simulation import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.driving.starts import StartsResult, drive_from_many_starts
-from terrain_forge.model import Check, World, at_least, at_most, failed
+from terrain_forge.model import Check, Rover, World, at_least, at_most, failed
 from terrain_forge.recipe import DriveSpec, StartsSpec
+from terrain_forge.scene import open_scene
 
 Progress = Callable[[float], None] | None
+
+_BELLY = (7, 5)
+_ABOVE = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,8 +47,6 @@ def drive_path(world: World, scene: Path, spec: DriveSpec, progress: Progress) -
         spec: the path and the limits.
         progress: told the share of the drive that is done, 0 to 1.
     """
-    from terrain_forge.driving.clearance import measure_clearance
-
     title = f"drive {spec.path}"
     trajectory = next((t for t in world.trajectories if t.name == spec.path), None)
     if trajectory is None:
@@ -90,6 +92,34 @@ def drive_starts(world: World, scene: Path, spec: StartsSpec, progress: Progress
         starts=result,
         timings=(("drives_wall_time_s", wall), ("drives_real_time_factor", simulated / wall)),
     )
+
+
+def measure_clearance(world: World, result: DriveResult) -> DriveResult:
+    """The result with the free height under the rover's belly over ground and rocks at each pose.
+
+    The belly is the level rectangle between the wheels at the rover's own clearance. A height is
+    negative where a rock or the ground reaches above it.
+    """
+    belly = belly_points(world.rover)
+    rotation = matrix_from_quaternion(result.quaternion)
+    points = result.position[:, None, :] + belly @ rotation.transpose(0, 2, 1)
+    starts = points.reshape(-1, 3) + np.array([0.0, 0.0, _ABOVE])
+    down = np.broadcast_to((0.0, 0.0, -1.0), starts.shape)
+    with open_scene(world) as scene:
+        distance = scene.cast(starts, down).distance.astype(np.float64)
+    free = np.where(np.isfinite(distance), distance - _ABOVE, np.inf).reshape(points.shape[:2])
+    lowest = free.min(axis=1)
+    return result.replace(clearance=np.where(np.isfinite(lowest), lowest, world.rover.clearance))
+
+
+def belly_points(rover: Rover) -> Array:
+    """Points of the belly in base_link's frame [m], shape [points, 3]."""
+    centres = rover.wheel_centres
+    inner = np.abs(centres[:, 1]).max() - max(wheel.width for wheel in rover.wheels) / 2
+    x = np.linspace(centres[:, 0].min(), centres[:, 0].max(), _BELLY[0])
+    y = np.linspace(-inner, inner, _BELLY[1])
+    east, north = np.meshgrid(x, y)
+    return np.column_stack([east.ravel(), north.ravel(), np.full(east.size, rover.clearance)])
 
 
 def rover_mass_check(world: World, model: Any, name: str) -> Check:
@@ -222,7 +252,7 @@ def write_drives(world: World, folder: Path, driven: Driven, *, film: bool) -> l
         if not result.completed:
             files.append(write_end(world, result, folder / f"{name}_end.png"))
     if starts := driven.starts:
-        from terrain_forge.driving.starts_files import write_starts_figure, write_starts_table
+        from terrain_forge.driving.files import write_starts_figure, write_starts_table
 
         files.append(write_starts_table(starts, folder / "drives.csv"))
         files.append(write_starts_figure(world, starts, folder / "drives.png"))

@@ -1,19 +1,28 @@
-"""A drive as files: poses and wheels as CSV, the driven path as TUM, and a figure."""
+"""Drives as files: poses and wheels as CSV, the driven path as TUM, tables, figures, maps."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
 from terrain_forge.base import Array, xyzw
-from terrain_forge.driving.map_figure import INK, PATH, TRACK, draw_ground
 from terrain_forge.driving.result import DriveResult
+from terrain_forge.driving.starts import StartResult, StartsResult
 from terrain_forge.model import World
-from terrain_forge.writers import Column, figure_text, file_name, write_table
+from terrain_forge.writers import Column, figure_text, file_name, quoted, write_table
+
+PATH, TRACK, INK, HIT = "#f2c230", "#1668a8", "#4a433d", "#c0392b"
+"""Colours of the planned path, the driven track, the text, and what was hit."""
+_MAP_NODES = 800
+_SMALLEST_SHOWN = 0.3
+_MARGIN = 4.0
 
 
 def stem(result: DriveResult) -> str:
@@ -88,12 +97,12 @@ def write_figure(world: World, result: DriveResult, path: Path) -> Path:
 def _draw_map(axes: Axes, world: World, result: DriveResult) -> None:
     planned = next(t for t in world.trajectories if t.name == result.path).position[:, :2]
     driven = result.position[:, :2]
-    draw_ground(axes, world, touched=result.rocks, around=np.vstack([planned, driven]))
+    _draw_ground(axes, world, touched=result.rocks, around=np.vstack([planned, driven]))
     axes.plot(*planned.T, color=PATH, linewidth=3.5, label="path")
     axes.plot(*driven.T, color=TRACK, linewidth=1.2, label="driven")
     axes.plot(*planned[0], "o", color=INK, markersize=5, label="start")
     if not result.completed:
-        axes.plot(*driven[-1], "X", color="#c0392b", markersize=10, label="end")
+        axes.plot(*driven[-1], "X", color=HIT, markersize=10, label="end")
     name = figure_text(result.path)
     title = f"{name}: {result.reason}, {result.distance:.0f} m in {result.duration:.0f} s"
     axes.set_title(title, loc="left", fontsize=10, color=INK)
@@ -114,3 +123,109 @@ def _draw_band(axes: Axes, result: DriveResult, values: Array, title: str) -> No
         result.time, values.min(1), values.max(1), color=TRACK, alpha=0.25, linewidth=0
     )
     _draw_series(axes, result, values.mean(1), title)
+
+
+def write_starts_table(result: StartsResult, path: Path) -> Path:
+    """Write a row for each drive; figures of drives that could not begin are 0."""
+    starts = result.starts
+    numbers = {
+        "x_m": [start.start[0] for start in starts],
+        "y_m": [start.start[1] for start in starts],
+        "heading_deg": [math.degrees(start.heading) for start in starts],
+        "progress_m": [_figure(start, "progress") for start in starts],
+        "time_s": [_figure(start, "duration") for start in starts],
+        "mean_slip": [_figure(start, "mean_slip") for start in starts],
+        "largest_tilt_deg": [math.degrees(_figure(start, "largest_tilt")) for start in starts],
+        "rocks_touched": [float(len(s.drive.rocks)) if s.drive else 0.0 for s in starts],
+        "motor_work_j": [s.drive.energy.driving if s.drive else 0.0 for s in starts],
+    }
+    columns = [
+        Column(name="number", values=np.arange(len(starts)), form="%d"),
+        Column(name="arrived", values=np.array([s.arrived for s in starts], int), form="%d"),
+        *(Column(name=n, values=np.array(v), form="%.6f") for n, v in numbers.items()),
+        Column(
+            name="reason", values=np.array([quoted(s.reason) for s in starts], object), form="%s"
+        ),
+    ]
+    write_table(path, columns)
+    return path
+
+
+def _figure(start: StartResult, name: str) -> float:
+    return float(getattr(start.drive, name)) if start.drive else 0.0
+
+
+def write_starts_figure(world: World, result: StartsResult, path: Path) -> Path:
+    """Draw a map of all drives: those that arrived, those that did not, and where they ended."""
+    figure = Figure(figsize=(7.5, 7.5), dpi=120, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    west, south, east, north = world.ground.bounds
+    _draw_ground(axes, world, touched=(), around=np.array([(west, south), (east, north)]))
+    for start in result.starts:
+        colour = TRACK if start.arrived else HIT
+        axes.plot(*start.start, "o", color=colour, markersize=4)
+        if start.drive:
+            axes.plot(*start.drive.position[:, :2].T, color=colour, linewidth=1.4)
+            if not start.arrived:
+                axes.plot(*start.drive.position[-1, :2], "x", color=colour, markersize=6)
+    arrived = sum(start.arrived for start in result.starts)
+    axes.set_title(
+        f"{arrived} of {len(result.starts)} drives of {result.length:g} m arrived; "
+        f"mean slip {result.mean_slip:.1%}",
+        loc="left", fontsize=10, color=INK,
+    )  # fmt: skip
+    figure.savefig(path, metadata={"Software": None})
+    return path
+
+
+def _draw_ground(axes: Axes, world: World, *, touched: Collection[str], around: Array) -> None:
+    """Draw the shaded ground and the rocks that a map of this size can show.
+
+    Args:
+        axes: where to draw.
+        world: the world.
+        touched: names of rocks that are shown in the colour of hits.
+        around: points that the map shows, with a margin [m], shape [points, 2].
+    """
+    ground = world.ground
+    step = -(-max(ground.shape) // _MAP_NODES)
+    heights = ground.elevation[::step, ::step].astype(np.float64)
+    spacing = ground.spacing * step
+    west, south = ground.origin
+    rows, columns = heights.shape
+    half = spacing / 2
+    extent = (
+        west - half,
+        west - half + columns * spacing,
+        south - half,
+        south - half + rows * spacing,
+    )
+    shade = _hillshade(heights, spacing, world.lighting.towards_sun)
+    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=-0.4, vmax=1.4)
+    _draw_rocks(axes, world, touched)
+    low = np.maximum(around.min(0) - _MARGIN, ground.bounds[:2])
+    high = np.minimum(around.max(0) + _MARGIN, ground.bounds[2:])
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_xlabel("East, m", color=INK, loc="left")
+    axes.set_ylabel("North, m", color=INK)
+
+
+def _draw_rocks(axes: Axes, world: World, names: Collection[str]) -> None:
+    field = world.field
+    touched = np.isin(field.id, [int(name.removeprefix("rock_")) for name in names])
+    for rows, colour in ((~touched & (field.diameter >= _SMALLEST_SHOWN), INK), (touched, HIT)):
+        size = field.diameter[rows]
+        circles = EllipseCollection(
+            size, size, np.zeros(len(size)), units="xy", offsets=field.position[rows, :2],
+            offset_transform=axes.transData, facecolors=colour, alpha=0.75, linewidths=0,
+        )  # fmt: skip
+        axes.add_collection(circles)
+
+
+def _hillshade(heights: Array, spacing: float, towards_sun: Array) -> Array:
+    """Cosine of the Sun's incidence on each node."""
+    north, east = np.gradient(heights, spacing)
+    normal = np.stack([-east, -north, np.ones_like(heights)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.asarray(normal @ towards_sun)

@@ -1,7 +1,7 @@
 """The rover in pictures of the ray scene, as it stood during a drive.
 
-Its links join the rocks of a small piece of the world: the renderer then gives them their shadows,
-the Sun and whatever stands before them.
+Its links join the rocks around it: the renderer then gives them their shadows, the Sun and whatever
+stands before them.
 """
 
 from __future__ import annotations
@@ -11,10 +11,23 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import (
+    Array,
+    linear_from_srgb,
+    matrix_from_quaternion,
+    quaternion_from_rpy,
+)
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.model import Link, Mesh, RockField, RockPrototype, Rover, Shape, World, merge
-from terrain_forge.scene import open_scene, pinhole_camera, take_picture
+from terrain_forge.model import Link, Mesh, Rover, Shape, World
+from terrain_forge.scene import (
+    Instances,
+    RayScene,
+    Subject,
+    pinhole_camera,
+    subject_of,
+    take_picture,
+    tones,
+)
 
 _REACH = 14.0
 """Half the side of the piece of the world that a picture shows [m]."""
@@ -46,19 +59,21 @@ def photograph(
     position = result.position[pose]
     size = max(world.rover.length / _LENGTH, 1.0)
     away = size * _BEHIND
-    staged = _stage(_piece(world, position, _REACH + away - _BEHIND), result, pose)
+    subject = _around(subject_of(world), position, _REACH + away - _BEHIND)
+    rover = rover_parts(world, result, pose)
+    ground = subject.ground
     heading = _heading(result, pose)
     behind = position - away * np.array([math.cos(heading), math.sin(heading), 0.0])
-    west, south, east, north = staged.ground.bounds
+    west, south, east, north = ground.bounds
     at = np.clip(behind[:2], (west, south), (east, north))
-    lowest = float(staged.ground.height_at(*at)) + _LOWEST
+    lowest = float(ground.height_at(*at)) + _LOWEST
     behind[2] = max(position[2] + size * _ABOVE, lowest)
     camera = pinhole_camera(
         position=behind, yaw=heading, pitch=_PITCH, field_of_view=_FIELD_OF_VIEW, width=width,
         height=height,
     )  # fmt: skip
-    with open_scene(staged) as scene:
-        return take_picture(staged, scene, camera, world.lighting)
+    with RayScene(subject.replace(instances=subject.instances.add(rover))) as scene:
+        return take_picture(scene, camera)
 
 
 def _heading(result: DriveResult, pose: int) -> float:
@@ -68,47 +83,41 @@ def _heading(result: DriveResult, pose: int) -> float:
     return math.atan2(np.sin(yaw).mean(), np.cos(yaw).mean())
 
 
-def _piece(world: World, position: Array, reach_m: float) -> World:
+def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
     """The ground and the rocks so far around a place, with no tracks on it but the rover's."""
-    ground = world.ground
+    ground, rocks = subject.ground, subject.instances
     rows, columns = ground.shape
     reach = math.ceil(reach_m / ground.spacing)
     i, j = (round((position[n] - ground.origin[n]) / ground.spacing) for n in range(2))
     column, row = max(min(i, columns - 2) - reach, 0), max(min(j, rows - 2) - reach, 0)
     wide, high = min(2 * reach, columns - 1 - column), min(2 * reach, rows - 1 - row)
-    colours = world.appearance.ground_rgb[row : row + high + 1, column : column + wide + 1]
-    near = np.abs(world.field.position[:, :2] - position[:2]).max(axis=1) < reach_m + 2.0
-    return world.replace(
+    near = np.abs(rocks.position[:, :2] - position[:2]).max(axis=1) < reach_m + 2.0
+    return subject.replace(
         ground=ground.cut(column=column, row=row, columns=wide, rows=high),
-        appearance=world.appearance.replace(ground_rgb=colours),
-        field=world.field.select(near),
-        neighbours=world.field.select(np.zeros(0, np.intp)),
-        trajectories=(),
+        ground_rgb=subject.ground_rgb[row : row + high + 1, column : column + wide + 1],
+        instances=rocks.select(near),
+        tracks=(),
     )
 
 
-def _stage(world: World, result: DriveResult, pose: int) -> World:
-    """The world with the rover's links among its rocks."""
+def rover_parts(world: World, result: DriveResult, pose: int) -> Instances:
+    """The rover's visible shapes at a pose of a drive, one instance for each link and colour."""
     poses = link_poses(world.rover, result, pose)
     parts = [
-        (poses[link.name], mesh, rgb) for link in world.rover.links for mesh, rgb in _looks(link)
+        (*poses[link.name], mesh, rgb) for link in world.rover.links for mesh, rgb in _looks(link)
     ]
-    rocks, shapes = world.field, world.library.prototypes
-    colours = np.array([np.multiply(rgb, 255) for _, _, rgb in parts]).round().astype(np.uint8)
-    added = _as_rocks(
-        [place for place, _, _ in parts],
-        populations=(*rocks.populations, *(f"part {n}" for n in range(len(parts)))),
-        population=len(rocks.populations),
-        prototype=len(shapes),
-    )
-    library = world.library.replace(prototypes=(*shapes, *(_prototype(m) for _, m, _ in parts)))
-    everyone = merge(rocks.replace(populations=added.populations), added)
-    all_rgb = np.vstack([world.appearance.rock_rgb, colours])
-    return world.replace(
-        library=library,
-        field=everyone,
-        neighbours=everyone.select(np.zeros(0, np.intp)),
-        appearance=world.appearance.replace(rock_rgb=all_rgb),
+    positions, rotations, meshes, colours = zip(*parts, strict=True)
+    count = len(parts)
+    number = np.arange(count, dtype=np.int32)
+    tone = tones(np.int32(np.iinfo(np.int32).max - count) + number, world.site.seed)
+    return Instances(
+        meshes=meshes,
+        mesh=number,
+        position=np.array(positions),
+        rotation=np.array(rotations),
+        scale=np.ones(count),
+        grain=np.full(count, _SMOOTH),
+        rgb=linear_from_srgb(np.round(255.0 * np.array(colours)) / 255.0) * tone[:, None],
     )
 
 
@@ -167,53 +176,3 @@ def _unwelded(triangles: Array) -> Mesh:
     """A mesh whose faces share no vertex, so that it is shaded with sharp edges."""
     faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
     return Mesh(vertices=triangles.reshape(-1, 3), faces=faces)
-
-
-def _prototype(mesh: Mesh) -> RockPrototype:
-    return RockPrototype(
-        family="rover",
-        meshes=(mesh,),
-        hulls=(mesh,),
-        volume=1.0,
-        inertia=np.eye(3),
-        hull_excess=0.0,
-        hull_distance=0.0,
-        uvs=(np.zeros((len(mesh.faces), 3, 2)),),
-        outline_errors=(0.0,),
-        reach=1.0,
-        rise=1.0,
-    )
-
-
-def _as_rocks(
-    places: list[tuple[Array, Array]],
-    *,
-    populations: tuple[str, ...],
-    population: int,
-    prototype: int,
-) -> RockField:
-    """A row for each part, each with a population (its colour) and a prototype of its own."""
-    count = len(places)
-    order = np.arange(count, dtype=np.int32)
-    return RockField(
-        populations=populations,
-        id=np.int32(np.iinfo(np.int32).max - count) + order,
-        population=np.int32(population) + order,
-        prototype=np.int32(prototype) + order,
-        position=np.array([position for position, _ in places]),
-        quaternion=np.array([_quaternion(rotation) for _, rotation in places]),
-        scale=np.ones(count),
-        diameter=np.full(count, _SMOOTH),
-        height=np.ones(count),
-        buried_fraction=np.zeros(count),
-        volume=np.ones(count),
-        mass=np.ones(count),
-        dynamic=np.zeros(count, np.bool_),
-        collides=np.ones(count, np.bool_),
-    )
-
-
-def _quaternion(rotation: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(rotation).as_quat(), 1)

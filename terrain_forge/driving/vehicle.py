@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, SimulationError
-from terrain_forge.driving.audit import EnergyAudit
-from terrain_forge.driving.result import longitudinal_slip
+from terrain_forge.driving.result import EnergyBalance, longitudinal_slip
 from terrain_forge.model import Rover
 
 _PAIR_LIMIT = 50
@@ -21,6 +20,61 @@ _HIGHEST_LIFT, _LIFT_STEP = 0.3, 0.02
 _FARTHEST_SETTLING = 0.5
 _AT_LIMIT = 0.999
 _EARTH_GRAVITY = 9.80665
+
+TOLERANCE = 0.1
+"""How far mechanical energy may rise above the motors' work, as a part of the energy that lifts the
+rover by the radius of a wheel on Earth. A contact gives back what it stored while it was
+compressed: up to 1.8 J of a rover of 50 kg whose wheels press against rocks with all their torque
+(docs/driving.md), on any body. An instability makes many times that within a second."""
+
+
+class EnergyAudit:
+    """Follows the work of the motors and the mechanical energy.
+
+    What the motors put in less what the bodies hold is what friction has taken, and friction gives
+    nothing back: that difference may never fall, but for what contacts store.
+    """
+
+    def __init__(self, *, reference: float, energy: float) -> None:
+        """Begin.
+
+        Args:
+            reference: energy that lifts the rover by a wheel's radius on Earth [J].
+            energy: mechanical energy at the start [J].
+        """
+        self.limit = TOLERANCE * reference
+        """Largest rise that passes [J]."""
+        self._start = self._energy = energy
+        self._driving = self._braking = 0.0
+        self._taken = 0.0
+        self._unexplained = 0.0
+
+    def add(self, *, driving: float, braking: float, energy: float) -> None:
+        """Note the work of the motors [J] since the last time, and the energy now [J]."""
+        self._driving += driving
+        self._braking += braking
+        self._energy = energy
+        taken = self._driving + self._braking - (energy - self._start)
+        self._taken = max(self._taken, taken)
+        self._unexplained = max(self._unexplained, self._taken - taken)
+
+    def fault(self) -> str:
+        """What is wrong with the energy; empty if nothing is."""
+        if self._unexplained <= self.limit:
+            return ""
+        return (
+            f"energy grew without cause, by {self._unexplained:.3g} J more than the motors' work "
+            f"(at most {self.limit:.3g} J)"
+        )
+
+    def balance(self) -> EnergyBalance:
+        """The balance from the start until now."""
+        return EnergyBalance(
+            driving=self._driving,
+            braking=self._braking,
+            gained=self._energy - self._start,
+            unexplained=self._unexplained,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,6 @@ import numpy as np
 
 from terrain_forge.base import Array
 from terrain_forge.report.section import Built
-from terrain_forge.report.style import html
 
 _PATHS = ("#f2c230", "#ff82dc", "#82f078", "#ff9a4d")
 _TRACK = "#4db8ff"
@@ -29,11 +28,6 @@ class Line:
     """East and north of its points [m], shape [points, 2]."""
     driven: bool
     """Whether it was driven; otherwise it was planned."""
-
-    @property
-    def key(self) -> str:
-        """Its entry in a legend, as HTML."""
-        return f'<span class="key" style="--key:{self.colour}">{html(self.name)}</span>'
 
 
 def ground_lines(built: Built) -> list[Line]:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from base64 import b64encode
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
+from terrain_forge.base import parts
 from terrain_forge.model import World
-from terrain_forge.report.checks import checks_section, conformance_section, further_section
-from terrain_forge.report.craters import craters_section
-from terrain_forge.report.ground import ground_section
-from terrain_forge.report.paths import drive_section, paths_section
-from terrain_forge.report.rocks import rocks_section
+from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.section import Built, Section
-from terrain_forge.report.style import Html, join, page, section
-from terrain_forge.report.summary import built_section, header, preview
-from terrain_forge.report.usage import files_section, usage_section
-from terrain_forge.report.view import scripts, view_section
+from terrain_forge.report.sections.view import bundled, scripts
+
+SECTIONS = "terrain_forge.report_sections"
+"""Entry points of other packages' sections."""
 
 
 def write_report_page(
@@ -43,46 +44,58 @@ def write_report_page(
         TerrainForgeError: where Embree is missing, which takes the pictures.
     """
     built = Built(world, directory, above)
-    sections = [part for make in SECTIONS if (part := make(built))]
-    body = join(
-        [
-            header(built, sections),
-            preview(built),
-            *(section(part.title, *part.html, anchor=part.anchor) for part in sections),
-            _footer(),
-        ]
+    kinds = sorted(parts(Section, "terrain_forge.report.sections", SECTIONS), key=_place)
+    sections = [
+        {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}
+        for kind in kinds
+        if (blocks := kind().blocks(built))
+    ]
+    text = render(
+        "page.html",
+        accent=_accent(world),
+        policy=_policy(),
+        style=bundled("page.css"),
+        title=world.site.name,
+        lead=_lead(built),
+        **_verdict(built.validation),
+        sections=sections,
+        preview=_preview(directory / "preview.png"),
+        version=__version__,
     )
     report = directory / "report.html"
-    text = page(world.site.name, accent=_accent(world), body=body, scripts=scripts())
     report.write_text(text, encoding="utf-8", newline="\n")
     return report
 
 
-def _craters(built: Built) -> Section | None:
-    counts = built.json("truth/crater_counts.json")
-    return Section("The craters", tuple(craters_section(counts))) if counts else None
+def render(template: str, **values: Any) -> str:
+    """A template with values, all of which it escapes."""
+    folder = Path(__file__).parent / "templates"
+    environment = Environment(
+        loader=FileSystemLoader(folder),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**values)
 
 
-def _rocks(built: Built) -> Section:
-    proof = built.json("truth/size_frequency.json")
-    return Section("The rocks", tuple(rocks_section(built.world, proof, built.directory / "truth")))
+def _place(kind: type[Section]) -> int:
+    return kind.place
 
 
-SECTIONS: tuple[Callable[[Built], Section | None], ...] = (
-    view_section,
-    usage_section,
-    built_section,
-    ground_section,
-    _craters,
-    _rocks,
-    paths_section,
-    drive_section,
-    checks_section,
-    conformance_section,
-    further_section,
-    files_section,
-)
-"""The page's sections in their order."""
+def _anchor(title: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+
+def _policy() -> str:
+    """What a browser may do: show what is in the page and run its own scripts."""
+    digests = (b64encode(sha256(script.encode()).digest()).decode() for script in scripts())
+    allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
+    return (
+        "default-src 'none'; img-src data: blob:; connect-src blob:; "
+        f"style-src 'unsafe-inline'; script-src {allowed}"
+    )
 
 
 def _accent(world: World) -> str:
@@ -91,6 +104,30 @@ def _accent(world: World) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def _footer() -> Html:
-    frame = "World frame: x east, y north, z up, in metres; angles in radians unless marked with °."
-    return Html(f"<footer>{frame} Made by terrain-forge {__version__}.</footer>")
+def _lead(built: Built) -> str:
+    site = built.world.site
+    east, north = built.extent
+    return (
+        f"{site.body.name.capitalize()} · {east:g} × {north:g} m at {site.spacing:g} m · "
+        f"{thousands(len(built.world.field))} rocks · seed {site.seed}"
+    )
+
+
+def _verdict(validation: dict[str, Any]) -> dict[str, Any]:
+    """Whether the world is as it should be, and which checks failed."""
+    checks = validation.get("checks", [])
+    failed = [check["name"] for check in checks if not check["passed"]]
+    if not checks:
+        verdict = Cell("not validated", "open")
+    elif failed:
+        verdict = Cell(f"{len(failed)} of {len(checks)} checks failed", "bad")
+    else:
+        verdict = Cell(f"all {len(checks)} checks passed", "good")
+    return {"verdict": verdict, "failed": failed}
+
+
+def _preview(path: Path) -> Block | None:
+    """The world as a rover's camera sees it, where the folder has that picture."""
+    if not path.is_file():
+        return None
+    return photograph(read_picture(path), "The world seen from a rover's height")

@@ -1,23 +1,19 @@
-"""What the page's sections are made from, and what they are.
-
-A section is one function, from what was built to a `Section`, or to None where there is nothing to
-say; `page.SECTIONS` is the list of them in the page's order.
-"""
+"""What the page's sections are made from, and what they are."""
 
 from __future__ import annotations
 
 import json
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.model import World
-from terrain_forge.report.style import ANIMATED, Html
+from terrain_forge.report.blocks import ANIMATED, Block
 
 MAP_PIXELS = 1024
 """Pixels along the longer side of the picture from above."""
@@ -26,19 +22,19 @@ Content = dict[str, Any]
 """What a JSON file says."""
 
 
-@dataclass(frozen=True)
 class Section:
-    """A headed part of the page, to which the page's own list of contents leads."""
+    """A headed part of the page. A subclass is a module of report/sections, which finds itself."""
 
-    title: str
+    kind: ClassVar[str]
+    """Tells it apart."""
+    title: ClassVar[str]
     """Its heading."""
-    html: tuple[Html, ...]
-    """Its parts, one below the other."""
+    place: ClassVar[int]
+    """Sections stand in the order of their places."""
 
-    @property
-    def anchor(self) -> str:
-        """Its name within the page."""
-        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """Its parts, one below the other; none where there is nothing to say."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)

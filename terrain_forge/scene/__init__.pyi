@@ -10,3 +10,7 @@ from .preview import write_preview as write_preview
 from .scene import GROUND as GROUND
 from .scene import RayScene as RayScene
 from .scene import open_scene as open_scene
+from .subject import Instances as Instances
+from .subject import Subject as Subject
+from .subject import subject_of as subject_of
+from .subject import tones as tones

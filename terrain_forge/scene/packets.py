@@ -11,29 +11,9 @@ from terrain_forge.base import inner, kernel
 LANES = 8
 """Rays of a packet; eight is the native width of AVX2."""
 (
-    ORIGIN_X,
-    ORIGIN_Y,
-    ORIGIN_Z,
-    NEAR,
-    DIRECTION_X,
-    DIRECTION_Y,
-    DIRECTION_Z,
-    TIME,
-    FAR,
-    MASK,
-    RAY_ID,
-    FLAGS,
-    NORMAL_X,
-    NORMAL_Y,
-    NORMAL_Z,
-    U,
-    V,
-    TRIANGLE,
-    GEOMETRY,
-    INSTANCE,
-    COPY,
-    ACTIVE,
-) = range(22)
+    ORIGIN_X, ORIGIN_Y, ORIGIN_Z, NEAR, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, TIME, FAR, MASK,
+    RAY_ID, FLAGS, NORMAL_X, NORMAL_Y, NORMAL_Z, U, V, TRIANGLE, GEOMETRY, INSTANCE, COPY, ACTIVE,
+) = range(22)  # fmt: skip
 ROWS = 24
 """The 21 words of a ray and its hit, the mask of active lanes, and padding to whole cache lines."""
 PACKET_BYTES = 4 * ROWS * LANES
@@ -136,20 +116,3 @@ def cast_packets(  # type: ignore[no-untyped-def]
                     x, y, z = hit_normal(ray, lane, hit, rotation)
                     distance[row] = ray[FAR, lane]
                 rock[row], normal[row, 0], normal[row, 1], normal[row, 2] = hit, x, y, z
-
-
-@kernel
-def occlude_packets(  # type: ignore[no-untyped-def]
-    begin, end, scene, query, origins, directions, reach, packets, blocked
-):
-    """Fill `blocked` for some chunks: whether anything lies within `reach` [m] along each ray."""
-    for chunk in range(begin, end):
-        ray = packets[chunk]
-        word, address = ray.view(np.uint32), ray.ctypes.data
-        start, stop = _share(chunk, len(origins))
-        for first in range(start, stop, LANES):
-            filled = min(LANES, stop - first)
-            _load(ray, word, origins, directions, first, filled, reach)
-            occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
-            for lane in range(filled):
-                blocked[first + lane] = ray[FAR, lane] < 0.0

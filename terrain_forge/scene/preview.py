@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array
 from terrain_forge.model import Lighting, World
+from terrain_forge.scene.buffers import prepare_land, prepare_light, prepare_stones, prepare_tracks
 from terrain_forge.scene.camera import Camera, map_camera, pinhole_camera
 from terrain_forge.scene.render import develop, expose
 from terrain_forge.scene.scene import GROUND, RayScene, open_scene
-from terrain_forge.scene.subject import prepare_land, prepare_light, prepare_stones, prepare_tracks
 from terrain_forge.writers import write_png
 
 _FIELD_OF_VIEW = 1.15
@@ -21,7 +21,6 @@ _EYE = 2.0
 _ASIDE = 1.5
 _YAWS = 12
 _MAP_HEIGHT = 100.0
-_PATH_COLOURS = ((70, 220, 255), (255, 225, 60), (130, 255, 120), (255, 130, 220))
 _SKETCH = (32, 18)
 
 
@@ -33,11 +32,11 @@ def render_preview(world: World, *, width: int = 1280, height: int = 720) -> NDA
     """
     with open_scene(world) as scene:
         camera = choose_view(world, scene, width=width, height=height)
-        return take_picture(world, scene, camera, world.lighting)
+        return take_picture(scene, camera)
 
 
-def render_map(world: World, size: int = 900) -> NDArray[np.uint8]:
-    """The world from above, north up, lit from the north-west, with its paths.
+def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
+    """The world from above, north up, lit from the north-west.
 
     Args:
         world: what is shown.
@@ -49,18 +48,9 @@ def render_map(world: World, size: int = 900) -> NDArray[np.uint8]:
     Raises:
         TerrainForgeError: where Embree is missing.
     """
-    image, camera = render_from_above(world, size), _camera_above(world, size)
-    for number, trajectory in enumerate(world.trajectories):
-        colour = _PATH_COLOURS[number % len(_PATH_COLOURS)]
-        _draw_path(image, camera, trajectory.position, colour)
-    return image
-
-
-def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
-    """What `render_map` shows, without the paths."""
     north_west = world.lighting.replace(sun_azimuth=np.radians(315.0), sun_elevation=0.5)
     with open_scene(world) as scene:
-        return take_picture(world, scene, _camera_above(world, size), north_west)
+        return take_picture(scene, _camera_above(world, size), north_west)
 
 
 def _camera_above(world: World, size: int) -> Camera:
@@ -81,45 +71,19 @@ def write_preview(world: World, path: Path) -> None:
 
 
 def take_picture(
-    world: World, scene: RayScene, camera: Camera, lighting: Lighting
+    scene: RayScene, camera: Camera, lighting: Lighting | None = None
 ) -> NDArray[np.uint8]:
-    """A picture of a world through a camera, sRGB, shape [height, width, 3]."""
+    """A scene through a camera, sRGB, shape [height, width, 3]; in its own light by default."""
+    lighting = lighting or scene.subject.lighting
     image = expose(
         scene,
         camera,
-        land=prepare_land(world, scene, lighting),
-        tracks=prepare_tracks(world, scene),
-        stones=prepare_stones(world, scene),
-        light=prepare_light(world, lighting, facing=0.35 if camera.pinhole else 1.0),
+        land=prepare_land(scene, lighting),
+        tracks=prepare_tracks(scene),
+        stones=prepare_stones(scene),
+        light=prepare_light(scene.subject, lighting, facing=0.35 if camera.pinhole else 1.0),
     )
     return develop(image)
-
-
-def _draw_path(
-    image: NDArray[np.uint8], camera: Camera, position: Array, colour: tuple[int, int, int]
-) -> None:
-    """Draw a line two pixels wide along positions [m] into a map, and a dot where they begin."""
-    pixel = camera.right[0]
-    steps = np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1)
-    distance = np.concatenate([[0.0], np.cumsum(steps)])
-    along = np.arange(0.0, distance[-1], 0.5 * pixel)
-    east, north = (np.interp(along, distance, position[:, axis]) for axis in range(2))
-    column = (east - camera.position[0]) / pixel + 0.5 * camera.width
-    row = (camera.position[1] - north) / pixel + 0.5 * camera.height
-    _dots(image, column, row, 1.0, colour)
-    _dots(image, column[:1], row[:1], 5.0, colour)
-
-
-def _dots(
-    image: NDArray[np.uint8], column: Array, row: Array, radius: float, colour: tuple[int, int, int]
-) -> None:
-    reach = np.arange(-int(radius), int(radius) + 1)
-    across, down = (grid.ravel() for grid in np.meshgrid(reach, reach))
-    round_off = across**2 + down**2 <= radius**2
-    i = np.floor(column).astype(int)[:, None] + across[round_off]
-    j = np.floor(row).astype(int)[:, None] + down[round_off]
-    inside = (i >= 0) & (i < image.shape[1]) & (j >= 0) & (j < image.shape[0])
-    image[j[inside], i[inside]] = colour
 
 
 def choose_view(world: World, scene: RayScene, *, width: int, height: int) -> Camera:

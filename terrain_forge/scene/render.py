@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import get_num_threads
+from numba import get_num_threads, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, inner, kernel
-from terrain_forge.scene.borrow import borrow
+from terrain_forge.base import Array, inlined, inner, kernel, srgb_from_linear
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
@@ -240,6 +240,30 @@ def _expose_packet(scene, queries, view, land, tracks, stones, light, ray, point
             image[top + lane // _TILE, left + lane % _TILE, channel] /= taken
 
 
+def _borrow(_typing, members):  # type: ignore[no-untyped-def]
+    """The tuple or named tuple with all its arrays lent."""
+
+    def build(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
+        loan = arguments[0]
+        for index, member in enumerate(members):
+            if isinstance(member, types.Array):
+                value = builder.extract_value(loan, index)
+                view = context.make_array(member)(context, builder, value)
+                view.meminfo = view.meminfo.type(None)
+                loan = builder.insert_value(loan, view._getvalue(), index)
+        return loan
+
+    return members(members), build
+
+
+borrow: Any = intrinsic(_borrow)
+"""A tuple's arrays handed to kernels without their owner.
+
+Numba counts references to an array at every call that takes it, atomically; in a renderer of many
+small functions that costs more than the shading. A lent array is not counted: the caller keeps it.
+"""
+
+
 @kernel
 def _expose_band(scene, queries, view, land, tracks, stones, light, band, ray, point, image):  # type: ignore[no-untyped-def]
     land, tracks, stones = borrow(land), borrow(tracks), borrow(stones)
@@ -287,10 +311,7 @@ def develop(image: NDArray[np.float32]) -> NDArray[np.uint8]:
     steps = 4096
     exposure = np.linspace(0.0, 4.0, steps)
     shoulder = np.where(exposure < 0.5, exposure, 1.0 - 0.5 * np.exp(1.0 - 2.0 * exposure))
-    encoded = np.where(
-        shoulder <= 0.0031308, 12.92 * shoulder, 1.055 * shoulder ** (1.0 / 2.4) - 0.055
-    )
-    table = (255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.float32)
+    table = (255.0 * np.clip(srgb_from_linear(shoulder), 0.0, 1.0)).astype(np.float32)
     index = np.minimum(image * ((steps - 1) / 4.0), steps - 1).astype(np.int32)
     dithered = table[index] + _dither(*image.shape[:2])[:, :, None]
     return np.asarray(dithered, dtype=np.uint8)

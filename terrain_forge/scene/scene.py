@@ -1,4 +1,4 @@
-"""The ground and the rocks of a world as one thing that rays can be cast at."""
+"""The ground and the instances of a subject as one thing that rays can be cast at."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, TerrainForgeError, over_chunks
-from terrain_forge.model import Heightfield, RockField, RockLibrary, World, merge, rotations
+from terrain_forge.model import Heightfield, World
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
+from terrain_forge.scene.subject import Instances, Subject, subject_of
 
 GROUND = -1
 """What `Hits.rock` holds where a ray met the ground."""
@@ -33,38 +34,32 @@ class Hits:
     normal: NDArray[np.float32]
     """Outward unit normal of the surface in the world frame; zero where missed, shape [rays, 3]."""
     rock: NDArray[np.int32]
-    """Row of `RayScene.rocks`, or GROUND, or MISSED, shape [rays]."""
+    """Row of the subject's instances, or GROUND, or MISSED, shape [rays]."""
 
 
 class RayScene:
-    """The triangulated ground and instanced rocks in Embree. Use it in a `with` block, or close it.
+    """The triangulated ground and its instances in Embree. Use it in a `with` block, or close it.
 
     Embree computes in 32 bits; rays are moved to a frame at the ground's middle first, so that the
     error does not grow with the place of a tile in its site.
     """
 
-    def __init__(self, *, ground: Heightfield, library: RockLibrary, rocks: RockField) -> None:
+    def __init__(self, subject: Subject) -> None:
         with _FIRST:
             _check_engine()
-        self.ground = ground
-        """The bare ground."""
-        self.rocks = rocks
-        """The rocks, whose rows the hits name."""
-        self.origin: Array = _middle(ground)
+        self.subject = subject
+        """What the rays are cast at."""
+        self.origin: Array = _middle(subject.ground)
         """Where the scene's own frame lies in the world [m], shape [3]."""
-        self.rotation: Array = rotations(rocks)
-        """Rotation of each rock, shape [rocks, 3, 3]."""
         self._shapes: list[EmbreeScene] = []
         self._whole = EmbreeScene()
-        self._whole.add_grid(_vertices(ground, self.origin))
-        if len(rocks):
-            self._shapes = [
-                _shape(p.meshes[0].vertices, p.meshes[0].faces) for p in library.prototypes
-            ]
+        self._whole.add_grid(_vertices(subject.ground, self.origin))
+        if len(subject.instances):
+            self._shapes = [_shape(mesh.vertices, mesh.faces) for mesh in subject.instances.meshes]
             self._whole.add_instances(
                 self._shapes,
-                which=rocks.prototype,
-                transforms=_transforms(rocks, self.rotation, self.origin),
+                which=subject.instances.mesh,
+                transforms=_transforms(subject.instances, self.origin),
             )
         self._whole.commit()
 
@@ -96,39 +91,13 @@ class RayScene:
             query,
             start,
             towards,
-            self.rotation,
+            self.subject.instances.rotation,
             memory,
             distance,
             normal,
             rock,
         )
         return Hits(distance=distance, normal=normal, rock=rock)
-
-    def occluded(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        *,
-        reach: float = np.inf,
-        coherent: bool = False,
-    ) -> NDArray[np.bool_]:
-        """Whether rays meet anything within `reach` [m], shape [rays]; arguments as for `cast`."""
-        start, towards = self._rays(origins, directions)
-        blocked = np.empty(len(start), dtype=np.bool_)
-        query = COHERENT if coherent else INCOHERENT
-        memory = packets.packet_memory()
-        over_chunks(
-            packets.occlude_packets,
-            packets.CHUNKS,
-            self.handle,
-            query,
-            start,
-            towards,
-            float(reach),
-            memory,
-            blocked,
-        )
-        return blocked
 
     def close(self) -> None:
         """Give the memory back; the scene cannot be used any more."""
@@ -158,13 +127,12 @@ class RayScene:
 
 
 def open_scene(world: World) -> RayScene:
-    """The ray scene of a world: its ground, its rocks and those that reach into it.
+    """The ray scene of a world.
 
     Raises:
         TerrainForgeError: where Embree is missing or of another version.
     """
-    rocks = merge(world.field, world.neighbours)
-    return RayScene(ground=world.ground, library=world.library, rocks=rocks)
+    return RayScene(subject_of(world))
 
 
 def _middle(ground: Heightfield) -> Array:
@@ -189,10 +157,10 @@ def _shape(vertices: Array, faces: NDArray[np.int32]) -> EmbreeScene:
     return scene
 
 
-def _transforms(rocks: RockField, rotation: Array, origin: Array) -> NDArray[np.float32]:
-    transforms = np.empty((len(rocks), 3, 4), dtype=np.float32)
-    transforms[:, :, :3] = rotation * rocks.scale[:, None, None]
-    transforms[:, :, 3] = rocks.position - origin
+def _transforms(copies: Instances, origin: Array) -> NDArray[np.float32]:
+    transforms = np.empty((len(copies), 3, 4), dtype=np.float32)
+    transforms[:, :, :3] = copies.rotation * copies.scale[:, None, None]
+    transforms[:, :, 3] = copies.position - origin
     return transforms
 
 
@@ -213,7 +181,8 @@ def _check_engine() -> None:
     distance, normal = np.empty(1, np.float32), np.empty((1, 3), np.float32)
     rock = np.empty(1, np.int32)
     start, towards = np.array([[0.2, 0.2, 5.0]], np.float32), np.array([[0, 0, -1]], np.float32)
-    turns, memory = np.stack([np.eye(3)] * 2), packets.packet_memory()
+    turns, memory = np.broadcast_to(np.eye(3), (2, 3, 3)).copy(), packets.packet_memory()
+    turns.setflags(write=False)  # as those of scenes are: one kernel serves both
     packets.cast_packets(
         0, 1, whole.handle, INCOHERENT, start, towards, turns, memory, distance, normal, rock
     )

@@ -1,180 +1,123 @@
-"""A world prepared for the renderer: its ground, tracks, rocks and light as plain arrays."""
+"""What the renderer shows: ground, instances of meshes, tracks and light, of a world or made up."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, kernel, stage_key
-from terrain_forge.model import Lighting, Mesh, World
-from terrain_forge.scene.grain import CLAST_SHARE
-from terrain_forge.scene.light import Light
-from terrain_forge.scene.render import triple
-from terrain_forge.scene.scene import RayScene
-from terrain_forge.scene.surface import Land, Stones, Tracks
-
-_PATH_STEP = 0.1
-_ZENITH = np.array([0.50, 0.45, 0.42])
-_FALLBACK_HALF_GAUGE, _FALLBACK_WHEEL = 0.5, 0.2
+from terrain_forge.base import Array, Record, linear_from_srgb
+from terrain_forge.model import Heightfield, Lighting, Mesh, World, merge, rotations
 
 
-def linear_from_srgb(srgb: Array) -> Array:
-    """Linear light of sRGB values, both 0 to 1 (IEC 61966-2-1)."""
-    result: Array = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    return result
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Instances(Record):
+    """Copies of meshes, each with a pose, a size and a colour."""
+
+    meshes: tuple[Mesh, ...]
+    """The meshes, in frames of their own."""
+    mesh: NDArray[np.int32]
+    """Index into `meshes` of each copy, shape [copies]."""
+    position: Array
+    """Where their frames begin in the world [m], shape [copies, 3]."""
+    rotation: Array
+    """From their frames to the world's, shape [copies, 3, 3]."""
+    scale: Array
+    """Their size over that of their meshes, shape [copies]."""
+    grain: Array
+    """Diameter that the fine texture on them is made for [m], shape [copies]."""
+    rgb: Array
+    """Linear albedo, shape [copies, 3]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("mesh", np.int32, ("copies",))
+        for name in ("scale", "grain"):
+            self.freeze(name, np.float64, ("copies",))
+        for name in ("position", "rgb"):
+            self.freeze(name, np.float64, ("copies", 3))
+        self.freeze("rotation", np.float64, ("copies", 3, 3))
+
+    def __len__(self) -> int:
+        """How many copies there are."""
+        return len(self.mesh)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Instances:
+        """Some of the copies."""
+        return self.replace(**{name: getattr(self, name)[rows] for name in _COLUMNS})
+
+    def add(self, other: Instances) -> Instances:
+        """These copies and others after them."""
+        moved = other.replace(mesh=other.mesh + np.int32(len(self.meshes)))
+        joined = {
+            name: np.concatenate([getattr(self, name), getattr(moved, name)]) for name in _COLUMNS
+        }
+        return self.replace(meshes=(*self.meshes, *other.meshes), **joined)
 
 
-def prepare_land(world: World, scene: RayScene, lighting: Lighting) -> Land:
-    """The ground of a world for the renderer."""
-    ground, sun = world.ground, lighting.towards_sun
-    east, north, middle = triple(scene.origin)
-    lean = 1.0 / max(float(sun[2]), 0.3)
-    return Land(
-        elevation=(ground.elevation - middle).astype(np.float32),
-        rgb=world.appearance.ground_rgb,
-        linear=linear_from_srgb(np.arange(256) / 255.0),
-        corner=(ground.origin[0] - east, ground.origin[1] - north),
-        shift=(east, north),
-        spacing=ground.spacing,
-        edge=_border_height(ground.elevation) - middle,
-        key=stage_key(world.site.seed, "grain"),
-        clast_share=CLAST_SHARE,
-        shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
-    )
+_COLUMNS = ("mesh", "position", "rotation", "scale", "grain", "rgb")
 
 
-def prepare_stones(world: World, scene: RayScene) -> Stones:
-    """The rocks of a world for the renderer, each a little lighter or darker than the next."""
-    rocks = scene.rocks
-    faces, normals, first = _shapes([p.meshes[0] for p in world.library.prototypes])
-    tone = np.random.SeedSequence(world.site.seed).generate_state(1)[0]
-    spread = ((rocks.id.astype(np.uint64) + tone) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
-    shade = 0.75 + 0.5 * spread.astype(np.float64) / 2.0**24
-    albedo = linear_from_srgb(world.appearance.rock_rgb / 255.0)
-    airy = max(world.lighting.sky_rgb) > 0.0
-    return Stones(
-        centre=rocks.position - scene.origin,
-        rotation=scene.rotation,
-        size=np.array(rocks.diameter),
-        rgb=albedo[rocks.population] * shade[:, None],
-        first_face=first[rocks.prototype],
-        faces=faces,
-        normals=normals,
-        dust=0.55 if airy else 0.25,
-    )
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Subject(Record):
+    """Everything that a picture shows."""
+
+    ground: Heightfield
+    """The bare ground."""
+    ground_rgb: NDArray[np.uint8]
+    """Its sRGB colour at the nodes, shape [rows, columns, 3]."""
+    instances: Instances
+    """What stands on it, first of all the rocks."""
+    lighting: Lighting
+    """The Sun and the sky."""
+    sun_diameter: float
+    """Angle that the Sun's disc fills [rad]."""
+    seed: int
+    """Seed of the fine texture."""
+    tracks: tuple[Array, ...] = ()
+    """Paths that wheels have left tracks along, east and north [m], shape [points, 2] each."""
+    half_gauge: float = 0.5
+    """Sideways distance of the wheels from the paths [m]."""
+    wheel_width: float = 0.2
+    """Width of the wheels [m]."""
+
+    def __post_init__(self) -> None:
+        if self.ground_rgb.flags.writeable or not self.ground_rgb.flags.c_contiguous:
+            self.freeze("ground_rgb", np.uint8, (*self.ground.shape, 3))
 
 
-def prepare_tracks(world: World, scene: RayScene) -> Tracks:
-    """The wheel tracks that the paths of a world leave on its ground."""
-    rover, ground = world.rover, world.ground
-    half_gauge, width = _FALLBACK_HALF_GAUGE, _FALLBACK_WHEEL
+def subject_of(world: World) -> Subject:
+    """A world for the renderer: the instances are its rocks and those that reach into it, by id."""
+    rocks, rover = merge(world.field, world.neighbours), world.rover
+    wheels = dict[str, float]()
     if rover.wheels:
-        half_gauge = float(np.abs(rover.wheel_centres[:, 1]).max())
-        width = max(wheel.width for wheel in rover.wheels)
-    paths = [_resampled(t.position[:, :2] - scene.origin[:2]) for t in world.trajectories]
-    points = np.concatenate(paths) if paths else np.empty((0, 5))
-    nearest = np.full(ground.shape, -1, dtype=np.int32)
-    corner = np.array(ground.origin) - scene.origin[:2]
-    _stamp(points, corner, ground.spacing, half_gauge + width + ground.spacing, nearest)
-    return Tracks(nearest=nearest, points=points, half_gauge=half_gauge, width=width)
-
-
-def prepare_light(world: World, lighting: Lighting, *, facing: float) -> Light:
-    """Sun and sky, exposed so that level sunlit ground shows in its own colour.
-
-    Args:
-        world: what is lit.
-        lighting: Sun and sky; need not be the world's own.
-        facing: cosine of the angle that level ground is seen under.
-    """
-    sky = np.asarray(lighting.sky_rgb, dtype=np.float64)
-    radius = 0.5 * world.site.body.sun_diameter
-    sine, cosine = np.sin(lighting.sun_azimuth), np.cos(lighting.sun_azimuth)
-    low, high = np.cos(lighting.sun_elevation), np.sin(lighting.sun_elevation)
-    airy = bool(sky.max() > 0.0)
-    up = max(float(lighting.towards_sun[2]), 0.05)
-    lunar = 0.35 if airy else 0.75
-    level, grazing = (lunar * 2.0 * up / (up + mu) + (1.0 - lunar) * up for mu in (facing, 0.1))
-    # Dust scatters about a third of a clear day's sunlight into the sky (Mars).
-    from_sky = 0.3 * (0.5 + 0.5 * sky / sky.mean()) if airy else np.zeros(3)
-    sun = (1.0 - from_sky) / level
-    albedo = linear_from_srgb(world.appearance.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
-    return Light(
-        towards_sun=triple(lighting.towards_sun),
-        upwards=triple(radius * np.array([-high * sine, -high * cosine, low])),
-        sideways=triple(radius * np.array([cosine, -sine, 0.0])),
-        sun=triple(sun),
-        sky=triple(from_sky),
-        bounce=triple(0.35 * albedo),
-        horizon=triple(0.85 * sky),
-        zenith=triple(sky * _ZENITH),
-        plain=triple(albedo * (sun * grazing + from_sky)),
-        haze=450.0 if airy else np.inf,
-        airy=airy,
-        lunar=lunar,
+        wheels = {
+            "half_gauge": float(np.abs(rover.wheel_centres[:, 1]).max()),
+            "wheel_width": max(wheel.width for wheel in rover.wheels),
+        }
+    albedo = linear_from_srgb(world.appearance.rock_rgb / 255.0)[rocks.population]
+    return Subject(
+        ground=world.ground,
+        ground_rgb=world.appearance.ground_rgb,
+        instances=Instances(
+            meshes=tuple(prototype.meshes[0] for prototype in world.library.prototypes),
+            mesh=rocks.prototype,
+            position=rocks.position,
+            rotation=rotations(rocks),
+            scale=rocks.scale,
+            grain=rocks.diameter,
+            rgb=albedo * tones(rocks.id, world.site.seed)[:, None],
+        ),
+        lighting=world.lighting,
+        sun_diameter=world.site.body.sun_diameter,
+        seed=world.site.seed,
+        tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
+        **wheels,
     )
 
 
-def _border_height(elevation: NDArray[np.float32]) -> float:
-    border = elevation[0], elevation[-1], elevation[:, 0], elevation[:, -1]
-    return float(np.concatenate(border).mean(dtype=np.float64))
-
-
-def _shapes(
-    meshes: list[Mesh],
-) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
-    """All shapes' faces, all vertices' normals, and where the faces of each shape begin."""
-    if not meshes:
-        return np.empty((0, 3), np.int64), np.empty((0, 3)), np.empty(0, np.int64)
-    corners = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    first = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])[:-1]
-    faces = [mesh.faces.astype(np.int64) + c for mesh, c in zip(meshes, corners, strict=False)]
-    normals = np.concatenate([_vertex_normals(mesh) for mesh in meshes])
-    return np.concatenate(faces), normals, first
-
-
-def _vertex_normals(mesh: Mesh) -> Array:
-    """Unit normals at the vertices, faces weighted by area."""
-    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
-    across = np.cross(b - a, c - a)
-    count = len(mesh.vertices)
-    corners = mesh.faces.ravel()
-    weights = np.repeat(across, 3, axis=0)
-    sums = [np.bincount(corners, weights[:, axis], minlength=count) for axis in range(3)]
-    normals = np.stack(sums, axis=-1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.maximum(length, 1e-300))
-
-
-def _resampled(plan: Array) -> Array:
-    """A path at equal steps: place, cosine and sine of its heading, distance, shape [points, 5]."""
-    steps = np.hypot(*np.diff(plan, axis=0).T)
-    distance = np.concatenate([[0.0], np.cumsum(steps)])
-    moving = np.concatenate([[True], steps > 0.0])
-    plan, distance = plan[moving], distance[moving]
-    if len(plan) < 2:
-        return np.empty((0, 5))
-    along = np.linspace(0.0, distance[-1], max(2, int(np.ceil(distance[-1] / _PATH_STEP))))
-    place = np.stack([np.interp(along, distance, plan[:, axis]) for axis in range(2)], -1)
-    heading = np.gradient(place, along, axis=0)
-    heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-300)
-    return np.column_stack([place, heading, along])
-
-
-@kernel
-def _stamp(points, corner, spacing, reach, nearest):  # type: ignore[no-untyped-def]
-    """Note at each node within `reach` of a path which of its points is nearest."""
-    rows, columns = nearest.shape
-    best = np.full((rows, columns), np.inf)
-    for n in range(len(points)):
-        west = max(0, int(np.ceil((points[n, 0] - reach - corner[0]) / spacing)))
-        east = min(columns - 1, int(np.floor((points[n, 0] + reach - corner[0]) / spacing)))
-        south = max(0, int(np.ceil((points[n, 1] - reach - corner[1]) / spacing)))
-        north = min(rows - 1, int(np.floor((points[n, 1] + reach - corner[1]) / spacing)))
-        for j in range(south, north + 1):
-            for i in range(west, east + 1):
-                away = (corner[0] + i * spacing - points[n, 0]) ** 2
-                away += (corner[1] + j * spacing - points[n, 1]) ** 2
-                if away < best[j, i]:
-                    best[j, i] = away
-                    nearest[j, i] = n
+def tones(ids: NDArray[np.int32], seed: int) -> Array:
+    """How much lighter or darker than the next each of some things is, 0.75 to 1.25."""
+    tone = np.random.SeedSequence(seed).generate_state(1)[0]
+    spread = ((ids.astype(np.uint64) + tone) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
+    return 0.75 + 0.5 * np.asarray(spread, np.float64) / 2.0**24

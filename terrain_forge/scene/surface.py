@@ -14,23 +14,9 @@ from terrain_forge.base import inner, mix
 from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
 
 (
-    X,
-    Y,
-    Z,
-    FLAT_X,
-    FLAT_Y,
-    FLAT_Z,
-    BENT_X,
-    BENT_Y,
-    BENT_Z,
-    RED,
-    GREEN,
-    BLUE,
-    RANGE,
-    SHADE,
-    LIFT,
+    X, Y, Z, FLAT_X, FLAT_Y, FLAT_Z, BENT_X, BENT_Y, BENT_Z, RED, GREEN, BLUE, RANGE, SHADE, LIFT,
     OWNER,
-) = range(16)
+) = range(16)  # fmt: skip
 """Columns of a surface point: its place, the triangle's normal, the shading normal, albedo,
 distance from the camera, the part of sunlight that small stones keep off, the height of the smooth
 surface over the triangle, and what it belongs to: a rock's row, -1 for the ground."""

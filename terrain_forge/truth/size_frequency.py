@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.model import RockField, World
+from terrain_forge.model import Mesh, RockField, RockLibrary, RockPrototype, World
 from terrain_forge.rocks import find_overlaps
-from terrain_forge.truth.expected_counts import ExpectedCounts
+from terrain_forge.truth.counts import ExpectedCounts, Sample
 from terrain_forge.truth.rasters import rock_rasters
-from terrain_forge.truth.sample import Sample
-from terrain_forge.truth.shapes import shape_figures
 from terrain_forge.truth.statistics import (
     CONFIDENCE,
     NORMAL_QUANTILE,
@@ -281,3 +279,56 @@ def _found_above(diameters: Array, at: Array) -> tuple[NDArray[np.intp], Array]:
     larger = len(diameters) - np.searchsorted(diameters, at)
     sums = np.concatenate([[0.0], np.cumsum(0.25 * np.pi * diameters[::-1] ** 2)])
     return larger, sums[larger]
+
+
+def shape_figures(library: RockLibrary) -> dict[str, Any]:
+    """Figures of each shape, and the worst of all.
+
+    - `hull_excess`: summed volume of the collision parts over the volume of the shape, minus 1;
+    - `hull_distance`: Hausdorff distance between the surface of the parts' union and the shape's,
+      over its mean axis;
+    - `outline_errors`: for each level of detail, how far its outline is off the finest one's from
+      any side, over the mean axis;
+    - `watertight`: whether all its meshes and collision parts are closed and face outward.
+    """
+    shapes = [_shape(prototype) for prototype in library.prototypes]
+    return {
+        "count": len(shapes),
+        "watertight": sum(shape["watertight"] for shape in shapes),
+        "largest_hull_excess": max((shape["hull_excess"] for shape in shapes), default=0.0),
+        "largest_hull_distance": max((shape["hull_distance"] for shape in shapes), default=0.0),
+        "largest_outline_error": max(
+            (error for shape in shapes for error in shape["outline_errors"]), default=0.0
+        ),
+        "shapes": shapes,
+    }
+
+
+def _shape(prototype: RockPrototype) -> dict[str, Any]:
+    return {
+        "family": prototype.family,
+        "axes": np.ptp(prototype.meshes[0].vertices, axis=0).tolist(),
+        "faces": [len(mesh.faces) for mesh in prototype.meshes],
+        "collision_parts": len(prototype.hulls),
+        "collision_vertices": sum(len(hull.vertices) for hull in prototype.hulls),
+        "hull_excess": prototype.hull_excess,
+        "hull_distance": prototype.hull_distance,
+        "outline_errors": list(prototype.outline_errors),
+        "watertight": all(map(is_closed, (*prototype.meshes, *prototype.hulls))),
+    }
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether a mesh is closed and faces outward.
+
+    Closed: each edge is walked once each way, by two faces, so that none is open or turned over.
+    Outward: the volume that the faces enclose is positive.
+    """
+    faces = mesh.faces.astype(np.int64)
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    count = len(mesh.vertices)
+    there, back = np.sort(begin * count + end), np.sort(end * count + begin)
+    a, b, c = (mesh.vertices[faces[:, corner]] for corner in range(3))
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    once = bool(np.all(there[1:] > there[:-1]))
+    return volume > 0.0 and once and bool(np.array_equal(there, back))

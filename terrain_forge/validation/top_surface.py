@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, mix, stage_key, uniforms
-from terrain_forge.model import Check, World, at_most
+from terrain_forge.model import Check, World, at_most, merge
 from terrain_forge.scene import GROUND, open_scene
 from terrain_forge.validation.agreement import ground_limit
 
@@ -79,12 +79,13 @@ def _look_down(
     world: World, rows: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.int32]]:
     """Height [m] and rock id (-1 for the ground) of what vertical rays meet at nodes."""
+    rocks = merge(world.field, world.neighbours)
     with open_scene(world) as scene:
-        largest = float(scene.rocks.diameter.max(initial=0.0))
+        largest = float(rocks.diameter.max(initial=0.0))
         above = float(world.ground.elevation.max()) + 2.0 * largest + _CLEARANCE
         at = world.ground.east[columns], world.ground.north[rows]
         start = np.column_stack([*at, np.full(len(rows), above)])
         hits = scene.cast(start, np.array([0.0, 0.0, -1.0]))
-        ids = np.append(scene.rocks.id, np.int32(GROUND))
+        ids = np.append(rocks.id, np.int32(GROUND))
     height = above - hits.distance.astype(np.float64)
     return height, np.where(hits.rock > GROUND, ids[np.maximum(hits.rock, GROUND)], hits.rock)

@@ -15,7 +15,7 @@ from terrain_forge.writers import Gltf, vertex_normals
 
 _SIDES = 24
 _RINGS = 12
-_MOST_FACES = 100_000
+MOST_FACES = 100_000
 
 
 class Solids:
@@ -29,7 +29,7 @@ class Solids:
     def __init__(self, gltf: Gltf, *, most_faces: int) -> None:
         self._gltf = gltf
         self._most_faces = most_faces
-        self._solid = cache(lambda kind: self._add(*_SOLIDS[kind]()))
+        self._solid = cache(lambda kind: self._add(*unit_solid(kind)))
         self._look = cache(self._add_look)
         self._mesh = cache(self._add_mesh)
 
@@ -70,7 +70,7 @@ def rover_nodes(rover: Rover, gltf: Gltf) -> list[dict[str, Any]]:
     """
     shapes = [shape for link in rover.links for shape in link.shapes if shape.visible]
     faces = sorted(len(shape.mesh.faces) for shape in shapes if shape.mesh is not None)
-    fitting = [n for n, total in zip(faces, accumulate(faces), strict=True) if total <= _MOST_FACES]
+    fitting = [n for n, total in zip(faces, accumulate(faces), strict=True) if total <= MOST_FACES]
     solids = Solids(gltf, most_faces=max(fitting, default=0))
     origins = rover.origins
     return [
@@ -89,46 +89,15 @@ def _lengths(shape: Shape) -> list[float]:
     return [across, across, shape.size[1] if shape.kind == "cylinder" else across]
 
 
-def _box() -> tuple[Array, Array, NDArray[np.int64]]:
-    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
-    vertices, normals = [], []
-    for axis in range(3):
-        for side in (-0.5, 0.5):
-            first = corners[:: 1 if side > 0 else -1]
-            vertices.append(np.roll(np.insert(first, 2, side, axis=1), axis + 1, axis=1))
-            normals.append(np.tile(np.roll((0, 0, 2 * side), axis + 1), (4, 1)))
-    halves = np.array([(0, 1, 2), (0, 2, 3)])
-    faces = (4 * np.arange(6)[:, None, None] + halves).reshape(-1, 3)
-    return np.concatenate(vertices), np.concatenate(normals), faces
+def unit_solid(kind: str) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Vertices, normals and faces of a box, cylinder or sphere that is 1 wide and high."""
+    from trimesh import creation
 
-
-def _lathe(profile: Array, slopes: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """A profile (radius, z) from the bottom up, with its normals, turned about z."""
-    angle = 2.0 * np.pi * np.arange(_SIDES + 1) / _SIDES
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-    def turned(rows: Array) -> Array:
-        plan = rows[:, None, :1] * around[None]
-        height = np.broadcast_to(rows[:, None, 1:], (len(rows), len(angle), 1))
-        return np.concatenate([plan, height], axis=-1).reshape(-1, 3)
-
-    ring, side = np.meshgrid(np.arange(len(profile) - 1), np.arange(_SIDES), indexing="ij")
-    a = (ring * (_SIDES + 1) + side).ravel()
-    b, c, d = a + 1, a + _SIDES + 2, a + _SIDES + 1
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
-    return turned(profile), turned(slopes), faces
-
-
-def _cylinder() -> tuple[Array, Array, NDArray[np.int64]]:
-    profile = np.array([(0, -0.5), (0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (0.5, 0.5), (0, 0.5)])
-    slopes = np.array([(0, -1), (0, -1), (1, 0), (1, 0), (0, 1), (0, 1)], np.float64)
-    return _lathe(profile, slopes)
-
-
-def _sphere() -> tuple[Array, Array, NDArray[np.int64]]:
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _RINGS + 1)
-    slopes = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return _lathe(0.5 * slopes, slopes)
-
-
-_SOLIDS = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}
+    profiles = {
+        "cylinder": np.array([(0.0, -0.5), (0.5, -0.5), (0.5, 0.5), (0.0, 0.5)]),
+        "sphere": 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1),
+    }
+    made = creation.box() if kind == "box" else creation.revolve(profiles[kind], sections=_SIDES)
+    shaded = made.smooth_shaded
+    return shaded.vertices, shaded.vertex_normals, shaded.faces

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from terrain_forge.base import linear_from_srgb, quaternion_from_rpy, xyzw
 from terrain_forge.geometry import grid_faces
 from terrain_forge.model import World
+from terrain_forge.report.blocks import jpeg
 from terrain_forge.report.lines import Line
 from terrain_forge.report.model.overlays import Overlay
 from terrain_forge.report.model.relief import Relief, coarsen
 from terrain_forge.report.model.rocks import INSTANCING, rock_nodes
 from terrain_forge.report.model.rover import rover_nodes
-from terrain_forge.report.style import jpeg
 from terrain_forge.writers import Gltf
 
 _UNLIT = "KHR_materials_unlit"

@@ -7,24 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, quaternion_from_rpy
-from terrain_forge.model import (
-    MARS,
-    Appearance,
-    Body,
-    Heightfield,
-    Lighting,
-    Mesh,
-    RockField,
-    RockLibrary,
-    RockPrototype,
-    Roughness,
-    Site,
-    Window,
-    World,
+from terrain_forge.base import (
+    Array,
+    linear_from_srgb,
+    matrix_from_quaternion,
+    quaternion_from_rpy,
 )
-from terrain_forge.rovers import find_rover
-from terrain_forge.scene import RayScene, pinhole_camera, take_picture
+from terrain_forge.model import MARS, Body, Heightfield, Lighting, RockPrototype
+from terrain_forge.scene import Instances, RayScene, Subject, pinhole_camera, take_picture, tones
 
 SIZES = (1.0, 0.5, 0.25)
 """Exposed diameters of the rows of a sheet [m], the farthest first."""
@@ -35,6 +25,7 @@ _SPACING = 0.05
 _MARGIN = 6.0
 _DISTANCE = 8.0
 _HEIGHT = 3.2
+_SEED = 1
 
 
 def render_contact_sheet(
@@ -54,7 +45,6 @@ def render_contact_sheet(
     Raises:
         TerrainForgeError: where Embree is missing.
     """
-    world = _stage(shapes, body)
     camera = pinhole_camera(
         position=np.array([0.0, -_DISTANCE, _HEIGHT]),
         yaw=0.5 * np.pi,
@@ -63,13 +53,12 @@ def render_contact_sheet(
         width=width,
         height=height,
     )
-    with RayScene(ground=world.ground, library=world.library, rocks=world.field) as scene:
-        return take_picture(world, scene, camera, world.lighting)
+    with RayScene(_stage(shapes, body)) as scene:
+        return take_picture(scene, camera)
 
 
-def _stage(shapes: Sequence[RockPrototype], body: Body) -> World:
-    """A flat world on which the shapes lie in rows."""
-    columns = (np.arange(len(shapes)) - 0.5 * (len(shapes) - 1)) * _STEP
+def _stage(shapes: Sequence[RockPrototype], body: Body) -> Subject:
+    """Flat ground on which the shapes lie in rows."""
     half = np.ceil(0.5 * _STEP * len(shapes) + _MARGIN)
     cells = round(2.0 * half / _SPACING)
     ground = Heightfield(
@@ -77,94 +66,45 @@ def _stage(shapes: Sequence[RockPrototype], body: Body) -> World:
         spacing=_SPACING,
         origin=(-half, -half),
     )
-    levels = [
-        shape.replace(meshes=(mesh,), uvs=(uvs,), outline_errors=(error,))
-        for row in range(len(SIZES))
-        for shape in shapes
-        for mesh, uvs, error in [_level(shape, row)]
-    ]
-    rocks = _lay(levels, np.asarray(columns, np.float64))
-    library = RockLibrary(prototypes=tuple(levels), seed=0, texture=np.full((2, 2), 255))
     rgb = np.round(255.0 * np.array([body.ground_rgb, body.rock_rgb])).astype(np.uint8)
-    window = Window(column=0, row=0, columns=cells, rows=cells)
-    return World(
-        site=_site(body, 2.0 * half),
-        window=window,
+    return Subject(
         ground=ground,
-        appearance=Appearance(
-            ground_rgb=np.broadcast_to(rgb[0], (*ground.shape, 3)), rock_rgb=rgb[1:]
-        ),
-        library=library,
-        field=rocks,
-        neighbours=rocks.select(np.zeros(len(rocks), np.bool_)),
-        trajectories=(),
-        rover=find_rover("morpheus"),
+        ground_rgb=np.broadcast_to(rgb[0], (*ground.shape, 3)),
+        instances=_lay(shapes, linear_from_srgb(rgb[1] / 255.0)),
         lighting=Lighting(
             sun_azimuth=np.radians(250.0),
             sun_elevation=np.radians(28.0),
             irradiance=body.solar_irradiance,
             sky_rgb=body.sky_rgb,
         ),
-        unplaced=(0,),
+        sun_diameter=body.sun_diameter,
+        seed=_SEED,
     )
 
 
-def _level(shape: RockPrototype, row: int) -> tuple[Mesh, Array, float]:
-    level = min(row, len(shape.meshes) - 1)
-    return shape.meshes[level], shape.uvs[level], shape.outline_errors[level]
-
-
-def _lay(levels: Sequence[RockPrototype], columns: Array) -> RockField:
-    """The rocks in rows, buried a little more from row to row."""
-    count = len(levels)
-    row = np.repeat(np.arange(len(SIZES)), len(columns))
+def _lay(shapes: Sequence[RockPrototype], albedo: Array) -> Instances:
+    """The rocks in rows, smaller, coarser and buried a little more from row to row."""
+    rows, columns = len(SIZES), len(shapes)
+    meshes = tuple(
+        shape.meshes[min(row, len(shape.meshes) - 1)] for row in range(rows) for shape in shapes
+    )
+    row, count = np.repeat(np.arange(rows), columns), rows * columns
     size, buried = np.array(SIZES)[row], np.array(_BURIED)[row]
-    meshes = [shape.meshes[0] for shape in levels]
     low = np.array([mesh.vertices[:, 2].min() for mesh in meshes]) * size
     high = np.array([mesh.vertices[:, 2].max() for mesh in meshes]) * size
     position = np.zeros((count, 3))
-    position[:, 0] = np.tile(columns, len(SIZES))
+    position[:, 0] = np.tile((np.arange(columns) - 0.5 * (columns - 1)) * _STEP, rows)
     position[:, 1] = np.array([0.9, -0.5, -1.5])[row]
     position[:, 2] = -low - buried * (high - low)
-    yaw = 0.9 * np.arange(count) + 0.4
-    zero = np.zeros(count)
-    volume = np.array([shape.volume for shape in levels]) * size**3
-    return RockField(
-        populations=("shapes",),
-        id=np.arange(count, dtype=np.int32),
-        population=np.zeros(count, np.int32),
-        prototype=np.arange(count, dtype=np.int32),
+    rpy = np.zeros((count, 3))
+    rpy[:, 2] = 0.9 * np.arange(count) + 0.4
+    number = np.arange(count, dtype=np.int32)
+    return Instances(
+        meshes=meshes,
+        mesh=number,
         position=position,
-        quaternion=quaternion_from_rpy(np.stack([zero, zero, yaw], -1)),
+        rotation=matrix_from_quaternion(quaternion_from_rpy(rpy)),
         scale=size,
-        diameter=size,
-        height=(1.0 - buried) * (high - low),
-        buried_fraction=buried,
-        volume=volume,
-        mass=volume,
-        dynamic=np.zeros(count, np.bool_),
-        collides=np.ones(count, np.bool_),
-    )
-
-
-def _site(body: Body, side: float) -> Site:
-    return Site(
-        name="contact-sheet",
-        seed=1,
-        body=body,
-        size=(side, side),
-        spacing=_SPACING,
-        crs="",
-        lonlat=None,
-        datum_height=0.0,
-        slope=(0.0, 0.0),
-        dtm=None,
-        roughness=Roughness(hurst=0.7, deviation=0.0, source="flat"),
-        largest_rock=max(SIZES),
-        images=(),
-        tables=(),
-        meshes=(),
-        inputs=(),
-        routes=(),
-        recipe_json="{}",
+        grain=size,
+        rgb=albedo * tones(number, _SEED)[:, None],
     )

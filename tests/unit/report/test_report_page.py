@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from terrain_forge.report import write_report_page
-from terrain_forge.report.checks import measure_facts
-from terrain_forge.report.facts import describe
+from terrain_forge.report.blocks import Block, plot
+from terrain_forge.report.describe import describe
 from terrain_forge.report.lines import ground_lines
-from terrain_forge.report.section import Built
-from terrain_forge.report.style import join, plot
-from terrain_forge.report.view import scripts
+from terrain_forge.report.page import render
+from terrain_forge.report.section import Built, Section
+from terrain_forge.report.sections.checks import measure_facts
+from terrain_forge.report.sections.view import scripts
 from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.writers import write_png
@@ -30,6 +31,10 @@ CHECKS = [
      "note": ""},
     {"name": f"drive: {HOSTILE}", "figure": 0.62, "unit": "m", "limit": 0.5, "passed": False,
      "note": f"at <40 s> {HOSTILE}"},
+    {"name": "rocks: sizes of pebbles", "figure": 0.5, "unit": "", "limit": 0.001, "passed": True,
+     "note": ""},
+    {"name": "rocks: sizes of boulders", "figure": 0.0, "unit": "", "limit": 0.001,
+     "passed": False, "note": ""},
 ]  # fmt: skip
 VOID = {"meta", "img", "rect", "line", "input", "source"}
 
@@ -151,8 +156,8 @@ def test_what_others_wrote_is_escaped(tmp_path):
 
 def test_every_check_stands_there_with_figure_limit_and_verdict(report):
     text = Page(report).text
-    assert "1 of 3 checks failed" in text
-    assert f"1 of 3 checks failed drive: {HOSTILE}" in text
+    assert "2 of 5 checks failed" in text
+    assert f"2 of 5 checks failed drive: {HOSTILE}; rocks: sizes of boulders" in text
     assert "mjcf: ground 2000 points 3.25e\u221206 m 0.001 m pass" in text
     assert "drive: completed yes yes pass" in text
     assert f"drive: {HOSTILE} at <40 s> {HOSTILE} 0.62 m 0.5 m fail" in text
@@ -160,8 +165,11 @@ def test_every_check_stands_there_with_figure_limit_and_verdict(report):
 
 def test_the_proof_of_the_sizes_stands_there(report):
     text = Page(report).text
-    for words in ("pebbles golombek, k 0.07, q 3.96 0.2–0.7", "boulders", "together", "differs"):
+    for words in ("pebbles golombek, k 0.07, q 3.96 0.2–0.7", "boulders", "together"):
         assert words in text
+    # The page says what the check of the sizes said, and judges nothing itself.
+    verdicts = re.findall(r"(pebbles|boulders) golombek(?:(?!golombek).)*?(agrees|differs)", text)
+    assert verdicts == [("pebbles", "agrees"), ("boulders", "differs")]
 
 
 def test_each_simulator_has_its_command(report):
@@ -192,7 +200,7 @@ def test_what_was_only_measured_is_no_pass():
          "passed": True},
         {"name": "drive loop: slip", "figure": -0.25, "unit": "", "limit": None, "passed": True},
     ]  # fmt: skip
-    text = Page(join(measure_facts(checks)).text).text
+    text = Page(render("blocks.html", blocks=measure_facts(checks))).text
     assert text == "Measured, without a limit Distance 59.68 m Slip \u22120.25"
 
 
@@ -206,7 +214,7 @@ def test_any_report_can_be_shown():
         "wheels": [{"name": "front_left", "slip": 0.1, "torque_n_m": 4.0}, {"name": "rear_left"}],
         "joints": {"left": {"angle_deg": 2}, "right": {"angle_deg": -3}},
     }
-    page = Page(join(describe(content)).text)
+    page = Page(render("blocks.html", blocks=describe(content)))
     assert page.text == (
         "Mean speed 0.25 m/s Arrived yes Rocks rock_1, rock_2 Energy Driving 1\u202f234\u202f567 J "
         "Note <b> Wheels Name Slip Torque [N m] front_left 0.1 4 rear_left – – "
@@ -245,12 +253,12 @@ def test_an_animated_picture_stands_still_for_who_wants_that(tmp_path, monkeypat
 
     frames = [Image.new("RGB", (40, 30), colour) for colour in ("red", "blue", "green")]
     frames[0].save(tmp_path / "drive.gif", save_all=True, append_images=frames[1:])
-    page = Page(plot(tmp_path / "drive.gif", description="A drive").text)
+    page = Page(render("blocks.html", blocks=[plot(tmp_path / "drive.gif", description="A drive")]))
     assert [source.partition(";")[0] for source in page.sources] == [
         "data:image/jpeg", "data:image/gif",
     ]  # fmt: skip
-    monkeypatch.setattr("terrain_forge.report.style.LARGEST_ANIMATION", 10)
-    page = Page(plot(tmp_path / "drive.gif", description="A drive").text)
+    monkeypatch.setattr("terrain_forge.report.blocks.LARGEST_ANIMATION", 10)
+    page = Page(render("blocks.html", blocks=[plot(tmp_path / "drive.gif", description="A drive")]))
     assert page.sources == []
     assert page.text.endswith("drive.gif, beside this page.")
 
@@ -275,3 +283,21 @@ def test_slopes_are_those_of_the_triangles():
     assert found.shares[45] == pytest.approx(4 / 8)
     assert found.shares[54] == pytest.approx(2 / 8)
     assert found.rms_deg == pytest.approx(np.degrees(np.arctan(1.0)))
+
+
+def test_a_section_is_a_class_in_a_module(tmp_path, monkeypatch):
+    """It stands in its place, is found in the list of contents, and its values are escaped."""
+    from terrain_forge.report import page as page_module
+
+    class Ripples(Section):
+        kind, title, place = "ripples", "The ripples", 45
+
+        def blocks(self, built):
+            return [Block(kind="paragraph", text=f"{HOSTILE} of {built.world.site.name}", style="")]
+
+    found = page_module.parts
+    monkeypatch.setattr(page_module, "parts", lambda *of: (*found(*of), Ripples))
+    page = Page(build(tmp_path).read_text(encoding="utf-8"))
+    assert f"{HOSTILE} of Gale & co" in page.words
+    place = page.links.index("#the-ripples")
+    assert page.links[place - 1 : place + 2] == ["#the-ground", "#the-ripples", "#the-rocks"]

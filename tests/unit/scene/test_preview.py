@@ -8,9 +8,16 @@ from PIL import Image
 
 from terrain_forge.base import compass_to_direction
 from terrain_forge.model import MOON, Window
-from terrain_forge.scene import RayScene, open_scene, render_preview, take_picture, write_preview
+from terrain_forge.scene import (
+    RayScene,
+    open_scene,
+    render_from_above,
+    render_preview,
+    subject_of,
+    take_picture,
+    write_preview,
+)
 from terrain_forge.scene.camera import map_camera
-from terrain_forge.scene.preview import render_map
 from terrain_forge.terrain import AppearanceSpec, colour_ground, stencil_reach
 from tests.helpers import worlds
 
@@ -39,7 +46,7 @@ def flat_world():
 def aerial(world, width=240, height=160):
     with open_scene(world) as scene:
         camera = map_camera(middle=(0, 0), top=50, pixel=0.1, width=width, height=height)
-        return take_picture(world, scene, camera, world.lighting)
+        return take_picture(scene, camera)
 
 
 def patch(image, east, north, reach=3):
@@ -131,15 +138,15 @@ def test_written_picture_is_the_rendered_one(small_world, tmp_path):
     np.testing.assert_array_equal(image, render_preview(small_world))
 
 
-def test_map_is_north_up_with_the_path_on_it(small_world):
-    image = render_map(small_world, size=240).astype(int)
+def test_map_is_north_up(flat_world):
+    rgb = flat_world.appearance.ground_rgb.copy()
+    rows, columns = rgb.shape[:2]
+    rgb[rows // 2 :, columns // 2 :] = (107, 20, 20)  # the north-east
+    world = flat_world.replace(appearance=flat_world.appearance.replace(ground_rgb=rgb))
+    image = render_from_above(world, 240).astype(int)
     assert image.shape == (160, 240, 3)
-    cyan = (image[..., 2] > 200) & (image[..., 0] < 120)
-    rows, columns = np.nonzero(cyan)
-    position = small_world.trajectories[0].position
-    assert columns.min() == pytest.approx(120 + 10 * position[:, 0].min(), abs=6)
-    assert rows.min() == pytest.approx(80 - 10 * position[:, 1].max(), abs=6)
-    assert rows.max() == pytest.approx(80 - 10 * position[:, 1].min(), abs=6)
+    red = (image[..., 0] - image[..., 2] > 40).reshape(2, 80, 2, 120).mean(axis=(1, 3))
+    np.testing.assert_allclose(red, [[0.0, 1.0], [0.0, 0.0]], atol=0.1)
 
 
 def test_world_without_rocks_and_paths_has_a_picture(flat_world):
@@ -205,4 +212,5 @@ def test_picture_module_needs_no_plotting_library():
 def test_rocks_of_the_scene_are_the_world_s(small_world):
     with open_scene(small_world) as scene:
         assert isinstance(scene, RayScene)
-        assert scene.rocks == small_world.field
+        assert scene.subject == subject_of(small_world)
+        np.testing.assert_array_equal(scene.subject.instances.position, small_world.field.position)

@@ -317,8 +317,8 @@ def test_statistics_are_plain_and_compare():
 
 
 def test_report_tells_what_the_dtm_needed():
-    from terrain_forge.report.style import join
-    from terrain_forge.report.terrain import dtm_part
+    from terrain_forge.report.page import render
+    from terrain_forge.report.sections.ground import dtm_part
 
     posts = natural_surface(64, 0.7, seed=8)
     site, _ = continued(posts, factor=4)
@@ -328,7 +328,7 @@ def test_report_tells_what_the_dtm_needed():
     found = terrain_statistics(site=site, ground=ground).as_json()
     state = found["dtm_state"]
     assert (state["samples"], state["filled_samples"]) == ([64, 64], 12)
-    shown = join(dtm_part(found)).text
+    shown = render("blocks.html", blocks=dtm_part(found))
     for words in ("64 × 64", "12 samples filled", "25.0 %", "as given", "mm off at most", " ± "):
         assert words in shown
     assert f"{found['hurst']:.2f}" in shown

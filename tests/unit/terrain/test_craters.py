@@ -13,8 +13,9 @@ from terrain_forge.dtm import ArrayDtm, FlatDtm
 from terrain_forge.model import MARS, MOON, Table, Window
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
-from terrain_forge.report.craters import craters_section
-from terrain_forge.report.style import join
+from terrain_forge.report.page import render
+from terrain_forge.report.section import Built
+from terrain_forge.report.sections.craters import Craters as CratersSection
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.terrain import (
@@ -655,9 +656,10 @@ def test_proof_of_the_numbers(tmp_path):
     bent["layers"][0]["number"]["z"] = -4.0
     counts.write_text(json.dumps(bent))
     assert [check.passed for check in crater_checks(tmp_path)] == [False, True]
-    shown = join(craters_section({"layers": [report]}))
-    assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown.text
-    assert shown.text.count("<td") == 4 * 5
+    counts.write_text(json.dumps({"layers": [report]}))
+    shown = render("blocks.html", blocks=CratersSection().blocks(Built(world, tmp_path)))
+    assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown
+    assert shown.count("<td") == 4 * 5
     assert report["cumulative"]["expected"][0] == pytest.approx(report["number"]["expected"])
 
 

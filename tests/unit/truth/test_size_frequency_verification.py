@@ -27,9 +27,8 @@ from terrain_forge.rocks import (
 )
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.truth import shape_figures
-from terrain_forge.truth.expected_counts import ExpectedCounts
-from terrain_forge.truth.shapes import is_closed
-from terrain_forge.truth.size_frequency import size_frequency, write_size_frequency
+from terrain_forge.truth.counts import ExpectedCounts
+from terrain_forge.truth.size_frequency import is_closed, size_frequency, write_size_frequency
 from terrain_forge.truth.statistics import clark_evans, count_band
 from tests.helpers import worlds
 from tests.helpers.places import ROOT

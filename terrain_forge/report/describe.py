@@ -1,11 +1,11 @@
-"""Anything that a JSON report says, as HTML: for what no section of its own was made."""
+"""Anything that a JSON report says, as blocks: for what no section of its own was made."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from terrain_forge.report.style import Cell, Html, facts, html, table, thousands
+from terrain_forge.report.blocks import Block, Shown, facts, heading, table, thousands
 
 _UNITS = {
     "m2": "m²",
@@ -49,20 +49,20 @@ def named(key: str) -> tuple[str, str]:
     return _words(key), ""
 
 
-def describe(content: Mapping[str, Any]) -> list[Html]:
+def describe(content: Mapping[str, Any]) -> list[Block]:
     """Single values as facts, lists of like objects as tables, objects under a heading.
 
     Long tables are folded away; long lists of numbers are left out, being there to be plotted.
     """
-    single: list[tuple[str, Cell]] = []
-    below: list[Html] = []
+    single: list[tuple[str, Shown]] = []
+    below: list[Block] = []
     for key, value in content.items():
         words, unit = named(key)
         if isinstance(value, Mapping):
-            below += [Html(f"<h3>{html(words)}</h3>"), *_object(value)]
+            below += [heading(words), *_object(value)]
         elif isinstance(value, Sequence) and not isinstance(value, str):
             if value and all(isinstance(row, Mapping) for row in value):
-                below += [Html(f"<h3>{html(words)}</h3>"), _rows(value)]
+                below += [heading(words), _rows(value)]
             elif short := _list(value, unit):
                 single.append((words, short))
         else:
@@ -70,22 +70,19 @@ def describe(content: Mapping[str, Any]) -> list[Html]:
     return [*([facts(single)] if single else []), *below]
 
 
-def _object(value: Mapping[str, Any]) -> list[Html]:
+def _object(value: Mapping[str, Any]) -> list[Block]:
     """An object; one of like objects as a table whose first column has their names."""
     if value and all(isinstance(part, Mapping) for part in value.values()):
         return [_rows([{"name": name, **part} for name, part in value.items()])]
     return describe(value)
 
 
-def _rows(rows: Sequence[Mapping[str, Any]]) -> Html:
+def _rows(rows: Sequence[Mapping[str, Any]]) -> Block:
     keys = list(dict.fromkeys(key for row in rows for key in row))
     headings = [f"{words} [{unit}]" if unit else words for words, unit in map(named, keys)]
     cells = [[_cell(row.get(key)) for key in keys] for row in rows]
     figures = "".join("r" if _numbers([row.get(key) for row in rows]) else "l" for key in keys)
-    shown = table(headings, cells, figures=figures)
-    if len(rows) <= _FOLDED:
-        return shown
-    return Html(f"<details><summary>{len(rows)} of them</summary>{shown.text}</details>")
+    return table(headings, cells, figures=figures, folded=len(rows) > _FOLDED)
 
 
 def _cell(value: Any) -> str:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from terrain_forge.model import RockPrototype, World
-from terrain_forge.report.style import (
+from terrain_forge.report.blocks import (
+    Block,
     Cell,
-    Html,
-    chip,
+    Shown,
     facts,
-    join,
+    heading,
     paragraph,
     photograph,
     plot,
@@ -19,9 +19,8 @@ from terrain_forge.report.style import (
     table,
     thousands,
 )
+from terrain_forge.report.section import Built, Section
 
-_LIMIT_Z = 3.29
-_LIMIT_P = 0.001
 _SHOWN = 7
 _SHEET = 900, 430
 _FIRST_ROW, _LAST_ROW = 100, 300
@@ -35,53 +34,47 @@ _SIGNS = {
 }
 
 
-def rocks_section(world: World, verification: dict[str, Any], truth: Path) -> list[Html]:
-    """What a page says of a world's rocks.
+class Rocks(Section):
+    """Size-frequency verification, which truth/size_frequency.json has, and shapes."""
 
-    Args:
-        world: The world.
-        verification: Content of truth/size_frequency.json, empty where it is missing.
-        truth: The folder of truth.
-    """
-    if not len(world.field):
-        return [paragraph("This world has no rocks.")]
-    parts = []
-    if (truth / "size_frequency.png").is_file():
-        proven = "Cumulative number and cover of rocks over diameter"
-        parts.append(plot(truth / "size_frequency.png", description=proven))
-    if verification:
+    kind, title, place = "rocks", "The rocks", 60
+
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """Curves, tables, shapes, and how good the stand-ins are."""
+        if not len(built.world.field):
+            return [paragraph("This world has no rocks.")]
+        parts = []
+        curves = built.directory / "truth" / "size_frequency.png"
+        if curves.is_file():
+            proven = "Cumulative number and cover of rocks over diameter"
+            parts.append(plot(curves, description=proven))
+        verification = built.json("truth/size_frequency.json")
+        if not verification:
+            return [*parts, heading("Shapes"), _sheet(built.world)]
         rows = [*verification["populations"], *verification["lists"]]
         if len(verification["populations"]) > 1:
             rows.append({"name": "together", **verification["together"]})
-        parts += [Html("<h3>Numbers and sizes</h3>"), _sizes(rows)]
-        parts += [Html("<h3>Cover and places</h3>"), _places(rows)]
-        parts.append(paragraph(_note(verification), "note"))
-        parts += [
-            paragraph(words, "note") for words in map(_source, verification["populations"]) if words
+        sources = filter(None, map(_source, verification["populations"]))
+        return [
+            *parts,
+            heading("Numbers and sizes"),
+            table(_SIZES, [_size_row(part, built) for part in rows], figures="llrrrrrrrl"),
+            heading("Cover and places"),
+            table(_PLACES, [_place_row(part) for part in rows], figures="llrrrrrrrr"),
+            paragraph(_note(verification), "note"),
+            *(paragraph(words, "note") for words in sources),
+            heading("Shapes"),
+            _sheet(built.world),
+            *_figures(verification),
         ]
-    parts += [Html("<h3>Shapes</h3>"), _sheet(world)]
-    if verification:
-        parts.append(_figures(verification))
-    return parts
 
 
-def _sizes(rows: list[dict[str, Any]]) -> Html:
-    headings = (
-        "Population",
-        "Law",
-        "D [m]",
-        "Expected",
-        "Found",
-        "z",
-        "K–S",
-        "p",
-        "Unplaced",
-        "",
-    )
-    return table(headings, [_size_row(part) for part in rows], figures="llrrrrrrrl")
+_SIZES = ("Population", "Law", "D [m]", "Expected", "Found", "z", "K–S", "p", "Unplaced", "")
+_PLACES = ("Population", "Lies", "Cover expected", "±", "Found", "z", "Seen from above",
+           "Clark–Evans", "Dynamic", "Visual only")  # fmt: skip
 
 
-def _size_row(part: dict[str, Any]) -> list[Cell]:
+def _size_row(part: dict[str, Any], built: Built) -> list[Shown]:
     count, ks = part["count"], part.get("kolmogorov_smirnov")
     ends = part["diameter_m"]
     return [
@@ -94,18 +87,22 @@ def _size_row(part: dict[str, Any]) -> list[Cell]:
         f"{ks['distance']:.4f}" if ks else "–",
         f"{ks['p_value']:.3f}" if ks else "–",
         thousands(part["unplaced"]) if "unplaced" in part else "–",
-        _verdict(part),
+        _verdict(part, built),
     ]
 
 
-def _verdict(part: dict[str, Any]) -> Html:
-    """Whether number, cover and sizes are those of a right sampler."""
-    count, cover, ks = part["count"], part["cover"], part.get("kolmogorov_smirnov")
-    if "expected" not in count:
-        return chip("as listed", "open")
-    deviations = [count["z"] or 0.0, cover["z"] or 0.0]
-    agrees = max(map(abs, deviations)) <= _LIMIT_Z and (ks is None or ks["p_value"] >= _LIMIT_P)
-    return chip("agrees", "good") if agrees else chip("differs", "bad")
+def _verdict(part: dict[str, Any], built: Built) -> Shown:
+    """What the checks of its sizes and numbers say."""
+    if "file" in part:
+        return Cell("as listed", "open")
+    passed = [
+        check["passed"]
+        for check in built.validation.get("checks", ())
+        if check["name"].startswith("rocks: ") and check["name"].endswith(f" of {part['name']}")
+    ]
+    if not passed:
+        return ""
+    return Cell("agrees", "good") if all(passed) else Cell("differs", "bad")
 
 
 def _law(part: dict[str, Any]) -> str:
@@ -132,13 +129,7 @@ def _source(part: dict[str, Any]) -> str:
     return f"{part['name']}: {law['source']}{doubt}{note}."
 
 
-def _places(rows: list[dict[str, Any]]) -> Html:
-    headings = ("Population", "Lies", "Cover expected", "±", "Found", "z", "Seen from above",
-                "Clark–Evans", "Dynamic", "Visual only")  # fmt: skip
-    return table(headings, [_place_row(part) for part in rows], figures="llrrrrrrrr")
-
-
-def _place_row(part: dict[str, Any]) -> list[Cell]:
+def _place_row(part: dict[str, Any]) -> list[Shown]:
     cover, evenness, dynamic = part["cover"], part.get("clark_evans"), part.get("dynamic")
     wanted = "expected" in cover
     return [
@@ -162,7 +153,7 @@ def _percent(share: float) -> str:
 def _note(verification: dict[str, Any]) -> str:
     note = (
         "z: deviation in standard deviations of a right sampler. K–S: Kolmogorov–Smirnov distance "
-        f"of the diameters from the law, and its p. Agrees: |z| ≤ {_LIMIT_Z} and p ≥ {_LIMIT_P}. "
+        "of the diameters from the law, and its p. Agrees: so says the check of the sizes. "
         "Cover: Σ πD²/4; ±: its standard deviation; seen from above: where a rock is the highest "
         "thing, less since a rock's outline is no disc. Clark–Evans: distance to the nearest rock "
         "over that of random points; rocks that cannot overlap lie a little more evenly (above 1), "
@@ -176,7 +167,7 @@ def _note(verification: dict[str, Any]) -> str:
     return note
 
 
-def _sheet(world: World) -> Html:
+def _sheet(world: World) -> Block:
     """Some of the library's shapes, each family once before any comes twice."""
     from terrain_forge.rocks import SIZES, render_contact_sheet
 
@@ -202,12 +193,12 @@ def _chosen(prototypes: tuple[RockPrototype, ...]) -> list[RockPrototype]:
     return [prototypes[number] for _, number in sorted(turn)[:_SHOWN]]
 
 
-def _figures(verification: dict[str, Any]) -> Html:
+def _figures(verification: dict[str, Any]) -> list[Block]:
     overlaps, shapes = verification["overlaps"], verification["shapes"]
     listed = overlaps["of_listed_rocks"]
     besides = f" (and {thousands(listed)} of listed rocks)" if listed else ""
     parts = [shape["collision_parts"] for shape in shapes["shapes"]]
-    rows: list[tuple[str, Cell]] = [
+    rows: list[tuple[str, Shown]] = [
         ("Overlapping pairs", f"{thousands(overlaps['pairs'])}{besides}"),
         ("Closed, facing outward", f"{shapes['watertight']} of {shapes['count']} shapes"),
         ("Collision parts", f"{sum(parts)} in all, at most {max(parts)}"),
@@ -216,7 +207,7 @@ def _figures(verification: dict[str, Any]) -> Html:
         ("Coarse outlines off", f"{100.0 * shapes['largest_outline_error']:.2f} %"),
     ]
     note = "The worst of all shapes: of its volume, and distances as parts of its mean axis."
-    return join([facts(rows), paragraph(note, "note")])
+    return [facts(rows), paragraph(note, "note")]
 
 
 def _off(shapes: dict[str, Any], name: str) -> str:

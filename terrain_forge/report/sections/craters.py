@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from terrain_forge.report.style import Cell, Html, paragraph, signed, table, thousands
+from terrain_forge.report.blocks import Block, Shown, paragraph, signed, table, thousands
+from terrain_forge.report.section import Built, Section
 
 _HEADINGS = ("Diameter", "Expected", "95 %", "Found")
 
 
-def craters_section(counts: dict[str, Any]) -> list[Html]:
-    """What a page says of a world's craters.
+class Craters(Section):
+    """The numbers of craters that truth/crater_counts.json has."""
 
-    Args:
-        counts: Content of truth/crater_counts.json.
-    """
-    parts = []
-    for layer in counts["layers"]:
-        parts.append(paragraph(_summary(layer)))
-        if "cumulative" in layer:
-            parts.append(table(_HEADINGS, _rows(layer["cumulative"]), figures="lrrr"))
-    return parts
+    kind, title, place = "craters", "The craters", 50
+
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """A line and a table for each layer."""
+        shown = []
+        for layer in built.json("truth/crater_counts.json").get("layers", ()):
+            shown.append(paragraph(_summary(layer)))
+            if "cumulative" in layer:
+                shown.append(table(_HEADINGS, _rows(layer["cumulative"]), figures="lrrr"))
+        return shown
 
 
 def _summary(layer: dict[str, Any]) -> str:
@@ -38,7 +41,7 @@ def _summary(layer: dict[str, Any]) -> str:
     return text + (f", sizes p = {sizes['p_value']:.3f}." if sizes else ".")
 
 
-def _rows(cumulative: dict[str, list[float]]) -> list[list[Cell]]:
+def _rows(cumulative: dict[str, list[float]]) -> list[list[Shown]]:
     columns = (cumulative[name] for name in ("diameter_m", "expected", "low", "high", "found"))
     return [
         [f"≥ {diameter:g} m", f"{expected:.1f}", f"{low:.0f}–{high:.0f}", thousands(found)]

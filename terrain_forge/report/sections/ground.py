@@ -1,0 +1,132 @@
+"""The ground on the report page: from above, its slopes, and how it continues its DTM."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.report.blocks import (
+    Block,
+    Shown,
+    facts,
+    heading,
+    jpeg,
+    paragraph,
+    plot,
+    source,
+)
+from terrain_forge.report.lines import Line, ground_lines
+from terrain_forge.report.section import Built, Section
+from terrain_forge.terrain import slope_statistics
+
+
+class Ground(Section):
+    """Map and slopes side by side; below them the ground at all scales, and its DTM."""
+
+    kind, title, place = "ground", "The ground", 40
+
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """A pair of columns, then pictures and facts."""
+        return [Block(kind="pair", columns=([_map(built)], _slopes(built))), *_scales(built)]
+
+
+def _map(built: Built) -> Block:
+    """The picture from above with the lines over it, which stay sharp at any size."""
+    height, width, _ = built.map.shape
+    east, north = built.extent
+    return Block(
+        kind="map",
+        width=width,
+        height=height,
+        source=source(jpeg(built.map, quality=82), "image/jpeg"),
+        lines=[_stroke(line, built, width, height) for line in ground_lines(built)],
+        caption=f"From above, north up, {east:g} × {north:g} m; light from the north-west.",
+    )
+
+
+def _stroke(line: Line, built: Built, width: int, height: int) -> dict[str, Any]:
+    """A line with its points in the picture, and its first one."""
+    west, south, east, north = built.world.ground.bounds
+    across = (line.points[:, 0] - west) / (east - west) * width
+    down = (north - line.points[:, 1]) / (north - south) * height
+    points = [f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True)]
+    return {**vars(line), "points": " ".join(points), "start": points[0].split(",")}
+
+
+def _slopes(built: Built) -> list[Block]:
+    ground = built.world.ground
+    slopes = slope_statistics(ground)
+    shown = max(10, int(np.ceil(slopes.percentile_95_deg * 1.5)))
+    shares = [*slopes.shares[: shown - 1], slopes.shares[shown - 1 :].sum()]
+    every = 5 if shown <= 30 else 10
+    room = 0.12 * shown  # for the last label
+    labels = (f"{n}°" if n % every == 0 and n < shown - room else "" for n in range(shown))
+    edges = [*labels, f"{shown}° +"]
+    heights = ground.elevation
+    listed: list[tuple[str, Shown]] = [
+        ("Height", f"{heights.min():.2f} m to {heights.max():.2f} m".replace("-", "\u2212")),
+        ("Median slope", f"{slopes.median_deg:.2f}°"),
+        ("RMS slope", f"{slopes.rms_deg:.2f}°"),
+        ("95 % are flatter than", f"{slopes.percentile_95_deg:.2f}°"),
+        ("Steepest", f"{slopes.steepest_deg:.1f}°"),
+    ]
+    return [
+        heading("Share of the ground by slope"),
+        Block(kind="bars", heights=shares, labels=edges, description="Histogram of slopes"),
+        paragraph(f"Slopes over {ground.spacing:g} m, the grid's spacing.", "note"),
+        facts(listed),
+    ]
+
+
+def _scales(built: Built) -> list[Block]:
+    """The ground at all scales beside its DTM, and what is to be said of that."""
+    terrain: dict[str, Any] = built.validation.get("terrain", {})
+    if not terrain:
+        return []
+    caption = f"Hurst exponent of the detail {terrain['hurst']:.2f} ({terrain['source']})."
+    description = "Structure function, spectrum and slopes of the ground and of its DTM"
+    pictures = [
+        plot(path, description=description, caption=caption) for path in built.pictures("terrain")
+    ]
+    above = [heading("The ground at all scales")] if pictures else []
+    return [*above, *pictures, *dtm_part(terrain)]
+
+
+def dtm_part(terrain: dict[str, Any]) -> list[Block]:
+    """What a page says of a world's DTM; nothing of a flat site, or of one not validated.
+
+    Args:
+        terrain: The part `terrain` of validation/report.json.
+    """
+    state = terrain.get("dtm_state")
+    if not state:
+        return []
+    return [heading("The terrain model"), facts([*_state(state), *_detail(terrain)])]
+
+
+def _state(state: dict[str, Any]) -> list[tuple[str, Shown]]:
+    rows, columns = state["samples"]
+    error = state["scale_error_at_the_edge"]
+    lengths = "as given" if error is None else f"{1e6 * error:.2g} in a million off at the edge"
+    return [
+        ("Samples read", f"{columns} × {rows}"),
+        ("Repairs", "; ".join(state["repairs"]) or "none"),
+        ("In exact planes", f"{100.0 * state['planar_fraction']:.1f} % of the samples"),
+        ("Lengths", lengths),
+    ]
+
+
+def _detail(terrain: dict[str, Any]) -> list[tuple[str, Shown]]:
+    worst = terrain["worst_pixel_mean_m"]
+    return [
+        ("Exponent at the joint", _with_error(terrain["exponent_at_the_joint"])),
+        ("Exponent of the spectrum", _with_error(terrain["exponent_of_the_spectrum"])),
+        ("Exponent of the detail", f"{terrain['hurst']:.2f}"),
+        ("Means over pixels", "–" if worst is None else f"{1000.0 * worst:.2g} mm off at most"),
+    ]
+
+
+def _with_error(found: dict[str, float] | None) -> str:
+    return f"{found['value']:.2f} ± {found['standard_error']:.2f}" if found else "not fitted"

@@ -1,0 +1,70 @@
+"""What was built, on the report page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from terrain_forge import __version__
+from terrain_forge.model import World
+from terrain_forge.report.blocks import Block, Shown, facts, thousands
+from terrain_forge.report.section import Built, Section
+
+
+class Summary(Section):
+    """The recipe's essentials and what came of them."""
+
+    kind, title, place = "summary", "What was built", 30
+
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """Facts, and the whole recipe as it was resolved, folded away."""
+        world = built.world
+        site, ground = world.site, world.ground
+        dtm: dict[str, Any] = built.recipe.get("dtm", {})
+        rows, columns = ground.shape
+        east, north = built.extent
+        names = ", ".join(world.field.populations) or "none"
+        listed: list[tuple[str, Shown]] = [
+            ("Body", f"{site.body.name.capitalize()}, gravity {site.body.gravity:g} m/s²"),
+            ("Place", _place(world)),
+            ("Terrain model", str(dtm.get("source") or dtm.get("kind", "made by hand"))),
+            ("Posting of the model", f"{site.dtm.posting:.4g} m" if site.dtm else "none"),
+            ("Samples filled in", thousands(site.dtm.filled) if site.dtm else "none"),
+            ("Height of z = 0", f"{site.datum_height:.3f} m above datum"),
+            ("Level plane", _plane(site.slope)),
+            ("Area", f"{east:g} × {north:g} m"),
+            ("Ground", f"{columns} × {rows} nodes, {site.spacing:g} m apart"),
+            ("Roughness", f"H {site.roughness.hurst:.2f}, {site.roughness.deviation:.3g} m at 1 m"),
+            ("Rocks", f"{thousands(len(world.field))} ({names})"),
+            ("Rock shapes", f"{len(world.library.prototypes)}, seed {world.library.seed}"),
+            ("Rover", world.rover.name),
+            ("Sun", _sun(world)),
+            ("Seed", str(site.seed)),
+            ("Made by", f"terrain-forge {__version__}"),
+        ]
+        recipe = json.dumps(built.recipe, indent=1, ensure_ascii=False)
+        summary = "The whole recipe, with its defaults"
+        return [facts(listed), Block(kind="folded", summary=summary, text=recipe)]
+
+
+def _place(world: World) -> str:
+    site = world.site
+    if site.lonlat is None:
+        return "not georeferenced"
+    longitude, latitude = np.degrees(site.lonlat)
+    return f"{abs(latitude):.5f}° {'NS'[int(latitude < 0)]}, {longitude:.5f}° E"
+
+
+def _plane(slope: tuple[float, float]) -> str:
+    east, north = slope
+    if east == north == 0.0:
+        return "not levelled"
+    return f"{np.degrees(np.arctan(np.hypot(east, north))):.2f}° taken away"
+
+
+def _sun(world: World) -> str:
+    azimuth, elevation = np.degrees([world.lighting.sun_azimuth, world.lighting.sun_elevation])
+    return f"{elevation:.1f}° high, azimuth {azimuth % 360:.1f}°"
