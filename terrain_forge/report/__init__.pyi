@@ -1,4 +1,14 @@
 """The report page of a built world."""
 
+from .blocks import Block as Block
+from .blocks import Cell as Cell
+from .blocks import facts as facts
+from .blocks import heading as heading
+from .blocks import paragraph as paragraph
+from .blocks import photograph as photograph
+from .blocks import plot as plot
+from .blocks import table as table
 from .page import write_report_page as write_report_page
+from .section import Built as Built
+from .section import Section as Section
 from .section import take_map as take_map

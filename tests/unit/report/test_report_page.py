@@ -21,6 +21,7 @@ from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.writers import write_png
 from tests.helpers import worlds
+from tests.helpers.places import ROOT
 from tests.unit.truth.test_size_frequency_verification import population, rocks
 
 HOSTILE = "<script>alert('&\"x\"')</script>"
@@ -301,3 +302,15 @@ def test_a_section_is_a_class_in_a_module(tmp_path, monkeypatch):
     assert f"{HOSTILE} of Gale & co" in page.words
     place = page.links.index("#the-ripples")
     assert page.links[place - 1 : place + 2] == ["#the-ground", "#the-ripples", "#the-rocks"]
+
+
+def test_the_section_of_the_documentation_is_one(tmp_path):
+    text = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
+    names: dict[str, object] = {}
+    exec(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], names)
+    section = names["Ripples"]()
+    assert section.blocks(Built(worlds.world(), tmp_path)) == []
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "ripples.json").write_text('{"wavelength_m": 0.4}')
+    shown = Page(render("blocks.html", blocks=section.blocks(Built(worlds.world(), tmp_path))))
+    assert shown.text == "Wavelength 0.4 m"
