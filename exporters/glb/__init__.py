@@ -2,5 +2,7 @@
 
 from .export import check_capacity, export
 from .options import Options
+from .readback import CONSUMERS
+from .usage import opening
 
-__all__ = ["Options", "check_capacity", "export"]
+__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]

@@ -1,19 +1,22 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
 from .bodies import BODIES as BODIES
-from .bodies import Body as Body
 from .bodies import MARS as MARS
 from .bodies import MOON as MOON
+from .bodies import Body as Body
 from .check import Check as Check
 from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
-from .exporting import ExportReport as ExportReport
+from .exporting import Export as Export
 from .exporting import Exporter as Exporter
+from .exporting import ExportReport as ExportReport
+from .exporting import Opening as Opening
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
+from .exporting import plain_options as plain_options
 from .friction import Friction as Friction
 from .friction import surface_friction as surface_friction
 from .friction import world_friction as world_friction

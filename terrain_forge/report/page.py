@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
-from terrain_forge.model import World
+from terrain_forge.model import Export, World
 from terrain_forge.report.checks import checks_section, conformance_section, further_section
 from terrain_forge.report.craters import craters_section
 from terrain_forge.report.ground import ground_section
@@ -23,7 +23,11 @@ from terrain_forge.report.view import scripts, view_section
 
 
 def write_report_page(
-    world: World, directory: Path, *, above: NDArray[np.uint8] | None = None
+    world: World,
+    directory: Path,
+    *,
+    exports: tuple[Export, ...] = (),
+    above: NDArray[np.uint8] | None = None,
 ) -> Path:
     """Write `directory`/report.html from the world and from what lies in its built folder.
 
@@ -34,6 +38,7 @@ def write_report_page(
     Args:
         world: The world.
         directory: Its built folder.
+        exports: The exports in it.
         above: The picture of `take_map`, where it was taken already.
 
     Returns:
@@ -42,7 +47,7 @@ def write_report_page(
     Raises:
         TerrainForgeError: where Embree is missing, which takes the pictures.
     """
-    built = Built(world, directory, above)
+    built = Built(world, directory, exports, above)
     sections = [part for make in SECTIONS if (part := make(built))]
     body = join(
         [

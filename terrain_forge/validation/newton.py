@@ -1,0 +1,62 @@
+"""Worlds in Newton, in an interpreter of its own where ours does not have it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from terrain_forge.validation.consumer import python_with, run
+from terrain_forge.validation.probe import read_answer
+from terrain_forge.validation.reading import Reading
+from terrain_forge.validation.sample import SETTLING, Sample
+
+VARIABLE = "TERRAIN_FORGE_NEWTON_PYTHON"
+"""The environment variable that names a Python with Newton."""
+
+
+def read_newton(
+    sample: Sample, world: Path, scratch: Path, *, rock_error: float, gravity_kept: bool = True
+) -> Reading:
+    """An export as Newton's importer has it, with balls that come to rest in its solver.
+
+    Args:
+        sample: What is looked at.
+        world: The MJCF or USD file.
+        scratch: A folder for what is kept.
+        rock_error: How far the export's options allow a rock's outline to be off.
+        gravity_kept: Whether Newton takes gravity from such a file.
+
+    Raises:
+        NotRun: if there is no Python with Newton.
+        SimulationError: if Newton fails.
+    """
+    python = python_with("newton", VARIABLE)
+    with tempfile.TemporaryDirectory(dir=scratch) as temporary:
+        binary, answer = Path(temporary) / "meshes.bin", Path(temporary) / "answer.txt"
+        order = {
+            "world": str(world.absolute()),
+            "binary": str(binary),
+            "answer": str(answer),
+            "balls": sample.balls.start.tolist(),
+            "radius": sample.balls.radius,
+            "seconds": SETTLING,
+        }
+        command = [python, Path(__file__).with_name("newton_probe.py")]
+        run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
+        reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
+    reasons = {
+        "path": "Newton imports no motion",
+        "findings": "Newton has no validator",
+        "gravity": "Newton takes none from MJCF",
+    }
+    return replace(
+        reading,
+        gravity=reading.gravity if gravity_kept else None,
+        rock_error=rock_error,
+        tracks=None,
+        seen=None,
+        findings=None,
+        reasons=reasons,
+    )
