@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from terrain_forge.model import Opening
 from terrain_forge.validation import (
     SETTLING,
     Consumer,
@@ -73,6 +74,17 @@ def read_ground(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
     grounds = [c for c in root.iter("collision") if is_ground(c.get("name", ""))]
     meshes = (read_mesh(folder / c.findtext("geometry/mesh/uri", "")) for c in grounds)
     return Reading(consumer="files", heights=highest_on(meshes, sample.points))
+
+
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    del options
+    return Opening(
+        title="Drake",
+        commands="from pydrake.multibody.parsing import Parser\n"
+        f'Parser(plant).AddModels("{folder.name}/world.sdf")   '
+        "# contact: see docs/exporters/drake.md",
+    )
 
 
 DRAKE = Consumer(name="Drake", read=read_drake)

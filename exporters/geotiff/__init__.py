@@ -2,7 +2,6 @@
 
 from .export import export
 from .options import Options
-from .readback import CONSUMERS
-from .usage import opening
+from .readback import CONSUMERS, opening
 
 __all__ = ["CONSUMERS", "Options", "export", "opening"]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
 
-from terrain_forge.model import Heightfield
+from terrain_forge.model import Heightfield, Opening
 from terrain_forge.validation import Consumer, Reading, Sample
 
 _RASTER = "a raster carries heights alone"
@@ -48,6 +49,11 @@ def _heights(found: Heightfield, sample: Sample) -> np.ndarray:
     inside = found.covers(sample.points[:, 0], sample.points[:, 1])
     heights[inside] = found.height_at(sample.points[inside, 0], sample.points[inside, 1])
     return heights
+
+
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    return Opening(title="Maps", commands=f"qgis {quote(folder.name)}/{options.products[0]}.tif")
 
 
 GDAL = Consumer(name="GDAL", read=read_geotiff)

@@ -6,11 +6,13 @@ import json
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
 
 from terrain_forge.base import Array
+from terrain_forge.model import Opening
 from terrain_forge.validation import (
     Consumer,
     Reading,
@@ -38,7 +40,7 @@ def read_glb(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
     return Reading(
         consumer=f"trimesh {trimesh.__version__}",
         ground=tuple(ground),
-        seen=solids.solids(),
+        seen=solids,
         rock_error=options.outline_error,
         tracks=tuple(_animations(path)),
         reasons={**reasons, "findings": "trimesh has no validator"},
@@ -75,6 +77,16 @@ def _animations(path: Path) -> Iterator[Track]:
             position=found["translation"],
             quaternion=np.roll(found["rotation"], 1, axis=1),
         )
+
+
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    del options
+    load = f'import bpy; bpy.ops.import_scene.gltf(filepath="{folder.name}/world.glb")'
+    return Opening(
+        title="Blender, glTF",
+        commands=f"blender --python-expr {quote(load)}   # or any viewer of glTF",
+    )
 
 
 TRIMESH = Consumer(name="trimesh", read=read_glb)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from terrain_forge.base import Array
-from terrain_forge.model import Mesh
+from terrain_forge.model import Mesh, Opening
 from terrain_forge.validation import (
     Consumer,
     Reading,
@@ -28,7 +29,9 @@ def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
     import trimesh
 
     del scratch
-    more = {"split_objects": True, "group_material": False} if options.format == "obj" else {}
+    more: dict[str, Any] = {}
+    if options.format == "obj":
+        more = {"split_objects": True, "group_material": False}
     scenes = [
         trimesh.load(file, force="scene", process=False, **more)
         for file in sorted(folder.glob(f"*.{options.format}"))
@@ -41,7 +44,7 @@ def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
     reading = Reading(
         consumer=f"trimesh {trimesh.__version__}",
         ground=tuple(ground),
-        seen=solids.solids(),
+        seen=solids,
         rock_error=options.outline_error,
         reasons={**reasons, "findings": "trimesh has no validator"},
     )
@@ -60,6 +63,16 @@ def _without_names(
     hidden = ~free_of_rocks(sample.world, sample.points, margin=0.0)
     reasons = {**reading.reasons, "frames": "ground and rocks are one mesh"}
     return replace(reading, heights=heights, hidden=hidden, reasons=reasons)
+
+
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    files = "*" if options.tiles == "tiled" else "world"
+    return Opening(
+        title="Meshes",
+        commands=f"meshlab {quote(folder.name)}/{files}.{options.format}"
+        "   # or any reader of meshes; metres, z up",
+    )
 
 
 TRIMESH = Consumer(name="trimesh", read=read_meshes)

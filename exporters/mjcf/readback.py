@@ -7,23 +7,23 @@ from collections.abc import Iterator
 from copy import copy
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from terrain_forge.base import Array, SimulationError, load_model, matrix_from_quaternion
+from terrain_forge.model import Opening
 from terrain_forge.validation import (
     SETTLING,
-    Bodies,
+    Body,
     Consumer,
     Reading,
     Sample,
-    Solids,
     SolidsOfRocks,
     Track,
-    bodies,
-    read_newton,
+    newton,
     rock_of,
     table_columns,
     track_of,
@@ -85,40 +85,18 @@ def _load_sampled(sample: Sample, folder: Path) -> Any:
     """The model of world.xml with the rocks of the sample alone."""
     import mujoco
 
-    parser = ElementTree.XMLParser(target=_SampledTree(sample))
-    root = ElementTree.parse(folder / "world.xml", parser).getroot()
+    root = ElementTree.parse(folder / "world.xml").getroot()
     body, asset = root.find("worldbody"), root.find("asset")
     if body is None or asset is None:
         raise SimulationError("world.xml has no ground")
+    kept = {None, *sample.rocks}
+    for parent in (body, *body.findall(".//body")):
+        parent[:] = [e for e in parent if rock_of(e.get("name", "")) in kept]
     used = {geom.get("mesh") for geom in body.iter("geom")}
     asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
     names = {str(item.get("file")) for item in asset if item.get("file")}
     files = {name: (folder / name).read_bytes() for name in sorted(names)}
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"), files)
-
-
-class _SampledTree(ElementTree.TreeBuilder):
-    """Builds the tree of a file without the rocks that are not looked at, which would fill it."""
-
-    def __init__(self, sample: Sample) -> None:
-        super().__init__()
-        self._wanted = sample.rocks
-        self._left_out = 0
-
-    def start(self, tag: str, attributes: dict[str, str], /) -> Any:
-        """Open an element, unless it is of a rock that is left out or within one."""
-        rock = rock_of(attributes.get("name", "")) if tag in ("body", "geom") else None
-        if self._left_out or (rock is not None and rock not in self._wanted):
-            self._left_out += 1
-            return None
-        return super().start(tag, attributes)
-
-    def end(self, tag: str, /) -> Any:
-        """Close an element."""
-        if self._left_out:
-            self._left_out -= 1
-            return None
-        return super().end(tag)
 
 
 def _ground_heights(sample: Sample, model: Any, data: Any) -> Array:
@@ -162,7 +140,7 @@ def _shown(model: Any) -> set[int]:
     return set(np.flatnonzero(model.geom_group < 3).tolist())
 
 
-def _solids(sample: Sample, model: Any, data: Any, geoms: set[int]) -> Solids:
+def _solids(sample: Sample, model: Any, data: Any, geoms: set[int]) -> SolidsOfRocks:
     """The vertices of the rocks' mesh geoms, as far as they are among these."""
     import mujoco
 
@@ -175,23 +153,19 @@ def _solids(sample: Sample, model: Any, data: Any, geoms: set[int]) -> Solids:
         first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
         vertices = model.mesh_vert[first : first + count]
         solids.add(rock, vertices @ data.geom_xmat[n].reshape(3, 3).T + data.geom_xpos[n])
-    return solids.solids()
+    return solids
 
 
-def _bodies(model: Any, data: Any) -> Bodies:
-    rows = []
+def _bodies(model: Any, data: Any) -> dict[int, Body]:
+    found = {}
     for n in range(1, model.nbody):
         rock = rock_of(model.body(n).name)
-        if rock is None:
-            continue
-        turn = matrix_from_quaternion(model.body_iquat[n])
-        tensor = turn @ np.diag(model.body_inertia[n]) @ turn.T
-        row = (
-            rock, float(model.body_mass[n]), tensor, data.xipos[n].copy(),
-            data.xmat[n].reshape(3, 3).copy(),
-        )  # fmt: skip
-        rows.append(row)
-    return bodies(rows)
+        if rock is not None:
+            turn = matrix_from_quaternion(model.body_iquat[n])
+            tensor = turn @ np.diag(model.body_inertia[n]) @ turn.T
+            rotation = data.xmat[n].reshape(3, 3).copy()
+            found[rock] = Body(float(model.body_mass[n]), tensor, data.xipos[n].copy(), rotation)
+    return found
 
 
 def _rest(sample: Sample, path: Path) -> Array:
@@ -233,17 +207,18 @@ def _tracks(sample: Sample, folder: Path) -> Iterator[Track]:
             yield track_of(path.stem, table_columns(path))
 
 
-def read_in_newton(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
-    """An MJCF export as Newton imports it."""
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
     del options
-    return read_newton(
-        sample, folder / "world.xml", scratch, rock_error=_SCALE_ERROR, gravity_kept=False
+    return Opening(
+        title="MuJoCo",
+        commands=f"python -m mujoco.viewer --mjcf={quote(folder.name)}/scene.xml",
     )
 
 
 MUJOCO = Consumer(name="MuJoCo", read=read_mjcf, quick=True)
 """MuJoCo's compiler, rays and solver."""
-NEWTON = Consumer(name="Newton", read=read_in_newton)
+NEWTON = newton("world.xml", rock_error=_SCALE_ERROR, gravity_kept=False)
 """Newton's importer of MJCF, and its solver."""
 CONSUMERS = (MUJOCO, NEWTON)
 """What reads these exports back."""

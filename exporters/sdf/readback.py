@@ -10,12 +10,14 @@ from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from shlex import quote
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from terrain_forge.base import Array, SimulationError, image_rows, quaternion_from_rpy
+from terrain_forge.model import Opening
 from terrain_forge.paths import Deviation, deviation, spline_places
 from terrain_forge.rocks import cache_folder
 from terrain_forge.validation import (
@@ -317,6 +319,22 @@ def _plugin() -> Path:
         if (folder / name).is_file():
             return folder / name
     raise SimulationError(f"{name} is not installed")
+
+
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    name = quote(folder.name)
+    models = f'"$PWD"/{name}/models'
+    if options.flavour == "classic":
+        return Opening(
+            title="Gazebo Classic",
+            commands=f"GAZEBO_MODEL_PATH={models} gazebo {name}/scene.sdf",
+        )
+    return Opening(
+        title="Gazebo",
+        commands=f"GZ_SIM_RESOURCE_PATH={models} gz sim {name}/scene.sdf\n"
+        f"IGN_GAZEBO_RESOURCE_PATH={models} ign gazebo {name}/scene.sdf   # Fortress",
+    )
 
 
 FILES = Consumer(name="files", read=read_files, quick=True, full=False)

@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion
-from terrain_forge.model import Mesh, Trajectory
+from terrain_forge.model import Mesh, Opening, Trajectory
 from terrain_forge.paths import Deviation, angles_between, times_between
 from terrain_forge.validation import (
-    Bodies,
+    Body,
     Consumer,
     Reading,
     Sample,
     SolidsOfRocks,
     Track,
-    bodies,
     highest_on,
     is_ground,
-    read_newton,
+    newton,
     rock_of,
     split_merged,
 )
@@ -39,14 +39,14 @@ def read_usd(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
     if sample.quick:
         heights = highest_on(_ground(stage), sample.points)
         return Reading(consumer=consumer, heights=heights, replays=tuple(_replays(sample, scene)))
-    ground, touched, seen = _geometry(sample, stage)
+    touched, seen = _rocks(sample, stage)
     replay = Usd.Stage.Open(str(scene)) if scene.is_file() else None
     findings = [*_findings(stage), *(_findings(replay) if replay else ())]
     return Reading(
         consumer=consumer,
-        ground=tuple(ground),
-        touched=touched.solids(),
-        seen=seen.solids(),
+        ground=tuple(_ground(stage)),
+        touched=touched,
+        seen=seen,
         rock_error=options.outline_error,
         gravity=_gravity(stage),
         bodies=_bodies(stage),
@@ -62,40 +62,38 @@ def _ground(stage: Any) -> Iterator[Mesh]:
 
     places = UsdGeom.XformCache()
     for prim in stage.Traverse():
-        named = prim.IsA(UsdGeom.Mesh) and any(map(is_ground, str(prim.GetPath()).split("/")))
-        if named and prim.HasAPI(UsdPhysics.CollisionAPI):
+        if prim.IsA(UsdGeom.Mesh) and _is_ground(prim) and prim.HasAPI(UsdPhysics.CollisionAPI):
             yield _mesh(prim, places)
 
 
-def _geometry(sample: Sample, stage: Any) -> tuple[list[Mesh], SolidsOfRocks, SolidsOfRocks]:
-    """The ground as it is touched, and the rocks as they are touched and seen."""
+def _is_ground(prim: Any) -> bool:
+    return any(map(is_ground, str(prim.GetPath()).split("/")))
+
+
+def _rocks(sample: Sample, stage: Any) -> tuple[SolidsOfRocks, SolidsOfRocks]:
+    """The rocks as they are touched and seen."""
     from pxr import Usd, UsdGeom, UsdPhysics
 
     places = UsdGeom.XformCache()
-    ground: list[Mesh] = []
     touched, seen = SolidsOfRocks(sample.rocks), SolidsOfRocks(sample.rocks)
     prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     for prim in prims:
-        path = str(prim.GetPath())
-        rock = rock_of(path)
+        rock = rock_of(str(prim.GetPath()))
         if rock is not None and not touched.wants(rock):
             prims.PruneChildren()
         elif prim.IsA(UsdGeom.PointInstancer):
             _add_instances(seen, UsdGeom.PointInstancer(prim), places)
             prims.PruneChildren()
-        elif prim.IsA(UsdGeom.Mesh):
+        elif prim.IsA(UsdGeom.Mesh) and not _is_ground(prim):
             mesh = _mesh(prim, places)
             collides = prim.HasAPI(UsdPhysics.CollisionAPI)
             shown = UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide
-            if any(map(is_ground, path.split("/"))):
-                ground += [mesh] if collides else []
-                continue
             for solids, counts in ((touched, collides), (seen, shown)):
                 if counts and rock is not None:
                     solids.add(rock, mesh.vertices)
                 elif counts:
                     solids.add_merged(*split_merged(sample, mesh))
-    return ground, touched, seen
+    return touched, seen
 
 
 def _mesh(prim: Any, places: Any) -> Mesh:
@@ -152,11 +150,11 @@ def _gravity(stage: Any) -> float | None:
     return None
 
 
-def _bodies(stage: Any) -> Bodies:
+def _bodies(stage: Any) -> dict[int, Body]:
     """The rigid bodies with what they say of their masses."""
     from pxr import UsdGeom, UsdPhysics
 
-    places, rows = UsdGeom.XformCache(), []
+    places, found = UsdGeom.XformCache(), {}
     for prim in stage.Traverse():
         rock = rock_of(str(prim.GetPath()))
         if rock is None or not prim.HasAPI(UsdPhysics.RigidBodyAPI):
@@ -167,8 +165,9 @@ def _bodies(stage: Any) -> Bodies:
         tensor = turn @ np.diag(said.GetDiagonalInertiaAttr().Get()) @ turn.T
         matrix = np.array(places.GetLocalToWorldTransform(prim))
         centre = np.array(said.GetCenterOfMassAttr().Get()) @ matrix[:3, :3] + matrix[3, :3]
-        rows.append((rock, float(said.GetMassAttr().Get()), tensor, centre, matrix[:3, :3].T))
-    return bodies(rows)
+        mass = float(said.GetMassAttr().Get())
+        found[rock] = Body(mass, tensor, centre, matrix[:3, :3].T)
+    return found
 
 
 def _tracks(stage: Any) -> Iterator[Track]:
@@ -239,14 +238,16 @@ def _findings(stage: Any) -> Iterator[str]:
         yield f"{error.GetIdentifier()}: {error.GetMessage()}"
 
 
-def read_in_newton(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
-    """A USD export as Newton imports it."""
-    return read_newton(sample, folder / "world.usda", scratch, rock_error=options.outline_error)
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    del options
+    others = "or File › Open in Isaac Sim, Omniverse, Blender"
+    return Opening(title="USD", commands=f"usdview {quote(folder.name)}/scene.usda   # {others}")
 
 
 OPENUSD = Consumer(name="OpenUSD", read=read_usd, quick=True)
 """OpenUSD's composition and validators."""
-NEWTON = Consumer(name="Newton", read=read_in_newton)
+NEWTON = newton("world.usda")
 """Newton's importer of USD, and its solver."""
 CONSUMERS = (OPENUSD, NEWTON)
 """What reads these exports back."""

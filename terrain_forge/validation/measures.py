@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from terrain_forge.model import Check, Heightfield, Trajectory, at_most, failed,
 from terrain_forge.paths import ANGLE_LIMIT, POSITION_LIMIT, Deviation
 from terrain_forge.validation.entry import ASPECTS, Entry, Status
 from terrain_forge.validation.outlines import rock_errors
-from terrain_forge.validation.reading import Reading, Solids, Track
+from terrain_forge.validation.reading import Body, Reading, SolidsOfRocks, Track
 from terrain_forge.validation.sample import Sample
 from terrain_forge.validation.surface_mesh import highest_on
 from terrain_forge.writers import file_name, identifier
@@ -144,7 +144,7 @@ def _rocks(sample: Sample, reading: Reading, entry: Entry, along: slice) -> Entr
     size = field.scale / field.diameter
     touched = np.maximum(ROCK_LIMIT, reading.rock_error * size)
     seen = np.maximum(touched, ROCK_LIMIT + np.array(levels)[field.prototype] * size)
-    looks: list[tuple[Solids | None, NDArray[np.bool_], Array]] = [
+    looks: list[tuple[SolidsOfRocks | None, NDArray[np.bool_], Array]] = [
         (reading.touched, field.collides, touched),
         (reading.seen, np.ones(len(field), np.bool_), seen if reading.drawn_level else touched),
     ]
@@ -172,17 +172,16 @@ def _masses(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
     dynamic = sample.world.field.select(sample.dynamic)
     if not len(dynamic):
         return replace(entry, status="not carried", note="no rock is dynamic")
-    place = {rock: n for n, rock in enumerate(reading.bodies.rock.tolist())}
-    missing = [rock for rock in dynamic.id.tolist() if rock not in place]
-    if missing or len(place) != len(dynamic):
+    missing = [rock for rock in dynamic.id.tolist() if rock not in reading.bodies]
+    if missing or len(reading.bodies) != len(dynamic):
         first = f"rock {missing[0]}" if missing else "one too many"
-        note = f"{len(place)} bodies for {len(dynamic)} dynamic rocks; {first}"
+        note = f"{len(reading.bodies)} bodies for {len(dynamic)} dynamic rocks; {first}"
         return replace(entry, status="fail", note=note)
-    order = [place[rock] for rock in dynamic.id.tolist()]
+    found = [reading.bodies[rock] for rock in dynamic.id.tolist()]
     tensors = inertias(dynamic, sample.world.library)
-    off = np.abs(reading.bodies.inertia[order] - tensors).max(axis=(1, 2))
+    off = np.abs(np.array([body.inertia for body in found]) - tensors).max(axis=(1, 2))
     off /= np.abs(tensors).max(axis=(1, 2))
-    mass = np.abs(reading.bodies.mass[order] / dynamic.mass - 1.0)
+    mass = np.abs(np.array([body.mass for body in found]) / dynamic.mass - 1.0)
     note = f"largest relative error of mass and inertia, {len(dynamic)} dynamic rocks"
     return _judged(entry, float(max(off.max(), mass.max())), MASS_LIMIT, note=note)
 
@@ -204,24 +203,21 @@ def _frames(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
         return None
     worst = float(np.abs(np.array(extent) - sample.world.ground.bounds).max())
     what = ["edges of the ground"]
-    if reading.bodies is not None and len(reading.bodies.rock):
-        worst = max(worst, _body_error(sample, reading))
+    if reading.bodies:
+        worst = max(worst, _body_error(sample, reading.bodies))
         what.append("poses of dynamic rocks")
     return _judged(entry, worst, PLACE_LIMIT, unit="m", note=" and ".join(what))
 
 
-def _body_error(sample: Sample, reading: Reading) -> float:
+def _body_error(sample: Sample, bodies: Mapping[int, Body]) -> float:
     """How far bodies are off, and points at 1 m by their being turned [m]."""
-    assert reading.bodies is not None
-    field = sample.world.field
-    rows = np.searchsorted(field.id, reading.bodies.rock)
-    rows = np.minimum(rows, len(field) - 1)
-    known = field.id[rows] == reading.bodies.rock
-    if not known.all():
+    place = {rock: n for n, rock in enumerate(sample.world.field.id.tolist())}
+    if not bodies.keys() <= place.keys():
         return float("inf")
-    rocks = field.select(rows)
-    moved = np.linalg.norm(reading.bodies.position - rocks.position, axis=1)
-    turned = np.linalg.norm(reading.bodies.rotation - rotations(rocks), axis=2)
+    rocks = sample.world.field.select(np.array([place[rock] for rock in bodies]))
+    positions, turns = ([body[n] for body in bodies.values()] for n in (2, 3))
+    moved = np.linalg.norm(np.array(positions) - rocks.position, axis=1)
+    turned = np.linalg.norm(np.array(turns) - rotations(rocks), axis=2)
     return float(max(moved.max(), turned.max()))
 
 

@@ -6,8 +6,9 @@ import json
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from terrain_forge.validation.consumer import python_with, run
+from terrain_forge.validation.consumer import Consumer, python_with, run
 from terrain_forge.validation.probe import read_answer
 from terrain_forge.validation.reading import Reading
 from terrain_forge.validation.sample import SETTLING, Sample
@@ -16,22 +17,28 @@ VARIABLE = "TERRAIN_FORGE_NEWTON_PYTHON"
 """The environment variable that names a Python with Newton."""
 
 
-def read_newton(
-    sample: Sample, world: Path, scratch: Path, *, rock_error: float, gravity_kept: bool = True
-) -> Reading:
-    """An export as Newton's importer has it, with balls that come to rest in its solver.
+def newton(file: str, *, rock_error: float = 0.0, gravity_kept: bool = True) -> Consumer:
+    """Newton's importer of an export, and its solver.
 
     Args:
-        sample: What is looked at.
-        world: The MJCF or USD file.
-        scratch: A folder for what is kept.
-        rock_error: How far the export's options allow a rock's outline to be off.
+        file: Name of the MJCF or USD file in the export's folder.
+        rock_error: How far the format's rocks may be off, besides what the options allow.
         gravity_kept: Whether Newton takes gravity from such a file.
-
-    Raises:
-        NotRun: if there is no Python with Newton.
-        SimulationError: if Newton fails.
     """
+
+    def read(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
+        reading = _read(sample, folder / file, scratch)
+        return replace(
+            reading,
+            gravity=reading.gravity if gravity_kept else None,
+            rock_error=rock_error + getattr(options, "outline_error", 0.0),
+        )
+
+    return Consumer(name="Newton", read=read)
+
+
+def _read(sample: Sample, world: Path, scratch: Path) -> Reading:
+    """A file as Newton's importer has it, with balls that come to rest in its solver."""
     python = python_with("newton", VARIABLE)
     with tempfile.TemporaryDirectory(dir=scratch) as temporary:
         binary, answer = Path(temporary) / "meshes.bin", Path(temporary) / "answer.txt"
@@ -51,12 +58,4 @@ def read_newton(
         "findings": "Newton has no validator",
         "gravity": "Newton takes none from MJCF",
     }
-    return replace(
-        reading,
-        gravity=reading.gravity if gravity_kept else None,
-        rock_error=rock_error,
-        tracks=None,
-        seen=None,
-        findings=None,
-        reasons=reasons,
-    )
+    return replace(reading, tracks=None, seen=None, findings=None, reasons=reasons)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion
 from terrain_forge.model import Mesh
-from terrain_forge.validation.reading import MERGED, Solids
+from terrain_forge.validation.reading import MERGED, SolidsOfRocks
 from terrain_forge.validation.sample import Sample
 
 _TURNS = np.arange(8) * np.pi / 4
@@ -20,7 +20,7 @@ _HIDDEN = 0.05
 exports leave out faces that lie wholly under it."""
 
 
-def rock_errors(sample: Sample, solids: Solids) -> Array:
+def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
     """How far each of the sample's rocks is off along each direction [m], shape [rocks, 9].
 
     A rock that the export names is compared with its shape and with its convex parts, whichever is
@@ -28,8 +28,8 @@ def rock_errors(sample: Sample, solids: Solids) -> Array:
     which the ground hides the rock, infinite where there is no such rock.
     """
     found = _supports(solids)
-    named = {rock: number for number, rock in enumerate(solids.rock.tolist()) if rock != MERGED}
-    merged = np.flatnonzero(solids.rock == MERGED)
+    named = {rock: number for number, rock in enumerate(solids.rock) if rock != MERGED}
+    merged = np.flatnonzero(np.array(solids.rock) == MERGED)
     centre = 0.5 * (found[:, [0, 2]] - found[:, [4, 6]])[merged]
     errors = np.full((len(sample.rows), len(DIRECTIONS)), np.inf)
     for place, row in enumerate(sample.rows.tolist()):
@@ -43,7 +43,7 @@ def rock_errors(sample: Sample, solids: Solids) -> Array:
     return errors
 
 
-def _supports(solids: Solids) -> Array:
+def _supports(solids: SolidsOfRocks) -> Array:
     """How far each solid reaches along each direction [m], shape [solids, 9]."""
     furthest = np.full((len(solids.rock), len(DIRECTIONS)), -np.inf)
     np.maximum.at(furthest, solids.solid, solids.vertices @ DIRECTIONS.T)

@@ -20,11 +20,10 @@ from terrain_forge.model import Mesh
 from terrain_forge.validation.names import is_ground, rock_of
 from terrain_forge.validation.outlines import split_merged
 from terrain_forge.validation.reading import (
-    Bodies,
+    Body,
     Reading,
     SolidsOfRocks,
     Track,
-    bodies,
     placed,
 )
 from terrain_forge.validation.sample import Sample
@@ -49,8 +48,8 @@ def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
         consumer=", ".join(parts[0] for parts in facts.get("consumer", [])),
         ground=tuple(ground),
         quantum=max(map(_quantum, facts.get("heightmap", [])), default=0.0),
-        touched=solids["touched"].solids(),
-        seen=solids["seen"].solids(),
+        touched=solids["touched"],
+        seen=solids["seen"],
         gravity=float(gravity[0][2]) if gravity else None,
         bodies=_bodies(facts.get("body", [])),
         tracks=tuple(_tracks(facts.get("waypoint", []))),
@@ -109,17 +108,15 @@ def _shapes(
     return ground, solids
 
 
-def _bodies(lines: list[list[str]]) -> Bodies:
-    rows = []
+def _bodies(lines: list[list[str]]) -> dict[int, Body]:
+    found = {}
     for model, *numbers in lines:
-        rock = rock_of(model)
-        values = np.array(numbers, np.float64)
-        matrix = values[10:].reshape(3, 4)
+        rock, values = rock_of(model), np.array(numbers, np.float64)
         if rock is not None:
-            rows.append(
-                (rock, float(values[0]), values[1:10].reshape(3, 3), matrix[:, 3], matrix[:, :3])
-            )
-    return bodies(rows)
+            matrix = values[10:].reshape(3, 4)
+            inertia = values[1:10].reshape(3, 3)
+            found[rock] = Body(float(values[0]), inertia, matrix[:, 3], matrix[:, :3])
+    return found
 
 
 def _tracks(lines: list[list[str]]) -> Iterator[Track]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,32 +18,17 @@ MERGED = -1
 """Rock of a solid that the export does not name."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Solids:
-    """The vertices of rocks, as far as the consumer tells them apart."""
+class Body(NamedTuple):
+    """A rock that can be pushed."""
 
-    vertices: Array
-    """Positions in the world frame [m], shape [vertices, 3]."""
-    solid: NDArray[np.int64]
-    """Which solid each vertex belongs to, shape [vertices]."""
-    rock: NDArray[np.int64]
-    """Id of the rock that each solid is, MERGED where it has no name, shape [solids]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Bodies:
-    """Rocks that can be pushed."""
-
-    rock: NDArray[np.int64]
-    """Ids, shape [bodies]."""
-    mass: Array
-    """Masses [kg], shape [bodies]."""
+    mass: float
+    """[kg]."""
     inertia: Array
-    """Tensors about the centres of mass in the rocks' own axes [kg m²], shape [bodies, 3, 3]."""
+    """About the centre of mass in the rock's own axes [kg m²], shape [3, 3]."""
     position: Array
-    """Centres of mass in the world frame [m], shape [bodies, 3]."""
+    """Centre of mass in the world frame [m], shape [3]."""
     rotation: Array
-    """Matrices from the rocks' axes to the world's, shape [bodies, 3, 3]."""
+    """Matrix from the rock's axes to the world's, shape [3, 3]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,9 +69,9 @@ class Reading:
     ground_limit: float | None = None
     """How far the ground may be off [m], where that is not by the usual limit, quantum and
     besides."""
-    touched: Solids | None = None
+    touched: SolidsOfRocks | None = None
     """Rocks as physics has them."""
-    seen: Solids | None = None
+    seen: SolidsOfRocks | None = None
     """Rocks as pictures have them."""
     rock_error: float = 0.0
     """How far the export's options allow a rock's outline to be off, as a part of its size."""
@@ -93,8 +79,8 @@ class Reading:
     """Level of detail by which rocks are drawn, at the coarsest, whatever the options."""
     gravity: float | None = None
     """Acceleration along z [m/s²]."""
-    bodies: Bodies | None = None
-    """Dynamic rocks."""
+    bodies: Mapping[int, Body] | None = None
+    """Dynamic rocks, by id."""
     tracks: tuple[Track, ...] | None = None
     """The paths."""
     replays: tuple[Deviation | None, ...] = ()
@@ -109,7 +95,7 @@ class Reading:
 
 
 class SolidsOfRocks:
-    """Collects the solids of the rocks that are looked at.
+    """The vertices of the rocks that are looked at, as far as the consumer tells them apart.
 
     Args:
         rocks: Ids of these rocks.
@@ -117,10 +103,21 @@ class SolidsOfRocks:
 
     def __init__(self, rocks: Collection[int]) -> None:
         self._wanted = frozenset(rocks)
-        self._vertices: list[Array] = []
-        self._solid: list[NDArray[np.int64]] = []
-        self._rock: list[int] = []
         self._named: dict[int, int] = {}
+        self._vertices: list[Array] = [np.zeros((0, 3))]
+        self._solid: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
+        self.rock: list[int] = []
+        """Id of the rock that each solid is, MERGED where it has no name."""
+
+    @property
+    def vertices(self) -> Array:
+        """Positions in the world frame [m], shape [vertices, 3]."""
+        return np.concatenate(self._vertices)
+
+    @property
+    def solid(self) -> NDArray[np.int64]:
+        """Which solid each vertex belongs to, shape [vertices]."""
+        return np.concatenate(self._solid)
 
     def wants(self, rock: int) -> bool:
         """Whether this rock is looked at."""
@@ -131,23 +128,15 @@ class SolidsOfRocks:
         if rock not in self._wanted:
             return
         if rock not in self._named:
-            self._named[rock] = len(self._rock)
-            self._rock.append(rock)
+            self._named[rock] = len(self.rock)
+            self.rock.append(rock)
         self._append(vertices, np.full(len(vertices), self._named[rock]))
 
     def add_merged(self, vertices: Array, solid: NDArray[np.int64]) -> None:
         """Add solids without names; `solid` counts from 0."""
-        first = len(self._rock)
-        self._rock += [MERGED] * (int(solid.max(initial=-1)) + 1)
+        first = len(self.rock)
+        self.rock += [MERGED] * (int(solid.max(initial=-1)) + 1)
         self._append(vertices, first + solid)
-
-    def solids(self) -> Solids:
-        """All of them."""
-        return Solids(
-            vertices=np.concatenate([np.zeros((0, 3)), *self._vertices]),
-            solid=np.concatenate([np.zeros(0, np.int64), *self._solid]),
-            rock=np.array(self._rock, np.int64),
-        )
 
     def _append(self, vertices: Array, solid: NDArray[np.int64]) -> None:
         self._vertices.append(np.asarray(vertices, np.float64))
@@ -158,14 +147,3 @@ def placed(vertices: Array, matrix: Array) -> Array:
     """Vertices [n, 3] moved by the upper rows of a homogeneous matrix, shape [3, 4]."""
     result: Array = vertices @ matrix[:, :3].T + matrix[:, 3]
     return result
-
-
-def bodies(rows: Sequence[tuple[int, float, Array, Array, Array]]) -> Bodies:
-    """Bodies of rows of id, mass, inertia, position and rotation."""
-    return Bodies(
-        rock=np.array([row[0] for row in rows], np.int64),
-        mass=np.array([row[1] for row in rows], np.float64),
-        inertia=np.array([row[2] for row in rows], np.float64).reshape(-1, 3, 3),
-        position=np.array([row[3] for row in rows], np.float64).reshape(-1, 3),
-        rotation=np.array([row[4] for row in rows], np.float64).reshape(-1, 3, 3),
-    )

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import Check, Export, World, failed
+from terrain_forge.model import Check, Export, World
 from terrain_forge.validation.consumer import Consumer, NotRun
-from terrain_forge.validation.entry import Entry, Status
+from terrain_forge.validation.entry import ASPECTS, Entry, Status
 from terrain_forge.validation.measures import BALL_LIMIT, measure, replay_checks
 from terrain_forge.validation.reading import Reading
 from terrain_forge.validation.sample import Sample, draw_sample
@@ -24,6 +24,7 @@ from terrain_forge.validation.tracks import PATHS
 
 _log = logging.getLogger(__name__)
 _QUICK = {
+    "": "reading",
     "ground": "ground",
     "rock tops": "rocks",
     "masses": "dynamic rocks",
@@ -56,23 +57,16 @@ def quick_checks(
 def _quickly(
     sample: Sample, directory: Path, export: Export, consumer: Consumer, options: Any
 ) -> list[Check]:
-    folder = directory / export.folder
-    blank = Entry(export=folder.name, kind=export.kind, consumer="", aspect="", status="pass")
-    try:
-        with tempfile.TemporaryDirectory() as scratch:
-            reading = consumer.read(sample, folder, options, Path(scratch))
-            entries = measure(sample, blank, reading, tuple(_QUICK))
-    except NotRun:
-        return []
-    except Exception as error:  # each consumer has its own; an export that it cannot read fails
-        why = " ".join(str(error).split())
-        return [failed(f"{folder.name}: ground", f"cannot be opened: {why}")]
+    name = Path(export.folder).name
+    with tempfile.TemporaryDirectory() as scratch:
+        entries, reading = read(sample, directory, export, consumer, options, Path(scratch))
     checks = [
-        entry.check.replace(name=f"{folder.name}: {_QUICK[entry.aspect]}")
+        check.replace(name=f"{name}: {_QUICK[entry.aspect]}")
         for entry in entries
-        if entry.check
+        if (check := entry.check)
     ]
-    return [*checks, *replay_checks(f"{folder.name}: paths between samples", reading.replays)]
+    replays = reading.replays if reading else ()
+    return [*checks, *replay_checks(f"{name}: paths between samples", replays)]
 
 
 def conformance(
@@ -143,7 +137,8 @@ def read(
     )
     try:
         reading = consumer.read(sample, directory / export.folder, options, scratch)
-        return measure(sample, blank, reading), reading
+        aspects = tuple(filter(None, _QUICK)) if sample.quick else ASPECTS
+        return measure(sample, blank, reading, aspects), reading
     except NotRun as reason:
         status, note = "not run", str(reason)
     except Exception as error:  # each consumer has its own; an export that it cannot read fails
