@@ -20,6 +20,7 @@ from terrain_forge.validation import (
     python_with,
     read_answer,
     read_mesh,
+    read_probe,
     run,
 )
 
@@ -47,7 +48,7 @@ def read_drake(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
             "radius": sample.balls.radius,
             "seconds": SETTLING,
         }
-        command = [python, Path(__file__).with_name("probe.py")]
+        command = [python, "-c", read_probe(__file__, "probe.py")]
         text = run(command, text=json.dumps(order), log=scratch / "drake.log")
         reading = read_answer(sample, text, binary)
     reasons = {"gravity": "Drake takes none from files", "path": "Drake has no actors"}

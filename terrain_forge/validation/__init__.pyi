@@ -4,6 +4,7 @@ from .checks.dynamic import MOST_WATCHED as MOST_WATCHED
 from .consumer import Consumer as Consumer
 from .consumer import NotRun as NotRun
 from .consumer import python_with as python_with
+from .consumer import read_probe as read_probe
 from .consumer import run as run
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection

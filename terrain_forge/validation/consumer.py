@@ -76,6 +76,14 @@ def run(command: Sequence[str | Path], *, text: str = "", log: Path | None = Non
     return done.stdout
 
 
+def read_probe(beside: str, name: str) -> str:
+    """The text of a program that lies beside a file, for `python -c`.
+
+    Run as a file it would find what lies beside it before the packages that it imports.
+    """
+    return Path(beside).with_name(name).read_text(encoding="utf-8")
+
+
 @cache
 def python_with(module: str, variable: str) -> Path:
     """A Python interpreter that can import a module: our own, or the one that a variable names.

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.validation.consumer import Consumer, python_with, run
+from terrain_forge.validation.consumer import Consumer, python_with, read_probe, run
 from terrain_forge.validation.probe import read_answer
 from terrain_forge.validation.reading import Reading
 from terrain_forge.validation.sample import SETTLING, Sample
@@ -50,7 +50,7 @@ def _read(sample: Sample, world: Path, scratch: Path) -> Reading:
             "radius": sample.balls.radius,
             "seconds": SETTLING,
         }
-        command = [python, Path(__file__).with_name("newton_probe.py")]
+        command = [python, "-c", read_probe(__file__, "newton_probe.py")]
         run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
         reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
     reasons = {
