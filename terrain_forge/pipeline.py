@@ -23,6 +23,7 @@ from terrain_forge.building import (
     altered_files,
     chosen_exports,
     dtm_lines,
+    exports_in,
     re_export_orders,
     read_manifest,
     replacing,
@@ -34,7 +35,7 @@ from terrain_forge.building import (
     write_manifest,
 )
 from terrain_forge.dtm import require_straight, survey
-from terrain_forge.model import BODIES, Lighting, Site, Window, World, owned, touches
+from terrain_forge.model import BODIES, Export, Lighting, Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories, plan_routes
 from terrain_forge.recipe import (
     ExportOrder,
@@ -296,9 +297,9 @@ def _write_whole(
     world: World, out: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
 ) -> BuildResult:
     with replacing(out) as directory:
-        losses = write_files(world, directory, orders=orders, watch=watch)
-        passed = _assess(world, directory, losses=losses, altered={}, watch=watch)
-    return BuildResult(directory=out, world=world, passed=passed, losses=losses)
+        exports = write_files(world, directory, orders=orders, watch=watch)
+        passed = _assess(world, directory, exports=exports, altered={}, watch=watch)
+    return BuildResult(directory=out, world=world, passed=passed, exports=exports)
 
 
 def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silent) -> bool:
@@ -319,11 +320,11 @@ def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silen
     orders = re_export_orders(world, out, only)
     renewed = tuple(f"{order.folder}/" for order in orders)
     altered = altered_files(out, manifest, besides=(*ASSESSED, *renewed))
-    losses = manifest["losses"]
+    exports = {export.folder: export for export in exports_in(manifest)}
     for order in orders:
         watch(f"export {order.folder}")
-        losses[order.folder] = write_export(world, out, order)
-    return _assess(world, out, losses=losses, altered=altered, watch=watch)
+        exports[order.folder] = write_export(world, out, order)
+    return _assess(world, out, exports=tuple(exports.values()), altered=altered, watch=watch)
 
 
 def validate(
@@ -358,7 +359,7 @@ def validate(
     return _assess(
         world,
         out,
-        losses=manifest["losses"],
+        exports=exports_in(manifest),
         altered=altered,
         watch=watch,
         every_consumer=every_consumer,
@@ -370,7 +371,7 @@ def _assess(
     world: World,
     directory: Path,
     *,
-    losses: dict[str, tuple[str, ...]],
+    exports: tuple[Export, ...],
     altered: dict[str, str],
     watch: Stopwatch,
     every_consumer: bool = False,
@@ -381,7 +382,7 @@ def _assess(
     Args:
         world: the world.
         directory: the output folder.
-        losses: what each export cannot say, by its folder.
+        exports: what was exported into the folder.
         altered: files that are not as they were built, with the hash that they should have.
         watch: called with what is being done.
         every_consumer: whether to open the exports in all consumers, whatever the recipe says.
@@ -406,14 +407,15 @@ def _assess(
             world,
             directory,
             spec=spec,
+            exports=exports,
             altered=tuple(altered),
             progress=partial(watch, "validation"),
         )
     watch.figures.update(result.timings)
     watch("report page")
-    write_report_page(world, directory, above=above.result())
+    write_report_page(world, directory, exports=result.exports, above=above.result())
     watch("manifest")
-    write_manifest(world.site, directory, losses=losses, altered=altered)
+    write_manifest(world.site, directory, exports=result.exports, altered=altered)
     watch.write(directory)
     return result.passed
 

@@ -3,5 +3,6 @@
 from .export import export
 from .load import check_capacity
 from .options import Options
+from .readback import CONSUMERS, opening
 
-__all__ = ["Options", "check_capacity", "export"]
+__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]

@@ -2,5 +2,6 @@
 
 from .export import export
 from .options import Options
+from .readback import CONSUMERS, opening
 
-__all__ = ["Options", "export"]
+__all__ = ["CONSUMERS", "Options", "export", "opening"]

@@ -2,5 +2,6 @@
 
 from .export import check_capacity, export
 from .options import Options
+from .readback import CONSUMERS, opening
 
-__all__ = ["Options", "check_capacity", "export"]
+__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]

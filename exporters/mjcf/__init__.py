@@ -3,5 +3,6 @@
 from .capacity import check_capacity
 from .export import export
 from .options import Options
+from .readback import CONSUMERS, opening
 
-__all__ = ["Options", "check_capacity", "export"]
+__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]

@@ -2,5 +2,6 @@
 
 from .export import export
 from .options import Options
+from .usage import opening
 
-__all__ = ["Options", "export"]
+__all__ = ["Options", "export", "opening"]

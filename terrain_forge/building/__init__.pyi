@@ -4,6 +4,7 @@ from .checking import check_raster as check_raster
 from .checking import dtm_lines as dtm_lines
 from .checking import site_lines as site_lines
 from .manifest import altered_files as altered_files
+from .manifest import exports_in as exports_in
 from .manifest import read_manifest as read_manifest
 from .manifest import write_manifest as write_manifest
 from .re_export import ASSESSED as ASSESSED

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -11,11 +12,11 @@ from typing import Any
 
 import terrain_forge
 from terrain_forge.base import OutputError
-from terrain_forge.model import Site
+from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
 NAME = "manifest.json"
-FORMAT = 1
+FORMAT = 2
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
@@ -27,7 +28,7 @@ def write_manifest(
     site: Site,
     directory: Path,
     *,
-    losses: dict[str, tuple[str, ...]],
+    exports: Sequence[Export],
     altered: dict[str, str],
 ) -> Path:
     """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes.
@@ -35,7 +36,7 @@ def write_manifest(
     Args:
         site: what the world was made from.
         directory: the output folder.
-        losses: what each export cannot say, by its folder.
+        exports: what was exported into the folder.
         altered: files that are not as they were built, which keep the hash that they should have.
     """
     manifest = {
@@ -46,7 +47,7 @@ def write_manifest(
         "recipe": json.loads(site.recipe_json),
         "versions": {"python": platform.python_version(), **_versions()},
         "inputs": dict(site.inputs),
-        "losses": {folder: list(losses[folder]) for folder in sorted(losses)},
+        "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
         "outputs": dict(sorted({**_hashes(directory), **altered}.items())),
     }
     path = directory / NAME
@@ -70,6 +71,28 @@ def read_manifest(directory: Path) -> dict[str, Any]:
     if not isinstance(manifest, dict) or "terrain_forge" not in manifest:
         raise OutputError(f"{directory}/{NAME} is not terrain-forge's")
     return manifest
+
+
+def exports_in(manifest: dict[str, Any]) -> tuple[Export, ...]:
+    """The exports that a manifest names, by folder.
+
+    Raises:
+        OutputError: if an older version wrote it, which did not name them.
+    """
+    if "exports" not in manifest:
+        raise OutputError("an older version built that world; build it anew")
+    return tuple(
+        Export(folder=folder, **{**plain, "losses": tuple(plain["losses"])})
+        for folder, plain in manifest["exports"].items()
+    )
+
+
+def _plain(export: Export) -> dict[str, Any]:
+    return {"kind": export.kind, "options": export.options, "losses": list(export.losses)}
+
+
+def _folder(export: Export) -> str:
+    return export.folder
 
 
 def altered_files(

@@ -11,7 +11,7 @@ from typing import Any
 
 from terrain_forge.base import ExportError, OutputError, Stopwatch
 from terrain_forge.building.staging import replacing
-from terrain_forge.model import World
+from terrain_forge.model import Export, World, plain_options
 from terrain_forge.recipe import ExportOrder
 
 
@@ -25,14 +25,14 @@ class BuildResult:
     """The world that is in it."""
     passed: bool
     """Whether every validation check passed."""
-    losses: dict[str, tuple[str, ...]]
-    """What each export cannot say, by its folder."""
+    exports: tuple[Export, ...]
+    """What was exported: folder, exporter, options, and what the export cannot say."""
 
 
 def write_files(
     world: World, directory: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
-) -> dict[str, tuple[str, ...]]:
-    """Write the world, its exports, truth, paths and picture; returns the exports' losses.
+) -> tuple[Export, ...]:
+    """Write the world, its exports, truth, paths and picture; returns the exports.
 
     None of them needs another, so they go side by side: kernels and the file system leave Python's
     lock to the others.
@@ -53,7 +53,7 @@ def write_files(
         "world": partial(world.save, directory),
     }
     results = _side_by_side(tasks, watch)
-    return {order.folder: results[f"export {order.folder}"] for order in orders}
+    return tuple(results[f"export {order.folder}"] for order in orders)
 
 
 def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
@@ -71,14 +71,19 @@ def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict
     return {name: future.result() for name, future in futures.items()}
 
 
-def write_export(world: World, directory: Path, order: ExportOrder) -> tuple[str, ...]:
-    """Write one export into its folder of `directory`, whole or not at all; returns its losses."""
+def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
+    """Write one export into its folder of `directory`, whole or not at all."""
     with replacing(directory / order.folder) as folder:
         try:
             report = order.exporter.export(world, folder, options=order.options)
         except ExportError as error:
             raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
-    return report.losses
+    return Export(
+        folder=order.folder,
+        kind=order.kind,
+        options=plain_options(order.options),
+        losses=tuple(report.losses),
+    )
 
 
 def chosen_exports(

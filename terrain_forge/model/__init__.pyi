@@ -18,11 +18,14 @@ from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
+from .exporting import Export as Export
 from .exporting import Exporter as Exporter
 from .exporting import ExportReport as ExportReport
+from .exporting import Opening as Opening
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
+from .exporting import plain_options as plain_options
 from .friction import Friction as Friction
 from .friction import world_friction as world_friction
 from .heightfield import Heightfield as Heightfield

@@ -23,6 +23,8 @@ class Check(Record):
     """Whether it is within its limit."""
     note: str
     """What the figure means or why there is none."""
+    group: str = ""
+    """What it belongs to, such as `ground`, `rocks` or `drive`: the report page shows it there."""
 
 
 def at_most(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, is_dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -27,8 +28,60 @@ class ExportReport:
     one."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """How an exported folder is opened, for the report page."""
+
+    title: str
+    """The program or kind of programs."""
+    commands: str
+    """Lines for a terminal in the folder that holds the exported one, or for Python."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """An exported folder of a built world, as its manifest has it."""
+
+    folder: str
+    """Its path in the built folder."""
+    kind: str
+    """The exporter that wrote it."""
+    options: dict[str, Any]
+    """The exporter's options as JSON, defaults written out."""
+    losses: tuple[str, ...] = ()
+    """What the export cannot say."""
+
+    def opened(self) -> tuple[Exporter, Any]:
+        """The exporter, and the options as it reads them.
+
+        Raises:
+            RecipeError: if the exporter is not installed, or no longer takes the options.
+        """
+        from pydantic import TypeAdapter
+
+        found = exporter(self.kind)
+        try:
+            return found, TypeAdapter(found.Options).validate_json(json.dumps(self.options))
+        except ValueError as error:
+            why = " ".join(str(error).split())
+            raise RecipeError(f"exporter {self.kind!r} refuses its options: {why}") from None
+
+
+def plain_options(options: Spec) -> dict[str, Any]:
+    """An exporter's options as JSON, defaults written out."""
+    from pydantic import TypeAdapter
+
+    plain: dict[str, Any] = TypeAdapter(type(options)).dump_python(options, mode="json")
+    plain.pop("kind", None)
+    return plain
+
+
 class Exporter(Protocol):
-    """A module (or object) that writes a world in one format."""
+    """A module (or object) that writes a world in one format.
+
+    It may have more, which docs/exporters/writing-one.md describes: `check_capacity`, `CONSUMERS`
+    (how its folders are read back) and `opening` (how they are opened).
+    """
 
     Options: type[Spec]
     """Frozen dataclass of the format's options, each with a default and documented."""

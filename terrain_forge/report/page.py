@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from terrain_forge import __version__
 from terrain_forge.base import parts
-from terrain_forge.model import World
+from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.view import bundled, scripts
@@ -24,7 +24,11 @@ SECTIONS = "terrain_forge.report_sections"
 
 
 def write_report_page(
-    world: World, directory: Path, *, above: NDArray[np.uint8] | None = None
+    world: World,
+    directory: Path,
+    *,
+    exports: tuple[Export, ...] = (),
+    above: NDArray[np.uint8] | None = None,
 ) -> Path:
     """Write `directory`/report.html from the world and from what lies in its built folder.
 
@@ -35,6 +39,7 @@ def write_report_page(
     Args:
         world: The world.
         directory: Its built folder.
+        exports: The exports in it.
         above: The picture of `take_map`, where it was taken already.
 
     Returns:
@@ -43,7 +48,7 @@ def write_report_page(
     Raises:
         TerrainForgeError: where Embree is missing, which takes the pictures.
     """
-    built = Built(world, directory, above)
+    built = Built(world, directory, exports, above)
     kinds = sorted(parts(Section, "terrain_forge.report.sections", SECTIONS), key=_place)
     sections = [
         {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.model import World
+from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import ANIMATED, Block
 
 MAP_PIXELS = 1024
@@ -45,6 +45,8 @@ class Built:
     """The world."""
     directory: Path
     """The built folder."""
+    exports: tuple[Export, ...] = ()
+    """The exports in the folder."""
     above: NDArray[np.uint8] | None = None
     """The picture from above, where it was taken already."""
 

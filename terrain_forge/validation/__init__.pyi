@@ -1,6 +1,33 @@
 """Checking what was written with the programs that read it."""
 
-from .checks import validate as validate
-from .conformance.table import report_text as report_text
-from .conformance.table import table_rows as table_rows
-from .dynamic import MOST_WATCHED as MOST_WATCHED
+from .checks.dynamic import MOST_WATCHED as MOST_WATCHED
+from .consumer import Consumer as Consumer
+from .consumer import NotRun as NotRun
+from .consumer import python_with as python_with
+from .consumer import read_probe as read_probe
+from .consumer import run as run
+from .inspection import BuiltFolder as BuiltFolder
+from .inspection import Inspection as Inspection
+from .names import is_ground as is_ground
+from .names import rock_of as rock_of
+from .newton import newton as newton
+from .outlines import split_merged as split_merged
+from .probe import read_answer as read_answer
+from .probe import resting_balls as resting_balls
+from .reading import Body as Body
+from .reading import Reading as Reading
+from .reading import SolidsOfRocks as SolidsOfRocks
+from .reading import Track as Track
+from .sample import SETTLING as SETTLING
+from .sample import Sample as Sample
+from .sample import free_of_rocks as free_of_rocks
+from .scenes import ground_and_rocks as ground_and_rocks
+from .scenes import scene_parts as scene_parts
+from .surface_mesh import heights_on as heights_on
+from .surface_mesh import highest_on as highest_on
+from .surface_mesh import read_mesh as read_mesh
+from .table import report_text as report_text
+from .table import table_rows as table_rows
+from .tracks import table_columns as table_columns
+from .tracks import track_of as track_of
+from .verdict import validate as validate

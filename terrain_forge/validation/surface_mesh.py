@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,14 @@ def heights_on(mesh: Mesh, points: Array) -> Array:
     heights = np.full(len(points), -np.inf)
     _raise_to_faces(mesh.vertices, mesh.faces, points[order], order, heights)
     return np.where(np.isfinite(heights), heights, np.nan)
+
+
+def highest_on(meshes: Iterable[Mesh], points: Array) -> Array:
+    """Height [m] of the highest face of several meshes at each point; NaN beside all of them."""
+    heights = np.full(len(points), np.nan)
+    for mesh in meshes:
+        heights = np.fmax(heights, heights_on(mesh, points))
+    return heights
 
 
 @kernel

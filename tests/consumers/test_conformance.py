@@ -2,29 +2,33 @@ import os
 
 import numpy as np
 import pytest
+from terrain_forge.exporters import drake, geotiff, glb, mesh, mjcf, sdf, usd
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR
 
 from terrain_forge.dtm.projection import body_crs, local_crs
-from terrain_forge.model import Heightfield, exporter
+from terrain_forge.model import Export, Heightfield, exporter, plain_options
 from terrain_forge.paths import write_trajectories
-from terrain_forge.validation.conformance.consumer import NotRun, python_with
-from terrain_forge.validation.conformance.drake import DRAKE
-from terrain_forge.validation.conformance.gazebo import GAZEBO
-from terrain_forge.validation.conformance.measures import Export, measure
-from terrain_forge.validation.conformance.mesh_files import GLB, MESHES
-from terrain_forge.validation.conformance.mujoco_reading import MUJOCO
-from terrain_forge.validation.conformance.newton import NEWTON_MJCF, NEWTON_USD
-from terrain_forge.validation.conformance.rasters import GDAL
-from terrain_forge.validation.conformance.sample import draw_sample, free_of_rocks, resting_height
-from terrain_forge.validation.conformance.suite import _measured, conformance, exports_in
-from terrain_forge.validation.conformance.table import table_text
-from terrain_forge.validation.conformance.tracks import PATHS
-from terrain_forge.validation.conformance.usd_reading import OPENUSD
-from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
+from terrain_forge.validation import NotRun, python_with
+from terrain_forge.validation.entry import Entry
+from terrain_forge.validation.measures import measure
+from terrain_forge.validation.sample import draw_sample, free_of_rocks, resting_height
+from terrain_forge.validation.suite import conformance, consumers, quick_checks, read
+from terrain_forge.validation.table import table_text
+from terrain_forge.validation.tracks import PATHS
 from tests.helpers import worlds
 
 STEP = 2 * np.log1p(SCALE_ERROR)
 """MuJoCo's ladder of sizes."""
+
+MUJOCO, NEWTON_MJCF = mjcf.CONSUMERS
+OPENUSD, NEWTON_USD = usd.CONSUMERS
+(GLB,), (MESHES,), (GDAL,) = glb.CONSUMERS, mesh.CONSUMERS, geotiff.CONSUMERS
+GAZEBO, DRAKE = sdf.CONSUMERS[1], drake.CONSUMERS[1]
+KINDS = {
+    **{MUJOCO: "mjcf", NEWTON_MJCF: "mjcf", OPENUSD: "usd", NEWTON_USD: "usd", GLB: "glb"},
+    **{MESHES: "mesh", GDAL: "geotiff", GAZEBO: "sdf", DRAKE: "drake", PATHS: "paths"},
+}
+BLANK = Entry(export="", kind="", consumer="", aspect="", status="pass")
 
 CASES = [
     pytest.param(MUJOCO, {}, id="mjcf"),
@@ -52,7 +56,7 @@ def mixed():
 
 
 def exported(world, consumer, directory, options):
-    kind = consumer.kinds[0]
+    kind = KINDS[consumer]
     folder = directory / kind
     folder.mkdir()
     module = exporter(kind)
@@ -60,12 +64,13 @@ def exported(world, consumer, directory, options):
     return folder
 
 
-def entries(world, consumer, directory):
+def entries(world, consumer, directory, options=None):
     """What the consumer finds of an export that is measured against a world."""
-    kind = consumer.kinds[0]
-    export = Export(folder=kind, kind=kind, outline_error=0.02)
+    kind = KINDS[consumer]
+    export = Export(folder=kind, kind=kind, options={})
+    chosen = None if consumer is PATHS else exporter(kind).Options(**(options or {}))
     sample = draw_sample(world, points=500)
-    found, _ = _measured(sample, export, consumer, directory, directory)
+    found, _ = read(sample, directory, export, consumer, chosen, directory)
     if found[0].status == "not run":
         pytest.skip(found[0].note)
     return {entry.aspect: entry for entry in found}
@@ -74,7 +79,7 @@ def entries(world, consumer, directory):
 @pytest.mark.parametrize(("consumer", "options"), CASES)
 def test_exports_conform_and_wrong_worlds_do_not(mixed, tmp_path, consumer, options):
     exported(mixed, consumer, tmp_path, options)
-    found = entries(mixed, consumer, tmp_path)
+    found = entries(mixed, consumer, tmp_path, options)
     # Newton cuts hulls down to 64 vertices, and these shapes have more.
     excused = {"rock outlines"} if consumer in (NEWTON_USD, NEWTON_MJCF) else set()
     failing = {a: e.note for a, e in found.items() if e.status == "fail" and a not in excused}
@@ -89,7 +94,7 @@ def test_exports_conform_and_wrong_worlds_do_not(mixed, tmp_path, consumer, opti
         trajectories=tuple(t.replace(position=t.position + 0.001) for t in mixed.trajectories),
         site=mixed.site.replace(body=mixed.site.body.replace(gravity=1.62)),
     )
-    for aspect, entry in entries(lifted, consumer, tmp_path).items():
+    for aspect, entry in entries(lifted, consumer, tmp_path, options).items():
         if aspect not in ("findings", "balls") and found[aspect].status == "pass":
             moved = aspect != "frames" or found["masses"].status == "pass"
             assert (entry.status == "fail") == moved, aspect
@@ -118,8 +123,8 @@ def test_a_turned_rock_is_seen(mixed, tmp_path):
     quaternion[3] = quaternion[3][[3, 0, 1, 2]]
     turned = mixed.replace(field=mixed.field.replace(quaternion=quaternion))
     sample = draw_sample(turned, points=10)
-    export = Export(folder="usd", kind="usd", outline_error=0.02)
-    found = {e.aspect: e for e in measure(sample, export, OPENUSD.read(sample, folder, tmp_path))}
+    reading = OPENUSD.read(sample, folder, usd.Options(), tmp_path)
+    found = {e.aspect: e for e in measure(sample, BLANK, reading)}
     assert found["rock outlines"].status == "fail"
     assert found["ground"].status == "pass"
 
@@ -131,7 +136,7 @@ def test_complaints_of_a_library_that_is_too_old_do_not_count(mixed, tmp_path):
     site = mixed.site.replace(crs=crs, lonlat=(np.radians(137.4), np.radians(-4.6)))
     world = mixed.replace(site=site)
     exported(world, GAZEBO, tmp_path, {"release": "garden"})
-    found = entries(world, GAZEBO, tmp_path)
+    found = entries(world, GAZEBO, tmp_path, {"release": "garden"})
     assert {entry.status for entry in found.values()} == {"pass", "not carried"}
     assert found["findings"].note == "libsdformat 12 knows SDF up to 1.9, the file is 1.10"
     assert found["ground"].status == found["balls"].status == "pass"
@@ -147,15 +152,14 @@ def test_a_rounded_size_is_no_error_of_a_rock_that_is_mostly_buried(mixed, tmp_p
         )
     )
     folder = exported(world, MUJOCO, tmp_path, {})
-    found = {export.folder: export for export in exports_in(world, tmp_path)}
-    assert found["mjcf"].scale_error == SCALE_ERROR
     sample = draw_sample(world, points=10)
-    measured = measure(sample, found["mjcf"], MUJOCO.read(sample, folder, tmp_path))
-    tops = next(entry for entry in measured if entry.aspect == "rock tops")
+    reading = MUJOCO.read(sample, folder, mjcf.Options(), tmp_path)
+    assert reading.rock_error == SCALE_ERROR
+    tops = next(e for e in measure(sample, BLANK, reading) if e.aspect == "rock tops")
     assert tops.status == "pass"
     assert tops.figure > 0.01
-    points = sample.points[:10]
-    checks = mujoco_agreement(world, sample_model(world, folder), "mjcf", points)
+    exports = [Export(folder="mjcf", kind="mjcf", options={})]
+    checks = quick_checks(world, tmp_path, exports, points=10)
     rocks = next(check for check in checks if check.name == "mjcf: rocks")
     assert rocks.passed
 
@@ -165,9 +169,9 @@ def test_what_is_not_installed_is_not_run(mixed, tmp_path, monkeypatch):
     python_with.cache_clear()
     with pytest.raises(NotRun, match="is no Python"):
         python_with("pydrake", "TERRAIN_FORGE_DRAKE_PYTHON")
-    export = Export(folder="drake", kind="drake", outline_error=0.03)
+    export = Export(folder="drake", kind="drake", options={})
     sample = draw_sample(mixed, points=10)
-    (entry,), reading = _measured(sample, export, DRAKE, tmp_path, tmp_path)
+    (entry,), reading = read(sample, tmp_path, export, DRAKE, drake.Options(), tmp_path)
     assert (entry.status, reading, entry.check) == ("not run", None, None)
     assert "not run: " in table_text([vars(entry)])
     python_with.cache_clear()
@@ -217,8 +221,10 @@ def shifted(text):
 
 
 def test_a_world_with_paths_has_a_row_for_them(mixed, tmp_path):
-    assert [export.kind for export in exports_in(mixed, tmp_path)] == ["paths"]
-    assert list(exports_in(mixed.replace(trajectories=()), tmp_path)) == []
+    write_trajectories(mixed.trajectories, tmp_path / "paths")
+    found = conformance(mixed, tmp_path, [], points=10)
+    assert {entry.kind for entry in found} == {"paths"}
+    assert conformance(mixed.replace(trajectories=()), tmp_path, [], points=10) == []
 
 
 @pytest.fixture(scope="module")
@@ -241,7 +247,7 @@ def winding(mixed):
 @pytest.mark.parametrize(
     "consumer",
     [
-        *(pytest.param(c, id=c.kinds[0]) for c in (MUJOCO, OPENUSD, GLB, PATHS)),
+        *(pytest.param(c, id=KINDS[c]) for c in (MUJOCO, OPENUSD, GLB, PATHS)),
         pytest.param(GAZEBO, id="sdf", marks=pytest.mark.consumer),
     ],
 )
@@ -258,7 +264,26 @@ def test_a_path_may_wind_and_have_any_name(winding, tmp_path, consumer):
 def test_the_suite_tells_how_far_it_is(mixed, tmp_path):
     exported(mixed, OPENUSD, tmp_path, {})
     exported(mixed, GLB, tmp_path, {})
-    shares = []
-    found = conformance(mixed.replace(trajectories=()), tmp_path, points=20, progress=shares.append)
+    exports = [Export(folder=kind, kind=kind, options={}) for kind in ("glb", "usd")]
+    shares, world = [], mixed.replace(trajectories=())
+    found = conformance(world, tmp_path, exports, points=20, progress=shares.append)
     assert shares == [0.0, 0.5]
     assert {entry.export for entry in found} >= {"usd", "glb"}
+
+
+def test_an_export_whose_exporter_is_gone_is_not_read_back(mixed, tmp_path, caplog):
+    (tmp_path / "mine").mkdir()
+    mine = Export(folder="mine", kind="gone", options={})
+    refused = Export(folder="sdf", kind="sdf", options=plain_options(sdf.Options()) | {"new": 1})
+    assert quick_checks(mixed, tmp_path, [mine, refused], points=10) == []
+    assert consumers(refused) == []
+    assert "unknown exporter 'gone'" in caplog.text
+    assert "exporter 'sdf' refuses its options" in caplog.text
+
+
+def test_a_quick_sample_looks_at_what_a_full_one_does(mixed):
+    quick, full = (draw_sample(mixed, points=50, quick=quick) for quick in (True, False))
+    assert np.array_equal(quick.points, full.points)
+    assert np.array_equal(quick.rows, full.rows)
+    assert set(quick.dynamic) <= set(full.dynamic)
+    assert len(quick.balls.rest) == 0 < len(full.balls.rest)

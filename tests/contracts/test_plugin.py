@@ -1,4 +1,4 @@
-"""Exporters and layers from other packages, installed as a user would: found by entry point."""
+"""Exporters, layers and checks of other packages, installed as a user would, by entry points."""
 
 from __future__ import annotations
 
@@ -108,11 +108,52 @@ def test_options_and_losses(installed, tmp_path):
     points = np.loadtxt(tmp_path / "out" / "thin" / "points.xyz", delimiter=",")
     assert points.shape == (13 * 9, 3)
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    assert manifest["losses"]["thin"] == [
+    thin = manifest["exports"]["thin"]
+    assert (thin["kind"], thin["options"]) == ("xyz", {"separator": "comma", "every": 2})
+    assert thin["losses"] == [
         "Points have no triangles: the surface between the nodes is left to the reader.",
         "Only every 2. node of the ground is written.",
     ]
     assert "thin/points.xyz" in manifest["outputs"]
+
+
+def test_a_foreign_export_is_verified_and_opened_like_ours(installed, tmp_path):
+    """In a build, by `validate`, and after `export`; that its world.xml is no MJCF harms nobody."""
+    done = build(installed, tmp_path, "{thin: {kind: xyz, every: 2, separator: comma}}")
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    assert (out / "thin" / "world.xml").is_file()
+    checks = {check["name"]: check for check in report(out)["checks"]}
+    assert checks["thin: ground"]["passed"]
+    assert checks["thin: ground"]["group"] == "exports"
+    assert checks["ground: relief"]["passed"]
+    assert checks["ground: relief"]["group"] == "ground"
+    page = (out / "report.html").read_text()
+    assert "<h3>Points</h3><pre><code>CloudCompare thin/points.xyz</code></pre>" in page
+    for command in (("validate", out), ("export", out, "--only", "xyz,geotiff"), ("validate", out)):
+        done = python(installed, "-m", "terrain_forge", *command)
+        assert done.returncode == 0, done.stdout + done.stderr
+    manifest = json.loads((out / "manifest.json").read_text())["exports"]
+    kinds = {folder: export["kind"] for folder, export in manifest.items()}
+    assert kinds == {"geotiff": "geotiff", "thin": "xyz", "xyz": "xyz"}
+    assert manifest["xyz"]["options"] == {"separator": "space", "every": 1}
+    found = {(e["export"], e["aspect"]): e for e in report(out)["conformance"]}
+    for folder in ("thin", "xyz"):
+        assert found[folder, "ground"]["consumer"] == f"NumPy {np.__version__}"
+        assert found[folder, "ground"]["status"] == found[folder, "frames"]["status"] == "pass"
+        assert found[folder, "masses"]["note"] == "points are the ground alone"
+    assert found["geotiff", "ground"]["status"] == "pass"
+    points = out / "thin" / "points.xyz"
+    lines = points.read_text().splitlines()
+    points.write_text("\n".join(f"{line[:-1]}9" for line in lines).replace(",0.", ",1."))
+    assert python(installed, "-m", "terrain_forge", "validate", out).returncode == 1
+    failing = {check["name"] for check in report(out)["checks"] if not check["passed"]}
+    numpy = f"thin in NumPy {np.__version__}: ground"
+    assert failing >= {"files: missing or altered", "thin: ground", numpy}
+
+
+def report(out):
+    return json.loads((out / "validation" / "report.json").read_text())
 
 
 WRONG = {

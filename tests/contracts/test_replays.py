@@ -7,7 +7,7 @@ import pytest
 from pxr import Gf, Usd
 from terrain_forge.exporters import sdf, usd
 
-from terrain_forge.model import Trajectory
+from terrain_forge.model import Export, Trajectory, plain_options
 from terrain_forge.paths import (
     ANGLE_LIMIT,
     POSITION_LIMIT,
@@ -18,9 +18,7 @@ from terrain_forge.paths import (
     straight_places,
 )
 from terrain_forge.paths.interpolation import turns_between
-from terrain_forge.validation.heightmap_agreement import find_heightmap, heightmap_checks
-from terrain_forge.validation.replays import replay_checks
-from tests.helpers.surfaces import random_points
+from terrain_forge.validation.suite import quick_checks
 
 RADIUS = 4.0
 
@@ -106,6 +104,12 @@ def test_a_fast_or_shaken_drive_gets_as_many_as_the_limits_need(drive, places_be
     assert off(drive, places_between, times).within()
 
 
+def replay_checks(world, folder):
+    exports = [Export(folder=kind, kind=kind, options={}) for kind in ("sdf", "usd")]
+    checks = quick_checks(world, folder, exports, points=10)
+    return [check for check in checks if "paths between samples" in check.name]
+
+
 @pytest.fixture
 def exported(small_world, tmp_path):
     drives = (circle(speed=0.4, rate=12.0, shake=0.004), small_world.trajectories[0])
@@ -152,11 +156,14 @@ def test_a_heightmap_agrees_with_the_ground_and_a_turned_one_does_not(
     small_world, tmp_path, release, flavour
 ):
     options = sdf.Options(ground="heightmap", release=release, flavour=flavour)
-    sdf.export(small_world, tmp_path, options=options)
-    at = random_points(small_world.ground, 500, 4)[:, :2]
-    heightmap = find_heightmap(tmp_path)
-    (check,) = heightmap_checks(small_world, tmp_path, heightmap, at)
+    (tmp_path / "sdf").mkdir()
+    sdf.export(small_world, tmp_path / "sdf", options=options)
+    exports = [Export(folder="sdf", kind="sdf", options=plain_options(options))]
+    check, *_ = quick_checks(small_world, tmp_path, exports, points=500)
     assert check.passed
+    step = 1 / 65535 if release else 1 / 255
+    span = np.ptp(small_world.ground.elevation)
+    assert check.limit == pytest.approx((step / 2 + 1e-6) * span, rel=0.02)
     turned = small_world.ground.replace(elevation=small_world.ground.elevation[::-1])
-    (check,) = heightmap_checks(small_world.replace(ground=turned), tmp_path, heightmap, at)
+    check, *_ = quick_checks(small_world.replace(ground=turned), tmp_path, exports, points=500)
     assert not check.passed

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,16 +29,24 @@ class Checks(Section):
         if not checks:
             missing = "This world has not been validated: terrain-forge validate does it."
             return [paragraph(missing)]
-        rows = [_row(check) for check in checks if not _is_measure(check)]
-        shown = table(("Check", "Figure", "Limit", ""), rows, figures="lrrl", style="checks")
+        shown = _tables([check for check in checks if not _is_measure(check)])
         measures = measure_facts([check for check in checks if not is_drive(check)])
         pictures = [plot(path, description=path.stem) for path in _other_pictures(built)]
-        return [shown, *measures, *pictures]
+        return [*shown, *measures, *pictures]
 
 
 def is_drive(check: Check) -> bool:
     """Whether a check is of a drive."""
-    return bool(re.match(r"drives?\b", check["name"]))
+    return bool(check.get("group") == "drive")
+
+
+def _tables(checks: Sequence[Check]) -> Iterator[Block]:
+    """The checks of each group under its name, in the order of the report."""
+    for group in dict.fromkeys(check.get("group", "") for check in checks):
+        rows = [_row(check) for check in checks if check.get("group", "") == group]
+        if group:
+            yield heading(group[:1].upper() + group[1:])
+        yield table(("Check", "Figure", "Limit", ""), rows, figures="lrrl", style="checks")
 
 
 def measure_facts(checks: Sequence[Check]) -> list[Block]:

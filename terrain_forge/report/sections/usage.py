@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from shlex import quote
-from typing import Any
+import logging
+from collections.abc import Sequence
 
+from terrain_forge.model import Export, Opening
 from terrain_forge.report.blocks import Block, Shown, heading, paragraph, table
 from terrain_forge.report.section import Built, Section
+
+_log = logging.getLogger(__name__)
+
 
 _FOLDERS = {
     "preview.png": "the picture above",
@@ -29,90 +32,28 @@ class Usage(Section):
 
     def blocks(self, built: Built) -> Sequence[Block]:
         """Commands for each export, and for Python."""
-        exports = built.recipe.get("exports", {})
-        options = exports if isinstance(exports, dict) else {}
-        opened = []
-        for folder in sorted(path for path in built.directory.iterdir() if path.is_dir()):
-            found = ((sorted(folder.glob(pattern)), explain) for pattern, explain in _SIMULATORS)
-            scenes, explain = next((pair for pair in found if pair[0]), ([], _gazebo))
-            if scenes and folder.name not in _FOLDERS:
-                opened.append(explain(folder.name, scenes[0].name, options.get(folder.name, {})))
-        opened.append(("Python", 'from terrain_forge import World\nworld = World.load(".")'))
-        columns = [[heading(name), Block(kind="command", text=lines)] for name, lines in opened]
+        opened = [words for export in built.exports if (words := _opening(built, export))]
+        python = 'from terrain_forge import World\nworld = World.load(".")'
+        opened.append(Opening(title="Python", commands=python))
+        columns = [
+            [heading(words.title), Block(kind="command", text=words.commands)] for words in opened
+        ]
         note = paragraph("Commands are run in the folder that holds this page.", "note")
         return [note, Block(kind="pair", columns=columns)]
 
 
-def _gazebo(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    if options.get("flavour") == "classic":
-        lines = f'GAZEBO_MODEL_PATH="$PWD"/{quote(folder)}/models gazebo {quote(folder)}/{scene}'
-        return "Gazebo Classic", lines
-    models = f'"$PWD"/{quote(folder)}/models'
-    lines = (
-        f"GZ_SIM_RESOURCE_PATH={models} gz sim {quote(folder)}/{scene}\n"
-        f"IGN_GAZEBO_RESOURCE_PATH={models} ign gazebo {quote(folder)}/{scene}   # Fortress"
-    )
-    return "Gazebo", lines
-
-
-def _mujoco(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    lines = f"python -m mujoco.viewer --mjcf={quote(folder)}/{scene}"
-    return "MuJoCo", lines
-
-
-def _usd(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    lines = f"usdview {quote(folder)}/{scene}   # or File › Open in Isaac Sim, Omniverse, Blender"
-    return "USD", lines
-
-
-def _drake(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    lines = (
-        "from pydrake.multibody.parsing import Parser\n"
-        f'Parser(plant).AddModels("{folder}/{scene}")   # contact: see docs/exporters/drake.md'
-    )
-    return "Drake", lines
-
-
-def _gltf(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    load = f'import bpy; bpy.ops.import_scene.gltf(filepath="{folder}/{scene}")'
-    lines = f"blender --python-expr {quote(load)}   # or any viewer of glTF"
-    return "Blender, glTF", lines
-
-
-def _mesh(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    lines = f"meshlab {quote(folder)}/{scene}   # or any reader of meshes; metres, z up"
-    return "Meshes", lines
-
-
-def _maps(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    return "Maps", f"qgis {quote(folder)}/{scene}"
-
-
-def _robot(folder: str, scene: str, options: dict[str, Any]) -> tuple[str, str]:
-    del options
-    lines = f'ros2 launch urdf_tutorial display.launch.py model:="$PWD"/{quote(folder)}/{scene}'
-    return "The rover in ROS 2", lines
-
-
-_SIMULATORS: tuple[tuple[str, Callable[[str, str, dict[str, Any]], tuple[str, str]]], ...] = (
-    ("scene.sdf", _gazebo),
-    ("scene.xml", _mujoco),
-    ("scene.usd*", _usd),
-    ("world.sdf", _drake),
-    ("world.glb", _gltf),
-    ("world.obj", _mesh),
-    ("world.ply", _mesh),
-    ("world.stl", _mesh),
-    ("elevation.tif", _maps),
-    ("*.urdf", _robot),
-)
-"""The file by which an export is known, and what to do with it; the first that fits counts."""
+def _opening(built: Built, export: Export) -> Opening | None:
+    """The words of an export's exporter, if it has any; the validation's own exports have none."""
+    if "/" in export.folder:
+        return None
+    try:
+        module, options = export.opened()
+        words = getattr(module, "opening", None)
+        found: Opening | None = words and words(built.directory / export.folder, options)
+        return found
+    except Exception as error:  # whatever a foreign exporter raises must not break the page
+        _log.warning("how to open %s is not known: %s", export.folder, error)
+        return None
 
 
 class Files(Section):

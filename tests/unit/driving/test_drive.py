@@ -9,11 +9,12 @@ from terrain_forge.driving import drive, load_scene
 from terrain_forge.driving.checks import drive_checks
 from terrain_forge.driving.controller import SKID_GAIN, wheel_rates
 from terrain_forge.driving.planar_path import PlanarPath, wrap
-from terrain_forge.model import Mesh, Trajectory
+from terrain_forge.model import Export, Mesh, Trajectory
 from terrain_forge.recipe import DriveSpec, ValidateSpec
 from terrain_forge.rocks import overlapping_pairs
 from terrain_forge.validation import validate
-from terrain_forge.validation.agreement import ground_agreement, random_points
+from terrain_forge.validation.sample import random_points
+from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
 from terrain_forge.writers import write_obj, write_stl
 from tests.helpers import worlds
@@ -253,13 +254,16 @@ def test_outlines_tell_what_circles_cannot():
 def test_agreement_finds_a_ground_that_is_off(hill, tmp_path):
     (tmp_path / "mjcf").mkdir()
     mjcf.export(hill, tmp_path / "mjcf", options=mjcf.Options())
-    assert all(check.passed for check in ground_agreement(hill, tmp_path, points=200))
+    exports = [Export(folder="mjcf", kind="mjcf", options={})]
+    assert all(check.passed for check in quick_checks(hill, tmp_path, exports, points=200))
     lifted = hill.ground.replace(elevation=hill.ground.elevation + np.float32(0.002))
-    off = {c.name: c for c in ground_agreement(hill.replace(ground=lifted), tmp_path, points=200)}
+    checks = quick_checks(hill.replace(ground=lifted), tmp_path, exports, points=200)
+    off = {c.name: c for c in checks}
     assert not off["mjcf: ground"].passed
     assert off["mjcf: ground"].figure == pytest.approx(0.002, abs=1e-5)
     moved = hill.field.replace(position=hill.field.position + np.array([0, 0, 0.05]))
-    off = {c.name: c for c in ground_agreement(hill.replace(field=moved), tmp_path, points=200)}
+    checks = quick_checks(hill.replace(field=moved), tmp_path, exports, points=200)
+    off = {c.name: c for c in checks}
     assert not off["mjcf: rocks"].passed
 
 
@@ -270,11 +274,13 @@ def test_agreement_reads_the_other_formats(hill, tmp_path, target):
     (tmp_path / target).mkdir()
     module = exporter(target)
     module.export(hill, tmp_path / target, options=module.Options())
-    (check,) = ground_agreement(hill, tmp_path)
+    exports = [Export(folder=target, kind=target, options={})]
+    check, *replays = quick_checks(hill, tmp_path, exports, points=2000)
     assert check.name == f"{target}: ground"
     assert check.passed
+    assert [replay.passed for replay in replays] == [True, True]
     lifted = hill.ground.replace(elevation=hill.ground.elevation + np.float32(0.002))
-    (check,) = ground_agreement(hill.replace(ground=lifted), tmp_path)
+    check, *_ = quick_checks(hill.replace(ground=lifted), tmp_path, exports, points=2000)
     assert not check.passed
 
 

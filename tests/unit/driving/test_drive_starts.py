@@ -93,7 +93,7 @@ def test_an_interrupted_validation_leaves_the_one_before(tmp_path, monkeypatch):
     world = plain(line((-2, 0), (2, 0)))
     validate(world, tmp_path, spec=ValidateSpec(points=10))
     files = {f: f.read_bytes() for f in (tmp_path / "validation").iterdir()}
-    monkeypatch.setattr("terrain_forge.validation.checks.drive_path", interrupt)
+    monkeypatch.setattr("terrain_forge.validation.checks.drives.drive_path", interrupt)
     with pytest.raises(KeyboardInterrupt):
         validate(world, tmp_path, spec=ValidateSpec(points=10, drive=ARC))
     assert all(file.read_bytes() == content for file, content in files.items())

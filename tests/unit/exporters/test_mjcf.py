@@ -15,9 +15,9 @@ from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.driving import Vehicle, rover_mass_check
 from terrain_forge.driving.controller import wheel_rates
-from terrain_forge.model import Heightfield, Mesh
+from terrain_forge.model import Export, Heightfield, Mesh
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.validation.agreement import ground_agreement
+from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on
 from tests.helpers import worlds
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
@@ -402,10 +402,14 @@ def test_agreement_holds_with_dynamic_rocks_and_sees_a_wrong_mass(loosened, tmp_
     folder = tmp_path / "mjcf"
     folder.mkdir()
     export(loosened, folder)
-    checks = {check.name: check for check in ground_agreement(loosened, tmp_path)}
+    exports = [Export(folder="mjcf", kind="mjcf", options={})]
+    found = quick_checks(loosened, tmp_path, exports, points=2000)
+    checks = {check.name: check for check in found}
+    assert "mjcf: dynamic rocks" in checks
     assert all(check.passed for check in checks.values())
     heavier = loosened.replace(field=loosened.field.replace(mass=loosened.field.mass * 1.001))
-    checks = {check.name: check for check in ground_agreement(heavier, tmp_path)}
+    found = quick_checks(heavier, tmp_path, exports, points=2000)
+    checks = {check.name: check for check in found}
     assert not checks["mjcf: dynamic rocks"].passed
 
 

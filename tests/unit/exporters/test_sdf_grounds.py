@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import trimesh
 from terrain_forge.exporters.sdf import Options, export
+from terrain_forge.exporters.sdf.readback import read_sdf
 
 from terrain_forge.base import ExportError
-from terrain_forge.validation.conformance.consumer import NotRun
-from terrain_forge.validation.conformance.gazebo import read_sdf
-from terrain_forge.validation.conformance.measures import Export, measure
-from terrain_forge.validation.conformance.sample import draw_sample
+from terrain_forge.validation import NotRun
+from terrain_forge.validation.entry import Entry
+from terrain_forge.validation.measures import measure
+from terrain_forge.validation.sample import draw_sample
 from tests.helpers.gazebo import rested
 from tests.helpers.rovers import morpheus
 from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
@@ -70,13 +71,15 @@ def test_heightmaps_conform(small_world, tmp_path, options, balls):
     """Read and run as gz-sim does; steps make balls sink, and what is not Fortress' is not run."""
     folder = tmp_path / "sdf"
     folder.mkdir()
-    export(small_world, folder, options=Options(ground="heightmap", **options))
+    chosen = Options(ground="heightmap", **options)
+    export(small_world, folder, options=chosen)
     sample = draw_sample(small_world, points=500)
     try:
-        reading = read_sdf(sample, folder, tmp_path)
+        reading = read_sdf(sample, folder, chosen, tmp_path)
     except NotRun as reason:
         pytest.skip(str(reason))
-    entries = measure(sample, Export(folder="sdf", kind="sdf", outline_error=0.02), reading)
+    blank = Entry(export="sdf", kind="sdf", consumer="", aspect="", status="pass")
+    entries = measure(sample, blank, reading)
     status = {entry.aspect: entry.status for entry in entries}
     assert {status[aspect] for aspect in ("findings", "ground", "frames", "path")} == {"pass"}
     assert status["balls"] == balls

@@ -20,7 +20,7 @@ from terrain_forge.paths.planner import node_weights
 from terrain_forge.paths.smoothing import bend, straighten
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import find_rover
-from terrain_forge.validation.paths import path_checks
+from terrain_forge.validation.checks.paths import path_checks
 from tests.helpers import worlds
 from tests.unit.paths.test_traversability import RECIPE, ground
 

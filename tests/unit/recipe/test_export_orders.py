@@ -140,7 +140,7 @@ def test_a_world_of_an_earlier_version_is_refused_in_one_line(
         site=small_world.site.replace(recipe_json=text.replace(was, now, 1))
     )
     save_world(world, tmp_path)
-    (tmp_path / "manifest.json").write_text(json.dumps({"terrain_forge": "0", "losses": {}}))
+    (tmp_path / "manifest.json").write_text(json.dumps({"terrain_forge": "0", "exports": {}}))
     for command in (["validate"], ["export", "--only", "usd"]):
         result = CliRunner().invoke(cli, [command[0], str(tmp_path), *command[1:]])
         message = str(result.exception)

@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from terrain_forge.model import Export
 from terrain_forge.report import write_report_page
 from terrain_forge.report.blocks import Block, plot
 from terrain_forge.report.describe import describe
@@ -27,15 +28,15 @@ from tests.unit.truth.test_size_frequency_verification import population, rocks
 HOSTILE = "<script>alert('&\"x\"')</script>"
 CHECKS = [
     {"name": "mjcf: ground", "figure": 3.25e-6, "unit": "m", "limit": 0.001, "passed": True,
-     "note": "2000 points"},
+     "note": "2000 points", "group": "exports"},
     {"name": "drive: completed", "figure": True, "unit": "", "limit": True, "passed": True,
-     "note": ""},
+     "note": "", "group": "drive"},
     {"name": f"drive: {HOSTILE}", "figure": 0.62, "unit": "m", "limit": 0.5, "passed": False,
-     "note": f"at <40 s> {HOSTILE}"},
+     "note": f"at <40 s> {HOSTILE}", "group": "drive"},
     {"name": "rocks: sizes of pebbles", "figure": 0.5, "unit": "", "limit": 0.001, "passed": True,
-     "note": ""},
+     "note": "", "group": "rocks"},
     {"name": "rocks: sizes of boulders", "figure": 0.0, "unit": "", "limit": 0.001,
-     "passed": False, "note": ""},
+     "passed": False, "note": "", "group": "rocks"},
 ]  # fmt: skip
 VOID = {"meta", "img", "rect", "line", "input", "source"}
 
@@ -86,10 +87,8 @@ class Page(HTMLParser):
 
 def build(folder, *, name="Gale & co", validated=True, fill=True):
     world = worlds.world()
-    classic = {"kind": "sdf", "flavour": "classic"}
     recipe = {
         "dtm": {"kind": "raster", "source": f"../dtm/{HOSTILE}.tif"},
-        "exports": {"sdf": {}, "old gazebo": classic},
     }
     world = world.replace(site=world.site.replace(name=name, recipe_json=json.dumps(recipe)))
     if fill:
@@ -98,15 +97,18 @@ def build(folder, *, name="Gale & co", validated=True, fill=True):
                  population("boulders", diameter=(0.7, 1.2)))  # fmt: skip
         write_size_frequency(world, folder / "truth", rocks=rocks(*specs))
         write_png(folder / "preview.png", np.full((72, 128, 3), 90, np.uint8))
-        for path in ("sdf/scene.sdf", "old gazebo/scene.sdf", "mjcf/scene.xml", "usd/scene.usdc"):
-            (folder / path).parent.mkdir()
-            (folder / path).touch()
     if validated:
         (folder / "validation").mkdir()
         report = {"passed": False, "checks": CHECKS}
         (folder / "validation" / "report.json").write_text(json.dumps(report))
         write_png(folder / "validation" / "drive.png", np.zeros((8, 8, 3), np.uint8))
-    return write_report_page(world, folder)
+    options = {"old gazebo": {"flavour": "classic"}}
+    kinds = {"sdf": "sdf", "old gazebo": "sdf", "mjcf": "mjcf", "usd": "usd", "gone": "gone"}
+    exports = tuple(
+        Export(folder=folder, kind=kind, options=options.get(folder, {}))
+        for folder, kind in kinds.items()
+    )
+    return write_report_page(world, folder, exports=exports if fill else ())
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +180,8 @@ def test_each_simulator_has_its_command(report):
     assert "python -m mujoco.viewer --mjcf=mjcf/scene.xml" in text
     assert 'GZ_SIM_RESOURCE_PATH="$PWD"/sdf/models gz sim sdf/scene.sdf' in text
     assert "GAZEBO_MODEL_PATH=\"$PWD\"/'old gazebo'/models gazebo 'old gazebo'/scene.sdf" in text
-    assert "usdview usd/scene.usdc" in text
+    assert "usdview usd/scene.usda" in text
+    assert "gone/" not in text
 
 
 def test_what_is_missing_is_said(tmp_path):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from terrain_forge.model import Mesh, exporter
+from terrain_forge.model import Export, Mesh, exporter
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.validation.mujoco_agreement import mujoco_agreement, sample_model
+from terrain_forge.validation.suite import quick_checks
 from tests.helpers import worlds
 
 BOXES = {
@@ -49,9 +49,8 @@ def checked(world, folder, moved=0.0):
     mjcf = exporter("mjcf")
     mjcf.export(world, folder, options=mjcf.Options(exact_scale=True))
     field = world.field.replace(position=world.field.position + np.array([0.0, 0.0, moved]))
-    at = np.zeros((1, 2))
-    model = sample_model(world, folder)
-    checks = mujoco_agreement(world.replace(field=field), model, "mjcf", at)
+    exports = [Export(folder="mjcf", kind="mjcf", options={"exact_scale": True})]
+    checks = quick_checks(world.replace(field=field), folder.parent, exports, points=1)
     (check,) = [check for check in checks if check.name == "mjcf: rocks"]
     return check
 

@@ -172,7 +172,7 @@ def test_written_world_passes_and_loads(written):
     report = json.loads((written.directory / "validation" / "report.json").read_text())
     assert written.passed, [c for c in report["checks"] if not c["passed"]]
     assert World.load(written.directory) == written.world
-    assert set(written.losses) == {"sdf", "mjcf", "usd"}
+    assert {export.folder for export in written.exports} == {"sdf", "mjcf", "usd"}
     verification = json.loads((written.directory / "truth" / "size_frequency.json").read_text())
     assert [p["name"] for p in verification["populations"]] == ["pebbles"]
     assert verification["populations"][0]["count"]["observed"] == len(written.world.field) - 2

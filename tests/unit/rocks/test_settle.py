@@ -11,7 +11,7 @@ from terrain_forge.base import RecipeError, matrix_from_quaternion
 from terrain_forge.building.checking import SETTLING, WATCHING
 from terrain_forge.model import Heightfield, Mesh, exporter, rotations
 from terrain_forge.pipeline import check
-from terrain_forge.recipe import recipe_from_json
+from terrain_forge.recipe import ValidateSpec, recipe_from_json
 from terrain_forge.rocks import (
     LibrarySpec,
     Scattered,
@@ -27,7 +27,8 @@ from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.validation.dynamic import MOST_SHIFT, dynamic_checks, watch
+from terrain_forge.validation import validate
+from terrain_forge.validation.checks.dynamic import MOST_SHIFT, dynamic_check, watch
 from tests.helpers import worlds
 
 LIBRARY = make_library(LibrarySpec(shapes=6))
@@ -160,9 +161,11 @@ def test_a_window_has_the_same_bits(settled):
 
 def test_dynamic_rocks_stay_in_the_exported_world(world, tmp_path):
     """Reloaded in MuJoCo with the ground and all others: 2 % of the diameter, 3 deg, for 5 s."""
-    (check,) = dynamic_checks(world, tmp_path)
+    result = validate(world, tmp_path, spec=ValidateSpec(points=10))
+    (check,) = (check for check in result.checks if "dynamic ones that stay" in check.name)
     assert check.passed, check
     assert check.figure >= 0.95
+    assert [export.folder for export in result.exports] == ["validation/mjcf"]
     assert (tmp_path / "validation" / "mjcf" / "world.xml").is_file()
 
 
@@ -209,13 +212,13 @@ def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
     stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
     assert not stay.stayed.any()
     assert stay.shift.min() > 5 * MOST_SHIFT
-    (check,) = dynamic_checks(thrown, tmp_path)
-    assert not check.passed
-    assert not (tmp_path / "validation").exists()
+    assert not dynamic_check(thrown, tmp_path / "mjcf" / "world.xml").passed
 
 
 def test_a_world_without_dynamic_rocks_is_not_checked(tmp_path):
-    assert dynamic_checks(worlds.world(), tmp_path) == []
+    result = validate(worlds.world(), tmp_path, spec=ValidateSpec(points=10))
+    assert not any("dynamic ones that stay" in check.name for check in result.checks)
+    assert result.exports == ()
 
 
 def test_a_rock_on_too_steep_a_slope_is_fixed():

@@ -36,7 +36,7 @@ from terrain_forge.terrain.cratering.placement import expected_craters
 from terrain_forge.terrain.cratering.productions.power_law import CraterPowerLaw
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
-from terrain_forge.validation.craters import crater_checks
+from terrain_forge.validation.checks.craters import crater_checks
 from tests.helpers import worlds
 
 ALPHA = 0.001

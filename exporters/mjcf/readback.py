@@ -1,0 +1,224 @@
+"""MJCF worlds in MuJoCo: rays onto the ground, the rocks' geoms, bodies, beads of the paths."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from copy import copy
+from functools import partial
+from pathlib import Path
+from shlex import quote
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from terrain_forge.base import Array, SimulationError, load_model, matrix_from_quaternion
+from terrain_forge.model import Opening
+from terrain_forge.validation import (
+    SETTLING,
+    Body,
+    Consumer,
+    Reading,
+    Sample,
+    SolidsOfRocks,
+    Track,
+    newton,
+    rock_of,
+    table_columns,
+    track_of,
+)
+
+_BEAD = re.compile(r"(.+)_\d+")
+_SCALE_ERROR = 0.01
+"""What sizes of rocks are rounded by, at the most."""
+_DRAWN_LEVEL = 1
+"""The level of detail that rocks are drawn by."""
+_GROUND, _OTHERS = 0, 5
+"""Groups of what rays meet, and of what they pass through."""
+
+
+def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
+    """An MJCF export as MuJoCo compiles it, all of it, with balls that come to rest in it.
+
+    For a quick sample only its rocks are compiled: all of them would take longer than a build.
+
+    Raises:
+        SimulationError: if MuJoCo cannot load it.
+    """
+    import mujoco
+
+    del options, scratch
+    model = _load(sample, folder)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    touched = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+    read = partial(
+        Reading,
+        consumer=f"MuJoCo {mujoco.__version__}",
+        heights=_ground_heights(sample, model, data),
+        touched=_solids(sample, model, data, set(touched.tolist())),
+        rock_error=_SCALE_ERROR,
+        drawn_level=_DRAWN_LEVEL,
+        gravity=float(model.opt.gravity[2]),
+        bodies=_bodies(model, data),
+    )
+    if sample.quick:
+        return read()
+    return read(
+        extent=_extent(model, data),
+        seen=_solids(sample, model, data, _shown(model)),
+        balls=_rest(sample, folder / "world.xml"),
+        findings=_warnings(data),
+        tracks=tuple(_tracks(sample, folder)),
+    )
+
+
+def _load(sample: Sample, folder: Path) -> Any:
+    try:
+        return _load_sampled(sample, folder) if sample.quick else load_model(folder / "world.xml")
+    except ValueError as error:
+        raise SimulationError(f"MuJoCo cannot load world.xml: {error}") from None
+
+
+def _load_sampled(sample: Sample, folder: Path) -> Any:
+    """The model of world.xml with the rocks of the sample alone."""
+    import mujoco
+
+    root = ElementTree.parse(folder / "world.xml").getroot()
+    body, asset = root.find("worldbody"), root.find("asset")
+    if body is None or asset is None:
+        raise SimulationError("world.xml has no ground")
+    kept = {None, *sample.rocks}
+    for parent in (body, *body.findall(".//body")):
+        parent[:] = [e for e in parent if rock_of(e.get("name", "")) in kept]
+    used = {geom.get("mesh") for geom in body.iter("geom")}
+    asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
+    names = {str(item.get("file")) for item in asset if item.get("file")}
+    files = {name: (folder / name).read_bytes() for name in sorted(names)}
+    return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"), files)
+
+
+def _ground_heights(sample: Sample, model: Any, data: Any) -> Array:
+    """Heights [m] at which rays from above meet the ground that is touched; NaN where they miss."""
+    import mujoco
+
+    fields = model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD
+    touched = (model.geom_contype | model.geom_conaffinity) != 0
+    asked = copy(model)
+    asked.geom_group[:] = np.where(fields & touched, _GROUND, _OTHERS)
+    groups = (np.arange(6) == _GROUND).astype(np.uint8)
+    sky = float(sample.world.ground.elevation.max()) + 1.0
+    down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+    starts = [np.array([x, y, sky]) for x, y in sample.points]
+    far = [mujoco.mj_ray(asked, data, start, down, groups, 1, -1, geom) for start in starts]
+    return np.where(np.array(far) >= 0, sky - np.array(far), np.nan)
+
+
+def _warnings(data: Any) -> tuple[str, ...]:
+    return tuple(f"warning {n}" for n in np.flatnonzero(data.warning.number).tolist())
+
+
+def _extent(model: Any, data: Any) -> tuple[float, float, float, float] | None:
+    """West, south, east and north edge of all height fields [m]."""
+    import mujoco
+
+    edges = [
+        (*(data.geom_xpos[n, :2] - half), *(data.geom_xpos[n, :2] + half))
+        for n in range(model.ngeom)
+        if model.geom_type[n] == mujoco.mjtGeom.mjGEOM_HFIELD
+        for half in [model.hfield_size[model.geom_dataid[n], :2]]
+    ]
+    if not edges:
+        return None
+    west, south, east, north = np.array(edges).T
+    return float(west.min()), float(south.min()), float(east.max()), float(north.max())
+
+
+def _shown(model: Any) -> set[int]:
+    """The geoms that pictures show; the viewer hides groups from 3 on."""
+    return set(np.flatnonzero(model.geom_group < 3).tolist())
+
+
+def _solids(sample: Sample, model: Any, data: Any, geoms: set[int]) -> SolidsOfRocks:
+    """The vertices of the rocks' mesh geoms, as far as they are among these."""
+    import mujoco
+
+    solids = SolidsOfRocks(sample.rocks)
+    for n in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).tolist():
+        rock = rock_of(model.geom(n).name)
+        if n not in geoms or rock is None or not solids.wants(rock):
+            continue
+        mesh = model.geom_dataid[n]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        vertices = model.mesh_vert[first : first + count]
+        solids.add(rock, vertices @ data.geom_xmat[n].reshape(3, 3).T + data.geom_xpos[n])
+    return solids
+
+
+def _bodies(model: Any, data: Any) -> dict[int, Body]:
+    found = {}
+    for n in range(1, model.nbody):
+        rock = rock_of(model.body(n).name)
+        if rock is not None:
+            turn = matrix_from_quaternion(model.body_iquat[n])
+            tensor = turn @ np.diag(model.body_inertia[n]) @ turn.T
+            rotation = data.xmat[n].reshape(3, 3).copy()
+            found[rock] = Body(float(model.body_mass[n]), tensor, data.xipos[n].copy(), rotation)
+    return found
+
+
+def _rest(sample: Sample, path: Path) -> Array:
+    """Where the balls come to rest in the exported world [m]; dynamic rocks are left out."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    for body in list(spec.worldbody.bodies):
+        if rock_of(body.name) is not None:
+            spec.delete(body)
+    moment = [0.4 * sample.balls.radius**2] * 3
+    for n, start in enumerate(sample.balls.start):
+        ball = spec.worldbody.add_body(name=f"probe_ball_{n}", pos=start)
+        ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+        ball.mass, ball.inertia, ball.explicitinertial = 1.0, moment, True
+        ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[sample.balls.radius, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
+    names = [f"probe_ball_{n}" for n in range(len(sample.balls.rest))]
+    return np.array([data.body(name).xpos[2] for name in names])
+
+
+def _tracks(sample: Sample, folder: Path) -> Iterator[Track]:
+    """The sites along the paths in scene.xml, and the tracks that move its mocap body."""
+    scene = folder / "scene.xml"
+    if not sample.world.trajectories or not scene.is_file():
+        return
+    root = ElementTree.parse(scene).getroot()
+    places: dict[str, list[list[float]]] = {}
+    for site in root.iter("site"):
+        bead = _BEAD.fullmatch(site.get("name", ""))
+        if bead:
+            places.setdefault(bead[1], []).append([*map(float, site.get("pos", "").split())])
+    for name, position in places.items():
+        yield Track(name=name, time=None, position=np.array(position), quaternion=None)
+    if any(body.get("mocap") == "true" for body in root.iter("body")):
+        for path in sorted((folder / "paths").glob("*.csv")):
+            yield track_of(path.stem, table_columns(path))
+
+
+def opening(folder: Path, options: Any) -> Opening:
+    """How the folder is opened."""
+    del options
+    return Opening(
+        title="MuJoCo",
+        commands=f"python -m mujoco.viewer --mjcf={quote(folder.name)}/scene.xml",
+    )
+
+
+MUJOCO = Consumer(name="MuJoCo", read=read_mjcf, quick=True)
+"""MuJoCo's compiler, rays and solver."""
+NEWTON = newton("world.xml", rock_error=_SCALE_ERROR, gravity_kept=False)
+"""Newton's importer of MJCF, and its solver."""
+CONSUMERS = (MUJOCO, NEWTON)
+"""What reads these exports back."""

@@ -1,0 +1,1 @@
+"""The checks of a built world, one module each."""

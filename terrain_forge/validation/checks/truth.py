@@ -1,0 +1,104 @@
+"""Whether the truth's rasters hold what rays meet from above."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, mix, stage_key, uniforms
+from terrain_forge.model import Check, World, at_most, merge
+from terrain_forge.scene import GROUND, open_scene
+from terrain_forge.validation.inspection import BuiltFolder, Inspection
+from terrain_forge.validation.measures import ground_limit
+
+_CLEARANCE = 1.0
+_GRAZING = 0.002
+"""Part of the nodes at which ray and raster may name different rocks: a ray of 32 bits that grazes
+an outline falls to either side."""
+
+
+class TopSurface(Inspection):
+    """The truth's rasters against rays."""
+
+    kind = "top surface"
+    group = "truth"
+
+    def checks(self, built: BuiltFolder) -> list[Check]:
+        """Heights and rock ids."""
+        truth = built.directory / "truth"
+        return top_surface_checks(built.world, truth, points=built.spec.points)
+
+
+def top_surface_checks(world: World, truth: Path, *, points: int) -> list[Check]:
+    """Compare surface_with_rocks.tif and rock_id.tif with vertical rays at random nodes.
+
+    Half of the nodes are drawn from those with a rock on top. Rays meet the rocks' finest meshes
+    and the triangulated ground in Embree, which shares nothing with the code that made the rasters.
+
+    Args:
+        world: The world.
+        truth: Its folder of truth.
+        points: How many nodes.
+
+    Returns:
+        The largest difference in height where both name the same rock, and at how many nodes they
+        do not; nothing where a raster is missing.
+    """
+    files = truth / "surface_with_rocks.tif", truth / "rock_id.tif"
+    if not all(file.is_file() for file in files):
+        return []
+    top, rock_id = _read_raster(files[0]), _read_raster(files[1]).astype(np.int32)
+    rows, columns = _draw_nodes(world, rock_id, points)
+    height, owner = _look_down(world, rows, columns)
+    same = owner == rock_id[rows, columns]
+    off = np.abs(height - top[rows, columns])[same]
+    differing = float(np.count_nonzero(~same))
+    limit = float(max(1, round(_GRAZING * len(rows))))
+    return [
+        at_most("truth: top surface", float(off.max(initial=0.0)), ground_limit(world.ground),
+                unit="m", note=f"largest difference in height from rays at {len(rows)} nodes"),
+        at_most("truth: rock ids", differing, limit,
+                note="nodes at which a ray meets another rock"),
+    ]  # fmt: skip
+
+
+def _read_raster(path: Path) -> NDArray[np.float64]:
+    """A raster's values, rows running north."""
+    import rasterio
+
+    with rasterio.open(path) as raster:
+        return np.asarray(raster.read(1)[::-1], np.float64)
+
+
+def _draw_nodes(
+    world: World, rock_id: NDArray[np.int32], points: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of random nodes, the first half of them with a rock on top if there is.
+
+    None lies on the border, where a ray may pass the ground.
+    """
+    key, inner = stage_key(world.site.seed, "top surface"), rock_id[1:-1, 1:-1]
+    rocky = np.flatnonzero(inner.ravel() != GROUND)
+    half = points // 2 if len(rocky) else 0
+    chosen = rocky[(uniforms(np.uint64(mix(key, 0)), half) * len(rocky)).astype(np.intp)]
+    anywhere = (uniforms(np.uint64(mix(key, 1)), points - half) * inner.size).astype(np.intp)
+    rows, columns = np.unravel_index(np.concatenate([chosen, anywhere]), inner.shape)
+    return rows + 1, columns + 1
+
+
+def _look_down(
+    world: World, rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.int32]]:
+    """Height [m] and rock id (-1 for the ground) of what vertical rays meet at nodes."""
+    rocks = merge(world.field, world.neighbours)
+    with open_scene(world) as scene:
+        largest = float(rocks.diameter.max(initial=0.0))
+        above = float(world.ground.elevation.max()) + 2.0 * largest + _CLEARANCE
+        at = world.ground.east[columns], world.ground.north[rows]
+        start = np.column_stack([*at, np.full(len(rows), above)])
+        hits = scene.cast(start, np.array([0.0, 0.0, -1.0]))
+        ids = np.append(rocks.id, np.int32(GROUND))
+    height = above - hits.distance.astype(np.float64)
+    return height, np.where(hits.rock > GROUND, ids[np.maximum(hits.rock, GROUND)], hits.rock)

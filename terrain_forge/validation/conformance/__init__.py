@@ -1,1 +1,0 @@
-"""The conformance test: every export through the programs that read its format, measured alike."""

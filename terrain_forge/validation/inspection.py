@@ -1,0 +1,64 @@
+"""What a check of a built world is: one module, found in `checks/` or by an entry point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from terrain_forge.model import Check, Export, World
+from terrain_forge.recipe import ValidateSpec
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BuiltFolder:
+    """A built world, as checks are given it."""
+
+    world: World
+    """The world."""
+    directory: Path
+    """Its folder."""
+    exports: tuple[Export, ...] = ()
+    """The exports in it, an MJCF among them where rocks are dynamic or a drive is asked for."""
+    spec: ValidateSpec
+    """What the recipe asks to be checked."""
+    altered: tuple[str, ...] = ()
+    """Files of the folder that are not as they were built."""
+    progress: Callable[[float], None] | None = None
+    """Told how far a long check is, 0 to 1."""
+
+    @property
+    def mjcf(self) -> Path | None:
+        """The folder of its first MJCF export."""
+        found = (export.folder for export in self.exports if export.kind == "mjcf")
+        return next((self.directory / folder for folder in found), None)
+
+
+class Inspection:
+    """Checks one thing of a built world; what it keeps of that, its other methods tell.
+
+    A subclass has a `kind`, which no other has, and a `group`.
+    """
+
+    kind: ClassVar[str]
+    """Its name."""
+    group: ClassVar[str]
+    """Where its checks stand in the report."""
+
+    def checks(self, built: BuiltFolder) -> Iterable[Check]:
+        """The checks; one that fails is a result, not an error."""
+        raise NotImplementedError
+
+    def report(self) -> dict[str, Any]:
+        """More parts of report.json, by name."""
+        return {}
+
+    def timings(self) -> tuple[tuple[str, float], ...]:
+        """What goes into timings.json."""
+        return ()
+
+    def write(self, built: BuiltFolder, folder: Path) -> Iterable[Path]:
+        """Write further files into the folder of the validation; returns them."""
+        del built, folder
+        return ()

@@ -1,0 +1,110 @@
+"""How far rocks are off in an export: the furthest points of each, seen along nine directions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.model import Mesh
+from terrain_forge.validation.reading import MERGED, SolidsOfRocks
+from terrain_forge.validation.sample import Sample
+
+_TURNS = np.arange(8) * np.pi / 4
+DIRECTIONS = np.vstack(
+    [np.column_stack([np.cos(_TURNS), np.sin(_TURNS), np.zeros(8)]), [(0.0, 0.0, 1.0)]]
+)
+"""Eight around the horizon, and up, shape [9, 3]."""
+_HIDDEN = 0.05
+"""Part of its diameter by which a rock's furthest point must stand out of the ground to count:
+exports leave out faces that lie wholly under it."""
+
+
+def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
+    """How far each of the sample's rocks is off along each direction [m], shape [rocks, 9].
+
+    A rock that the export names is compared with its shape and with its convex parts, whichever is
+    nearer; one that is merged with others is the nearest solid there. NaN along directions in
+    which the ground hides the rock, infinite where there is no such rock.
+    """
+    found = _supports(solids)
+    named = {rock: number for number, rock in enumerate(solids.rock) if rock != MERGED}
+    merged = np.flatnonzero(np.array(solids.rock) == MERGED)
+    centre = 0.5 * (found[:, [0, 2]] - found[:, [4, 6]])[merged]
+    errors = np.full((len(sample.rows), len(DIRECTIONS)), np.inf)
+    for place, row in enumerate(sample.rows.tolist()):
+        rock = int(sample.world.field.id[row])
+        if rock in named:
+            candidates = np.array([named[rock]])
+        else:
+            apart = np.abs(centre - sample.world.field.position[row, :2]).max(axis=1)
+            candidates = merged[apart <= sample.reach[place]]
+        errors[place] = _nearest(sample, row, found[candidates])
+    return errors
+
+
+def _supports(solids: SolidsOfRocks) -> Array:
+    """How far each solid reaches along each direction [m], shape [solids, 9]."""
+    furthest = np.full((len(solids.rock), len(DIRECTIONS)), -np.inf)
+    np.maximum.at(furthest, solids.solid, solids.vertices @ DIRECTIONS.T)
+    return furthest
+
+
+def _nearest(sample: Sample, row: int, candidates: Array) -> Array:
+    """Errors of the candidate that is least off, against the nearer of the rock's two forms."""
+    best = np.full(len(DIRECTIONS), np.inf)
+    for wanted, counts in _forms(sample, row):
+        if not len(candidates):
+            continue
+        off = np.abs(candidates - wanted)
+        off[:, ~counts] = np.nan
+        worst = np.where(counts, off, 0.0).max(axis=1)
+        least = int(worst.argmin())
+        if worst[least] < np.nanmax(best):
+            best = off[least]
+    return best
+
+
+def _forms(sample: Sample, row: int) -> list[tuple[Array, NDArray[np.bool_]]]:
+    """Reach along each direction of a rock's shape and of its convex parts, and which count."""
+    field, ground = sample.world.field, sample.world.ground
+    prototype = sample.world.library.prototypes[field.prototype[row]]
+    turn = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
+    hulls = np.concatenate([hull.vertices for hull in prototype.hulls])
+    forms = []
+    for vertices in (prototype.meshes[0].vertices, hulls):
+        points = vertices @ turn.T + field.position[row]
+        along = points @ DIRECTIONS.T
+        ends = points[along.argmax(axis=0)]
+        inside = ground.covers(ends[:, 0], ends[:, 1])
+        counts = np.zeros(len(ends), np.bool_)
+        above = ends[inside, 2] - ground.height_at(ends[inside, 0], ends[inside, 1])
+        counts[inside] = above > _HIDDEN * field.diameter[row]
+        counts[-1] = True
+        forms.append((along.max(axis=0), counts))
+    return forms
+
+
+def split_merged(sample: Sample, mesh: Mesh) -> tuple[Array, NDArray[np.int64]]:
+    """The connected solids of a merged mesh, as far as they may be rocks that are looked at.
+
+    Returns:
+        Vertices [n, 3] and the number of the solid that each belongs to, from 0, [n].
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    faces = mesh.faces[sample.near(mesh)]
+    used, corner = np.unique(faces.reshape(-1), return_inverse=True)
+    vertices = np.ascontiguousarray(mesh.vertices[used])
+    # Readers may cut meshes open along seams and edges: equal places are one vertex again.
+    place = vertices.astype(np.float32)
+    _, same = np.unique(place.view([("", place.dtype)] * 3).reshape(-1), return_inverse=True)
+    a, b, c = same.reshape(-1)[corner.reshape(-1, 3)].T
+    count = int(same.max(initial=-1)) + 1
+    links = np.ones(2 * len(a), np.int8)
+    graph = coo_array(
+        (links, (np.concatenate([a, b]), np.concatenate([b, c]))), shape=(count, count)
+    )
+    _, label = connected_components(graph, directed=False)
+    return vertices, label[same.reshape(-1)].astype(np.int64)

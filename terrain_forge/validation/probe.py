@@ -1,0 +1,125 @@
+"""The answers of the small programs that run a consumer in a process of its own.
+
+A probe prints a line per fact, its parts split by tabs: `consumer` text; `finding` text; `gravity`
+x y z; `mesh` vertices faces, whose float64 positions and int32 corners follow each other in a
+binary file; `heightmap` span and largest grey level of a mesh that is one; `shape` kind model name
+mesh matrix; `body` model mass inertia matrix; `waypoint` path time position quaternion; `ball`
+height. A matrix is the twelve upper numbers of a homogeneous one, row by row; kinds are `touched`
+and `seen`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.base import Array
+from terrain_forge.model import Mesh
+from terrain_forge.validation.names import is_ground, rock_of
+from terrain_forge.validation.outlines import split_merged
+from terrain_forge.validation.reading import (
+    Body,
+    Reading,
+    SolidsOfRocks,
+    Track,
+    placed,
+)
+from terrain_forge.validation.sample import Sample
+
+
+def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
+    """The reading that a probe's answer tells.
+
+    Args:
+        sample: What is looked at.
+        text: What the probe printed.
+        binary: The file of its meshes; it may be missing where there are none.
+    """
+    lines = [line.split("\t") for line in text.splitlines()]
+    facts: dict[str, list[list[str]]] = {}
+    for word, *parts in lines:
+        facts.setdefault(word, []).append(parts)
+    meshes = list(_meshes(facts.get("mesh", []), binary))
+    ground, solids = _shapes(sample, facts.get("shape", []), meshes)
+    gravity = facts.get("gravity")
+    return Reading(
+        consumer=", ".join(parts[0] for parts in facts.get("consumer", [])),
+        ground=tuple(ground),
+        quantum=max(map(_quantum, facts.get("heightmap", [])), default=0.0),
+        touched=solids["touched"],
+        seen=solids["seen"],
+        gravity=float(gravity[0][2]) if gravity else None,
+        bodies=_bodies(facts.get("body", [])),
+        tracks=tuple(_tracks(facts.get("waypoint", []))),
+        balls=resting_balls(text),
+        findings=tuple(parts[0] for parts in facts.get("finding", [])),
+    )
+
+
+def resting_balls(text: str) -> Array | None:
+    """Where a probe's balls rest [m]; None where it let none down."""
+    heights = [line.split("\t")[1] for line in text.splitlines() if line.startswith("ball\t")]
+    return np.array(heights, np.float64) if heights else None
+
+
+def _quantum(heightmap: list[str]) -> float:
+    """The step of a heightmap's heights [m]."""
+    span, largest = map(float, heightmap)
+    return span / largest
+
+
+def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
+    if not sizes:
+        return
+    content = np.memmap(binary, np.uint8, "r")
+    at = 0
+    for vertices, faces in sizes:
+        middle = at + 24 * int(vertices)
+        end = middle + 12 * int(faces)
+        yield Mesh(
+            vertices=content[at:middle].view("<f8").reshape(-1, 3),
+            faces=content[middle:end].view("<i4").reshape(-1, 3),
+        )
+        at = end
+
+
+def _shapes(
+    sample: Sample, shapes: list[list[str]], meshes: list[Mesh]
+) -> tuple[list[Mesh], dict[str, SolidsOfRocks]]:
+    """The ground's meshes as they are touched, and the rocks'."""
+    ground = []
+    solids = {kind: SolidsOfRocks(sample.rocks) for kind in ("touched", "seen")}
+    for kind, model, name, mesh, *matrix in shapes:
+        rock = rock_of(name, model)
+        if rock is not None and not solids[kind].wants(rock):
+            continue
+        shape = meshes[int(mesh)]
+        vertices = placed(shape.vertices, np.array(matrix, np.float64).reshape(3, 4))
+        if is_ground(name):
+            if kind == "touched":
+                ground.append(Mesh(vertices=vertices, faces=shape.faces))
+        elif rock is not None:
+            solids[kind].add(rock, vertices)
+        else:
+            merged = split_merged(sample, Mesh(vertices=vertices, faces=shape.faces))
+            solids[kind].add_merged(*merged)
+    return ground, solids
+
+
+def _bodies(lines: list[list[str]]) -> dict[int, Body]:
+    found = {}
+    for model, *numbers in lines:
+        rock, values = rock_of(model), np.array(numbers, np.float64)
+        if rock is not None:
+            matrix = values[10:].reshape(3, 4)
+            inertia = values[1:10].reshape(3, 3)
+            found[rock] = Body(float(values[0]), inertia, matrix[:, 3], matrix[:, :3])
+    return found
+
+
+def _tracks(lines: list[list[str]]) -> Iterator[Track]:
+    for name in dict.fromkeys(line[0] for line in lines):
+        rows = np.array([line[1:] for line in lines if line[0] == name], np.float64)
+        yield Track(name=name, time=rows[:, 0], position=rows[:, 1:4], quaternion=rows[:, 4:])

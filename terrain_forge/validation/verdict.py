@@ -1,0 +1,151 @@
+"""The validation of a built world: every check with its figure and limit, and the verdict."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from terrain_forge.base import Record, parts
+from terrain_forge.driving import DriveResult
+from terrain_forge.model import Check, Export, World, exporter, plain_options
+from terrain_forge.recipe import ValidateSpec
+from terrain_forge.terrain import terrain_statistics
+from terrain_forge.validation.checks.drives import Drives
+from terrain_forge.validation.inspection import BuiltFolder, Inspection
+
+GROUPS = ("files", "exports", "paths", "rocks", "truth", "drive", "craters", "other programs")
+"""The order of the groups; those of other packages' checks follow."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ValidationResult(Record):
+    """What a validation found and wrote."""
+
+    checks: tuple[Check, ...]
+    """Every check, in the order of the report."""
+    drive: DriveResult | None
+    """The drive, where one was asked for and could begin."""
+    timings: tuple[tuple[str, float], ...]
+    """Wall times of the drives [s] and simulated over wall time, for timings.json."""
+    files: tuple[Path, ...]
+    """Files written."""
+    exports: tuple[Export, ...]
+    """The exports in the folder, with one that was made for the checks alone."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+
+@cache
+def inspections() -> tuple[type[Inspection], ...]:
+    """All kinds of checks, of ours and of other packages."""
+    return parts(Inspection, "terrain_forge.validation.checks", "terrain_forge.checks")
+
+
+def validate(
+    world: World,
+    directory: Path,
+    *,
+    spec: ValidateSpec,
+    exports: Sequence[Export] = (),
+    altered: tuple[str, ...] = (),
+    progress: Callable[[float], None] | None = None,
+) -> ValidationResult:
+    """Check the world and what was exported of it; write the report into `directory`/validation.
+
+    A check that fails is a result, not an error. The MJCF is exported into the validation folder
+    where a drive is asked for, or rocks are dynamic, and there is none.
+
+    Args:
+        world: The world.
+        directory: Its built folder.
+        spec: What to check.
+        exports: What was exported into the folder.
+        altered: Files of the folder that are not as they were built.
+        progress: Told the share of the drive that is done, 0 to 1, and then that of the exports.
+    """
+    folder = directory / "validation"
+    _clear_exports(folder)
+    built = BuiltFolder(
+        world=world,
+        directory=directory,
+        exports=_with_mjcf(world, directory, exports, spec),
+        spec=spec,
+        altered=altered,
+        progress=progress,
+    )
+    made = [kind() for kind in inspections()]
+    found = [c.replace(group=c.group or one.group) for one in made for c in one.checks(built)]
+    order = {group: place for place, group in enumerate(GROUPS)}
+    checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
+    _clear_results(folder)
+    files = _write(built, folder, checks, made)
+    return ValidationResult(
+        checks=checks,
+        drive=next(one.driven.drive for one in made if isinstance(one, Drives)),
+        timings=tuple(timing for one in made for timing in one.timings()),
+        files=tuple(files),
+        exports=built.exports,
+    )
+
+
+def _clear_exports(folder: Path) -> None:
+    """Remove what an earlier validation of ours exported for itself."""
+    folder.mkdir(exist_ok=True)
+    for name in ("mjcf", "consumers"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+
+
+def _with_mjcf(
+    world: World, directory: Path, exports: Sequence[Export], spec: ValidateSpec
+) -> tuple[Export, ...]:
+    """The exports, and an MJCF in the validation's folder if the checks need one more."""
+    mine = "validation/mjcf"
+    others = [export for export in exports if export.folder != mine]
+    driven = spec.drive_spec or spec.starts_spec or world.field.dynamic.any()
+    if driven and all(export.kind != "mjcf" for export in others):
+        (directory / mine).mkdir()
+        mjcf = exporter("mjcf")
+        options = mjcf.Options()
+        losses = mjcf.export(world, directory / mine, options=options).losses
+        plain = plain_options(options)
+        others.append(Export(folder=mine, kind="mjcf", options=plain, losses=losses))
+    return tuple(sorted(others, key=lambda export: export.folder))
+
+
+def _clear_results(folder: Path) -> None:
+    """Remove an earlier validation's results, once there are new ones; other files stay."""
+    for pattern in ("report.json", "terrain.png", "drive_*", "drives.*"):
+        for file in folder.glob(pattern):
+            file.unlink()
+
+
+def _write(
+    built: BuiltFolder, folder: Path, checks: tuple[Check, ...], made: list[Inspection]
+) -> list[Path]:
+    """Write the report, the ground's statistics, and what else the checks have."""
+    from terrain_forge.terrain import write_terrain_figure
+
+    statistics = terrain_statistics(site=built.world.site, ground=built.world.ground)
+    passed = all(check.passed for check in checks)
+    report = {
+        "format": 1,
+        "world": built.world.site.name,
+        "verdict": "pass" if passed else "fail",
+        "passed": passed,
+        "checks": [vars(check) for check in checks],
+        "terrain": statistics.as_json(),
+    }
+    for one in made:
+        report |= one.report()
+    text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False)
+    files = [folder / "report.json", folder / "terrain.png"]
+    files[0].write_text(text + "\n", encoding="utf-8")
+    write_terrain_figure(statistics, files[1])
+    return files + [file for one in made for file in one.write(built, folder)]

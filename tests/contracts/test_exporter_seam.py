@@ -1,0 +1,133 @@
+"""What exporters bring: how their folders are read back, by independent code, and opened."""
+
+import ast
+import json
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from terrain_forge.report.usage import usage_section
+
+from terrain_forge.building import exports_in, write_export, write_manifest
+from terrain_forge.model import Export, Opening, exporter, plain_options
+from terrain_forge.recipe import ExportOrder, ValidateSpec
+from terrain_forge.report.section import Built
+from terrain_forge.validation import BuiltFolder, Consumer, NotRun
+from terrain_forge.validation.suite import conformance, quick_checks
+from tests.helpers.places import ROOT
+
+KINDS = sorted(path.parent.name for path in (ROOT / "exporters").glob("*/export.py"))
+READBACKS = sorted((ROOT / "exporters").glob("*/readback.py"))
+PROBES = sorted((ROOT / "exporters").glob("*/probe.py"))
+
+
+@pytest.mark.parametrize("path", [*READBACKS, *PROBES], ids=lambda p: f"{p.parent.name}-{p.stem}")
+def test_what_reads_back_shares_nothing_with_what_wrote(path):
+    imported = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            imported.append("." * node.level + (node.module or ""))
+        elif isinstance(node, ast.Import):
+            imported += [name.name for name in node.names]
+    assert not [name for name in imported if name.startswith((".", "terrain_forge.exporters"))]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_exporter_of_ours_is_read_back_and_says_how_to_open(tmp_path, kind):
+    module = exporter(kind)
+    (tmp_path / "my place").mkdir()
+    (tmp_path / "my place" / "rover.urdf").touch()
+    words = module.opening(tmp_path / "my place", module.Options())
+    assert isinstance(words, Opening)
+    assert "my place" in words.commands
+    if kind != "rover":  # alone, without a world that it could be compared with
+        assert all(isinstance(consumer, Consumer) for consumer in module.CONSUMERS)
+        assert any(consumer.full for consumer in module.CONSUMERS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_manifest_tells_who_wrote_a_folder_and_how(small_world, tmp_path, kind):
+    module = exporter(kind)
+    options = module.Options()
+    folder = Path("validation", kind)
+    (tmp_path / folder).mkdir(parents=True)
+    export = Export(
+        folder=folder.as_posix(), kind=kind, options=plain_options(options), losses=("Much.",)
+    )
+    write_manifest(small_world.site, tmp_path, exports=[export], altered={})
+    manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
+    (found,) = exports_in(manifest)
+    assert found == export
+    assert found.opened() == (module, options)
+
+
+def test_what_is_written_is_recorded_with_its_defaults(small_world, tmp_path):
+    module = exporter("geotiff")
+    options = module.Options(products=("elevation",))
+    order = ExportOrder(folder="maps", kind="geotiff", exporter=module, options=options)
+    written = write_export(small_world, tmp_path, order)
+    assert (written.folder, written.kind) == ("maps", "geotiff")
+    expected = {"products": ["elevation"], "heights": "world", "cloud_optimized": False}
+    assert written.options == expected
+    assert written.losses
+
+
+def test_the_drive_takes_an_mjcf_and_no_other_world_xml(small_world, tmp_path):
+    def mjcf(*exports):
+        found = [Export(folder=folder, kind=kind, options={}) for folder, kind in exports]
+        built = BuiltFolder(
+            world=small_world, directory=tmp_path, exports=tuple(found), spec=ValidateSpec()
+        )
+        return built.mjcf
+
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "world.xml").touch()
+    (tmp_path / "mine" / "scene.xml").touch()
+    assert mjcf(("mine", "xyz")) is None
+    assert mjcf(("mine", "xyz"), ("sim", "mjcf")) == tmp_path / "sim"
+
+
+def test_the_exporter_of_the_documentation_works(small_world, tmp_path, monkeypatch):
+    text = (ROOT / "docs" / "exporters" / "writing-one.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    module = ModuleType("documented")
+    monkeypatch.setitem(sys.modules, "documented", module)
+    exec(compile(code, "writing-one.md", "exec", dont_inherit=True), vars(module))
+    monkeypatch.setattr("terrain_forge.model.exporting.exporter", lambda name: module)
+    options = module.Options()
+    order = ExportOrder(folder="mine", kind="xyz", exporter=module, options=options)
+    export = write_export(small_world, tmp_path, order)
+    (check,) = quick_checks(small_world, tmp_path, [export], points=50)
+    assert (check.name, check.passed) == ("mine: ground", True)
+    bare = small_world.replace(trajectories=())
+    found = {e.aspect: e for e in conformance(bare, tmp_path, [export], points=50)}
+    assert found["ground"].status == "pass"
+    assert found["masses"].note == "points have none"
+    page = usage_section(Built(small_world, tmp_path, (export,)))
+    assert "CloudCompare mine/points.xyz" in "".join(part.text for part in page.html)
+
+
+def test_a_program_that_is_missing_neither_passes_nor_fails(small_world, tmp_path, monkeypatch):
+    def read(sample, folder, options, scratch):
+        raise NotRun("it is not installed")
+
+    module = exporter("geotiff")
+    monkeypatch.setattr(module, "CONSUMERS", (Consumer(name="mine", read=read, quick=True),))
+    export = Export(folder="maps", kind="geotiff", options={})
+    assert quick_checks(small_world, tmp_path, [export], points=5) == []
+    bare = small_world.replace(trajectories=())
+    (entry,) = conformance(bare, tmp_path, [export], points=5)
+    assert (entry.status, entry.note, entry.check) == ("not run", "it is not installed", None)
+
+
+def test_an_opening_that_raises_is_left_out(small_world, tmp_path, monkeypatch, caplog):
+    def opening(folder, options):
+        raise LookupError("no idea")
+
+    monkeypatch.setattr(exporter("geotiff"), "opening", opening)
+    export = Export(folder="maps", kind="geotiff", options={})
+    page = usage_section(Built(small_world, tmp_path, (export,)))
+    assert "Python" in "".join(part.text for part in page.html)
+    assert "how to open maps is not known: no idea" in caplog.text
