@@ -98,7 +98,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
 
 
 def require_no_sentinel(values: NDArray[np.float64], source: str, *, cliff: float) -> None:
-    """Refuse numbers that stand for no data though nobody says so.
+    """Refuse numbers that stand for no data though neither file nor recipe says so.
 
     Such are -9999, -32768 and their like, farther from all other values than these are apart; and
     any other number that occurs several times and stands as far beyond the rest, by a cliff that no

@@ -36,7 +36,6 @@ from .spec import Shake as Shake
 from .spec import Spline as Spline
 from .surroundings import FARTHEST as FARTHEST
 from .surroundings import Surroundings as Surroundings
-from .surroundings import require_free_start as require_free_start
 from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
 from .trajectory import make_trajectory as make_trajectory

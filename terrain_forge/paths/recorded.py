@@ -174,7 +174,7 @@ def _columns(file: str, text: str, key: Key) -> dict[str, Array]:
 
 
 def _names(file: str, first: list[str], key: Key) -> list[str]:
-    """For each column its plain name; empty for one that nobody needs."""
+    """For each column its plain name; empty for one that is not needed."""
     if not _is_numeric(first):
         plain = {alias: name for name, aliases in _ALIASES.items() for alias in aliases}
         names = [plain.get(field.lower(), "") for field in first]

@@ -11,8 +11,7 @@ from terrain_forge.base import Array, Key, RecipeError, Record
 from terrain_forge.model import Heightfield, RockField, RockLibrary, Rover, Trajectory, World, merge
 from terrain_forge.paths.obstacles import Obstacles, find_obstacles
 from terrain_forge.paths.trajectory import stand
-from terrain_forge.paths.traversability_field import wheel_reach
-from terrain_forge.paths.traversability_kernels import steps_at
+from terrain_forge.paths.traversability_field import steps_at, wheel_reach
 
 FARTHEST = 2.0
 """Largest gap that is told [m]."""

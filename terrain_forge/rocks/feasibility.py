@@ -210,8 +210,9 @@ def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
     if not isinstance(arrangement, AroundCraters) or arrangement.layer is not None:
         return  # a layer's craters are not known yet
     key = (*key, "arrangement", "craters")
-    if not any(_reaches(crater, size) for crater in arrangement.craters):
-        east, north = arrangement.craters[0].centre_m
+    craters = arrangement.craters
+    if not any(_on_site(c.centre_m, 0.5 * FARTHEST * c.diameter_m, size) for c in craters):
+        east, north = craters[0].centre_m
         raise RecipeError(
             f"no crater's rocks reach the site: they lie within {FARTHEST:g} radii, the first "
             f"crater at {east:g}, {north:g} m; the site ends at ±{0.5 * size[0]:g}, "
@@ -219,7 +220,7 @@ def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
             key=key,
         )
     if expected_count(population, size) == 0.0:
-        most = max(c.largest_rock_m * (c.strength > 0.0) for c in arrangement.craters)
+        most = max(c.largest_rock_m * (c.strength > 0.0) for c in craters)
         raise RecipeError(
             f"no rock is left around these craters: they are too old, or their largest rocks of "
             f"{most:.3g} m are smaller than {population.diameters[0]:g} m",
@@ -227,16 +228,15 @@ def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
         )
 
 
-def _reaches(crater: Crater, size: Size) -> bool:
-    """Whether any place that a crater has rocks at lies on the site."""
-    beyond = np.maximum(np.abs(crater.centre_m) - 0.5 * np.array(size), 0.0)
-    return bool(np.hypot(*beyond) < 0.5 * FARTHEST * crater.diameter_m)
+def _on_site(centre: tuple[float, float], radius: float, size: Size) -> bool:
+    """Whether any place of a circle lies on the site."""
+    beyond = np.maximum(np.abs(centre) - 0.5 * np.array(size), 0.0)
+    return bool(np.hypot(*beyond) < radius)
 
 
 def _check_exclusion_zones(circles: tuple[ExclusionSpec, ...], size: Size) -> None:
     for number, circle in enumerate(circles):
-        beyond = np.maximum(np.abs(circle.centre_m) - 0.5 * np.array(size), 0.0)
-        if np.hypot(*beyond) >= circle.radius_m:
+        if not _on_site(circle.centre_m, circle.radius_m, size):
             x, y = circle.centre_m
             raise RecipeError(
                 f"a circle of {circle.radius_m:g} m about {x:g}, {y:g} m lies outside the "

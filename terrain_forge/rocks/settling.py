@@ -93,8 +93,7 @@ def settle(
 ) -> RockField:
     """Settle dynamic rocks on the ground where they stay; their exposed diameters stay exact.
 
-    A rock that does not come to rest, or only outside its space (`size_classes.DYNAMIC_SPACE`),
-    stays as it is, a fixed one.
+    A rock that does not come to rest, or only outside its `DYNAMIC_SPACE`, stays a fixed one.
 
     Args:
         rocks: All rocks, embedded as static ones; `dynamic` tells which ones to settle.
@@ -249,11 +248,7 @@ def _stays(rock: _Rock, before: Pose, after: Pose) -> bool:
 
 def _come_to_rest(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     """Let a rock go from standstill, damped, until it hardly moves."""
-    import mujoco
-
-    model, damping = _model(rock, ground, pose)
-    data = mujoco.MjData(model)
-    model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
+    model, data = _simulation(rock, ground, pose)
     _calm(rock, model, data)
     return _moved(pose, data)
 
@@ -282,9 +277,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     """
     import mujoco
 
-    model, damping = _model(rock, ground, pose)
-    data = mujoco.MjData(model)
-    model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
+    model, data = _simulation(rock, ground, pose)
     steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
     for direction in range(_DIRECTIONS):
         model.opt.gravity = _leaning(rock.gravity, _LEAN, 2.0 * np.pi * direction / _DIRECTIONS)
@@ -308,13 +301,13 @@ def _leaning(gravity: float, lean: float, towards: float) -> Array:
     return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
 
 
-def _model(rock: _Rock, ground: Heightfield, pose: Pose) -> tuple[Any, Array]:
-    """The rock on its piece of ground as a compiled MuJoCo model, and what damps it, shape [6]."""
+def _simulation(rock: _Rock, ground: Heightfield, pose: Pose) -> tuple[Any, Any]:
+    """The rock on its piece of ground, damped, as a MuJoCo model and its data."""
     import mujoco
 
     spec = mujoco.MjSpec()
     contact = dynamic_contact(rock.diameter)
-    spec.option.timestep = TIMESTEP
+    spec.option.timestep = _DAMPED_TIMESTEP
     spec.option.gravity = (0.0, 0.0, -rock.gravity)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -342,7 +335,8 @@ def _model(rock: _Rock, ground: Heightfield, pose: Pose) -> tuple[Any, Array]:
             solref=contact.solref,
         )
     model = spec.compile()
-    return model, _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
+    model.dof_damping[:] = _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
+    return model, mujoco.MjData(model)
 
 
 def _add_ground(spec: Any, ground: Heightfield, contact: DynamicContact) -> None:
@@ -378,18 +372,14 @@ def _height(ground: Heightfield, points: Array) -> Array:
 def _top(rock: _Rock, ground: Heightfield, pose: Pose) -> float:
     """Top of a rock above the ground's tangent plane under its centre of mass [m]."""
     normal = matrix_from_quaternion(rock.quaternion)[:, 2]
-    turned = (
-        pose.scale * rock.prototype.meshes[0].vertices @ matrix_from_quaternion(pose.quaternion).T
-    )
+    vertices = pose.scale * rock.prototype.meshes[0].vertices
+    turned = vertices @ matrix_from_quaternion(pose.quaternion).T
     above = pose.position[2] - float(_height(ground, pose.position[None])[0])
     return float((turned @ normal).max() / normal[2] + above)
 
 
 def _with_poses(
-    rocks: RockField,
-    library: RockLibrary,
-    rows: NDArray[np.intp],
-    outcomes: list[_Settled | None],
+    rocks: RockField, library: RockLibrary, rows: NDArray[np.intp], outcomes: list[_Settled | None]
 ) -> RockField:
     """The rocks with the poses that were found; those without one are fixed."""
     columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")

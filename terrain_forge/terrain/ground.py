@@ -29,7 +29,7 @@ def shape_ground(*, site: Site, window: Window, layers: tuple[Layer, ...]) -> He
 
 
 def _strip(window: Window, first: int, rows: int) -> Window:
-    """Some rows of nodes of a window; one row gets another that nobody asked for."""
+    """Some rows of nodes of a window, two at least, since a window has cells."""
     return Window(
         column=window.column,
         row=window.row + first,

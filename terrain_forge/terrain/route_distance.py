@@ -19,7 +19,7 @@ def route_distance(lines: list[Array], *, east: Array, north: Array, farthest: f
         lines: points of each polyline, east and north [m], shape [points, 2].
         east: coordinates of the columns [m].
         north: coordinates of the rows [m].
-        farthest: distance [m] beyond which nobody asks.
+        farthest: largest distance [m] that is needed.
     """
     segments = np.concatenate([np.hstack([line[:-1], line[1:]]) for line in lines])
     distance = np.full((len(north), len(east)), np.inf)

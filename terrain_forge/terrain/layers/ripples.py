@@ -1,4 +1,10 @@
-"""Ripples and transverse ridges of the wind."""
+"""Ripples and transverse ridges of the wind: crests across it that wander, fork and end.
+
+The crests are the phase of a complex field G = E exp(2πi s / λ), s the way downwind, which a
+profile turns into heights (phasor noise: Tricard et al. 2019, doi:10.1145/3306346.3322990). E is 1
+plus complex noise: where E is 0 a crest ends or two join, and the more noise, the more of these
+defects. Around them the heights fade, since the phase has no value there.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +14,23 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, FileName, Fraction, Positive, RecipeError, stage_key
+from terrain_forge.base import (
+    Array,
+    FileName,
+    Fraction,
+    Positive,
+    RecipeError,
+    inner,
+    kernel,
+    mix,
+    over_chunks,
+    stage_key,
+    uniform,
+)
 from terrain_forge.model import Site, Window
-from terrain_forge.terrain.aeolian import Bedforms, bedform_heights, steepest_lee
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.masks import fade, steepness, stencil_cells
+from terrain_forge.terrain.noise import gradient_noise
 
 REPOSE_DEG = 34.0
 """Slope at which loose sand begins to slide [degrees]."""
@@ -20,6 +38,13 @@ INDEX = 15.0
 """Wavelength over height where no height is given; ripples have 10 to 20."""
 FEWEST_NODES = 4.0
 """Spacings that a wavelength must be long."""
+
+_ALONG_WIND, _ALONG_CREST = 3.5, 6.0  # lattice of the noise, in wavelengths
+_UNIT = 3.2  # makes the standard deviation of each part of the complex noise 1 / √2
+_WANDER = 1.6  # wavelengths that the crests are pushed by noise of 1 at a sinuosity of 1
+_FADE = 0.45  # |E| below which heights fade
+_STEP = 1 / 6  # wavelengths between the samples of what varies slowly, between which it is linear
+_TURN_COS, _TURN_SIN = 0.4472135954999579, 0.8944271909999159  # by atan 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,3 +142,139 @@ class Ripples(Layer):
             cover = site.recipe.rocks.expected_cover(site, window)
             factor = factor * fade(cover, *self.rock_cover)
         return factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bedforms:
+    """The pattern of one generation of bedforms."""
+
+    key: np.uint64
+    """What its randomness hangs on."""
+    wind: tuple[float, float]
+    """Unit vector that the wind blows along, east and north."""
+    wavelength: float
+    """Mean distance of the crests [m]."""
+    stoss: float
+    """Part of a wavelength that rises downwind, 0 to 1."""
+    sharpness: float
+    """0 for round crests, 1 for sharp ones between broad troughs."""
+    sinuosity: float
+    """How much the crests bend, 0 to 1."""
+    defects: float
+    """How often crests end and fork, 0 to 1."""
+
+
+def bedform_heights(
+    forms: Bedforms, *, east: Array, north: Array, spacing: float, height: Array
+) -> Array:
+    """Heights about a mean of zero at the nodes of a grid [m], shape [north, east].
+
+    Args:
+        forms: the pattern.
+        east: coordinates of the columns [m].
+        north: coordinates of the rows [m].
+        spacing: distance of the nodes [m], the same to the bit in every window.
+        height: from trough to crest at each node [m], shape [north, east]; 0 for none.
+    """
+    step = max(_STEP * forms.wavelength, spacing)
+    # Samples lie at whole steps from the site's origin, so that windows share them.
+    corner = int(np.floor(east[0] / step)), int(np.floor(north[0] / step))
+    columns = int(np.floor(east[-1] / step)) + 2 - corner[0]
+    rows = int(np.floor(north[-1] / step)) + 2 - corner[1]
+    slow = np.empty((rows, columns, 3))
+    vary = (forms.sinuosity, forms.defects)
+    over_chunks(_vary, rows, forms.key, forms.wind, forms.wavelength, vary, corner, step, slow)
+    heights = np.zeros((len(north), len(east)))
+    over_chunks(
+        _raise,
+        len(north),
+        forms.key,
+        forms.wind,
+        forms.wavelength,
+        (forms.stoss, forms.sharpness),
+        slow,
+        corner,
+        step,
+        east,
+        north,
+        height,
+        heights,
+    )
+    return heights
+
+
+def steepest_lee(*, ratio: float, stoss: float, sharpness: float) -> float:
+    """Slope of the steepest part of the lee side [rad].
+
+    Args:
+        ratio: height over wavelength.
+        stoss: part of the wavelength that rises.
+        sharpness: of the crest, 0 to 1.
+    """
+    away = np.linspace(0.0, np.pi, 181)
+    fall = (1.0 - sharpness) * np.sin(away) + sharpness * np.cos(0.5 * away)
+    return float(np.arctan(0.5 * np.pi * fall.max() * ratio / (1.0 - stoss)))
+
+
+@inner
+def _profile(part, stoss, sharpness):  # type: ignore[no-untyped-def]
+    """Height about its mean: half a cosine, mixed with a cusp of 1 - sine."""
+    away = (stoss - part) / stoss if part < stoss else (part - stoss) / (1.0 - stoss)
+    smooth, cusp = 0.5 * np.cos(np.pi * away), 2.0 / np.pi - np.sin(0.5 * np.pi * away)
+    return smooth + sharpness * (cusp - smooth)
+
+
+@inner
+def _noise(key, x, y):  # type: ignore[no-untyped-def]
+    """Two octaves; their lattices are turned and shifted against each other."""
+    x, y = x + 512.0 * uniform(mix(key, 1)), y + 512.0 * uniform(mix(key, 2))
+    u, v = 2.0 * (_TURN_COS * x - _TURN_SIN * y), 2.0 * (_TURN_SIN * x + _TURN_COS * y)
+    return gradient_noise(key, x, y) + 0.5 * gradient_noise(mix(key, 3), u, v)
+
+
+@kernel
+def _vary(first, last, key, wind, wavelength, vary, corner, step, slow):  # type: ignore[no-untyped-def]
+    """Both parts of E and the push of the crests [wavelengths] at samples."""
+    sinuosity, defects = vary
+    keys = mix(key, 10), mix(key, 11), mix(key, 12)
+    for row in range(first, last):
+        north = (corner[1] + row) * step / wavelength
+        for column in range(slow.shape[1]):
+            east = (corner[0] + column) * step / wavelength
+            x = (wind[0] * east + wind[1] * north) / _ALONG_WIND
+            y = (wind[0] * north - wind[1] * east) / _ALONG_CREST
+            slow[row, column, 0] = 1.0 - defects + defects * _UNIT * _noise(keys[0], x, y)
+            slow[row, column, 1] = defects * _UNIT * _noise(keys[1], x, y)
+            # Bends are longer than the spaces between defects.
+            slow[row, column, 2] = sinuosity * _WANDER * _noise(keys[2], 0.6 * x, 0.8 * y)
+
+
+@inner
+def _between(slow, i, j, u, v, channel):  # type: ignore[no-untyped-def]
+    south = slow[j, i, channel] + u * (slow[j, i + 1, channel] - slow[j, i, channel])
+    north = slow[j + 1, i, channel] + u * (slow[j + 1, i + 1, channel] - slow[j + 1, i, channel])
+    return south + v * (north - south)
+
+
+@kernel
+def _raise(  # type: ignore[no-untyped-def]
+    first, last, key, wind, wavelength, shape, slow, corner, step, east, north, height, heights
+):
+    stoss, sharpness = shape
+    shift = uniform(mix(key, 13))
+    for row in range(first, last):
+        below = np.floor(north[row] / step)
+        j, v = np.int64(below) - corner[1], north[row] / step - below
+        for column in range(len(east)):
+            if height[row, column] <= 0.0:
+                continue
+            left = np.floor(east[column] / step)
+            i, u = np.int64(left) - corner[0], east[column] / step - left
+            real, imaginary = _between(slow, i, j, u, v, 0), _between(slow, i, j, u, v, 1)
+            along = (wind[0] * east[column] + wind[1] * north[row]) / wavelength
+            phase = shift + along + _between(slow, i, j, u, v, 2)
+            phase += np.arctan2(imaginary, real) / (2.0 * np.pi)
+            sure = min(np.sqrt(real * real + imaginary * imaginary) / _FADE, 1.0)
+            sure *= sure * (3.0 - 2.0 * sure)
+            form = _profile(phase - np.floor(phase), stoss, sharpness)
+            heights[row, column] = height[row, column] * sure * form

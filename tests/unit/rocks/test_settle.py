@@ -240,14 +240,13 @@ def test_physics_is_that_of_the_rock(settled):
     pose = settling.Pose(
         position=np.array([0, 0, 1.0]), quaternion=settled.quaternion[n], scale=settled.scale[n]
     )
-    model, _ = settling._model(rock, flat, pose)
+    model, data = settling._simulation(rock, flat, pose)
     mesh = prototype.meshes[0]
     solid = mass_properties(Mesh(vertices=mesh.vertices * pose.scale, faces=mesh.faces))
     assert model.body_mass[1] == pytest.approx(rock.density * solid.volume)
     moments = np.linalg.eigvalsh(rock.density * solid.inertia)
     np.testing.assert_allclose(np.sort(model.body_inertia[1]), moments, rtol=1e-9)
     np.testing.assert_allclose(model.body_ipos[1], 0.0, atol=1e-12)
-    data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.xipos[1], pose.position, atol=1e-12)
     corners = np.concatenate([hull.vertices for hull in prototype.hulls])
