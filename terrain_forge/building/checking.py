@@ -7,7 +7,7 @@ from math import degrees
 from pathlib import Path
 
 from terrain_forge.base import DataError
-from terrain_forge.dtm import Description, RasterDtm, describe, open_raster, site_facts
+from terrain_forge.dtm import Description, RasterDtm, describe, ellipsoid, open_raster, site_facts
 from terrain_forge.model import BODIES, Site
 from terrain_forge.paths import Planned, duration
 from terrain_forge.recipe import (
@@ -77,6 +77,7 @@ def check_raster(path: Path) -> list[str]:
         DataError: if it is none.
     """
     spec = RasterDtm(source=path.name, size_m=(1.0, 1.0))
+    found: list[tuple[float, list[str]]] = []
     for body in BODIES.values():
         try:
             raster = open_raster(spec, body=body, folder=path.parent)
@@ -85,9 +86,14 @@ def check_raster(path: Path) -> list[str]:
                 raise
             continue
         with raster.dataset:
-            known = [f"  {'body':<12} {body.name}"] if raster.crs else []
-            return [f"DTM {path}", *known, *_lines(describe(raster))]
-    raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
+            lines = list(_lines(describe(raster)))
+        if not raster.crs:
+            return [f"DTM {path}", *lines]
+        misfit = abs(ellipsoid(raster.crs)[0] / body.mean_radius - 1.0)
+        found.append((misfit, [f"DTM {path}", f"  {'body':<12} {body.name}", *lines]))
+    if not found:
+        raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
+    return min(found)[1]
 
 
 def cost(nodes: float, rocks: float, dynamic: float = 0.0) -> str:
