@@ -93,11 +93,8 @@ def _solid(shape: Shape, mesh: str) -> Lines:
         return element("geometry", element("mesh", *convex, filename=mesh))
     if shape.kind == "box":
         return element("geometry", element("box", size=figures(shape.size)))
-    if shape.kind == "sphere":
-        return element("geometry", element("sphere", radius=figures(shape.size)))
-    radius, length = shape.size
-    size = {"radius": figures([radius]), "length": figures([length])}
-    return element("geometry", element("cylinder", **size))
+    size = {name: figures([v]) for name, v in zip(("radius", "length"), shape.size, strict=False)}
+    return element("geometry", element(shape.kind, **size))
 
 
 def _joint(link: Link, rover: Rover, gear: Coupling | None) -> Lines:

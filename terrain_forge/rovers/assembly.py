@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,13 +45,13 @@ class Solid:
 class Joint:
     """What holds a body to its parent."""
 
-    name: str
+    name: str = ""
     """Unique name."""
-    kind: str
+    kind: str = "fixed"
     """`fixed`, `revolute`, `continuous`, or another word for what the rover cannot use."""
-    axis: Array
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     """In the body's frame, unit vector, shape [3]."""
-    limits: tuple[float, float] | None
+    limits: tuple[float, float] | None = None
     """Of a revolute joint [rad]."""
     damping: float = 0.0
     """Viscous damping [N m s/rad]."""
@@ -73,15 +73,15 @@ class Body:
     """Name of its parent; empty for the root."""
     placement: Array
     """In the parent's frame at rest, shape [4, 4]."""
-    joint: Joint
+    joint: Joint = field(default_factory=Joint)
     """What holds it to its parent."""
-    mass: float
+    mass: float = 0.0
     """Mass [kg]."""
-    centre_of_mass: Array
+    centre_of_mass: Array = field(default_factory=lambda: np.zeros(3))
     """In its frame [m], shape [3]."""
-    inertia: Array
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     """About the centre of mass, in its axes [kg m²], shape [3, 3]."""
-    solids: tuple[Solid, ...]
+    solids: tuple[Solid, ...] = ()
     """Geometry."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,18 +56,18 @@ def _bodies(model: Any, body: int, root: int, driven: dict[int, float | None]) -
         above = int(model.body_parentid[body])
         parent = _name(model, mujoco.mjtObj.mjOBJ_BODY, above)
         placement = placed(-_anchor(model, above, root), np.eye(3)) @ placement
-    made, at = [], np.zeros(3)
+    made: list[Body] = []
+    at = np.zeros(3)
     for joint in joints:
         anchor = np.array(model.jnt_pos[joint])
         placement = placement @ placed(anchor - at, np.eye(3))
         at, last = anchor, joint == joints[-1]
         own = name if last else f"{name}_{_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)}"
-        if not last:
-            made.append(_massless(own, parent, placement, _joint(model, joint, driven)))
-            parent, placement = own, np.eye(4)
-    held = _joint(model, joints[-1], driven) if joints else _fixed()
-    made.append(_massive(model, body, name, parent, placement, held, at))
-    return made
+        held = _joint(model, joint, driven)
+        made.append(Body(name=own, parent=parent, placement=placement, joint=held))
+        parent, placement = own, np.eye(4)
+    made = made or [Body(name=name, parent=parent, placement=placement)]
+    return [*made[:-1], _massive(model, body, made[-1], at)]
 
 
 def _anchor(model: Any, body: int, root: int) -> Array:
@@ -77,38 +78,17 @@ def _anchor(model: Any, body: int, root: int) -> Array:
     return np.array(model.jnt_pos[int(model.body_jntadr[body]) + count - 1])
 
 
-def _massless(name: str, parent: str, placement: Array, joint: Joint) -> Body:
-    return Body(
-        name=name,
-        parent=parent,
-        placement=placement,
-        joint=joint,
-        mass=0.0,
-        centre_of_mass=np.zeros(3),
-        inertia=np.zeros((3, 3)),
-        solids=(),
-    )
-
-
-def _massive(
-    model: Any, body: int, name: str, parent: str, placement: Array, joint: Joint, at: Array
-) -> Body:
+def _massive(model: Any, body: int, bare: Body, at: Array) -> Body:
+    """A body with its mass and geometry, its frame `at` a point of MuJoCo's."""
     rotation = matrix_from_quaternion(model.body_iquat[body])
     geoms = range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body])
-    return Body(
-        name=name,
-        parent=parent,
-        placement=placement,
-        joint=joint,
+    return replace(
+        bare,
         mass=float(model.body_mass[body]),
         centre_of_mass=model.body_ipos[body] - at,
         inertia=rotation @ np.diag(model.body_inertia[body]) @ rotation.T,
         solids=tuple(solid for geom in geoms for solid in _solids(model, geom, at)),
     )
-
-
-def _fixed() -> Joint:
-    return Joint(name="", kind="fixed", axis=np.array([1.0, 0.0, 0.0]), limits=None)
 
 
 def _joint(model: Any, joint: int, driven: dict[int, float | None]) -> Joint:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,13 +33,7 @@ class Tread:
 
     def moved(self, by: Array) -> Tread:
         """The same elsewhere; `by` in metres, shape [3]."""
-        return Tread(
-            centre=self.centre + by,
-            axis=self.axis,
-            radius=self.radius,
-            width=self.width,
-            round=self.round,
-        )
+        return replace(self, centre=self.centre + by)
 
     def dress(self, shapes: Sequence[Shape], origin: Array) -> list[Shape]:
         """The wheel's shapes; a smooth cylinder collides in place of what is not round.

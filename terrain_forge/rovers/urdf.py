@@ -150,7 +150,7 @@ def _driven_joints(robot: Element) -> set[str]:
 
 def _joint(element: Element | None, driven: set[str]) -> Joint:
     if element is None:
-        return Joint(name="", kind="fixed", axis=np.array([1.0, 0.0, 0.0]), limits=None)
+        return Joint()
     name, kind = _name(element), element.get("type", "")
     axis = np.array(_floats(element.find("axis"), "xyz", "1 0 0", 3))
     length = float(np.linalg.norm(axis))

@@ -102,7 +102,7 @@ def test_wheel_holds_the_tree(tmp_path):
     homes |= {f: f"terrain_forge/{f}" for f in ("recipes", "dtm_samples")}
     for folder, home in homes.items():
         for path in (ROOT / folder).rglob("*"):
-            kinds = (".py", ".yaml", ".tif", ".css", ".js", ".three")
+            kinds = (".py", ".yaml", ".xacro", ".xml", ".tif", ".css", ".js", ".three")
             wanted = path.suffix in kinds and "__pycache__" not in path.parts
             if wanted and path.name != "make_samples.py":
                 assert f"{home}/{path.relative_to(ROOT / folder).as_posix()}" in names
