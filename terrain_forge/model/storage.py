@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError, from_plain, to_plain
-from terrain_forge.model.world import World
+
+if TYPE_CHECKING:
+    from terrain_forge.model.world import World
 
 FORMAT = 4
 
@@ -45,7 +47,7 @@ def load_world(directory: Path) -> World:
             raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
         with np.load(text.with_name("arrays.npz"), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        world = from_plain(plain["world"], arrays)
+        world: World = from_plain(plain["world"], arrays)
         if plain["brought"]:
             world = world.replace(site=world.site.replace(custom_rover=world.rover))
     except OutputError:
@@ -54,7 +56,6 @@ def load_world(directory: Path) -> World:
         raise _unreadable(directory, error) from None
     except (BadZipFile, zlib.error) as error:
         raise _unreadable(directory, error) from None
-    assert isinstance(world, World)
     return world
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +11,7 @@ from pydantic import Discriminator, Tag
 
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Rover
-from terrain_forge.rovers.custom import FileRover
+from terrain_forge.rovers.custom import FileRover, FoundRover
 from terrain_forge.rovers.morpheus import MorpheusSpec, morpheus
 from terrain_forge.rovers.skid4 import Skid4Spec, skid4
 
@@ -43,16 +42,6 @@ RoverChoice = Annotated[
     ),
 ]
 """What a recipe's `rover` may be."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FoundRover:
-    """A rover and the files that it was read from."""
-
-    rover: Rover
-    """The rover."""
-    files: tuple[Path, ...] = ()
-    """All files that were read: the rover's own, those it includes, its meshes."""
 
 
 def rover_names() -> list[str]:

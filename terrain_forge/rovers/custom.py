@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import Positive, Spec
+from terrain_forge.model import Rover
 from terrain_forge.rovers.parts import RoverSpec
 
 JointName = Annotated[str, MinLen(1)]
@@ -70,3 +71,13 @@ class FileRover(RoverSpec):
             for package, place in self.packages.items()
         }
         return replace(self, packages=packages)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundRover:
+    """A rover and the files that it was read from."""
+
+    rover: Rover
+    """The rover."""
+    files: tuple[Path, ...] = ()
+    """All files that were read: the rover's own, those it includes, its meshes."""

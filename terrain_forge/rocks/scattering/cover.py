@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from terrain_forge.base import Array
 from terrain_forge.model import Site, Window
-from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.scattering.intensity import make_intensity, weights
+
+if TYPE_CHECKING:
+    from terrain_forge.rocks.populations import PopulationSpec
 
 
 def expected_cover(populations: tuple[PopulationSpec, ...], site: Site, window: Window) -> Array:

@@ -9,7 +9,7 @@ weight.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, DataError, RecipeError, inner, kernel
 from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters, Crater
-from terrain_forge.rocks.populations import PopulationSpec
 from terrain_forge.rocks.scattering.cells import Rectangle
 from terrain_forge.rocks.scattering.corridor import corridors, distances, search_radius
 from terrain_forge.terrain import shape_ground
+
+if TYPE_CHECKING:
+    from terrain_forge.rocks.populations import PopulationSpec
 
 
 class Intensity(NamedTuple):
