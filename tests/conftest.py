@@ -2,7 +2,7 @@ from functools import partial
 
 import pytest
 
-from tests.helpers import worlds
+from tests.helpers import pictures, worlds
 from tests.helpers.gazebo import compile_program
 
 
@@ -22,4 +22,12 @@ def _own_cache(tmp_path_factory):
     """Tests share rock libraries among themselves, not with the user."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _small_pictures():
+    """Most of what building a small world costs is its pictures."""
+    with pytest.MonkeyPatch.context() as patch:
+        pictures.make_small(patch)
         yield

@@ -1,0 +1,36 @@
+"""Pictures of built worlds, small in tests: what is in them is tested where they are made."""
+
+from __future__ import annotations
+
+import sys
+
+from pytest import MonkeyPatch
+
+PREVIEW = (96, 54)
+"""Width and height of the preview."""
+SHEET = (240, 85)
+"""Width and height of the page's picture of the rocks' shapes."""
+MAP = 96
+"""Pixels along the longer side of the page's picture from above."""
+FILM = 2
+"""Pictures of a drive's film."""
+
+
+def make_small(patch: MonkeyPatch) -> None:
+    """Let whatever builds a world take small pictures of it."""
+    from terrain_forge.rocks import render_contact_sheet
+    from terrain_forge.scene import render_preview
+
+    for picture, (width, height) in ((render_preview, PREVIEW), (render_contact_sheet, SHEET)):
+        patch.setitem(picture.__kwdefaults__, "width", width)
+        patch.setitem(picture.__kwdefaults__, "height", height)
+    patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
+    patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
+
+
+if __name__ == "__main__":  # the command line in a process of its own, with the same pictures
+    from terrain_forge.cli import run
+
+    with MonkeyPatch.context() as patch:
+        make_small(patch)
+        sys.exit(run())
