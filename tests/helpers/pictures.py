@@ -1,10 +1,12 @@
-"""Pictures of built worlds, small in tests: what is in them is tested where they are made."""
+"""Pictures of built worlds, small in tests: what is in them is tested where they are made.
+
+Else they would be most of what the tests cost."""
 
 from __future__ import annotations
 
 import sys
 
-from pytest import MonkeyPatch
+import pytest
 
 PREVIEW = (96, 54)
 """Width and height of the preview."""
@@ -12,18 +14,24 @@ SHEET = (240, 85)
 """Width and height of the page's picture of the rocks' shapes."""
 MAP = 96
 """Pixels along the longer side of the page's picture from above."""
+TEXTURED = ("drake", "glb", "mjcf", "sdf", "usd")
+TEXTURE = 128
+"""Most pixels along a side of the ground's texture, where a test chooses none."""
 FILM = 2
 """Pictures of a drive's film."""
 
 
-def make_small(patch: MonkeyPatch) -> None:
+def make_small(patch: pytest.MonkeyPatch) -> None:
     """Let whatever builds a world take small pictures of it."""
+    from terrain_forge.model import exporter
     from terrain_forge.rocks import render_contact_sheet
     from terrain_forge.scene import render_preview
 
     for picture, (width, height) in ((render_preview, PREVIEW), (render_contact_sheet, SHEET)):
         patch.setitem(picture.__kwdefaults__, "width", width)
         patch.setitem(picture.__kwdefaults__, "height", height)
+    for kind in TEXTURED:
+        patch.setitem(exporter(kind).Options.__init__.__kwdefaults__, "texture_pixels", TEXTURE)
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
 
@@ -31,6 +39,6 @@ def make_small(patch: MonkeyPatch) -> None:
 if __name__ == "__main__":  # the command line in a process of its own, with the same pictures
     from terrain_forge.cli import run
 
-    with MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         make_small(patch)
         sys.exit(run())

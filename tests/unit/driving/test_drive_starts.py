@@ -179,12 +179,15 @@ def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, m
 
 
 def test_a_failed_drive_shows_where(tmp_path):
-    world = plain(line((-4, 0), (4, 0)), field=boulder_at((0.0, 0.0, 0.2)))
+    world = plain(line((-3, 0), (3, 0)), field=boulder_at((0.0, 0.0, 0.2)))
     result = validate(world, tmp_path, spec=ValidateSpec(drive=ARC, points=10))
     assert not result.passed
     names = {file.name for file in result.files}
     assert "drive_arc_end.png" in names
     assert "drive_arc.webp" not in names
+    assert result.drive.rocks == ("rock_3",)
+    assert result.drive.reason.startswith(("stuck", "tipped", "left the path"))
+    assert not {c.name: c.passed for c in result.checks}["drive arc: progress"]
     contact = result.drive.rock_contacts[0]
     report = json.loads((tmp_path / "validation/report.json").read_text())
     assert report["drive"]["rock_contacts"][0]["rock"] == contact.rock == "rock_3"

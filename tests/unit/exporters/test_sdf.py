@@ -349,7 +349,7 @@ def test_rocks_visual_only_have_no_collision(small_world, tmp_path):
 def test_losses_are_named(small_world, tmp_path):
     world = small_world.replace(site=small_world.site.replace(crs="LOCAL_CS[]", lonlat=(0.1, 0.2)))
     (tmp_path / "sdf").mkdir()
-    losses = " ".join(export(world, tmp_path / "sdf", options=Options()).losses)
+    losses = " ".join(export(world, tmp_path / "sdf", options=Options(texture_pixels=1024)).losses)
     for word in ("fixed", "merged", "W/m²", "longitude", "without colliding", "pixels of 25 mm;"):
         assert word in losses
 
