@@ -90,11 +90,12 @@ def names_of_door(package: str) -> dict[str, str]:
 
 def loaded(tree: ast.AST) -> Iterator[ast.AST]:
     """All nodes but those of `if TYPE_CHECKING:`."""
-    for node in ast.iter_child_nodes(tree):
+    apart: set[ast.AST] = set()
+    for node in ast.walk(tree):  # from the outside in
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            continue
-        yield node
-        yield from loaded(node)
+            apart.update(ast.walk(node))
+        if node not in apart:
+            yield node
 
 
 def imported(path: Path, package: str) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,7 @@ SHEET = (240, 85)
 """Width and height of the page's picture of the rocks' shapes."""
 MAP = 96
 """Pixels along the longer side of the page's picture from above."""
-TEXTURED = ("drake", "glb", "mjcf", "sdf", "usd")
+TEXTURED = ("drake", "glb", "mesh", "mjcf", "sdf", "usd")
 TEXTURE = 128
 """Most pixels along a side of the ground's texture, where a test chooses none."""
 FILM = 2
@@ -31,7 +31,9 @@ def make_small(patch: pytest.MonkeyPatch) -> None:
         patch.setitem(picture.__kwdefaults__, "width", width)
         patch.setitem(picture.__kwdefaults__, "height", height)
     for kind in TEXTURED:
-        patch.setitem(exporter(kind).Options.__init__.__kwdefaults__, "texture_pixels", TEXTURE)
+        options = exporter(kind).Options
+        patch.setitem(options.__init__.__kwdefaults__, "texture_pixels", TEXTURE)
+        patch.setattr(options.__dataclass_fields__["texture_pixels"], "default", TEXTURE)
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
 

@@ -23,9 +23,9 @@ JEZERO = """
 dtm:
   source: mars/jezero_hirise_3p69m_1024.tif
   centre: {lonlat_deg: [77.45077151, 18.44471049]}
-  size_m: [160, 160]
+  size_m: [80, 80]
   level: plane
-terrain: {spacing_m: 0.25, layers: [{kind: fractal}]}
+terrain: {spacing_m: 0.5, layers: [{kind: fractal}]}
 """
 SEED = """
 dtm:
@@ -34,12 +34,12 @@ dtm:
   pixel_is: point
   height_range_m: [0, 16]
   centre: {offset_m: [-100, 60]}
-  size_m: [120, 120]
-terrain: {spacing_m: 0.25, layers: [{kind: fractal}]}
+  size_m: [80, 80]
+terrain: {spacing_m: 0.5, layers: [{kind: fractal}]}
 """
 GALE = """
-dtm: {source: mars/gale_hirise_floor_5m_200_envi.bin, size_m: [100, 100]RANGE}
-terrain: {spacing_m: 0.25, layers: [{kind: fractal}]}
+dtm: {source: mars/gale_hirise_floor_5m_200_envi.bin, size_m: [60, 60]RANGE}
+terrain: {spacing_m: 0.5, layers: [{kind: fractal}]}
 """
 
 
@@ -54,7 +54,7 @@ def recipe(tmp_path, site):
 @pytest.mark.parametrize(
     ("site", "relief"),
     [
-        (JEZERO, (2.0, 12.0)),
+        (JEZERO, (1.0, 12.0)),
         (SEED, (0.5, 9.0)),
         (GALE.replace("RANGE", ", height_range_m: [-4460, -4400]"), (1.0, 25.0)),
     ],

@@ -84,8 +84,6 @@ def test_parts_are_certified_on_their_union():
         assert body.is_watertight
         assert body.is_convex
         assert not body.contains([[0.0, 0.0, 0.1]])[0]
-    again = collision_parts((shape,), vertices=32, excess=0.08, distance=0.08, name="bowl")
-    assert again.parts == found.parts
     union = trimesh.boolean.union([trimesh.Trimesh(p.vertices, p.faces) for p in found.parts])
     assert union.volume / mass_properties(shape).volume - 1 == pytest.approx(found.excess, abs=1e-4)
 

@@ -26,11 +26,11 @@ from terrain_forge.rocks import settling as settling
 from terrain_forge.rocks.embedding.outline import convex_hull, footprint, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.validation.dynamic import MOST_SHIFT, dynamic_checks, watch
+from terrain_forge.validation.dynamic import dynamic_checks, watch
 from tests.helpers import worlds
 
 LIBRARY = make_library(LibrarySpec(shapes=6))
-COUNT = 40
+COUNT = 30
 GRAVITY = 3.71
 
 
@@ -205,11 +205,9 @@ def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
     thrown = world.replace(field=world.field.replace(position=raised))
     (tmp_path / "mjcf").mkdir()
     export(thrown, tmp_path / "mjcf")
-    stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
-    assert not stay.stayed.any()
-    assert stay.shift.min() > 5 * MOST_SHIFT
     (check,) = dynamic_checks(thrown, tmp_path)
     assert not check.passed
+    assert check.figure == 0.0
     assert not (tmp_path / "validation").exists()
 
 
