@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-_TYPES: dict[str, type[Record]] = {}
+TYPES: dict[str, type[Record]] = {}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +23,7 @@ class Record:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        _TYPES[cls.__name__] = cls
+        TYPES[cls.__name__] = cls
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -89,7 +89,7 @@ def from_plain(plain: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     """The value that `to_plain` made this from."""
     if isinstance(plain, dict) and "record" in plain:
         body = {k: from_plain(v, arrays) for k, v in plain.items() if k != "record"}
-        return _TYPES[plain["record"]](**body)
+        return TYPES[plain["record"]](**body)
     if isinstance(plain, dict) and set(plain) == {"array"}:
         return arrays[plain["array"]]
     if isinstance(plain, list):

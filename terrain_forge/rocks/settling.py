@@ -82,7 +82,7 @@ def settle(
 
     def settled(row: int) -> _Settled | None:
         prototype = int(rocks.prototype[row])
-        rock = _rock(rocks, row, library.prototypes[prototype], supports[prototype], gravity)
+        rock = dynamic_rock(rocks, row, library.prototypes[prototype], supports[prototype], gravity)
         return _settled(rock, grid)
 
     found = []
@@ -95,7 +95,7 @@ def settle(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Rock(Record):
+class DynamicRock(Record):
     """A rock that is to be settled."""
 
     prototype: RockPrototype
@@ -120,7 +120,7 @@ class _Rock(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Pose(Record):
+class Pose(Record):
     """A rock on its piece of ground, in that piece's coordinates."""
 
     position: Array
@@ -139,7 +139,7 @@ class _Pose(Record):
 class _Settled(Record):
     """A rock that has come to rest."""
 
-    pose: _Pose
+    pose: Pose
     """How it lies on its piece of ground."""
     place: Array
     """Where the origin of that piece is in the world frame [m], shape [3]."""
@@ -150,10 +150,10 @@ class _Settled(Record):
         self.freeze("place", np.float64, (3,))
 
 
-def _rock(
+def dynamic_rock(
     rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
-) -> _Rock:
-    return _Rock(
+) -> DynamicRock:
+    return DynamicRock(
         prototype=prototype,
         diameter=float(rocks.diameter[row]),
         density=float(rocks.mass[row] / rocks.volume[row]),
@@ -164,7 +164,7 @@ def _rock(
     )
 
 
-def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
+def _settled(rock: DynamicRock, grid: Lattice) -> _Settled | None:
     """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
     room = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=room + grid.spacing)
@@ -175,14 +175,14 @@ def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
         # No rock stands higher than its rise, which keeps corridors clear.
         if not _in_room(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
             return None
-        after = _after_test(rock, ground, pose)
-        if _stays(rock, pose, after):
+        after = after_test(rock, ground, pose)
+        if stays_put(rock, pose, after):
             return _Settled(pose=pose, place=place, height=height)
         pose = after
     return None
 
 
-def _laid_down(rock: _Rock, ground: Heightfield, position: Array) -> _Pose:
+def _laid_down(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     """The rock upright on its tangent plane, none of it below the ground."""
     turn = matrix_from_quaternion(rock.quaternion)
     turned = rock.prototype.meshes[0].vertices @ turn.T
@@ -190,10 +190,10 @@ def _laid_down(rock: _Rock, ground: Heightfield, position: Array) -> _Pose:
     corners = position + scale * turned
     sunk = float((_height(ground, corners) - corners[:, 2]).max())
     raised = np.array([*position[:2], position[2] + sunk])
-    return _Pose(position=raised, quaternion=rock.quaternion, scale=scale)
+    return Pose(position=raised, quaternion=rock.quaternion, scale=scale)
 
 
-def _sized(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """The rock with its exact diameter, grown from the ground under its centre of mass.
 
     A rock at rest has the centre of what carries it there.
@@ -206,7 +206,7 @@ def _sized(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
     return pose.replace(position=np.array([*pose.position[:2], raised]), scale=scale)
 
 
-def _in_room(rock: _Rock, pose: _Pose, place: Array) -> bool:
+def _in_room(rock: DynamicRock, pose: Pose, place: Array) -> bool:
     """Whether a rock, seen from above, is within the area that was kept free for it.
 
     It must also be within its prototype's reach of where it now is, which windows go by.
@@ -221,25 +221,25 @@ def _in_room(rock: _Rock, pose: _Pose, place: Array) -> bool:
     return near and bool(np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
 
 
-def _stays(rock: _Rock, before: _Pose, after: _Pose) -> bool:
+def stays_put(rock: DynamicRock, before: Pose, after: Pose) -> bool:
     """Whether a rock has hardly moved in a test."""
     shift = np.linalg.norm(after.position - before.position)
     cosine = min(abs(float(after.quaternion @ before.quaternion)), 1.0)
     return bool(shift <= _SHIFT * rock.diameter and 2.0 * np.arccos(cosine) <= _TURN)
 
 
-def _come_to_rest(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+def _come_to_rest(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """Let a rock go from standstill, damped, until it hardly moves."""
     import mujoco
 
-    model, damping = _model(rock, ground, pose)
+    model, damping = rock_model(rock, ground, pose)
     data = mujoco.MjData(model)
     model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
     _calm(rock, model, data)
     return pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
 
 
-def _calm(rock: _Rock, model: Any, data: Any) -> None:
+def _calm(rock: DynamicRock, model: Any, data: Any) -> None:
     """Let time pass until a damped rock hardly moves."""
     import mujoco
 
@@ -250,7 +250,7 @@ def _calm(rock: _Rock, model: Any, data: Any) -> None:
             break
 
 
-def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
+def after_test(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """Where a rock is after gravity has leaned to all sides, and it was spun a little both ways.
 
     It is damped while gravity leans, so that one that lies in a hollow comes back; then it is free.
@@ -258,7 +258,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
     """
     import mujoco
 
-    model, damping = _model(rock, ground, pose)
+    model, damping = rock_model(rock, ground, pose)
     data = mujoco.MjData(model)
     model.dof_damping[:], model.opt.timestep = damping, _DAMPED_TIMESTEP
     steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
@@ -268,7 +268,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: _Pose) -> _Pose:
     model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
     _calm(rock, model, data)
     leaned = pose.replace(position=data.qpos[:3], quaternion=data.qpos[3:])
-    if not _stays(rock, pose, leaned):
+    if not stays_put(rock, pose, leaned):
         return leaned
     model.dof_damping[:], model.opt.timestep = 0.0, TIMESTEP
     for spin in (_SPIN, -_SPIN):
@@ -284,7 +284,7 @@ def _leaning(gravity: float, lean: float, towards: float) -> Array:
     return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
 
 
-def _model(rock: _Rock, ground: Heightfield, pose: _Pose) -> tuple[Any, Array]:
+def rock_model(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any, Array]:
     """The rock on its piece of ground as a compiled MuJoCo model, and what damps it, shape [6]."""
     import mujoco
 
@@ -351,7 +351,7 @@ def _height(ground: Heightfield, points: Array) -> Array:
     return ground.height_at(x, y)
 
 
-def _top(rock: _Rock, ground: Heightfield, pose: _Pose) -> float:
+def _top(rock: DynamicRock, ground: Heightfield, pose: Pose) -> float:
     """Top of a rock above the ground's tangent plane under its centre of mass [m]."""
     normal = matrix_from_quaternion(rock.quaternion)[:, 2]
     turned = (

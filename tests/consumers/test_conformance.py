@@ -16,7 +16,7 @@ from terrain_forge.validation.conformance.mujoco_reading import MUJOCO
 from terrain_forge.validation.conformance.newton import NEWTON_MJCF, NEWTON_USD
 from terrain_forge.validation.conformance.rasters import GDAL
 from terrain_forge.validation.conformance.sample import draw_sample, free_of_rocks, resting_height
-from terrain_forge.validation.conformance.suite import _measured, conformance, exports_in
+from terrain_forge.validation.conformance.suite import conformance, exports_in, measured
 from terrain_forge.validation.conformance.table import table_text
 from terrain_forge.validation.conformance.tracks import PATHS
 from terrain_forge.validation.conformance.usd_reading import OPENUSD
@@ -65,7 +65,7 @@ def entries(world, consumer, directory):
     kind = consumer.kinds[0]
     export = Export(folder=kind, kind=kind, outline_error=0.02)
     sample = draw_sample(world, points=500)
-    found, _ = _measured(sample, export, consumer, directory, directory)
+    found, _ = measured(sample, export, consumer, directory, directory)
     if found[0].status == "not run":
         pytest.skip(found[0].note)
     return {entry.aspect: entry for entry in found}
@@ -167,7 +167,7 @@ def test_what_is_not_installed_is_not_run(mixed, tmp_path, monkeypatch):
         python_with("pydrake", "TERRAIN_FORGE_DRAKE_PYTHON")
     export = Export(folder="drake", kind="drake", outline_error=0.03)
     sample = draw_sample(mixed, points=10)
-    (entry,), reading = _measured(sample, export, DRAKE, tmp_path, tmp_path)
+    (entry,), reading = measured(sample, export, DRAKE, tmp_path, tmp_path)
     assert (entry.status, reading, entry.check) == ("not run", None, None)
     assert "not run: " in table_text([vars(entry)])
     python_with.cache_clear()

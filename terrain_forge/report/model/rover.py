@@ -15,7 +15,7 @@ from terrain_forge.writers import Gltf, vertex_normals
 
 _SIDES = 24
 _RINGS = 12
-_MOST_FACES = 100_000
+MOST_FACES = 100_000
 
 
 class Solids:
@@ -29,7 +29,7 @@ class Solids:
     def __init__(self, gltf: Gltf, *, most_faces: int) -> None:
         self._gltf = gltf
         self._most_faces = most_faces
-        self._solid = cache(lambda kind: self._add(*_SOLIDS[kind]()))
+        self._solid = cache(lambda kind: self._add(*SOLIDS[kind]()))
         self._look = cache(self._add_look)
         self._mesh = cache(self._add_mesh)
 
@@ -70,7 +70,7 @@ def rover_nodes(rover: Rover, gltf: Gltf) -> list[dict[str, Any]]:
     """
     shapes = [shape for link in rover.links for shape in link.shapes if shape.visible]
     faces = sorted(len(shape.mesh.faces) for shape in shapes if shape.mesh is not None)
-    fitting = [n for n, total in zip(faces, accumulate(faces), strict=True) if total <= _MOST_FACES]
+    fitting = [n for n, total in zip(faces, accumulate(faces), strict=True) if total <= MOST_FACES]
     solids = Solids(gltf, most_faces=max(fitting, default=0))
     origins: dict[str, Array] = {}
     nodes = []
@@ -131,4 +131,4 @@ def _sphere() -> tuple[Array, Array, NDArray[np.int64]]:
     return _lathe(0.5 * slopes, slopes)
 
 
-_SOLIDS = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}
+SOLIDS = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}

@@ -74,7 +74,7 @@ def conformance(
             if export.kind in consumer.kinds:
                 own = scratch / export.folder
                 own.mkdir(parents=True, exist_ok=True)
-                found, reading = _measured(sample, export, consumer, directory, own)
+                found, reading = measured(sample, export, consumer, directory, own)
                 entries += found
                 if reading and reading.balls is not None and not reading.quantum:
                     rests.append(reading.balls)
@@ -119,7 +119,7 @@ def _default(kind: str) -> float:
     return float(getattr(exporter(kind).Options(), "outline_error", 0.0))
 
 
-def _measured(
+def measured(
     sample: Sample, export: Export, consumer: Consumer, directory: Path, scratch: Path
 ) -> tuple[list[Entry], Reading | None]:
     """The entries of an export in a consumer, and what it made of it where it could be run."""

@@ -191,11 +191,13 @@ def test_wheels_that_speed_up_uphill_push_and_do_not_lag(tmp_path):
 def test_a_wheel_that_was_held_does_not_catch_up(tmp_path):
     world = plain(line((-4, 0), (4, 0)))
     vehicle = vehicle_on(world, tmp_path, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    vehicle.model.dof_damping[vehicle._dofs] = 1e4  # brakes that no motor can overcome
+    axles = [vehicle.model.joint(wheel.link).id for wheel in world.rover.wheels]
+    turning = vehicle.model.jnt_dofadr[axles]
+    vehicle.model.dof_damping[turning] = 1e4  # brakes that no motor can overcome
     for _ in range(200):
         vehicle.step(np.full(6, 2.0), 10)
     assert vehicle.saturated_steps > 150
-    vehicle.model.dof_damping[vehicle._dofs] = 0.1
+    vehicle.model.dof_damping[turning] = 0.1
     rates = []
     for _ in range(100):
         vehicle.step(np.full(6, 2.0), 10)

@@ -15,7 +15,7 @@ from terrain_forge.base import SimulationError
 from terrain_forge.driving.clearance import belly_points, measure_clearance
 from terrain_forge.driving.film import write_end, write_film
 from terrain_forge.driving.rover_picture import link_poses, photograph
-from terrain_forge.driving.starts import _runner, drive_from_many_starts, line_from_start
+from terrain_forge.driving.starts import drive_from_many_starts, line_from_start, workers
 from terrain_forge.recipe import StartsSpec, ValidateSpec
 from terrain_forge.rovers.morpheus import morpheus
 from terrain_forge.validation import validate
@@ -68,14 +68,14 @@ def test_they_go_the_same_in_one_process_and_in_two(land, tmp_path):
 def test_a_killed_process_is_told():
     with (
         pytest.raises(SimulationError, match="process of the drives was killed"),
-        _runner(2) as two,
+        workers(2) as two,
     ):
         list(two.map(os._exit, [1, 1]))
 
 
 def test_an_interrupt_ends_the_drives_that_have_begun():
     def interrupted():
-        with _runner(2) as two:
+        with workers(2) as two:
             sleeping = two.submit(time.sleep, 600.0)
             while not sleeping.running():
                 time.sleep(0.05)

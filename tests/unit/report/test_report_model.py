@@ -12,7 +12,7 @@ from terrain_forge.report.lines import ground_lines
 from terrain_forge.report.model.overlays import overlays
 from terrain_forge.report.model.relief import coarsen
 from terrain_forge.report.model.rocks import MOST, shown_rocks
-from terrain_forge.report.model.rover import _SOLIDS, rover_nodes
+from terrain_forge.report.model.rover import SOLIDS, rover_nodes
 from terrain_forge.report.model.scene import page_model
 from terrain_forge.report.section import Built
 from tests.helpers import worlds
@@ -156,7 +156,7 @@ def test_too_fine_meshes_of_a_rover_are_shown_as_boxes(world, tmp_path, monkeypa
     parts = tuple(box.replace(mesh=mesh) for mesh in meshes)
     links = (rover.links[0].replace(shapes=parts), *rover.links[1:])
     most = len(meshes[0].faces) + len(meshes[1].faces)
-    monkeypatch.setattr("terrain_forge.report.model.rover._MOST_FACES", most)
+    monkeypatch.setattr("terrain_forge.report.model.rover.MOST_FACES", most)
     glb = model(world.replace(rover=rover.replace(links=links)), tmp_path)
     boxes = [node.get("scale") == [1.0, 0.6, 0.3] for node in glb.children("rover")[:3]]
     assert boxes == [False, False, True]
@@ -170,7 +170,7 @@ def test_solids_are_closed_and_of_the_right_size():
     frusta = np.diff(z) * (radius[1:] ** 2 + radius[1:] * radius[:-1] + radius[:-1] ** 2) / 3
     wanted = {"box": 1.0, "cylinder": polygon, "sphere": polygon / 0.25 * frusta.sum()}
     for kind, volume in wanted.items():
-        vertices, normals, faces = _SOLIDS[kind]()
+        vertices, normals, faces = SOLIDS[kind]()
         corners = vertices[faces]
         found = np.linalg.det(corners).sum() / 6  # by the divergence theorem, if outward
         assert found == pytest.approx(volume, rel=1e-12), kind

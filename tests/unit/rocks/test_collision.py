@@ -89,7 +89,7 @@ def test_parts_are_certified_on_their_union():
 
 
 def test_what_cannot_be_met_is_refused_with_the_figures(monkeypatch):
-    monkeypatch.setattr("terrain_forge.rocks.shapes.collision._ATTEMPTS", ((0, 0.5),))
+    monkeypatch.setattr("terrain_forge.rocks.shapes.collision.ATTEMPTS", ((0, 0.5),))
     thorny = trimesh.creation.icosphere(subdivisions=2)
     spikes = 1.0 + 1.5 * (np.arange(len(thorny.vertices)) % 9 == 0)
     mesh = Mesh(vertices=thorny.vertices * spikes[:, None], faces=thorny.faces)

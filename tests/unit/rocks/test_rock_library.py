@@ -24,7 +24,7 @@ from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.rocks.shapes.texture import MEAN_BRIGHTNESS
 
-SPEC = LibrarySpec(shapes=18, seed=7, families=tuple(FAMILIES))
+SPEC = LibrarySpec(shapes=12, seed=7, families=tuple(FAMILIES))
 
 
 @pytest.fixture(scope="module")

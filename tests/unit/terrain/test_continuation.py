@@ -219,7 +219,7 @@ def test_strips_do_not_show(monkeypatch):
 
     posts = natural_surface(40, 0.7, seed=8)
     _, whole = continued(posts, factor=8)
-    monkeypatch.setattr(ground, "_STRIP", 7)
+    monkeypatch.setattr(ground, "STRIP", 7)
     _, strips = continued(posts, factor=8)
     assert np.array_equal(whole, strips)
 
