@@ -238,7 +238,8 @@ def test_another_package_can_register_a_layer(monkeypatch, caplog):
         EntryPoint(name="ramp", value=__name__, group=LAYERS),
         EntryPoint(name="broken", value="no.such.package", group=LAYERS),
     ]
-    monkeypatch.setattr(layer, "entry_points", lambda group: points if group == LAYERS else [])
+    registry = "terrain_forge.base.registry.entry_points"
+    monkeypatch.setattr(registry, lambda group: points if group == LAYERS else [])
     found = layer.layer_types.__wrapped__()
     assert {Ramp, Step, Fractal} <= set(found)
     assert "layer 'broken' (no.such.package) is skipped" in caplog.text
