@@ -521,7 +521,7 @@ def test_sleep_is_set_only_on_demand(world, exported, tmp_path):
 def test_a_steep_ground_keeps_its_heights(world, tmp_path):
     random = np.random.default_rng(4)
     rough = Heightfield(
-        elevation=random.uniform(-300, 900, world.ground.shape), spacing=0.25, origin=(-12, -8)
+        elevation=random.uniform(-300, 900, world.ground.shape), spacing=0.25, origin=(-12.0, -8.0)
     )
     cliffs = flat(world, 0.0).replace(ground=rough)
     assert largest_ground_error(cliffs, export(cliffs, tmp_path)) < 1e-6 * 1200
