@@ -226,7 +226,7 @@ def _finish(passed: bool, out: Path) -> None:
     raise click.exceptions.Exit(FAILED_CHECK)
 
 
-class _Interrupt:
+class Interrupt:
     """Ctrl-C and a polite kill, which clean up alike.
 
     Python drops what a callback or a finaliser raises, so a build asks again at each stage.
@@ -253,7 +253,7 @@ class _Interrupt:
         raise KeyboardInterrupt
 
 
-_interrupt = _Interrupt()
+_interrupt = Interrupt()
 
 
 class _Bar:

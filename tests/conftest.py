@@ -1,8 +1,10 @@
+import gc
+import os
 from functools import partial
 
 import pytest
 
-from tests.helpers import worlds
+from tests.helpers import pictures, worlds
 from tests.helpers.gazebo import compile_program
 
 
@@ -19,7 +21,23 @@ def build(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory):
-    """Tests share rock libraries among themselves, not with the user."""
+    """Tests share rock libraries among themselves and their processes, not with the user."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        root = tmp_path_factory.getbasetemp()
+        shared = root.parent if "PYTEST_XDIST_WORKER" in os.environ else root
+        patch.setenv("TERRAIN_FORGE_CACHE", str(shared / "cache"))
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _small_pictures():
+    """Most of what building a small world costs is its pictures."""
+    with pytest.MonkeyPatch.context() as patch:
+        pictures.make_small(patch)
+        yield
+
+
+def pytest_collection_finish():
+    """Tests make many objects and few cycles: do not look through all that was imported."""
+    gc.freeze()
+    gc.set_threshold(100_000, 50, 50)

@@ -18,7 +18,7 @@ from .obj import write_materials, write_obj_part
 from .options import Options
 from .part import Part
 
-_MOST_NODES = 2**30
+MOST_NODES = 2**30
 """Of a mesh's ground: indices are 32-bit numbers, and rocks want some too."""
 
 
@@ -66,9 +66,9 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         ExportError: if it has.
     """
     del rocks  # half of the indices are left to them
-    if options.tiles == "merged" and nodes > _MOST_NODES:
+    if options.tiles == "merged" and nodes > MOST_NODES:
         raise ExportError(
-            f"tiles: merged: the ground has {nodes:.4g} nodes, one mesh holds {_MOST_NODES} "
+            f"tiles: merged: the ground has {nodes:.4g} nodes, one mesh holds {MOST_NODES} "
             "at most; choose tiles: tiled"
         )
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-_TYPES: dict[str, type[Record]] = {}
+TYPES: dict[str, type[Record]] = {}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,10 +23,10 @@ class Record:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        other = _TYPES.setdefault(cls.__name__, cls)
+        other = TYPES.setdefault(cls.__name__, cls)
         if other.__module__ != cls.__module__:  # a stored record is found by its name
             raise TypeError(f"{other.__module__} has a record of the name {cls.__name__}")
-        _TYPES[cls.__name__] = cls
+        TYPES[cls.__name__] = cls
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -92,7 +92,7 @@ def from_plain(plain: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     """The value that `to_plain` made this from."""
     if isinstance(plain, dict) and "record" in plain:
         body = {k: from_plain(v, arrays) for k, v in plain.items() if k != "record"}
-        return _TYPES[plain["record"]](**body)
+        return TYPES[plain["record"]](**body)
     if isinstance(plain, dict) and set(plain) == {"array"}:
         return arrays[plain["array"]]
     if isinstance(plain, list):

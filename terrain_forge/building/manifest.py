@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import terrain_forge
+from terrain_forge import __version__
 from terrain_forge.base import OutputError
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
@@ -40,7 +40,7 @@ def write_manifest(
         altered: files that are not as they were built, which keep the hash that they should have.
     """
     manifest = {
-        "terrain_forge": terrain_forge.__version__,
+        "terrain_forge": __version__,
         "format": FORMAT,
         "name": site.name,
         "seed": site.seed,

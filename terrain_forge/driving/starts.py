@@ -100,7 +100,7 @@ def drive_from_many_starts(
     processes = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, spec.count)
     task = partial(_drive_line, rover=world.rover, path=scene)
     done = list[StartResult]()
-    with _runner(processes) as runner:
+    with workers(processes) as runner:
         for result in runner.map(task, lines):
             done.append(result)
             if progress:
@@ -184,7 +184,7 @@ def _drive_line(line: Trajectory, *, rover: Rover, path: Path) -> StartResult:
 
 
 @contextmanager
-def _runner(processes: int) -> Iterator[Any]:
+def workers(processes: int) -> Iterator[Any]:
     """Processes side by side, or this one alone where one is enough; they end with the block."""
     from multiprocessing import active_children, get_context
 

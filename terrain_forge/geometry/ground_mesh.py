@@ -15,7 +15,7 @@ from terrain_forge.base import kernel
 from terrain_forge.model import Heightfield, Tile
 from terrain_forge.writers import write_obj_grid_faces, write_obj_rows
 
-_BAND_NODES = 1 << 16
+BAND_NODES = 1 << 16
 """Nodes that are turned into vertices at once: they then stay in the processor's cache."""
 
 
@@ -55,7 +55,7 @@ def grid_texture_coordinates(
 def node_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:
     """The rows of nodes in bands that share none of them, from the south."""
     rows, columns = ground.shape
-    step = max(1, _BAND_NODES // columns)
+    step = max(1, BAND_NODES // columns)
     for first in range(0, rows, step):
         band = slice(first, min(first + step, rows))
         origin = (ground.origin[0], ground.origin[1] + first * ground.spacing)
@@ -65,7 +65,7 @@ def node_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:
 def cell_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:
     """The rows of cells in bands that share their border nodes, from the south."""
     rows, columns = ground.shape
-    step = max(1, _BAND_NODES // columns)
+    step = max(1, BAND_NODES // columns)
     for first in range(0, rows - 1, step):
         last = min(first + step, rows - 1)
         cut = ground.cut(column=0, row=first, columns=columns - 1, rows=last - first)

@@ -16,7 +16,7 @@ from terrain_forge.writers import index_corners, vertex_normals, write_obj
 # A face goes only where it is this fraction of the rock's diameter under the ground.
 _BURIED_MARGIN = 0.05
 # Rocks that become one mesh; a renderer culls such meshes, an engine finds its way in each.
-_PART = 8192
+PART = 8192
 
 
 def outline_error(mesh: Mesh, reference: Mesh) -> float:
@@ -86,8 +86,8 @@ def merge_in_parts(
 
     Parts without a face above the ground are left out.
     """
-    for first in range(0, len(field), _PART):
-        rows = np.arange(first, min(first + _PART, len(field)))
+    for first in range(0, len(field), PART):
+        rows = np.arange(first, min(first + PART, len(field)))
         vertices, faces = merge_rocks(field.select(rows), shapes, ground)
         if len(faces):
             yield vertices, faces

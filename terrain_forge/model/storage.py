@@ -48,7 +48,7 @@ def load_world(directory: Path) -> World:
             raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
         with np.load(text.with_name("arrays.npz"), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        world = from_plain(plain["world"], arrays)
+        world: World = from_plain(plain["world"], arrays)
         if plain["brought"]:
             world = world.replace(site=world.site.replace(custom_rover=world.rover))
         world = world.replace(site=world.site.with_current_keys(text))
@@ -58,7 +58,6 @@ def load_world(directory: Path) -> World:
         raise _unreadable(directory, error) from None
     except (BadZipFile, zlib.error) as error:
         raise _unreadable(directory, error) from None
-    assert isinstance(world, World)
     return world
 
 

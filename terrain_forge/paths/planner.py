@@ -30,7 +30,7 @@ MOST_NODES = 1100
 """Rows or columns of the grid that is searched first; larger ones are coarsened."""
 LINE_STEP = 0.25
 """Distance of the points of the line that is smoothed [m]."""
-_KNOTS = (4, 2, 1)
+KNOTS = (4, 2, 1)
 """Every how many of them the spline goes through; more of them where it would touch something."""
 
 
@@ -205,9 +205,9 @@ def _curve(
     if len(line) == 2:
         line = np.stack([line[0], line.mean(axis=0), line[1]])
         fixed = np.array([False, False, True])
-    for every in _KNOTS:
+    for every in KNOTS:
         curve = trace_spline(line[_knots(fixed, every)], closed=False, key=key)
-        touched = _first_touch(curve, field.obstacles, rover)
+        touched = first_touch(curve, field.obstacles, rover)
         if not touched:
             break
     return curve, touched
@@ -224,7 +224,7 @@ def _knots(fixed: NDArray[np.bool_], every: int) -> NDArray[np.intp]:
     return np.flatnonzero(chosen)
 
 
-def _first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
+def first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
     """The obstacle that the rover's rectangle touches first along a curve; empty for none."""
     first, found = len(curve.position), ""
     for n, poses, gaps in obstacles.beside(curve.position, curve.heading, rover, 0.0):

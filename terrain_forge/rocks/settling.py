@@ -115,7 +115,7 @@ def settle(
     def settled(row: int) -> _Settled | None:
         prototype = int(rocks.prototype[row])
         shape, support = library.prototypes[prototype], supports[prototype]
-        return _settled(_Rock.of(rocks, row, shape, support, gravity), grid)
+        return _settled(DynamicRock.of(rocks, row, shape, support, gravity), grid)
 
     found = []
     with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -126,7 +126,7 @@ def settle(
     return _with_poses(rocks, library, wanted, found)
 
 
-class _Rock(NamedTuple):
+class DynamicRock(NamedTuple):
     """A rock that is to be settled."""
 
     prototype: RockPrototype
@@ -147,7 +147,7 @@ class _Rock(NamedTuple):
     @classmethod
     def of(
         cls, rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
-    ) -> _Rock:
+    ) -> DynamicRock:
         """One of some embedded rocks."""
         return cls(
             prototype=prototype,
@@ -182,7 +182,7 @@ class _Settled(NamedTuple):
     """Top of the rock above the ground's tangent plane [m]."""
 
 
-def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
+def _settled(rock: DynamicRock, grid: Lattice) -> _Settled | None:
     """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
     reach = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=reach + grid.spacing)
@@ -193,14 +193,14 @@ def _settled(rock: _Rock, grid: Lattice) -> _Settled | None:
         # No rock stands higher than its rise, which keeps corridors clear.
         if not _in_its_space(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
             return None
-        after = _after_test(rock, ground, pose)
-        if _stays(rock, pose, after):
+        after = after_test(rock, ground, pose)
+        if stays_put(rock, pose, after):
             return _Settled(pose=pose, place=place, height=height)
         pose = after
     return None
 
 
-def _upright(rock: _Rock, ground: Heightfield, position: Array) -> Pose:
+def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     """The rock upright on its tangent plane, none of it below the ground."""
     turn = matrix_from_quaternion(rock.quaternion)
     turned = rock.prototype.meshes[0].vertices @ turn.T
@@ -211,7 +211,7 @@ def _upright(rock: _Rock, ground: Heightfield, position: Array) -> Pose:
     return Pose(position=raised, quaternion=rock.quaternion, scale=scale)
 
 
-def _sized(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
+def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """The rock with its exact diameter, grown from the ground under its centre of mass.
 
     A rock at rest has the centre of what carries it there.
@@ -224,7 +224,7 @@ def _sized(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     return pose._replace(position=np.array([*pose.position[:2], raised]), scale=scale)
 
 
-def _in_its_space(rock: _Rock, pose: Pose, place: Array) -> bool:
+def _in_its_space(rock: DynamicRock, pose: Pose, place: Array) -> bool:
     """Whether a rock, seen from above, is within the area that was kept free for it.
 
     It must also be within its prototype's reach of where it now is, which windows go by.
@@ -239,16 +239,16 @@ def _in_its_space(rock: _Rock, pose: Pose, place: Array) -> bool:
     return near and bool(np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
 
 
-def _stays(rock: _Rock, before: Pose, after: Pose) -> bool:
+def stays_put(rock: DynamicRock, before: Pose, after: Pose) -> bool:
     """Whether a rock has hardly moved in a test."""
     shift = np.linalg.norm(after.position - before.position)
     cosine = min(abs(float(after.quaternion @ before.quaternion)), 1.0)
     return bool(shift <= _SHIFT * rock.diameter and 2.0 * np.arccos(cosine) <= _TURN)
 
 
-def _come_to_rest(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
+def _come_to_rest(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """Let a rock go from standstill, damped, until it hardly moves."""
-    model, data = _simulation(rock, ground, pose)
+    model, data = simulation(rock, ground, pose)
     _calm(rock, model, data)
     return _moved(pose, data)
 
@@ -258,7 +258,7 @@ def _moved(pose: Pose, data: Any) -> Pose:
     return pose._replace(position=data.qpos[:3].copy(), quaternion=data.qpos[3:].copy())
 
 
-def _calm(rock: _Rock, model: Any, data: Any) -> None:
+def _calm(rock: DynamicRock, model: Any, data: Any) -> None:
     """Let time pass until a damped rock hardly moves."""
     import mujoco
 
@@ -269,7 +269,7 @@ def _calm(rock: _Rock, model: Any, data: Any) -> None:
             break
 
 
-def _after_test(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
+def after_test(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """Where a rock is after gravity has leaned to all sides, and it was spun a little both ways.
 
     It is damped while gravity leans, so that one that lies in a hollow comes back; then it is free.
@@ -277,7 +277,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     """
     import mujoco
 
-    model, data = _simulation(rock, ground, pose)
+    model, data = simulation(rock, ground, pose)
     steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
     for direction in range(_DIRECTIONS):
         model.opt.gravity = _leaning(rock.gravity, _LEAN, 2.0 * np.pi * direction / _DIRECTIONS)
@@ -285,7 +285,7 @@ def _after_test(rock: _Rock, ground: Heightfield, pose: Pose) -> Pose:
     model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
     _calm(rock, model, data)
     leaned = _moved(pose, data)
-    if not _stays(rock, pose, leaned):
+    if not stays_put(rock, pose, leaned):
         return leaned
     model.dof_damping[:], model.opt.timestep = 0.0, TIMESTEP
     for spin in (_SPIN, -_SPIN):
@@ -301,7 +301,7 @@ def _leaning(gravity: float, lean: float, towards: float) -> Array:
     return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
 
 
-def _simulation(rock: _Rock, ground: Heightfield, pose: Pose) -> tuple[Any, Any]:
+def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any, Any]:
     """The rock on its piece of ground, damped, as a MuJoCo model and its data."""
     import mujoco
 
@@ -369,7 +369,7 @@ def _height(ground: Heightfield, points: Array) -> Array:
     return ground.height_at(x, y)
 
 
-def _top(rock: _Rock, ground: Heightfield, pose: Pose) -> float:
+def _top(rock: DynamicRock, ground: Heightfield, pose: Pose) -> float:
     """Top of a rock above the ground's tangent plane under its centre of mass [m]."""
     normal = matrix_from_quaternion(rock.quaternion)[:, 2]
     vertices = pose.scale * rock.prototype.meshes[0].vertices

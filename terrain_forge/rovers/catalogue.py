@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
@@ -12,7 +11,7 @@ from pydantic import Discriminator, Tag, TypeAdapter
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Rover
 from terrain_forge.rovers.built_in import BuiltInRover, build_rover, built_in_rovers
-from terrain_forge.rovers.custom import FileRover
+from terrain_forge.rovers.custom import FileRover, FoundRover
 
 if TYPE_CHECKING:
     from terrain_forge.model import Site
@@ -40,16 +39,6 @@ else:
         ),
     ]
 """What a recipe's `rover` may be."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FoundRover:
-    """A rover and the files that it was read from."""
-
-    rover: Rover
-    """The rover."""
-    files: tuple[Path, ...] = ()
-    """All files that were read: the rover's own, those it includes, its meshes."""
 
 
 def find_rover(name: str, **options: Any) -> Rover:

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import InputFile, Positive, Spec
+from terrain_forge.model import Rover
 
 JointName = Annotated[str, MinLen(1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundRover:
+    """A rover and the files that it was read from."""
+
+    rover: Rover
+    """The rover."""
+    files: tuple[Path, ...] = ()
+    """All files that were read: the rover's own, those it includes, its meshes."""
 
 
 @dataclass(frozen=True, kw_only=True)

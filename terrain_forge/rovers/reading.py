@@ -7,8 +7,7 @@ from xml.etree.ElementTree import Element
 
 from terrain_forge.base import DataError
 from terrain_forge.rovers.assembly import Assembly
-from terrain_forge.rovers.catalogue import FoundRover
-from terrain_forge.rovers.custom import FileRover
+from terrain_forge.rovers.custom import FileRover, FoundRover
 from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import KEY, Packages, expand_xacro
 from terrain_forge.rovers.rolling import make_rover

@@ -15,11 +15,11 @@ _COMPONENT = 1.0 / 32768.0
 CLAST_SHARE = 0.45
 """Share of the cells of small stones that hold one."""
 _CLAST_CELL = 0.16  # size of the cells of the largest small stones [m]
-_SOIL_COARSEST = 0.9
+SOIL_COARSEST = 0.9
 """Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
-_SOIL_STEEP = 0.035
+SOIL_STEEP = 0.035
 """Rise of waves of soil so long, over that of unit noise."""
-_SOIL_ROUGHER = 1.28
+SOIL_ROUGHER = 1.28
 """How much steeper waves of half the length are: slopes grow as L^(H - 1), H about 0.65, so that
 soil is rough to the hand and level to the eye (Helfenstein & Shepard 1999,
 doi:10.1006/icar.1999.6160)."""
@@ -75,7 +75,7 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
     Returns a value of about -1 to 1 for the albedo, and the rise per metre along x and y.
     """
     value, slope_x, slope_y = 0.0, 0.0, 0.0
-    wavelength, weight, cos, sin = coarsest, (coarsest / _SOIL_COARSEST) ** -0.35, 1.0, 0.0
+    wavelength, weight, cos, sin = coarsest, (coarsest / SOIL_COARSEST) ** -0.35, 1.0, 0.0
     for octave in range(12):
         shown = min(1.0, 0.5 * wavelength / footprint - 1.0)
         if shown <= 0.0 or wavelength < 0.002:
@@ -83,13 +83,13 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
         u = (cos * x - sin * y) / wavelength + 0.37 * octave
         v = (sin * x + cos * y) / wavelength + 0.71 * octave
         height, rise_u, rise_v = noise_2d(mix(key, np.uint64(octave)), u, v)
-        steep = _SOIL_STEEP * shown * weight
+        steep = SOIL_STEEP * shown * weight
         slope_x += steep * (cos * rise_u + sin * rise_v)
         slope_y += steep * (cos * rise_v - sin * rise_u)
         value += 0.5 * shown * height
         cos, sin = cos * _TURN_COS - sin * _TURN_SIN, sin * _TURN_COS + cos * _TURN_SIN
         wavelength *= 0.48
-        weight *= _SOIL_ROUGHER
+        weight *= SOIL_ROUGHER
     return value, slope_x, slope_y
 
 
@@ -139,7 +139,7 @@ def ground_grain(key, share, sun_x, sun_y, east, north, spacing, footprint):  # 
     Returns:
         Brightness, depth of the stones' shadows (0 to 1), rise per metre along east and north.
     """
-    coarsest = min(_SOIL_COARSEST, 1.5 * spacing)
+    coarsest = min(SOIL_COARSEST, 1.5 * spacing)
     tint, rise_x, rise_y = soil(key, east, north, coarsest, footprint)
     bright, shade = 1.0 + 0.22 * tint, 0.0
     some = share * min(1.5, max(0.2, 1.0 + 1.2 * tint))

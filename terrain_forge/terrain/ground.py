@@ -11,7 +11,7 @@ from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.terrain.layer import Layer
 
-_STRIP = 1024
+STRIP = 1024
 """Most rows that are worked on at once in double precision."""
 
 
@@ -19,7 +19,7 @@ def shape_ground(*, site: Site, window: Window, layers: tuple[Layer, ...]) -> He
     """The bare ground at the window's nodes."""
     east, north = site.axes(window)
     elevation = np.empty((north.size, east.size), np.float32)
-    strips = -(-north.size // _STRIP)
+    strips = -(-north.size // STRIP)
     for first, last in pairwise(north.size * n // strips for n in range(strips + 1)):
         strip = _strip(window, first, last - first)
         elevation[first:last] = _shape(site, strip, layers)[: last - first]

@@ -13,13 +13,13 @@ from terrain_forge.base import Array, inner, kernel, mix, over_chunks, uniform, 
 
 _TURN = 1.1071487177940904  # atan 2: no small multiple of it is close to a quarter turn
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)
-_GRADIENTS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
+GRADIENTS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
 
 
 @inner
 def _gradient(key, i, j):  # type: ignore[no-untyped-def]
     index = mix(mix(key, zigzag(i)), zigzag(j)) >> np.uint64(56)
-    return _GRADIENTS[index, 0], _GRADIENTS[index, 1]
+    return GRADIENTS[index, 0], GRADIENTS[index, 1]
 
 
 @inner

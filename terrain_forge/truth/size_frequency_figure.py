@@ -68,14 +68,14 @@ def _draw(axes: Axes, part: dict[str, Any], quantity: str, colour: str, width: f
     curve = part["curve"]
     diameter = curve["diameter_m"]
     observed = [value if value > 0 else float("nan") for value in curve[f"{quantity}_observed"]]
-    axes.plot(diameter, observed, color=colour, linewidth=width, label=_label(part))
+    axes.plot(diameter, observed, color=colour, linewidth=width, label=population_label(part))
     if f"{quantity}_expected" in curve:
         low, high = curve[f"{quantity}_low"], curve[f"{quantity}_high"]
         axes.fill_between(diameter, low, high, color=colour, alpha=0.16, linewidth=0)
         axes.plot(diameter, curve[f"{quantity}_expected"], color=_INK, linewidth=1, linestyle="--")
 
 
-def _label(part: dict[str, Any]) -> str:
+def population_label(part: dict[str, Any]) -> str:
     number = f"{part['count']['observed']:,}".replace(",", " ")
     how = {"clustered": ", clustered", "craters": ", around craters"}
     kind = how.get(part.get("arrangement", ""), ", listed" if "file" in part else "")

@@ -8,12 +8,12 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from terrain_forge.report.usage import usage_section
 
 from terrain_forge.building import exports_in, write_export, write_manifest
 from terrain_forge.model import Export, Opening, exporter, plain_options
 from terrain_forge.recipe import ExportOrder, ValidateSpec
 from terrain_forge.report.section import Built
+from terrain_forge.report.sections.usage import Usage
 from terrain_forge.validation import BuiltFolder, Consumer, NotRun
 from terrain_forge.validation.suite import conformance, quick_checks
 from tests.helpers.places import ROOT
@@ -105,8 +105,8 @@ def test_the_exporter_of_the_documentation_works(small_world, tmp_path, monkeypa
     found = {e.aspect: e for e in conformance(bare, tmp_path, [export], points=50)}
     assert found["ground"].status == "pass"
     assert found["masses"].note == "points have none"
-    page = usage_section(Built(small_world, tmp_path, (export,)))
-    assert "CloudCompare mine/points.xyz" in "".join(part.text for part in page.html)
+    page = str(Usage().blocks(Built(small_world, tmp_path, (export,))))
+    assert "CloudCompare mine/points.xyz" in page
 
 
 def test_a_program_that_is_missing_neither_passes_nor_fails(small_world, tmp_path, monkeypatch):
@@ -128,6 +128,6 @@ def test_an_opening_that_raises_is_left_out(small_world, tmp_path, monkeypatch, 
 
     monkeypatch.setattr(exporter("geotiff"), "opening", opening)
     export = Export(folder="maps", kind="geotiff", options={})
-    page = usage_section(Built(small_world, tmp_path, (export,)))
-    assert "Python" in "".join(part.text for part in page.html)
+    page = str(Usage().blocks(Built(small_world, tmp_path, (export,))))
+    assert "Python" in page
     assert "how to open maps is not known: no idea" in caplog.text

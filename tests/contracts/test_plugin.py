@@ -20,6 +20,7 @@ name: plugged
 body: moon
 dtm: {kind: flat, size_m: [6, 4]}
 terrain: {spacing_m: 0.25, layers: [{kind: fractal}, {kind: terraces, width_m: 2, rise_m: 0.5}]}
+rocks: {library: {shapes: 1}, populations: []}
 exports: EXPORTS
 """
 BROKEN = {
@@ -68,12 +69,19 @@ def build(installed, folder, exports):
     return python(installed, "-m", "terrain_forge", "build", path, "-o", folder / "out")
 
 
-def test_foreign_exporter_and_layer(installed, tmp_path):
-    done = build(installed, tmp_path, "[xyz]")
+@pytest.fixture(scope="module")
+def built(installed, tmp_path_factory):
+    """A world of the foreign layer, in the foreign format twice."""
+    folder = tmp_path_factory.mktemp("plugged")
+    done = build(installed, folder, "{xyz: {}, thin: {kind: xyz, every: 2, separator: comma}}")
     assert done.returncode == 0, done.stderr
-    points = np.loadtxt(tmp_path / "out" / "xyz" / "points.xyz")
+    return folder / "out"
+
+
+def test_foreign_exporter_and_layer(built):
+    points = np.loadtxt(built / "xyz" / "points.xyz")
     assert points.shape == (25 * 17, 3)
-    with rasterio.open(tmp_path / "out" / "truth" / "surface.tif") as file:
+    with rasterio.open(built / "truth" / "surface.tif") as file:
         truth = file.read(1)[::-1]
     assert points[:, 2].reshape(17, 25).astype(np.float32).tobytes() == truth.tobytes()
     assert points[:2, :2].tolist() == [[-3, -2], [-2.75, -2]]
@@ -102,12 +110,10 @@ def test_a_foreign_layer_has_its_file_read_hashed_and_named(installed, tmp_path)
         assert words in done.stdout + done.stderr
 
 
-def test_options_and_losses(installed, tmp_path):
-    done = build(installed, tmp_path, "{thin: {kind: xyz, every: 2, separator: comma}}")
-    assert done.returncode == 0, done.stderr
-    points = np.loadtxt(tmp_path / "out" / "thin" / "points.xyz", delimiter=",")
+def test_options_and_losses(built):
+    points = np.loadtxt(built / "thin" / "points.xyz", delimiter=",")
     assert points.shape == (13 * 9, 3)
-    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    manifest = json.loads((built / "manifest.json").read_text())
     thin = manifest["exports"]["thin"]
     assert (thin["kind"], thin["options"]) == ("xyz", {"separator": "comma", "every": 2})
     assert thin["losses"] == [

@@ -12,13 +12,19 @@ def top_under(vertices, faces, points):
     area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
     flat = np.abs(area) > 1e-14
     a, b, c, e1, e2, area = (values[flat] for values in (a, b, c, e1, e2, area))
+    edges = np.stack([np.zeros_like(e1[:, 0]), e1[:, 0], e2[:, 0]])
+    west, width = a[:, 0] + edges.min(axis=0), float(np.ptp(edges, axis=0).max(initial=0.0))
+    order = np.argsort(west)
+    rise1, rise2 = (b - a)[order, 2], (c - a)[order, 2]
+    a, e1, e2, area, west = (values[order] for values in (a, e1, e2, area, west))
     tops = np.empty(len(points))
     for n, point in enumerate(np.asarray(points)):
-        d = point - a[:, :2]
-        u = (d[:, 0] * e2[:, 1] - d[:, 1] * e2[:, 0]) / area
-        v = (e1[:, 0] * d[:, 1] - e1[:, 1] * d[:, 0]) / area
+        near = slice(*np.searchsorted(west, (point[0] - width - 1e-6, point[0] + 1e-6)))
+        d, p, q = point - a[near, :2], e1[near], e2[near]
+        u = (d[:, 0] * q[:, 1] - d[:, 1] * q[:, 0]) / area[near]
+        v = (p[:, 0] * d[:, 1] - p[:, 1] * d[:, 0]) / area[near]
         inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
-        z = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
+        z = a[near, 2] + u * rise1[near] + v * rise2[near]
         tops[n] = z[inside].max(initial=-np.inf)
     return tops
 

@@ -9,7 +9,7 @@ weight.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from terrain_forge.base import Array, DataError, inner, kernel
 from terrain_forge.model import Site
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters
 from terrain_forge.rocks.populations import PopulationSpec
+
+if TYPE_CHECKING:
+    from terrain_forge.rocks.populations import PopulationSpec
 
 
 class Intensity(NamedTuple):

@@ -56,7 +56,7 @@ def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     library = _read(file)
     if library is None:
         library = make_library(spec, custom=custom)
-        _write(file, library)
+        store(file, library)
     return library
 
 
@@ -128,7 +128,7 @@ def _read(file: Path) -> RockLibrary | None:
     return None
 
 
-def _write(file: Path, library: RockLibrary) -> None:
+def store(file: Path, library: RockLibrary) -> None:
     """Keep a library; readers see all of the file or none of it."""
     arrays: dict[str, NDArray[Any]] = {}
     plain = {"library": to_plain(library, arrays, "library"), "content_hash": library.content_hash}

@@ -20,7 +20,7 @@ _END_WEIGHT = 2.0  # errors near top and base count more: the rock's height, and
 _GROWTH = 1.003  # of parts about their middles
 # Level of detail that is cut up, and how far a part may differ from its own hull (CoACD's
 # threshold): from the cheapest to the closest.
-_ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05), (0, 0.025))
+ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05), (0, 0.025))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +62,7 @@ def collision_parts(
     if hull.fits(excess=excess, distance=distance):
         return hull
     best = hull
-    for level, concavity in _ATTEMPTS:
+    for level, concavity in ATTEMPTS:
         mesh = meshes[min(level, len(meshes) - 1)]
         found = certify(_decompose(mesh, vertices=vertices, concavity=concavity), shape)
         if found.fits(excess=excess, distance=distance):

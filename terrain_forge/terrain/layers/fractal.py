@@ -100,7 +100,7 @@ class Fractal(Layer):
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Noise octaves from the longest wavelength down to what the spacing can hold."""
-        wavelengths = self._wavelengths(site)
+        wavelengths = self.octaves(site)
         hurst, deviation = self.figures(site)
         factors = octave_amplitudes(hurst, deviation, wavelengths)
         if site.dtm is None and len(wavelengths):
@@ -121,7 +121,7 @@ class Fractal(Layer):
         """Baseline of the roughness that is asked for [m]."""
         return 1.0 if self.rms_slope is None else self.rms_slope.baseline_m
 
-    def _wavelengths(self, site: Site) -> Array:
+    def octaves(self, site: Site) -> Array:
         """Lattice distances of the octaves [m], the longest first."""
         if site.dtm is None:
             longest, shortest = max(_FLAT_LONGEST, _BASELINES * self._baseline), _SHORTEST_OF_POINTS
@@ -192,17 +192,17 @@ def end_factors(hurst: float, wavelengths: Array, *, baselines: tuple[float, flo
     ends = zip((0, -1), baselines, (_ALL[_ALL > 0], _ALL[_ALL < 0]), strict=True)
     for end, baseline, missing in ends:
         away = float(baseline / wavelengths[end])
-        squares[end] += _sum(hurst, away, missing) / _structure(np.array(away))
+        squares[end] += _sum(hurst, away, missing) / structure_function(np.array(away))
     return np.asarray(np.sqrt(squares))
 
 
 def _sum(hurst: float, distance: float, numbers: NDArray[np.int_]) -> float:
     """Mean square difference, over a distance, of octaves 2^n with the factors 2^(nH)."""
     wavelengths = 2.0 ** numbers.astype(np.float64)
-    return float(np.sum(wavelengths ** (2.0 * hurst) * _structure(distance / wavelengths)))
+    return float(np.sum(wavelengths ** (2.0 * hurst) * structure_function(distance / wavelengths)))
 
 
-def _structure(distance: Array) -> Array:
+def structure_function(distance: Array) -> Array:
     """Mean square difference of the unit noise; r² below the table, constant above it."""
     table = np.log2(_STRUCTURE)
     steps = 2.0 * np.log2(distance)

@@ -47,7 +47,7 @@ def documented_fields(cls):
 def test_every_field_of_every_type_is_documented():
     for name in all_modules():
         import_module(name)
-    types = [*records._TYPES.values(), *walk(Spec)]
+    types = [*records.TYPES.values(), *walk(Spec)]
     ours = [cls for cls in types if cls.__module__.startswith("terrain_forge")]
     assert len(ours) > 30
     for cls in ours:

@@ -15,7 +15,7 @@ from terrain_forge.base import SimulationError
 from terrain_forge.driving.checks import belly_points, measure_clearance
 from terrain_forge.driving.film import write_end, write_film
 from terrain_forge.driving.rover_picture import link_poses, photograph
-from terrain_forge.driving.starts import _runner, drive_from_many_starts, line_from_start
+from terrain_forge.driving.starts import drive_from_many_starts, line_from_start, workers
 from terrain_forge.recipe import StartsSpec, ValidateSpec
 from terrain_forge.validation import validate
 from tests.helpers import worlds
@@ -68,14 +68,14 @@ def test_they_go_the_same_in_one_process_and_in_two(land, tmp_path):
 def test_a_killed_process_is_told():
     with (
         pytest.raises(SimulationError, match="process of the drives was killed"),
-        _runner(2) as two,
+        workers(2) as two,
     ):
         list(two.map(os._exit, [1, 1]))
 
 
 def test_an_interrupt_ends_the_drives_that_have_begun():
     def interrupted():
-        with _runner(2) as two:
+        with workers(2) as two:
             sleeping = two.submit(time.sleep, 600.0)
             while not sleeping.running():
                 time.sleep(0.05)
@@ -179,12 +179,15 @@ def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, m
 
 
 def test_a_failed_drive_shows_where(tmp_path):
-    world = plain(line((-4, 0), (4, 0)), field=boulder_at((0.0, 0.0, 0.2)))
+    world = plain(line((-3, 0), (3, 0)), field=boulder_at((0.0, 0.0, 0.2)))
     result = validate(world, tmp_path, spec=ValidateSpec(drive=ARC, points=10))
     assert not result.passed
     names = {file.name for file in result.files}
     assert "drive_arc_end.png" in names
     assert "drive_arc.webp" not in names
+    assert result.drive.rocks == ("rock_3",)
+    assert result.drive.reason.startswith(("stuck", "tipped", "left the path"))
+    assert not {c.name: c.passed for c in result.checks}["drive arc: progress"]
     contact = result.drive.rock_contacts[0]
     report = json.loads((tmp_path / "validation/report.json").read_text())
     assert report["drive"]["rock_contacts"][0]["rock"] == contact.rock == "rock_3"

@@ -370,7 +370,7 @@ def test_pieces_of_a_large_file_reach_from_end_to_end(tmp_path):
     assert inputs.fingerprint(path, used=b"1") != inputs.fingerprint(path)
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 2**32 - 1),
     quantum=st.floats(1e-3, 50.0),

@@ -106,10 +106,9 @@ def test_cloud_optimized(small_world, tmp_path):
         assert [colour.name for colour in file.colorinterp] == ["red", "green", "blue"]
 
 
-@pytest.mark.parametrize("cloud", [False, True])
-def test_equal_worlds_make_equal_bytes(small_world, tmp_path, cloud):
+def test_equal_worlds_make_equal_cloud_optimised_bytes(small_world, tmp_path):
     for name in ("one", "two"):
-        exported(small_world, tmp_path / name, cloud_optimized=cloud)
+        exported(small_world, tmp_path / name, cloud_optimized=True)
     for product in PRODUCTS:
         one, two = (tmp_path / name / f"{product}.tif" for name in ("one", "two"))
         assert one.read_bytes() == two.read_bytes()

@@ -172,7 +172,7 @@ def test_ply_has_the_nodes_colours(small_world, tmp_path):
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])
 def test_bands_do_not_show(small_world, tmp_path, monkeypatch, form):
     whole = exported(small_world, tmp_path / "whole", format=form)
-    monkeypatch.setattr(import_module("terrain_forge.geometry.ground_mesh"), "_BAND_NODES", 300)
+    monkeypatch.setattr(import_module("terrain_forge.geometry.ground_mesh"), "BAND_NODES", 300)
     banded = exported(small_world, tmp_path / "banded", format=form)
     name = f"world.{form}"
     assert (banded / name).read_bytes() == (whole / name).read_bytes()
@@ -236,7 +236,7 @@ def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
 
 
 def test_a_ground_too_large_for_one_mesh(small_world, tmp_path, monkeypatch):
-    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.export"), "_MOST_NODES", 6000)
+    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.export"), "MOST_NODES", 6000)
     with pytest.raises(ExportError, match=r"6305 nodes.*choose tiles: tiled"):
         exported(small_world, tmp_path / "merged")
     exported(small_world, tmp_path / "tiled", tiles="tiled", tile_cells=48)

@@ -271,7 +271,7 @@ def test_a_wide_slab_keeps_its_contacts_only_on_a_split_ground(world, tmp_path, 
     """A slab of 4 m on cells of 0.25 m: 16 cells each way."""
     level = with_slabs(world, (0.3, 0.2), scale=4 / 1.2)
     model, data = load(export(level, tmp_path, split_ground=split))
-    mujoco.mj_step(model, data, 1500)
+    mujoco.mj_step(model, data, 750)
     pairs, counts = np.unique(data.contact.geom, axis=0, return_counts=True)
     tilt = 2 * np.arccos(min(1.0, abs(data.qpos[3])))
     moved = np.linalg.norm(data.qpos[:3] - level.field.position[0])
@@ -423,14 +423,6 @@ def test_losses_name_what_is_rounded(world, tmp_path):
     assert not any("drawn by their convex" in loss for loss in by_shape)
 
 
-def test_every_file_is_reported_and_the_same_each_time(world, exported, tmp_path):
-    report = mjcf.export(world, tmp_path, options=mjcf.Options())
-    written = sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
-    assert sorted(report.files) == written
-    for name in written:
-        assert (tmp_path / name).read_bytes() == (exported / name).read_bytes()
-
-
 def test_the_scene_holds_the_rover_and_the_world_does_not(world, exported):
     bare, _ = load(exported)
     scene, data = load(exported, "scene.xml")
@@ -533,7 +525,7 @@ def test_sleep_is_set_only_on_demand(world, exported, tmp_path):
 def test_a_steep_ground_keeps_its_heights(world, tmp_path):
     random = np.random.default_rng(4)
     rough = Heightfield(
-        elevation=random.uniform(-300, 900, world.ground.shape), spacing=0.25, origin=(-12, -8)
+        elevation=random.uniform(-300, 900, world.ground.shape), spacing=0.25, origin=(-12.0, -8.0)
     )
     cliffs = flat(world, 0.0).replace(ground=rough)
     assert largest_ground_error(cliffs, export(cliffs, tmp_path)) < 1e-6 * 1200

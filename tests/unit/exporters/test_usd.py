@@ -374,13 +374,6 @@ def test_payloads_let_a_large_world_open_at_once(usd):
     assert len(stage.FindLoadable()) == 8
 
 
-def test_the_bytes_repeat(small_world, tmp_path):
-    one = exported(small_world, tmp_path / "one")
-    two = exported(small_world, tmp_path / "two")
-    for path in sorted(p for p in one.rglob("*") if p.is_file()):
-        assert path.read_bytes() == (two / path.relative_to(one)).read_bytes(), path
-
-
 def test_a_world_without_rocks_and_paths(small_world, tmp_path):
     nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
     world = small_world.replace(field=nothing, trajectories=())

@@ -160,8 +160,8 @@ def test_start_and_goal_on_one_node():
 def test_corners_that_would_touch_make_it_take_the_wider_way(monkeypatch):
     """As if all curves of the first line touched: the second has room to turn on the spot."""
     ends = (-10.0, -6.0), (10.0, 6.5)
-    judge, weigh = planner._first_touch, planner.node_weights
-    answers, asked = iter(["rock 1"] * len(planner._KNOTS)), []
+    judge, weigh = planner.first_touch, planner.node_weights
+    answers, asked = iter(["rock 1"] * len(planner.KNOTS)), []
 
     def suspicious(*arguments):
         return next(answers, None) or judge(*arguments)
@@ -170,13 +170,13 @@ def test_corners_that_would_touch_make_it_take_the_wider_way(monkeypatch):
         asked.append(needed)
         return weigh(field, needed)
 
-    monkeypatch.setattr(planner, "_first_touch", suspicious)
+    monkeypatch.setattr(planner, "first_touch", suspicious)
     monkeypatch.setattr(planner, "node_weights", watched)
     wide, field = find(FLAT, *ends, rocks=worlds.field(40), margin_m=0.0)
     assert asked == [field.half_width, half_diagonal(ROVER)]
     nearest = min(field.obstacles.distances(point).min() for point in wide.position[::5])
     assert nearest > half_diagonal(ROVER) - 0.5 * field.spacing
-    monkeypatch.setattr(planner, "_first_touch", lambda *_: "rock 1 at its place")
+    monkeypatch.setattr(planner, "first_touch", lambda *_: "rock 1 at its place")
     with pytest.raises(RecipeError, match="too narrow for the rover, which touches rock 1 at its"):
         find(FLAT, *ends, rocks=worlds.field(40), margin_m=0.0)
 

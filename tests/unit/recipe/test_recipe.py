@@ -191,13 +191,3 @@ def test_changes_of_the_command_line(tmp_path):
             load_recipe(path, changes=(bad,))
     with pytest.raises(RecipeError, match="spacing_m"):
         load_recipe(path, changes=("terrain.spacing_m=-1",))
-
-
-def test_schema_and_page_are_current():
-    import subprocess
-    import sys
-
-    done = subprocess.run(
-        [sys.executable, ROOT / "docs" / "make_pages.py", "--check"], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr

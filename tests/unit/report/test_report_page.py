@@ -22,6 +22,7 @@ from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
 from terrain_forge.writers import write_png
 from tests.helpers import worlds
+from tests.helpers.pictures import MAP
 from tests.helpers.places import ROOT
 from tests.unit.truth.test_size_frequency_verification import population, rocks
 
@@ -247,9 +248,9 @@ def test_tracks_are_drawn_where_they_were_driven(tmp_path):
     np.testing.assert_allclose(driven.points[[0, -1]], [(0, 2), (4999 / 500, 2)])
     shown = build(tmp_path, validated=False, fill=False).read_text(encoding="utf-8")
     across, down = re.findall(r'<polyline points="([0-9.]+),([0-9.]+) ', shown)[1]
-    # The world is 24 m wide and 16 m high, its map 1024 pixels wide.
-    assert float(across) == pytest.approx(12 / 24 * 1024, abs=0.1)
-    assert float(down) == pytest.approx(6 / 16 * 683, abs=0.1)
+    # The world is 24 m wide and 16 m high, its map MAP pixels wide.
+    assert float(across) == pytest.approx(12 / 24 * MAP, abs=0.1)
+    assert float(down) == pytest.approx(6 / 24 * MAP, abs=0.1)
 
 
 def test_an_animated_picture_stands_still_for_who_wants_that(tmp_path, monkeypatch):

@@ -329,7 +329,7 @@ def test_any_window_equals_the_cut_of_the_whole():
     assert np.all(np.bincount(whole.population, minlength=6) > 30)
     radius = 0.8 * whole.diameter * np.where(whole.dynamic, DYNAMIC_SPACE, 1.0)
     random = np.random.default_rng(3)
-    for n in range(24):
+    for n in range(10):
         column, row = (int(random.integers(0, high)) for high in (238, 198))
         most = (3, 3) if n % 2 else (240 - column, 200 - row)
         columns, rows = (int(random.integers(1, high)) for high in most)

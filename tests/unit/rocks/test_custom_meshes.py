@@ -17,7 +17,7 @@ from terrain_forge.rocks import (
     read_rock_mesh,
 )
 from terrain_forge.rocks.library import MeshSpec
-from terrain_forge.rocks.shapes.cache import _write, library_key
+from terrain_forge.rocks.shapes.cache import library_key, store
 from terrain_forge.rocks.shapes.carving import levels_of_detail
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.solid import mass_properties
@@ -379,7 +379,7 @@ def test_cache_notices_any_figure_that_is_not_its_own(tmp_path, monkeypatch, nam
     made = find_library(spec)
     (file,) = (tmp_path / "kept").iterdir()
     rock = made.prototypes[0].replace(**{name: value})
-    _write(file, made.replace(prototypes=(rock,)))
+    store(file, made.replace(prototypes=(rock,)))
     forged = dict(np.load(file))
     plain = json.loads(forged["plain"].tobytes())
     plain["content_hash"] = made.content_hash

@@ -214,8 +214,8 @@ def test_exports_have_the_added_rocks(written):
 
 
 def test_write_world_takes_other_exports(cleared, tmp_path):
-    result = tf.write_world(cleared, tmp_path / "out", exports=("mjcf",))
-    assert (result.directory / "mjcf" / "scene.xml").is_file()
+    result = tf.write_world(cleared, tmp_path / "out", exports=("geotiff",))
+    assert list((result.directory / "geotiff").glob("*.tif"))
     assert not (result.directory / "sdf").exists()
     with pytest.raises(tf.RecipeError, match="unknown exporter 'stl'"):
         tf.write_world(cleared, tmp_path / "other", exports=("stl",))

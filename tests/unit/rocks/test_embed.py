@@ -181,20 +181,20 @@ def test_no_daylight_under_any_rock(laid):
 def test_no_daylight_on_very_rough_ground():
     """Self-affine ground whose slopes over 0.1 m have an RMS of 20 degrees."""
     random = np.random.default_rng(1)
-    cells, spacing = 512, 0.1
+    cells, spacing = 256, 0.1
     waves = np.hypot(*np.meshgrid(np.fft.fftfreq(cells), np.fft.rfftfreq(cells), indexing="ij"))
     waves[0, 0] = np.inf
     phases = random.normal(size=waves.shape) + 1j * random.normal(size=waves.shape)
     heights = np.fft.irfft2(phases * waves**-1.8, s=(cells, cells))
     heights *= np.tan(np.radians(20.0)) * spacing / np.sqrt((np.diff(heights, axis=1) ** 2).mean())
-    land = Heightfield(elevation=heights, spacing=spacing, origin=(-25.0, -25.0))
-    count, library = 1500, make_library(LibrarySpec(shapes=6))
+    land = Heightfield(elevation=heights, spacing=spacing, origin=(-12.5, -12.5))
+    count, library = 400, make_library(LibrarySpec(shapes=6))
     scattered = Scattered(
         populations=("rocks",),
         id=np.arange(count),
         population=np.zeros(count),
         prototype=random.integers(0, 6, count),
-        xy=random.uniform(-22.0, 22.0, (count, 2)),
+        xy=random.uniform(-11.0, 11.0, (count, 2)),
         yaw=random.uniform(0, 2 * np.pi, count),
         buried=random.uniform(0.05, 0.5, count),
         diameter=0.2 * 10 ** random.random(count),

@@ -20,6 +20,7 @@ from terrain_forge.scene import (
 from terrain_forge.scene.camera import map_camera
 from terrain_forge.terrain import AppearanceSpec, colour_ground, stencil_reach
 from tests.helpers import worlds
+from tests.helpers.pictures import PREVIEW
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +135,7 @@ def test_moon_has_a_black_sky(flat_world):
 def test_written_picture_is_the_rendered_one(small_world, tmp_path):
     write_preview(small_world, tmp_path / "preview.png")
     image = np.asarray(Image.open(tmp_path / "preview.png"))
-    assert image.shape == (720, 1280, 3)
+    assert image.shape == (PREVIEW[1], PREVIEW[0], 3)
     np.testing.assert_array_equal(image, render_preview(small_world))
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from terrain_forge.base import TerrainForgeError
 from terrain_forge.model import Heightfield, rotations
-from terrain_forge.scene import GROUND, RayScene, embree, open_scene, pinhole_camera, subject_of
+from terrain_forge.scene import (
+    GROUND,
+    RayScene,
+    embree,
+    open_scene,
+    pinhole_camera,
+    render_preview,
+    subject_of,
+)
 from terrain_forge.scene.camera import map_camera
 from terrain_forge.scene.scene import MISSED
 
@@ -168,24 +172,20 @@ def test_a_far_away_tile_loses_no_precision(small_world):
     np.testing.assert_allclose(one.distance, other.distance, atol=1e-6)
 
 
-def test_same_bytes_for_any_number_of_threads(tmp_path):
-    code = (
-        "import sys, numpy as np\n"
-        "from tests.helpers import worlds\n"
-        "from terrain_forge.scene.scene import open_scene\n"
-        "random = np.random.default_rng(0)\n"
-        "origins = random.uniform((-12, -8, 3), (12, 8, 4), (5000, 3))\n"
-        "with open_scene(worlds.world()) as scene:\n"
-        "    hits = scene.cast(origins, random.normal(size=(5000, 3)))\n"
-        "np.savez(sys.argv[1], hits.distance, hits.normal, hits.rock)\n"
-    )
-    for threads in ("1", "2"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads}
-        file = str(tmp_path / f"{threads}.npz")
-        subprocess.run([sys.executable, "-c", code, file], env=environment, check=True)
-    with np.load(tmp_path / "1.npz") as one, np.load(tmp_path / "2.npz") as other:
-        for name in one.files:
-            np.testing.assert_array_equal(one[name], other[name])
+def test_same_bytes_for_any_number_of_threads(small_world, scene, monkeypatch):
+    """Of casting and of taking a picture, whose bands are drawn by several."""
+    random = np.random.default_rng(0)
+    origins = random.uniform((-12, -8, 3), (12, 8, 4), (5000, 3))
+    directions = random.normal(size=(5000, 3))
+    found = []
+    for threads in (1, 3):
+        for module in ("base.kernels", "scene.render"):
+            monkeypatch.setattr(f"terrain_forge.{module}.get_num_threads", lambda n=threads: n)
+        hits = scene.cast(origins, directions)
+        picture = render_preview(small_world, width=64, height=36)
+        found.append([hits.distance, hits.normal, hits.rock, picture])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_closed_scene_says_so(small_world):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,7 @@ def block_means(heights, n):
     return heights[: rows * n, : columns * n].reshape(rows, n, columns, n).mean(axis=(1, 3))
 
 
+@cache
 def natural_surface(count, hurst, seed, *, fine=4):
     """Self-affine pixel means with ν(1) = 1: an independent spectral synthesis, averaged."""
     size = 2 * count * fine
@@ -47,7 +49,9 @@ def natural_surface(count, hurst, seed, *, fine=4):
     everywhere = np.ones(heights.shape, bool)
     law = (4.0 - 4.0**hurst) * 16.0**hurst
     heights /= np.sqrt(mean_square_increment(heights, 4 * fine, everywhere) / law)
-    return block_means(heights, fine)
+    means = block_means(heights, fine)
+    means.setflags(write=False)
+    return means
 
 
 def continued(means, *, factor, posting=4.0, margin=8, layer=None, **changes):
@@ -127,7 +131,7 @@ def test_bent_spectrum_is_continued_as_it_is_at_the_joint():
 
 def test_increments_of_pixel_means():
     """The closed form against a surface of finer samples than pixels."""
-    heights = natural_surface(256, 0.7, seed=6, fine=8)
+    heights = natural_surface(192, 0.7, seed=6, fine=8)
     everywhere = np.ones(heights.shape, bool)
     for lag in (1, 2, 4):
         measured = mean_square_increment(heights, lag, everywhere)
@@ -143,7 +147,7 @@ def test_amplitude_follows_the_ground():
 
 
 def test_holes_and_facets_do_not_smooth_the_detail():
-    heights = natural_surface(128, 0.7, seed=5)
+    heights = natural_surface(128, 0.7, seed=5).copy()
     trusted = np.ones(heights.shape, bool)
     whole = fit_roughness(heights, 1.0, MARS, trusted)
     heights[40:70, 40:70] = 0.0
@@ -215,7 +219,7 @@ def test_strips_do_not_show(monkeypatch):
 
     posts = natural_surface(40, 0.7, seed=8)
     _, whole = continued(posts, factor=8)
-    monkeypatch.setattr(ground, "_STRIP", 7)
+    monkeypatch.setattr(ground, "STRIP", 7)
     _, strips = continued(posts, factor=8)
     assert np.array_equal(whole, strips)
 
@@ -338,17 +342,6 @@ def test_report_tells_what_the_dtm_needed():
     assert dtm_part(terrain_statistics(site=flat, ground=ground).as_json()) == []
 
 
-def test_figure_is_drawn_with_equal_bytes(tmp_path):
-    from terrain_forge.terrain import write_terrain_figure
-
-    site, _ = continued(natural_surface(40, 0.7, seed=8), factor=4)
-    ground = shape_ground(site=site, window=site.window, layers=(Fractal(),))
-    found = terrain_statistics(site=site, ground=ground)
-    for name in ("a.png", "b.png"):
-        write_terrain_figure(found, tmp_path / name)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-
-
 def decimated(heights, seed):
     """Errors of ν at 1, 2, 3, 4 original posts of a DTM averaged 4 × 4 and continued again.
 
@@ -396,7 +389,7 @@ def read(source, corner, size, scale=1.0):
           (((200, 100), 512), ((100, 900), 400), ((300, 200), 256))),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_decimated_dtm_is_given_back_its_roughness(source, corner, size, scale, seed):
     alone, ours = decimated(read(source, corner, size, scale), seed)
     assert abs(ours[0]) < 0.15

@@ -32,7 +32,7 @@ def test_reference_with_our_gradients_is_our_noise():
 
     def gradient(i, j):
         mixed = mix(np.uint64(mix(np.uint64(key), np.uint64(zigzag(i)))), np.uint64(zigzag(j)))
-        return ours._GRADIENTS[mixed >> 56]
+        return ours.GRADIENTS[mixed >> 56]
 
     for x, y in POINTS - 100.0:
         expected = reference(x, y, gradient)

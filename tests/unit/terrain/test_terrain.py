@@ -41,11 +41,11 @@ def test_fractal_has_its_structure_function(hurst):
 def test_flat_sites_are_as_rough_as_the_law(hurst, spacing):
     """From one spacing up to a quarter of the longest wavelength, whatever H and spacing."""
     site = worlds.site().replace(size=(100.0, 100.0), spacing=spacing)
-    wavelengths = Fractal()._wavelengths(site)
+    wavelengths = Fractal().octaves(site)
     factors = fractal.octave_amplitudes(hurst, 0.05, wavelengths)
     factors *= fractal.end_factors(hurst, wavelengths, baselines=(1.0, spacing))
     for baseline in (spacing, 2 * spacing, 3 * spacing, 1.0, 2.0, 4.0, 8.0):
-        squares = factors**2 * fractal._structure(baseline / wavelengths)
+        squares = factors**2 * fractal.structure_function(baseline / wavelengths)
         expected = 0.05 * baseline**hurst
         assert np.sqrt(squares.sum()) == pytest.approx(expected, rel=0.05 if baseline > 4 else 0.02)
 
@@ -88,7 +88,7 @@ def test_structure_table_of_the_noise():
     for n in (-8, -6, -4, -2, 0, 2, 4, 6):
         lag = round(16 * 2 ** (n / 2))
         measured = deviation(noise, lag) ** 2
-        assert fractal._structure(np.array(lag / 16)) == pytest.approx(measured, rel=0.08)
+        assert fractal.structure_function(np.array(lag / 16)) == pytest.approx(measured, rel=0.08)
 
 
 def test_fractal_of_a_window_is_the_cut():

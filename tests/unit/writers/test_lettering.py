@@ -5,7 +5,7 @@ from io import BytesIO
 
 import pytest
 
-from terrain_forge.truth.size_frequency_figure import _label
+from terrain_forge.truth.size_frequency_figure import population_label
 from terrain_forge.writers import figure_text, file_name
 
 
@@ -37,4 +37,4 @@ def test_names_stay_what_they_are_where_the_font_has_them_and_apart_where_not():
 
 def test_the_size_frequency_figure_names_populations_so():
     part = {"count": {"observed": 1234}, "name": "石", "arrangement": "clustered"}
-    assert _label(part) == f"1 234 {file_name('石')}, clustered"
+    assert population_label(part) == f"1 234 {file_name('石')}, clustered"

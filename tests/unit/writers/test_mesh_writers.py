@@ -300,7 +300,7 @@ def test_names_stay_apart_and_plain():
 def test_rocks_in_parts_are_the_rocks_at_once(small_world, monkeypatch):
     field, shapes = small_world.field, [p.meshes[0] for p in small_world.library.prototypes]
     whole, every = merge_rocks(field, shapes, small_world.ground)
-    monkeypatch.setattr("terrain_forge.geometry.rock_mesh._PART", 7)
+    monkeypatch.setattr("terrain_forge.geometry.rock_mesh.PART", 7)
     parts = list(merge_in_parts(field, shapes, small_world.ground))
     assert len(parts) == 6
     assert np.array_equal(np.concatenate([vertices for vertices, _ in parts]), whole)

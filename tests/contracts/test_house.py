@@ -1,0 +1,235 @@
+"""The house: rooms in their order, doors, no circles, a fast `import terrain_forge`."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import terrain_forge as tf
+from tests.helpers.places import ROOT
+
+ORDER = [
+    {"base"},
+    {"model"},
+    {"dtm", "rovers", "writers"},
+    {"terrain", "scene"},
+    {"rocks", "geometry"},
+    {"paths"},
+    {"recipe", "truth"},
+    {"driving", "sensors"},
+    {"validation"},
+    {"building", "exporters"},
+    {"report"},
+    {"pipeline"},
+    {"cli", "__init__"},
+    {"__main__"},
+]
+"""A room imports only from rooms above it in this list."""
+
+EXCEPTIONS = {("terrain_forge.model.site", "recipe")}
+"""A site reads its recipe from the text that it carries."""
+
+VERSION = ("terrain_forge", "__version__")
+"""What everyone may import from the top."""
+
+TOP = {"__init__.py", "__init__.pyi", "__main__.py", "cli.py", "pipeline.py", "py.typed"}
+HEAVY = {
+    *("numpy", "scipy", "numba", "pydantic", "rasterio", "trimesh", "PIL", "ruamel", "click"),
+    *("mujoco", "pxr", "matplotlib", "coacd", "manifold3d", "embreex"),
+}
+PACKAGE = ROOT / "terrain_forge"
+DOORS = sorted(path.parent for path in PACKAGE.glob("*/__init__.py"))
+PROBES = "terrain_forge.validation.conformance.probes"
+"""Programs that other interpreters run."""
+
+
+def name_of(path: Path) -> str:
+    """The module that a file is."""
+    folder = PACKAGE.parent if path.is_relative_to(PACKAGE) else ROOT
+    parts = path.relative_to(folder).with_suffix("").parts
+    if folder == ROOT and parts[0] == "exporters":
+        parts = ("terrain_forge", *parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@cache
+def files() -> dict[str, Path]:
+    """All modules of the package and of our exporters."""
+    found = [*PACKAGE.rglob("*.py"), *(ROOT / "exporters").rglob("*.py")]
+    named = {name_of(path): path for path in found if "__pycache__" not in path.parts}
+    return {n: p for n, p in named.items() if not n.startswith(PROBES + ".")}
+
+
+def room_of(module: str) -> str:
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else "__init__"
+
+
+@cache
+def names_of_door(package: str) -> dict[str, str]:
+    """Where each public name of a package comes from, by its stub."""
+    stub = files()[package].with_suffix(".pyi")
+    if not stub.exists():
+        return {}
+    found = {}
+    for node in ast.parse(stub.read_text()).body:
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                found[alias.asname or alias.name] = f"{package}.{node.module}"
+    return found
+
+
+def loaded(tree: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but those of `if TYPE_CHECKING:`."""
+    apart: set[ast.AST] = set()
+    for node in ast.walk(tree):  # from the outside in
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            apart.update(ast.walk(node))
+        if node not in apart:
+            yield node
+
+
+def imported(path: Path, package: str) -> Iterator[tuple[str, str]]:
+    """(module, name) of each import of ours that a file does; the name is empty for `import a`."""
+    for node in loaded(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((a.name, "") for a in node.names if a.name.startswith("terrain_forge"))
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            if node.level:
+                up = package.split(".")[: len(package.split(".")) - node.level + 1]
+                module = ".".join([*up, module] if module else up)
+            if module.split(".")[0] == "terrain_forge":
+                yield from ((module, alias.name) for alias in node.names)
+
+
+def resolved(module: str, name: str) -> str:
+    """The file that an import reads: through a door, the one that the door names."""
+    if f"{module}.{name}" in files():
+        return f"{module}.{name}"
+    source = names_of_door(module).get(name) if module in files() else None
+    return resolved(source, name) if source else module
+
+
+@cache
+def arrows() -> list[tuple[str, str, str, str]]:
+    """(importing file, module as written, name, file that it reads) of all imports."""
+    found = []
+    for importer, path in files().items():
+        package = importer if path.name == "__init__.py" else importer.rpartition(".")[0]
+        for module, name in imported(path, package):
+            found.append((importer, module, name, resolved(module, name)))
+    return found
+
+
+def test_four_files_at_the_top():
+    assert {path.name for path in PACKAGE.iterdir() if path.is_file()} == TOP
+
+
+def test_each_room_has_its_place():
+    placed = set().union(*ORDER)
+    assert {door.name for door in DOORS} <= placed
+    assert {room_of(module) for module in files()} <= placed
+
+
+def test_rooms_import_only_from_rooms_before_them():
+    level = {room: n for n, rooms in enumerate(ORDER) for room in rooms}
+    wrong = []
+    for importer, module, name, source in arrows():
+        here, there = room_of(importer), room_of(source)
+        if here == there or (importer, there) in EXCEPTIONS or (module, name) == VERSION:
+            continue
+        if level[there] >= level[here]:
+            wrong.append(f"{importer}: from {module} import {name}")
+    assert wrong == []
+
+
+def test_outsiders_come_through_the_door():
+    """Exporters are one room, in which each has a door of its own for the other rooms."""
+    wrong = []
+    for importer, module, name, _ in arrows():
+        room = room_of(module)
+        door = module.count(".") < (3 if room == "exporters" else 2)
+        offered = name in names_of_door(module) or module.count(".") != 1
+        loose = room in ("pipeline", "cli", "exporters") or (module, name) == VERSION
+        if room_of(importer) != room and not (door and (offered or loose)):
+            wrong.append(f"{importer}: from {module} import {name}")
+    assert wrong == []
+
+
+def test_no_circle_of_files():
+    graph: dict[str, set[str]] = {module: set() for module in files()}
+    for importer, _, _, source in arrows():
+        door = "__init__.py" in (files()[importer].name, files().get(source, Path()).name)
+        if importer != source and not door:
+            graph[importer].add(source)
+    graph.get("terrain_forge.validation.agreement", set()).discard(
+        "terrain_forge.validation.mujoco_agreement"
+    )
+    for importer, room in EXCEPTIONS:
+        graph[importer] = {source for source in graph[importer] if room_of(source) != room}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+@pytest.mark.parametrize("door", DOORS, ids=lambda p: p.name)
+def test_a_door_says_what_its_room_is_for_and_opens_nothing_else(door):
+    tree = ast.parse((door / "__init__.py").read_text())
+    told = ast.get_docstring(tree)
+    assert told
+    assert len(told.splitlines()) == 1
+    assert told.endswith(".")
+    text = [ast.unparse(node) for node in tree.body[1:]]
+    assert text == [
+        "from lazy_loader import attach_stub",
+        "__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)",
+    ]
+
+
+@pytest.mark.parametrize("package", ["terrain_forge", *(f"terrain_forge.{d.name}" for d in DOORS)])
+def test_each_name_of_a_door_is_there(package):
+    room = importlib.import_module(package)
+    names = set(names_of_door(package))
+    assert names == set(room.__all__)
+    assert names <= set(dir(room))
+    assert {name for name in names if name.startswith("_")} == set()
+    for name in names:
+        getattr(room, name)
+
+
+def test_nothing_public_of_the_package_is_named_as_a_file():
+    """`from terrain_forge.rocks import scatter` must not depend on what was imported before."""
+    for door in DOORS:
+        there = {path.stem for path in door.glob("*.py")} | {p.name for p in door.iterdir()}
+        package = f"terrain_forge.{door.name}"
+        clashes = {n for n, s in names_of_door(package).items() if n in there and s.count(".") == 2}
+        assert clashes == set(), package
+
+
+def test_import_is_light():
+    """Only our own code and what loads its names on demand: what a first name needs comes then."""
+    script = (
+        "import sys, json; before = set(sys.modules); import terrain_forge as tf; dir(tf);"
+        "print(json.dumps(sorted(set(sys.modules) - before)))"
+    )
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    modules = json.loads(done.stdout)
+    assert {name for name in modules if name.startswith("terrain_forge")} == {"terrain_forge"}
+    assert {name.split(".")[0] for name in modules}.isdisjoint(HEAVY)
+
+
+def test_everything_is_offered_from_one_place():
+    assert dir(tf) == sorted(dir(tf))
+    assert {"load_recipe", "plan", "realise", "build", "World", "Recipe"} <= set(dir(tf))

@@ -1,0 +1,46 @@
+"""Pictures of built worlds, small in tests: what is in them is tested where they are made.
+
+Else they would be most of what the tests cost."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+PREVIEW = (96, 54)
+"""Width and height of the preview."""
+SHEET = (240, 85)
+"""Width and height of the page's picture of the rocks' shapes."""
+MAP = 96
+"""Pixels along the longer side of the page's picture from above."""
+TEXTURED = ("drake", "glb", "mesh", "mjcf", "sdf", "usd")
+TEXTURE = 128
+"""Most pixels along a side of the ground's texture, where a test chooses none."""
+FILM = 2
+"""Pictures of a drive's film."""
+
+
+def make_small(patch: pytest.MonkeyPatch) -> None:
+    """Let whatever builds a world take small pictures of it."""
+    from terrain_forge.model import exporter
+    from terrain_forge.rocks import render_contact_sheet
+    from terrain_forge.scene import render_preview
+
+    for picture, (width, height) in ((render_preview, PREVIEW), (render_contact_sheet, SHEET)):
+        patch.setitem(picture.__kwdefaults__, "width", width)
+        patch.setitem(picture.__kwdefaults__, "height", height)
+    for kind in TEXTURED:
+        options = exporter(kind).Options
+        patch.setitem(options.__init__.__kwdefaults__, "texture_pixels", TEXTURE)
+        patch.setattr(options.__dataclass_fields__["texture_pixels"], "default", TEXTURE)
+    patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
+    patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
+
+
+if __name__ == "__main__":  # the command line in a process of its own, with the same pictures
+    from terrain_forge.cli import run
+
+    with pytest.MonkeyPatch.context() as patch:
+        make_small(patch)
+        sys.exit(run())

@@ -1,0 +1,84 @@
+"""Any window of any seed is the cut of the whole; the same seed is the same world."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import terrain_forge as tf
+from terrain_forge.model import Window
+from tests.helpers import worlds
+
+FEW = settings(max_examples=8, deadline=None, derandomize=True, database=None)
+seeds = st.sampled_from([0, 3, 2**40 + 1])
+
+
+@cache
+def site(seed):
+    recipe = tf.Recipe(
+        name="window",
+        seed=seed,
+        body="mars",
+        dtm=tf.FlatDtm(size_m=(12, 9)),
+        terrain=tf.TerrainSpec(spacing_m=0.25, layers=(tf.Fractal(), tf.Ripples(wavelength_m=1.2))),
+        rocks=tf.RocksSpec(
+            library=tf.LibrarySpec(shapes=2),
+            populations=(
+                tf.PopulationSpec(
+                    name="rocks", size_frequency=tf.Golombek(k=0.1), diameter_m=(0.2, 0.8)
+                ),
+            ),
+        ),
+        exports=(),
+    )
+    return tf.plan(recipe)
+
+
+@cache
+def whole(seed):
+    return tf.realise(site(seed))
+
+
+@st.composite
+def windows(draw):
+    column, row = draw(st.integers(0, 46)), draw(st.integers(0, 34))
+    columns, rows = draw(st.integers(1, 48 - column)), draw(st.integers(1, 36 - row))
+    return Window(column=column, row=row, columns=columns, rows=rows)
+
+
+@FEW
+@given(seed=seeds, window=windows())
+def test_a_window_is_the_cut(seed, window):
+    part = tf.realise(site(seed), window)
+    cut = np.s_[
+        window.row : window.row + window.rows + 1,
+        window.column : window.column + window.columns + 1,
+    ]
+    world = whole(seed)
+    assert part.ground.elevation.tobytes() == world.ground.elevation[cut].tobytes()
+    assert np.array_equal(part.appearance.ground_rgb, world.appearance.ground_rgb[cut])
+    west, south, east, north = part.ground.bounds
+    x, y = world.field.position[:, 0], world.field.position[:, 1]
+    assert part.field == world.field.select((x >= west) & (x < east) & (y >= south) & (y < north))
+
+
+@settings(FEW, max_examples=2)
+@given(seed=seeds)
+def test_the_same_seed_is_the_same_world(seed):
+    assert tf.realise(site(seed)) == whole(seed)
+
+
+@settings(FEW, max_examples=40)
+@given(window=windows(), share=st.tuples(st.floats(0, 1), st.floats(0, 1)))
+def test_a_cut_ground_has_the_heights_of_the_whole(window, share):
+    ground = worlds.ground()
+    part = ground.cut(
+        column=window.column, row=window.row, columns=window.columns, rows=window.rows
+    )
+    assert part.elevation.shape == (window.rows + 1, window.columns + 1)
+    west, south, east, north = part.bounds
+    place = west + share[0] * (east - west), south + share[1] * (north - south)
+    np.testing.assert_allclose(part.height_at(*place), ground.height_at(*place), atol=1e-9)
