@@ -50,7 +50,7 @@ def _read(sample: Sample, world: Path, scratch: Path) -> Reading:
             "radius": sample.balls.radius,
             "seconds": SETTLING,
         }
-        command = [python, "-c", read_probe(__file__, "newton_probe.py")]
+        command: list[str | Path] = [python, "-c", read_probe(__file__, "newton_probe.py")]
         run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
         reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
     reasons = {
