@@ -48,7 +48,7 @@ def read_drake(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
             "radius": sample.balls.radius,
             "seconds": SETTLING,
         }
-        command = [python, "-c", read_probe(__file__, "probe.py")]
+        command: list[str | Path] = [python, "-c", read_probe(__file__, "probe.py")]
         text = run(command, text=json.dumps(order), log=scratch / "drake.log")
         reading = read_answer(sample, text, binary)
     reasons = {"gravity": "Drake takes none from files", "path": "Drake has no actors"}
