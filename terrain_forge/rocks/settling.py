@@ -153,6 +153,7 @@ class _Settled(Record):
 def dynamic_rock(
     rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
 ) -> DynamicRock:
+    """One rock with what its motion needs."""
     return DynamicRock(
         prototype=prototype,
         diameter=float(rocks.diameter[row]),
