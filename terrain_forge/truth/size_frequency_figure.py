@@ -76,6 +76,7 @@ def _draw(axes: Axes, part: dict[str, Any], quantity: str, colour: str, width: f
 
 
 def population_label(part: dict[str, Any]) -> str:
+    """A population's name in the legend."""
     number = f"{part['count']['observed']:,}".replace(",", " ")
     how = {"clustered": ", clustered", "craters": ", around craters"}
     kind = how.get(part.get("arrangement", ""), ", listed" if "file" in part else "")
