@@ -48,11 +48,11 @@ from .seeds import uniform as uniform
 from .seeds import uniforms as uniforms
 from .seeds import zigzag as zigzag
 from .specs import BY_KIND as BY_KIND
+from .specs import MAX_NAME as MAX_NAME
 from .specs import ByKind as ByKind
 from .specs import FileName as FileName
 from .specs import Fraction as Fraction
 from .specs import InputFile as InputFile
-from .specs import MAX_NAME as MAX_NAME
 from .specs import NotNegative as NotNegative
 from .specs import Pair as Pair
 from .specs import Positive as Positive

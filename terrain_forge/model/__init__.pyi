@@ -19,8 +19,8 @@ from .check import at_most as at_most
 from .check import failed as failed
 from .dtm_patch import DtmPatch as DtmPatch
 from .exporting import Export as Export
-from .exporting import ExportReport as ExportReport
 from .exporting import Exporter as Exporter
+from .exporting import ExportReport as ExportReport
 from .exporting import Opening as Opening
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError, from_plain, to_plain
 from terrain_forge.model.sensor import sensor_kinds
-from terrain_forge.model.world import World
+
+if TYPE_CHECKING:
+    from terrain_forge.model.world import World
 
 FORMAT = 5
 
@@ -23,7 +25,7 @@ def save_world(world: World, directory: Path) -> list[Path]:
     folder = directory / "world"
     folder.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, NDArray[Any]] = {}
-    # A brought rover is the site's and the world's; its meshes are stored once.
+    # A custom rover is the site's and the world's; its meshes are stored once.
     shared = world.site.custom_rover == world.rover
     if shared:
         world = world.replace(site=world.site.replace(custom_rover=None))

@@ -2,8 +2,8 @@
 
 from .files import write_trajectories as write_trajectories
 from .interpolation import ANGLE_LIMIT as ANGLE_LIMIT
-from .interpolation import Deviation as Deviation
 from .interpolation import POSITION_LIMIT as POSITION_LIMIT
+from .interpolation import Deviation as Deviation
 from .interpolation import angles_between as angles_between
 from .interpolation import deviation as deviation
 from .interpolation import sample_times as sample_times
@@ -40,6 +40,6 @@ from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
 from .trajectory import make_trajectory as make_trajectory
 from .traversability_field import IMPASSABLE as IMPASSABLE
-from .traversability_field import Traversability as Traversability
 from .traversability_field import UNKNOWN as UNKNOWN
+from .traversability_field import Traversability as Traversability
 from .traversability_field import traversability as traversability

@@ -18,8 +18,8 @@ from .feasibility import check_lists as check_lists
 from .feasibility import check_rocks as check_rocks
 from .feasibility import expected_count as expected_count
 from .feasibility import largest_rock as largest_rock
-from .laws.counts import Counts as Counts
 from .laws.counts import MAX_COUNTED as MAX_COUNTED
+from .laws.counts import Counts as Counts
 from .laws.exponential import Exponential as Exponential
 from .laws.golombek import Golombek as Golombek
 from .laws.law import SizeLaw as SizeLaw

@@ -10,7 +10,7 @@ from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
 from .names import is_ground as is_ground
 from .names import rock_of as rock_of
-from .newton import newton as newton
+from .newton_reading import newton as newton
 from .outlines import split_merged as split_merged
 from .probe import read_answer as read_answer
 from .probe import resting_balls as resting_balls

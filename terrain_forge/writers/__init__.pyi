@@ -3,8 +3,8 @@
 from .digits import put_integer as put_integer
 from .digits import put_number as put_number
 from .geotiff import write_geotiff as write_geotiff
-from .glb import Gltf as Gltf
 from .glb import LARGEST_FILE as LARGEST_FILE
+from .glb import Gltf as Gltf
 from .image import encode_png as encode_png
 from .image import write_png as write_png
 from .mesh import Floats as Floats

@@ -14,6 +14,7 @@ from scipy.stats import kstest
 
 from terrain_forge.base import mix, stage_key
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.model import BODIES
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json, recipe_json
 from terrain_forge.rocks import PopulationSpec, RocksSpec
 
@@ -47,7 +48,7 @@ SMALLEST, LARGEST = 0.25, 2.0
 
 @pytest.fixture(params=sorted(LAWS))
 def law(request):
-    return LAWS[request.param](**EXAMPLES.get(request.param, {})).on("mars")
+    return LAWS[request.param](**EXAMPLES.get(request.param, {})).on(BODIES["mars"])
 
 
 def test_the_known_ones_are_found():

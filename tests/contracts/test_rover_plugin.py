@@ -157,7 +157,10 @@ def test_a_new_kind_of_sensor_is_in_every_format_or_told_as_a_loss(built):
     assert model.find(".//site[@name='nose']") is not None
     stage = (out / "rover" / "tank.usda").read_text()
     assert 'string kind = "radar"' in stage
-    losses = json.loads((out / "manifest.json").read_text())["losses"]
+    losses = {
+        folder: export["losses"]
+        for folder, export in json.loads((out / "manifest.json").read_text())["exports"].items()
+    }
     left_out = "SDF has no sensor for the rover's odour sensor: it is left out."
     frames = "Lidar, IMU, radar and odour sensor are bare frames: no USD schema holds their"
     assert left_out in losses["sdf"]

@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from terrain_forge.rovers import find_rover
-from terrain_forge.rovers.catalogue import rover_names
+from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers
 
 FILES = {
@@ -16,7 +15,7 @@ FILES = {
 }
 
 
-@pytest.fixture(scope="module", params=[*rover_names(), *FILES])
+@pytest.fixture(scope="module", params=[*built_in_rovers(), *FILES])
 def rover(request, tmp_path_factory):
     if request.param not in FILES:
         return find_rover(request.param)

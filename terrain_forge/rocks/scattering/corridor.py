@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, segment_square_distance
 from terrain_forge.model import ExclusionZone, Route, Rover, Site, Window
-from terrain_forge.rocks.populations import ExclusionSpec
+
+if TYPE_CHECKING:
+    from terrain_forge.rocks.populations import ExclusionSpec
 
 _BIN = 1.0
 _MAX_BINS = 1000

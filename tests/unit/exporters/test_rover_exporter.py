@@ -21,8 +21,7 @@ from terrain_forge.exporters.rover import Options, export
 
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.model import Coupling
-from terrain_forge.rovers import find_rover
-from terrain_forge.rovers.catalogue import rover_names
+from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
 from tests.helpers.places import PROGRAMS
 from tests.helpers.rovers import morpheus, skid4
@@ -41,7 +40,7 @@ def custom(tmp_path_factory):
     return rovers.read(rovers.rocker_urdf(tmp_path_factory.mktemp("urdf")))
 
 
-@pytest.fixture(scope="module", params=[*rover_names(), "detailed", "custom"])
+@pytest.fixture(scope="module", params=[*built_in_rovers(), "detailed", "custom"])
 def case(request, tmp_path_factory):
     """A rover and its files."""
     rover = {
