@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import portable
 from terrain_forge.geometry import grid_normals
 from terrain_forge.model import ExportReport, Heightfield, Site, World, merge
 from terrain_forge.truth import rock_rasters
@@ -72,12 +73,12 @@ def _rasters(world: World, options: Options) -> Iterator[tuple[str, NDArray[Any]
 def _slope(normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """Steepness of the ground [degrees]."""
     up = normals[..., 2].astype(np.float64)
-    return np.degrees(np.arccos(np.minimum(up, 1.0))).astype(np.float32)
+    return np.degrees(portable.arccos(np.minimum(up, 1.0))).astype(np.float32)
 
 
 def _hillshade(normals: NDArray[np.float32], world: World) -> NDArray[np.uint8]:
     """255 times the cosine of the angle between the ground's normal and the Sun."""
-    light = normals @ world.lighting.towards_sun
+    light = portable.product(normals, world.lighting.towards_sun)
     return np.rint(255 * np.maximum(light, 0.0)).astype(np.uint8)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import ExportError, xyzw
+from terrain_forge.base import ExportError, portable, xyzw
 from terrain_forge.geometry import PLACE_LOSS, detail_loss, level_of_detail, texture_loss
 from terrain_forge.model import ExportReport, Lighting, Trajectory, World
 from terrain_forge.writers import LARGEST_FILE, Gltf
@@ -139,7 +139,7 @@ def _sun_node(lighting: Lighting) -> dict[str, Any]:
     east, north, up = lighting.towards_sun
     # The shortest turn from +z to the Sun, of which (north × up) is the axis.
     turn = np.array([-north, east, 0.0, 1.0 + up])
-    rotation = turn / np.linalg.norm(turn)
+    rotation = turn / portable.norm(turn)
     return {"name": "sun", "rotation": rotation.tolist(), "extensions": {_LIGHTS: {"light": 0}}}
 
 

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from terrain_forge.base import image_rows
+from terrain_forge.base import image_rows, portable
 from terrain_forge.geometry import bake_tile, mean_rock_srgb, rock_texture, write_ground_obj
 from terrain_forge.model import World, rotations
 from terrain_forge.writers import (
@@ -123,8 +123,11 @@ def _write_single_rocks(body: _Body, world: World) -> None:
         mesh = meshes[prototype]
         rows, corners = coordinates(prototype)
         body.begin(rock_name(field.id[row]))
-        body.add(b"v", field.scale[row] * mesh.vertices @ turns[row].T + field.position[row])
-        body.add(b"vn", normals(prototype) @ turns[row].T)
+        body.add(
+            b"v",
+            portable.product(field.scale[row] * mesh.vertices, turns[row].T) + field.position[row],
+        )
+        body.add(b"vn", portable.product(normals(prototype), turns[row].T))
         body.add(b"vt", rows)
         body.use(f"rock_{field.population[row]}")
         body.add_faces(mesh.faces, corners)

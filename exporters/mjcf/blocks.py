@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import ExportError
+from terrain_forge.base import ExportError, portable
 from terrain_forge.model import Heightfield, RockField
 
 CELLS = 4
@@ -51,7 +51,7 @@ def split_ground(ground: Heightfield, rocks: RockField) -> list[Block]:
         ExportError: if there would be too many.
     """
     near = _near(ground, rocks)
-    whole = CELLS * 2 ** int(np.ceil(np.log2(max(near.shape))))
+    whole = CELLS * 2 ** int(np.ceil(portable.log2(max(near.shape))))
     blocks = list(_split(near, Block(row=0, column=0, rows=whole, columns=whole), ground.shape))
     if len(blocks) > MOST:
         raise ExportError(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import write_rover_meshes
 from terrain_forge.model import ExportReport, Friction, Tile, World, world_friction
 from terrain_forge.writers import file_name
@@ -179,7 +179,7 @@ def _sun(world: World) -> str:
 
 def _sky(world: World) -> str:
     """The sky's colour at the horizon, darker above; linear light shown as sRGB by its 2.2 root."""
-    horizon = np.power(world.lighting.sky_rgb, 1 / 2.2)
+    horizon = portable.power(world.lighting.sky_rgb, 1 / 2.2)
     gradient = {"type": "skybox", "builtin": "gradient", "rgb1": 0.75 * horizon, "rgb2": horizon}
     return element("texture", name="sky", width=256, height=1536, **gradient)
 
@@ -232,7 +232,7 @@ def _lift(world: World, position: Array, rotation: Array) -> float:
     lowest = [wheel.centre - (0.0, 0.0, wheel.radius) for wheel in world.rover.wheels]
     if not lowest:
         return 0.0
-    points = position + np.array(lowest) @ rotation.T
+    points = position + portable.product(np.array(lowest), rotation.T)
     points = points[world.ground.covers(points[:, 0], points[:, 1])]
     above = world.ground.height_at(points[:, 0], points[:, 1]) - points[:, 2]
     return float(above.max(initial=0.0))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import portable
 from terrain_forge.geometry import inertias, write_rock_shape
 from terrain_forge.model import RockField, RockLibrary, RockPrototype
 from terrain_forge.rocks import dynamic_contact
@@ -31,7 +32,7 @@ _STEP = 2 * math.log1p(SCALE_ERROR)
 
 def shared_scale(scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sizes rounded to a geometric ladder, so that rocks of like size can share a mesh asset."""
-    return np.asarray(np.exp(np.round(np.log(scale) / _STEP) * _STEP))
+    return np.asarray(portable.exp(np.round(portable.log(scale) / _STEP) * _STEP))
 
 
 def _shape_sizes(field: RockField, options: Options) -> list[str]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from terrain_forge.base import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Link, Rover, Sensor, Shape, titles
 
@@ -208,7 +208,7 @@ def _sensor(sensor: Sensor) -> str:
     if not sensor.view:
         quaternion = quaternion_from_rpy(sensor.rpy)
         return element("site", name=sensor.name, pos=sensor.position, quat=quaternion, size=0.01)
-    axes = matrix_from_quaternion(quaternion_from_rpy(sensor.rpy)) @ _CAMERA_AXES
+    axes = portable.product(matrix_from_quaternion(quaternion_from_rpy(sensor.rpy)), _CAMERA_AXES)
     width, height, across = sensor.view
     return element(
         "camera",

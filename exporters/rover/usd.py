@@ -13,7 +13,7 @@ from terrain_forge.exporters.usd.material import bind_friction, define_friction
 from terrain_forge.exporters.usd.rig import define_rig
 from terrain_forge.exporters.usd.solids import define_shape
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.geometry import principal_axes
 from terrain_forge.model import Link, Rover, Shape
 from terrain_forge.writers import identifier
@@ -112,8 +112,8 @@ def _define_drive(prim: Usd.Prim, link: Link, rover: Rover) -> None:
 
 def _turn_x_to(axis: Array) -> Array:
     """The shortest turn (w, x, y, z) that takes the x axis to a unit vector."""
-    half = np.append(1.0 + _X @ axis, np.cross(_X, axis))
-    length = float(np.linalg.norm(half))
+    half = np.append(1.0 + portable.product(_X, axis), np.cross(_X, axis))
+    length = float(portable.norm(half))
     if length < 1e-9:  # the opposite direction: half a turn about z
         return np.array([0.0, 0.0, 0.0, 1.0])
     return np.asarray(half / length)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, ExportError, image_rows
+from terrain_forge.base import Array, ExportError, image_rows, portable
 from terrain_forge.model import Heightfield
 from terrain_forge.writers import write_png
 
@@ -62,7 +62,7 @@ def make_heightmap(ground: Heightfield, *, bits: int) -> Heightmap:
             f"a ground of {cells} cells is too large for a heightmap: at most {LARGEST - 1} each "
             "way; choose `ground: mesh`, a smaller size_m or a coarser spacing_m"
         )
-    samples = 2 ** max(int(np.ceil(np.log2(finest - 1))), 1) + 1
+    samples = 2 ** max(int(np.ceil(portable.log2(finest - 1))), 1) + 1
     resampled = ground.shape != (samples, samples)
     heights = _resample(ground, samples) if resampled else ground.elevation.astype(np.float64)
     lowest, span = float(heights.min()), float(np.ptp(heights)) or 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 
-from terrain_forge.base import quaternion_from_rpy
+from terrain_forge.base import portable, quaternion_from_rpy
 from terrain_forge.model import Rover, View, titles
 from terrain_forge.writers import identifier
 
@@ -66,7 +66,7 @@ def _define_camera(stage: Usd.Stage, path: str, view: View, side: str) -> None:
     width = float(camera.GetHorizontalApertureAttr().Get())
     camera.CreateHorizontalApertureAttr(width)
     camera.CreateVerticalApertureAttr(width * view.height_px / view.width_px)
-    camera.CreateFocalLengthAttr(float(width / (2 * np.tan(view.horizontal_fov / 2))))
+    camera.CreateFocalLengthAttr(float(width / (2 * portable.tan(view.horizontal_fov / 2))))
     name = identifier("_".join(Sdf.Path(path).GetParentPath().pathString.split("/")[-2:]))
     product = UsdRender.Product.Define(stage, f"/Render/{name}")
     product.CreateCameraRel().SetTargets([path])

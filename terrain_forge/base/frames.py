@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 
 
 def image_rows(grid: NDArray[Any]) -> NDArray[Any]:
@@ -60,9 +60,9 @@ def rpy_from_matrix(rotation: Array) -> Array:
     """Roll, pitch, yaw [rad], shape [..., 3], of rotation matrices, shape [..., 3, 3]."""
     return np.stack(
         [
-            np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
-            np.arcsin(np.clip(-rotation[..., 2, 0], -1.0, 1.0)),
-            np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
+            portable.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+            portable.arcsin(np.clip(-rotation[..., 2, 0], -1.0, 1.0)),
+            portable.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
         ],
         axis=-1,
     )

@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike
 
 from terrain_forge.base.arrays import Array
 
+_AT_ONCE = 1 << 16
+"""Elements that become Python's numbers at a time."""
 _SWEEPS = 12
 """Jacobi sweeps over a 3 × 3 matrix; six are enough for double precision."""
 _NEGLIGIBLE = 1e-18
@@ -188,8 +190,13 @@ def _each(function: Callable[..., float], *arrays: ArrayLike) -> Array:
     first = np.asarray(arrays[0], np.float64)
     if first.ndim == 0:
         return np.float64(function(*map(float, arrays)))  # type: ignore[arg-type, return-value]
-    columns = (np.asarray(array, np.float64).ravel().tolist() for array in arrays)
-    return np.fromiter(map(function, *columns), np.float64, first.size).reshape(first.shape)
+    columns = [np.asarray(array, np.float64).ravel() for array in arrays]
+    found = np.empty(first.size)
+    for begin in range(0, first.size, _AT_ONCE):
+        part = slice(begin, begin + _AT_ONCE)
+        numbers = map(function, *(column[part].tolist() for column in columns))
+        found[part] = np.fromiter(numbers, np.float64)
+    return found.reshape(first.shape)
 
 
 def _exp(x: float) -> float:

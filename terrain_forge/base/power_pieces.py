@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terrain_forge.base import portable
 from terrain_forge.base.arrays import Array
 
 
@@ -28,7 +29,7 @@ class PowerPieces:
     def through(cls, diameters: ArrayLike, numbers: ArrayLike) -> PowerPieces:
         """The pieces between points, at least two; the last goes on beyond."""
         diameters, numbers = np.array(diameters, np.float64), np.array(numbers, np.float64)
-        exponents = -np.diff(np.log(numbers)) / np.diff(np.log(diameters))
+        exponents = -np.diff(portable.log(numbers)) / np.diff(portable.log(diameters))
         last = exponents[-1]
         return cls(diameters=diameters, numbers=numbers, exponents=np.append(exponents, last))
 
@@ -39,7 +40,9 @@ class PowerPieces:
     def number(self, diameter: Array) -> Array:
         """N(≥D) on a square metre [1/m²]."""
         row = self.row(diameter)
-        number: Array = self.numbers[row] * (diameter / self.diameters[row]) ** -self.exponents[row]
+        number: Array = self.numbers[row] * portable.power(
+            diameter / self.diameters[row], -self.exponents[row]
+        )
         return number
 
     def slope(self, diameter: Array) -> Array:

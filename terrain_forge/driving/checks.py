@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, Record, SimulationError, matrix_from_quaternion
+from terrain_forge.base import Array, Record, SimulationError, matrix_from_quaternion, portable
 from terrain_forge.driving.simulation import ARRIVAL, DriveResult, drive, load_scene
 from terrain_forge.driving.starts import StartsResult, drive_from_many_starts
 from terrain_forge.model import Check, Rover, World, at_least, at_most, failed
@@ -102,7 +102,7 @@ def measure_clearance(world: World, result: DriveResult) -> DriveResult:
     """
     belly = belly_points(world.rover)
     rotation = matrix_from_quaternion(result.quaternion)
-    points = result.position[:, None, :] + belly @ rotation.transpose(0, 2, 1)
+    points = result.position[:, None, :] + portable.product(belly, rotation.transpose(0, 2, 1))
     starts = points.reshape(-1, 3) + np.array([0.0, 0.0, _ABOVE])
     down = np.broadcast_to((0.0, 0.0, -1.0), starts.shape)
     with open_scene(world) as scene:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.driving.planar_path import PlanarPath, wrap
 from terrain_forge.model import Rover
 
@@ -154,4 +154,4 @@ def wheels_turn_rate(rover: Rover, rates: Array) -> float:
     sides = np.array([wheel.centre[1] for wheel in rover.wheels])
     radii = np.array([wheel.radius for wheel in rover.wheels])
     sides = sides - sides.mean()
-    return float(-(sides @ (rates * radii)) / (sides @ sides))
+    return float(-(portable.product(sides, rates * radii)) / (portable.product(sides, sides)))

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from terrain_forge.base import Array, xyzw
+from terrain_forge.base import Array, portable, xyzw
 from terrain_forge.driving.result import DriveResult
 from terrain_forge.driving.starts import StartResult, StartsResult
 from terrain_forge.model import World
@@ -228,4 +228,4 @@ def _hillshade(heights: Array, spacing: float, towards_sun: Array) -> Array:
     north, east = np.gradient(heights, spacing)
     normal = np.stack([-east, -north, np.ones_like(heights)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return np.asarray(normal @ towards_sun)
+    return np.asarray(portable.product(normal, towards_sun))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, portable
 from terrain_forge.model import Trajectory
 
 CORNER = math.radians(35.0)
@@ -127,6 +127,6 @@ def wrap(angle: float) -> float:
 
 def _sharp_bends(points: Array, along: Array) -> Array:
     """Lengths along a polyline at which it bends sharply [m], shape [bends]."""
-    heading = np.arctan2(*np.diff(points, axis=0).T[::-1])
+    heading = portable.arctan2(*np.diff(points, axis=0).T[::-1])
     turns = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
     return np.asarray(along[1:-1][turns > CORNER])

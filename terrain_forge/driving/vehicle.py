@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, SimulationError
+from terrain_forge.base import Array, SimulationError, portable
 from terrain_forge.driving.result import EnergyBalance, longitudinal_slip
 from terrain_forge.model import Rover
 
@@ -180,7 +180,7 @@ class Vehicle:
             mujoco.mj_forward(self.model, data)
         data.ctrl[self._motors] = 0.0
         mujoco.mj_step(self.model, data, round(_SETTLE_TIME / self.model.opt.timestep))
-        if not np.linalg.norm(self.position - position) < _FARTHEST_SETTLING:
+        if not portable.norm(self.position - position) < _FARTHEST_SETTLING:
             raise SimulationError(f"the rover does not stand at its start, {_place(position)}")
         data.time = 0.0
         self._begin_audit()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, inner
+from terrain_forge.base import Array, DataError, inner, portable
 from terrain_forge.dtm.projection import pole_distance, transform
 from terrain_forge.model import DtmPatch
 
@@ -186,7 +186,7 @@ def patch_pixels(
 def patch_points(patch: DtmPatch, local_crs: str, column: Array, row: Array) -> tuple[Array, Array]:
     """Points of the site [m] at fractional columns and rows of the patch."""
     a, b, c, d, e, f = patch.to_pixel
-    (p, q), (r, s) = np.linalg.inv([[a, b], [d, e]])
+    (p, q), (r, s) = portable.inverse([[a, b], [d, e]])
     x, y = p * (column - c) + q * (row - f), r * (column - c) + s * (row - f)
     return transform(patch.crs, local_crs, x, y) if patch.crs else (x, y)
 

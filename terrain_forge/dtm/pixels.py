@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.base import Array, kernel, over_chunks
+from terrain_forge.base import Array, kernel, over_chunks, portable
 from terrain_forge.dtm.lattice import (
     Nodes,
     PixelFrame,
@@ -82,7 +82,7 @@ class Pixels:
         means = np.empty((self.rows, self.columns))
         per_step = np.array(frame.per_metre) * step
         over_chunks(
-            _average, len(means), samples, lattice, per_step, np.linalg.inv(per_step),
+            _average, len(means), samples, lattice, per_step, portable.inverse(per_step),
             np.array(frame.extent(step)), means,
         )  # fmt: skip
         return means

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, portable
 from terrain_forge.dtm.projection import (
     datum_radius,
     ellipsoid,
@@ -81,7 +81,7 @@ class Raster:
         """Coordinates x, y of the raster's middle."""
         rows, columns = self.shape
         a, b, c, d, e, f = self.to_pixel
-        x, y = np.linalg.solve([[a, b], [d, e]], [(columns - 1) / 2 - c, (rows - 1) / 2 - f])
+        x, y = portable.solve([[a, b], [d, e]], [(columns - 1) / 2 - c, (rows - 1) / 2 - f])
         return float(x), float(y)
 
     def read(
@@ -184,7 +184,7 @@ def ground_steps(raster: Raster) -> tuple[float, float] | None:
     if not raster.to_pixel:
         return None
     a, b, _, d, e, _ = raster.to_pixel
-    inverse = np.linalg.inv([[a, b], [d, e]])
+    inverse = portable.inverse([[a, b], [d, e]])
     if not raster.crs:
         across, down = np.linalg.norm(inverse, axis=0)
         return float(across), float(down)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.model import RockField, RockLibrary
 
 
@@ -15,7 +15,9 @@ def inertias(field: RockField, library: RockLibrary) -> Array:
     """
     of_shape = np.array([prototype.inertia for prototype in library.prototypes])
     density = field.mass / field.volume
-    result: Array = of_shape[field.prototype] * (density * field.scale**5)[:, None, None]
+    result: Array = (
+        of_shape[field.prototype] * (density * portable.power(field.scale, 5.0))[:, None, None]
+    )
     return result
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, fibonacci_sphere, inner, kernel
+from terrain_forge.base import Array, fibonacci_sphere, inner, kernel, portable
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
 from terrain_forge.writers import index_corners, vertex_normals, write_obj
 
@@ -26,8 +26,8 @@ def outline_error(mesh: Mesh, reference: Mesh) -> float:
     so it covers the top and every silhouette, and says nothing of dents.
     """
     directions = fibonacci_sphere(256)
-    support = (mesh.vertices @ directions.T).max(axis=0)
-    wanted = (reference.vertices @ directions.T).max(axis=0)
+    support = (portable.product(mesh.vertices, directions.T)).max(axis=0)
+    wanted = (portable.product(reference.vertices, directions.T)).max(axis=0)
     return float(np.abs(support - wanted).max())
 
 

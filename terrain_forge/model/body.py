@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, portable
 
 RGB = tuple[float, float, float]
 Surface = Literal["regolith", "bedrock", "rock"]
@@ -87,7 +87,7 @@ class Chronology(Record):
     def number(self, age: ArrayLike) -> Array:
         """N(1 km) [1/km²] of surfaces of ages [10⁹ years]."""
         age = np.asarray(age, np.float64)
-        return np.asarray(self.burst * np.expm1(self.rate * age) + self.steady * age)
+        return np.asarray(self.burst * portable.expm1(self.rate * age) + self.steady * age)
 
     def growth(self, age: float) -> float:
         """Craters that a surface of an age [10⁹ years] has, over those after 10⁹ years."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.base import Array, Key, RecipeError, portable
 
 STEP = 0.02
 """Distance of a curve's points [m]."""
@@ -85,7 +85,7 @@ def trace(
     count = max(int(np.ceil(rough[-1] / STEP)), 2)
     parameter = np.interp(np.linspace(0.0, rough[-1], count + 1), rough, fine)
     along = tangent(parameter)
-    heading = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    heading = np.unwrap(portable.arctan2(along[:, 1], along[:, 0]))
     return Curve(position=curve(parameter), heading=heading)
 
 
@@ -105,12 +105,12 @@ def trace_polyline(points: Array, *, closed: bool, radius: float, key: Key) -> C
     corners = _closed(points) if closed else np.asarray(points, np.float64)
     lengths = _legs(corners, closed, key)
     along = np.diff(corners, axis=0) / lengths[:, None]
-    heading = np.arctan2(along[:, 1], along[:, 0])
+    heading = portable.arctan2(along[:, 1], along[:, 0])
     following = np.roll(heading, -1) if closed else heading[1:]
     turn = _wrap(following - heading[: len(following)])
     if radius > 0.0:
         _require_arcs(corners, lengths, turn, radius, closed, (*key[:-1], "corner_radius_m"))
-    cut = radius * np.tan(0.5 * np.abs(turn)) if radius > 0.0 else np.zeros(len(turn))
+    cut = radius * portable.tan(0.5 * np.abs(turn)) if radius > 0.0 else np.zeros(len(turn))
     before = np.concatenate([[cut[-1] if closed else 0.0], cut])[: len(lengths)]
     after = np.concatenate([cut, np.zeros(len(lengths) - len(cut))])
     builder = _Builder(heading[0])
@@ -132,7 +132,7 @@ class _Builder:
 
     def go(self, begin: Array, end: Array) -> None:
         """Go straight from one point to another [m]."""
-        count = max(int(np.ceil(np.linalg.norm(end - begin) / STEP)), 1)
+        count = max(int(np.ceil(portable.norm(end - begin) / STEP)), 1)
         share = np.linspace(0.0, 1.0, count + 1)[:, None]
         self._add((1.0 - share) * begin + share * end, np.full(count + 1, self.heading))
 
@@ -192,7 +192,7 @@ def _require_arcs(
     corners: Array, lengths: Array, turn: Array, radius: float, closed: bool, key: Key
 ) -> None:
     """Refuse arcs that need more of a leg than there is."""
-    tangent = np.tan(0.5 * np.minimum(np.abs(turn), np.pi - 1e-9))
+    tangent = portable.tan(0.5 * np.minimum(np.abs(turn), np.pi - 1e-9))
     ends = np.concatenate([[tangent[-1] if closed else 0.0], tangent])
     ends = np.concatenate([ends, np.zeros(len(lengths) + 1 - len(ends))])
     fitting = lengths / np.maximum(ends[:-1] + ends[1:], 1e-12)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.model import Trajectory
 
 Interpolation = Callable[[Array, Array, Array], Array]
@@ -143,7 +143,10 @@ def turns_between(times: Array, quaternion: Array, asked: Array) -> Array:
     begin, end = quaternion[first], quaternion[first + 1]
     cosine = np.sum(begin * end, axis=1)
     end = np.where(cosine[:, None] < 0.0, -end, end)
-    angle = np.arctan2(np.linalg.norm(begin - end, axis=1), np.linalg.norm(begin + end, axis=1)) * 2
+    angle = (
+        portable.arctan2(np.linalg.norm(begin - end, axis=1), np.linalg.norm(begin + end, axis=1))
+        * 2
+    )
     still = angle < 1e-9
     sine = np.sin(np.where(still, 1.0, angle))
     one = np.where(still, 1.0 - part, np.sin((1.0 - part) * angle) / sine)
@@ -155,7 +158,7 @@ def turns_between(times: Array, quaternion: Array, asked: Array) -> Array:
 def angles_between(one: Array, other: Array) -> Array:
     """Angles of the turns between quaternions, shape [n, 4] each [rad]."""
     near = np.where(np.sum(one * other, axis=1)[:, None] < 0.0, -other, other)
-    half = np.arctan2(np.linalg.norm(one - near, axis=1), np.linalg.norm(one + near, axis=1))
+    half = portable.arctan2(np.linalg.norm(one - near, axis=1), np.linalg.norm(one + near, axis=1))
     result: Array = 4.0 * half
     return result
 

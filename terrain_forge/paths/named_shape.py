@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, Key, Pair, Positive, RecipeError, Spec
+from terrain_forge.base import Array, Key, Pair, Positive, RecipeError, Spec, portable
 from terrain_forge.paths.curves import Curve, trace
 
 Planar = Callable[[Array], Array]
@@ -64,7 +64,7 @@ class NamedShape(Spec):
         outline = self.outline(key)
         angle = math.radians(self.orientation_deg)
         cos, sin = math.cos(angle), math.sin(angle)
-        turned = outline.position @ np.array([[cos, sin], [-sin, cos]])
+        turned = portable.product(outline.position, np.array([[cos, sin], [-sin, cos]]))
         return Curve(
             position=turned + np.asarray(self.centre_m),
             heading=outline.heading + angle,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, kernel
+from terrain_forge.base import Array, Record, kernel, portable
 from terrain_forge.model import RockField, RockLibrary, Rover, rotations
 from terrain_forge.rocks import edges, exposed_points, extent
 
@@ -67,7 +67,9 @@ class Obstacles(Record):
     def distances(self, point: Array) -> Array:
         """Distance of a point, shape [2], to each outline [m], negative within it."""
         offset = np.asarray(point, np.float64) - self.centre
-        result: Array = np.max(offset @ UNITS - self.support, axis=1, initial=-np.inf)
+        result: Array = np.max(
+            portable.product(offset, UNITS) - self.support, axis=1, initial=-np.inf
+        )
         return result
 
     def gaps(self, number: int, position: Array, heading: Array, rover: Rover) -> Array:
@@ -86,7 +88,9 @@ class Obstacles(Record):
         turned = np.subtract.outer(heading, _ANGLES)
         along, across = np.abs(np.cos(turned)), np.abs(np.sin(turned))
         reach = 0.5 * (rover.length * along + rover.width * across)
-        result: Array = np.max(offset @ UNITS - reach - self.support[number], axis=1)
+        result: Array = np.max(
+            portable.product(offset, UNITS) - reach - self.support[number], axis=1
+        )
         return result
 
     def beside(

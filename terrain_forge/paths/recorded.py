@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Key, RecipeError, rpy_from_quaternion
+from terrain_forge.base import Array, DataError, Key, RecipeError, portable, rpy_from_quaternion
 from terrain_forge.dtm import require_file
 from terrain_forge.paths.curves import STEP, Curve, trace_spline
 from terrain_forge.paths.spec import Recorded
@@ -65,7 +65,9 @@ def read_recorded(spec: Recorded, folder: Path, *, key: Key) -> RecordedPoses:
     columns = _columns(spec.file, text, key)
     angle = math.radians(spec.turn_deg)
     turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    position = np.stack([columns["x"], columns["y"]], -1) @ turn + np.asarray(spec.origin_m)
+    position = portable.product(np.stack([columns["x"], columns["y"]], -1), turn) + np.asarray(
+        spec.origin_m
+    )
     time, (yaw, attitude) = columns.get("time"), _attitude(spec.file, columns, key)
     if time is not None and np.diff(time).min() <= 0.0:
         row = int(np.argmax(np.diff(time) <= 0.0)) + 2
@@ -131,7 +133,7 @@ def _direction(velocity: Array) -> Array:
     moving = np.linalg.norm(velocity, axis=1) > _STILL
     latest = np.maximum.accumulate(np.where(moving, np.arange(len(moving)), -1))
     latest[latest < 0] = int(np.argmax(moving))
-    heading: Array = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])[latest])
+    heading: Array = np.unwrap(portable.arctan2(velocity[:, 1], velocity[:, 0])[latest])
     return heading
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Key, RecipeError, Record
+from terrain_forge.base import Array, Key, RecipeError, Record, portable
 from terrain_forge.model import Heightfield, RockField, RockLibrary, Rover, Trajectory, World, merge
 from terrain_forge.paths.obstacles import Obstacles, find_obstacles
 from terrain_forge.paths.trajectory import stand
@@ -67,7 +67,7 @@ def survey_path(
             met.append((int(obstacles.id[number]), x, y, float(obstacles.height[number]), first))
     return Surroundings(
         sample=sample,
-        tilt=np.arccos(np.clip(np.cos(rpy[:, 0]) * np.cos(rpy[:, 1]), -1.0, 1.0)),
+        tilt=portable.arccos(np.clip(np.cos(rpy[:, 0]) * np.cos(rpy[:, 1]), -1.0, 1.0)),
         step=_steps(position, heading, ground, rover),
         gap=gap,
         met=tuple(sorted(met, key=lambda rock: rock[-1])),

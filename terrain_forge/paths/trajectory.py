@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, rpy_from_matrix, stage_key, uniforms
+from terrain_forge.base import Array, portable, rpy_from_matrix, stage_key, uniforms
 from terrain_forge.model import Heightfield, Route, Rover, Trajectory
 from terrain_forge.paths.profile import Stretch, attitude_at, duration, pose_at, stretches
 from terrain_forge.paths.spec import PathSpec
@@ -91,7 +91,7 @@ def _shake(spec: PathSpec, steps: int, seed: int) -> Array:
         return np.zeros((steps + 1, 3))
     key = stage_key(seed, f"paths/{spec.name}/shake")
     radius, angle = uniforms(key, 6 * (steps // 2 + 1)).reshape(2, steps // 2 + 1, 3)
-    spectrum = np.sqrt(-2.0 * np.log(radius)) * np.exp(2j * np.pi * angle)
+    spectrum = np.sqrt(-2.0 * portable.log(radius)) * portable.exp(2j * np.pi * angle)
     frequency = np.fft.rfftfreq(steps, 1.0 / spec.rate_hz)
     spectrum[(frequency > spec.shake.cutoff_hz) | (frequency == 0.0)] = 0.0
     noise = np.fft.irfft(spectrum, n=steps, axis=0)

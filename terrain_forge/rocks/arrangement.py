@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import BY_KIND, FileName, Pair, Positive, Spec
+from terrain_forge.base import BY_KIND, FileName, Pair, Positive, Spec, portable
 
 RIM_FALL = 0.7
 """Distance [crater radii] over which the density of a crater's rocks falls to 1/e outside its rim.
@@ -133,6 +133,6 @@ def _crowding_at_rims(craters: tuple[Crater, ...]) -> float:
     for crater in craters:
         away = np.hypot(east - crater.centre_m[0], north - crater.centre_m[1])
         away *= 2.0 / crater.diameter_m
-        outside = np.where(away > FARTHEST, 0.0, np.exp((1.0 - away) / RIM_FALL))
+        outside = np.where(away > FARTHEST, 0.0, portable.exp((1.0 - away) / RIM_FALL))
         total += crater.strength * np.where(away < 1.0, INTERIOR, outside)
     return float(total.max())

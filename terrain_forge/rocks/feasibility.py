@@ -7,7 +7,7 @@ from math import exp, pi
 
 import numpy as np
 
-from terrain_forge.base import Key, RecipeError
+from terrain_forge.base import Key, RecipeError, portable
 from terrain_forge.model import Table
 from terrain_forge.rocks.arrangement import (
     FARTHEST,
@@ -76,7 +76,7 @@ def expected_count(population: PopulationSpec, size: Size) -> float:
     craters = population.arrangement.craters
     ends = np.clip([crater.largest_rock_m for crater in craters], smallest, largest)
     number = law.cumulative_number(smallest) - law.cumulative_number(ends)
-    return float(number @ [_effective_area(crater) for crater in craters])
+    return float(portable.product(number, [_effective_area(crater) for crater in craters]))
 
 
 def check_lists(rocks: RocksSpec, lists: tuple[Table, ...], *, size: Size) -> None:

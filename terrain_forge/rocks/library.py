@@ -12,7 +12,7 @@ from annotated_types import Interval, MinLen
 from numba import get_num_threads
 from numpy.random import Generator, Philox
 
-from terrain_forge.base import Array, InputFile, Spec, mix, stage_key
+from terrain_forge.base import Array, InputFile, Spec, mix, portable, stage_key
 from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
@@ -183,7 +183,7 @@ def _same_volume(vertices: list[Array], meshes: tuple[Mesh, ...]) -> tuple[Mesh,
     laid = [mesh.replace(vertices=v) for mesh, v in zip(meshes, vertices, strict=True)]
     volumes = [mass_properties(mesh).volume for mesh in laid]
     return tuple(
-        mesh.replace(vertices=mesh.vertices * np.cbrt(volumes[0] / volume))
+        mesh.replace(vertices=mesh.vertices * portable.cbrt(volumes[0] / volume))
         for mesh, volume in zip(laid, volumes, strict=True)
     )
 
@@ -203,13 +203,13 @@ def lying_axes(vertices: Array, inertia: Array) -> Array:
     equations = ConvexHull(vertices).equations
     up = -equations[np.argmin(-equations[:, 3]), :3]
     level = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-    level /= np.linalg.norm(level)
+    level /= portable.norm(level)
     across = np.cross(up, level)
     i_level, i_across, product = (
         float(np.einsum("i,ij,j->", one, inertia, other))
         for one, other in ((level, level), (across, across), (level, across))
     )
     # The long axis is the one of the smaller moment of inertia.
-    angle = 0.5 * np.arctan2(-2.0 * product, i_across - i_level)
+    angle = 0.5 * portable.arctan2(-2.0 * product, i_across - i_level)
     x = np.cos(angle) * level + np.sin(angle) * across
     return np.stack([x, np.cross(up, x), up])

@@ -16,6 +16,7 @@ nothing but the rock and the ground beneath it: a window's rocks are those of th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.base import Array, matrix_from_quaternion, portable
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
 from terrain_forge.rocks.embedding.dynamic import DynamicContact, dynamic_contact
 from terrain_forge.rocks.embedding.embed import embed
@@ -203,7 +204,7 @@ def _settled(rock: DynamicRock, grid: Lattice) -> _Settled | None:
 def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     """The rock upright on its tangent plane, none of it below the ground."""
     turn = matrix_from_quaternion(rock.quaternion)
-    turned = rock.prototype.meshes[0].vertices @ turn.T
+    turned = portable.product(rock.prototype.meshes[0].vertices, turn.T)
     scale = rock.diameter / float(mean_width(turned[:, :2].copy()))
     corners = position + scale * turned
     sunk = float((_height(ground, corners) - corners[:, 2]).max())
@@ -217,7 +218,7 @@ def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     A rock at rest has the centre of what carries it there.
     """
     turn = matrix_from_quaternion(pose.quaternion)
-    plan = rock.prototype.meshes[0].vertices @ turn[:2].T
+    plan = portable.product(rock.prototype.meshes[0].vertices, turn[:2].T)
     scale = rock.diameter / float(mean_width(plan))
     floor = float(_height(ground, pose.position[None])[0])
     raised = floor + (pose.position[2] - floor) * scale / pose.scale
@@ -230,10 +231,12 @@ def _in_its_space(rock: DynamicRock, pose: Pose, place: Array) -> bool:
     It must also be within its prototype's reach of where it now is, which windows go by.
     """
     reach = rock.prototype.reach
-    turned = rock.prototype.meshes[0].vertices @ matrix_from_quaternion(pose.quaternion)[:2].T
+    turned = portable.product(
+        rock.prototype.meshes[0].vertices, matrix_from_quaternion(pose.quaternion)[:2].T
+    )
     plan = pose.scale / rock.diameter * turned
     moved = (pose.position + place - rock.position)[:2] / rock.diameter
-    yaw = 2.0 * np.arctan2(rock.quaternion[3], rock.quaternion[0])
+    yaw = 2.0 * math.atan2(rock.quaternion[3], rock.quaternion[0])
     space = DYNAMIC_SPACE * rock.support
     near = fits(plan + moved, yaw=yaw, support=space, reach=DYNAMIC_SPACE * reach)
     return near and bool(np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
@@ -241,9 +244,9 @@ def _in_its_space(rock: DynamicRock, pose: Pose, place: Array) -> bool:
 
 def stays_put(rock: DynamicRock, before: Pose, after: Pose) -> bool:
     """Whether a rock has hardly moved in a test."""
-    shift = np.linalg.norm(after.position - before.position)
-    cosine = min(abs(float(after.quaternion @ before.quaternion)), 1.0)
-    return bool(shift <= _SHIFT * rock.diameter and 2.0 * np.arccos(cosine) <= _TURN)
+    shift = portable.norm(after.position - before.position)
+    cosine = min(abs(float(portable.product(after.quaternion, before.quaternion))), 1.0)
+    return bool(shift <= _SHIFT * rock.diameter and 2.0 * portable.arccos(cosine) <= _TURN)
 
 
 def _come_to_rest(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
@@ -373,9 +376,9 @@ def _top(rock: DynamicRock, ground: Heightfield, pose: Pose) -> float:
     """Top of a rock above the ground's tangent plane under its centre of mass [m]."""
     normal = matrix_from_quaternion(rock.quaternion)[:, 2]
     vertices = pose.scale * rock.prototype.meshes[0].vertices
-    turned = vertices @ matrix_from_quaternion(pose.quaternion).T
+    turned = portable.product(vertices, matrix_from_quaternion(pose.quaternion).T)
     above = pose.position[2] - float(_height(ground, pose.position[None])[0])
-    return float((turned @ normal).max() / normal[2] + above)
+    return float((portable.product(turned, normal)).max() / normal[2] + above)
 
 
 def _with_poses(

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Union
 
-import numpy as np
-
-from terrain_forge.base import BY_KIND, parts
+from terrain_forge.base import BY_KIND, parts, portable
 from terrain_forge.rocks.laws.law import SizeLaw
 
 if TYPE_CHECKING:
@@ -27,9 +25,9 @@ def largest_diameter(law: SizeLaw, area: float) -> float:
     from scipy.optimize import brentq
 
     def surplus(log_diameter: float) -> Any:
-        return law.cumulative_number(np.exp(log_diameter)) * area - 1.0
+        return law.cumulative_number(portable.exp(log_diameter)) * area - 1.0
 
-    low, high = np.log(_RANGE)
+    low, high = portable.log(_RANGE)
     if surplus(low) <= 0.0:
         return 0.0
-    return float(np.exp(brentq(surplus, low, high, xtol=1e-14)))
+    return float(portable.exp(brentq(surplus, low, high, xtol=1e-14)))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, portable
 from terrain_forge.model import Mesh
 from terrain_forge.rovers.assembly import Solid, placed
 
@@ -72,7 +72,7 @@ def mesh_solid(
     return Solid(
         kind="mesh",
         size=tuple((high - low).tolist()),
-        placement=placement @ placed(centre, np.eye(3)),
+        placement=portable.product(placement, placed(centre, np.eye(3))),
         collides=collides,
         visible=not collides,
         rgb=rgb,

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, load_model, matrix_from_quaternion
+from terrain_forge.base import Array, DataError, load_model, matrix_from_quaternion, portable
 from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
 from terrain_forge.rovers.mesh_files import KEY, hull_of, mesh_solid
 
@@ -55,12 +55,12 @@ def _bodies(model: Any, body: int, root: int, driven: dict[int, float | None]) -
     else:
         above = int(model.body_parentid[body])
         parent = _name(model, mujoco.mjtObj.mjOBJ_BODY, above)
-        placement = placed(-_anchor(model, above, root), np.eye(3)) @ placement
+        placement = portable.product(placed(-_anchor(model, above, root), np.eye(3)), placement)
     made: list[Body] = []
     at = np.zeros(3)
     for joint in joints:
         anchor = np.array(model.jnt_pos[joint])
-        placement = placement @ placed(anchor - at, np.eye(3))
+        placement = portable.product(placement, placed(anchor - at, np.eye(3)))
         at, last = anchor, joint == joints[-1]
         own = name if last else f"{name}_{_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)}"
         held = _joint(model, joint, driven)
@@ -86,7 +86,9 @@ def _massive(model: Any, body: int, bare: Body, at: Array) -> Body:
         bare,
         mass=float(model.body_mass[body]),
         centre_of_mass=model.body_ipos[body] - at,
-        inertia=rotation @ np.diag(model.body_inertia[body]) @ rotation.T,
+        inertia=portable.product(
+            portable.product(rotation, np.diag(model.body_inertia[body])), rotation.T
+        ),
         solids=tuple(solid for geom in geoms for solid in _solids(model, geom, at)),
     )
 

@@ -8,7 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import (
+    Array,
+    DataError,
+    matrix_from_quaternion,
+    portable,
+    quaternion_from_rpy,
+)
 from terrain_forge.model import Shape
 from terrain_forge.rovers.assembly import Solid
 
@@ -87,7 +93,7 @@ def measure_tread(
             f"wheel {name!r} has no geometry: its radius is unknown", key=("rover", "wheels")
         )
     points = np.concatenate([_outline(pose, solid) for pose, solid in touched]) - centre
-    along = points @ axis
+    along = portable.product(points, axis)
     reach = np.linalg.norm(points - along[:, None] * axis, axis=1)
     measured, width = float(reach.max()), float(np.ptp(along))
     shape = touched[0][1]
@@ -108,19 +114,21 @@ def corners(shape: Shape) -> Array:
     """Points of a shape that no point of it exceeds, in the link's frame [m], shape [n, 3]."""
     rotation = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
     if shape.mesh is not None:
-        return np.asarray(shape.mesh.vertices @ rotation.T + shape.position)
-    return np.asarray(_points(shape.kind, shape.size) @ rotation.T + shape.position)
+        return np.asarray(portable.product(shape.mesh.vertices, rotation.T) + shape.position)
+    return np.asarray(
+        portable.product(_points(shape.kind, shape.size), rotation.T) + shape.position
+    )
 
 
 def _is_round(pose: Array, solid: Solid, axis: Array) -> bool:
     if solid.kind == "sphere":
         return True
-    return solid.kind == "cylinder" and abs(float(pose[:3, 2] @ axis)) > _ALIGNED
+    return solid.kind == "cylinder" and abs(float(portable.product(pose[:3, 2], axis))) > _ALIGNED
 
 
 def _outline(pose: Array, solid: Solid) -> Array:
     local = _points(solid.kind, solid.size) if solid.mesh is None else solid.mesh.vertices
-    return np.asarray(local @ pose[:3, :3].T + pose[:3, 3])
+    return np.asarray(portable.product(local, pose[:3, :3].T) + pose[:3, 3])
 
 
 def _points(kind: str, size: tuple[float, ...]) -> Array:

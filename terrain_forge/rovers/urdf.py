@@ -13,7 +13,13 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import (
+    Array,
+    DataError,
+    matrix_from_quaternion,
+    portable,
+    quaternion_from_rpy,
+)
 from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
 from terrain_forge.rovers.mesh_files import KEY, MeshFiles
 from terrain_forge.rovers.packages import Packages
@@ -153,7 +159,7 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
         return Joint()
     name, kind = _name(element), element.get("type", "")
     axis = np.array(_floats(element.find("axis"), "xyz", "1 0 0", 3))
-    length = float(np.linalg.norm(axis))
+    length = float(portable.norm(axis))
     if not length > 0:
         raise DataError(f"joint {name!r}: its axis has no direction", key=KEY)
     limit, dynamics = element.find("limit"), element.find("dynamics")
@@ -200,7 +206,7 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
     placement = _origin(inertial)
     rotation = placement[:3, :3]
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return mass, placement[:3, 3], rotation @ matrix @ rotation.T
+    return mass, placement[:3, 3], portable.product(portable.product(rotation, matrix), rotation.T)
 
 
 def _origin(element: Element) -> Array:

@@ -23,6 +23,7 @@ from terrain_forge.base import (
     Positive,
     RecipeError,
     Spec,
+    portable,
 )
 from terrain_forge.dtm import bilinear
 from terrain_forge.model import Site, Window
@@ -209,7 +210,7 @@ def _slope_weight(band: SlopeBand, elevation: Array, spacing: float) -> Array:
 
 
 def _tangents(one: float, other: float) -> tuple[float, float]:
-    return float(np.tan(np.radians(one))), float(np.tan(np.radians(other)))
+    return float(portable.tan(np.radians(one))), float(portable.tan(np.radians(other)))
 
 
 def _route_weight(band: RouteBand, site: Site, window: Window) -> Array:

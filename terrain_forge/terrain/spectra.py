@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 
 
 def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Array, Array]:
@@ -31,7 +31,7 @@ def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Arr
     power *= spacing**2 / heights.size
     north, east = np.fft.fftfreq(rows, spacing), np.fft.rfftfreq(columns, spacing)
     number = np.hypot(north[:, None], east[None, :])
-    ring = np.digitize(number.ravel(), np.geomspace(low, high, bins + 1)) - 1
+    ring = np.digitize(number.ravel(), portable.geomspace(low, high, bins + 1)) - 1
     kept = (ring >= 0) & (ring < bins)
     count = np.bincount(ring[kept], minlength=bins)
     full = count > 0
@@ -55,7 +55,7 @@ def structure_function(heights: Array, spacing: float) -> tuple[Array, Array]:
         Baselines [m] and RMS deviations [m].
     """
     longest = max(min(heights.shape) // 4, 1)
-    lags = np.unique(np.geomspace(1, longest, 18).round().astype(int))
+    lags = np.unique(portable.geomspace(1, longest, 18).round().astype(int))
     return lags * spacing, np.array([rms_deviation(heights, int(lag)) for lag in lags])
 
 
@@ -76,7 +76,7 @@ def spectral_exponent(
     inside = (number >= band[0]) & (number <= band[1]) & (density > 0.0)
     if inside.sum() < 3:
         return float("nan"), float("nan")
-    x, y = np.log(number[inside]), np.log(density[inside])
+    x, y = portable.log(number[inside]), portable.log(density[inside])
     x = x - x.mean()
     slope = float(np.sum(x * y) / np.sum(x**2))
     rest = y - y.mean() - slope * x

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.model import Mesh, RockField, RockLibrary, RockPrototype, World
 from terrain_forge.rocks import find_overlaps
 from terrain_forge.truth.counts import ExpectedCounts, Sample
@@ -159,7 +159,7 @@ def _list(sample: Sample, spec: RockListSpec) -> dict[str, Any]:
     diameters = np.sort(sample.select([spec.name]).diameter)
     outline, error = sample.outline([spec.name])
     ends = [float(diameters[0]), float(diameters[-1])] if len(diameters) else [1.0, 1.0]
-    at = np.geomspace(ends[0], ends[1], _POINTS)
+    at = portable.geomspace(ends[0], ends[1], _POINTS)
     larger, found = _found_above(diameters, at)
     return {
         "name": spec.name,
@@ -255,7 +255,7 @@ def _curve(
 ) -> dict[str, list[float]]:
     """Expected and observed number per m² and cover above logarithmically spaced diameters."""
     ends = min(part.smallest for part in wanted), max(part.largest for part in wanted)
-    at = np.geomspace(*ends, _POINTS)
+    at = portable.geomspace(*ends, _POINTS)
     number, variance, covered, covered_variance = _expected_above(wanted, at)
     low, high = count_band(number, variance)
     spread = NORMAL_QUANTILE * np.sqrt(covered_variance)

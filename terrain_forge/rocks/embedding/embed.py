@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, inner, kernel, matrix_from_quaternion, over_chunks
+from terrain_forge.base import Array, inner, kernel, matrix_from_quaternion, over_chunks, portable
 from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary
 from terrain_forge.rocks.embedding.exposure import (
     DEEPEST,
@@ -71,7 +71,7 @@ def embed(
     lying = _embed(rocks, shapes, grid, MAX_BURIED)
     _sink_deeper(lying, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
-    volume = unit_volume[scattered.prototype] * lying.scale**3
+    volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
     return RockField(
         populations=scattered.populations,
         id=scattered.id,
@@ -166,7 +166,9 @@ def _sink_deeper(
     for n, row in enumerate(rows.tolist()):
         prototype = library.prototypes[rocks.prototype[row]]
         turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
-        plan = deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices @ turn.T
+        plan = portable.product(
+            deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices, turn.T
+        )
         support = supports[int(rocks.prototype[row])]
         if fits(plan, yaw=rocks.yaw[row], support=support, reach=prototype.reach):
             for column, values in zip(lying, deeper, strict=True):

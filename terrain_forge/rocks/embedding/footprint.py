@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, inner, kernel
+from terrain_forge.base import Array, inner, kernel, portable
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.embedding.hull import convex_hull, farthest
 from terrain_forge.rocks.embedding.outline import (
@@ -67,7 +67,7 @@ def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
         reach: Largest distance of a point from (0, 0), over the diameter.
     """
     angles = yaw + 2.0 * np.pi * np.arange(FOOTPRINT_DIRECTIONS) / FOOTPRINT_DIRECTIONS
-    along = (plan @ np.stack([np.cos(angles), np.sin(angles)])).max(axis=0)
+    along = (portable.product(plan, np.stack([np.cos(angles), np.sin(angles)]))).max(axis=0)
     return bool(np.all(along <= support) and np.hypot(plan[:, 0], plan[:, 1]).max() <= reach)
 
 

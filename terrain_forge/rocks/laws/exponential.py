@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, kernel, mix, uniform
+from terrain_forge.base import Array, kernel, mix, portable, uniform
 from terrain_forge.rocks.laws.law import SizeLaw
 
 
@@ -26,7 +26,7 @@ class Exponential(SizeLaw):
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) = N0 exp(-λ D) [1/m²]."""
-        decay = np.exp(-self.decay_per_m * np.asarray(diameter, np.float64))
+        decay = portable.exp(-self.decay_per_m * np.asarray(diameter, np.float64))
         number: Array = self.number_per_m2 * decay
         return number
 
@@ -38,7 +38,7 @@ class Exponential(SizeLaw):
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(N0 λ) - λ D."""
         d = np.asarray(diameter, np.float64)
-        density: Array = np.log(self.number_per_m2 * self.decay_per_m) - self.decay_per_m * d
+        density: Array = portable.log(self.number_per_m2 * self.decay_per_m) - self.decay_per_m * d
         return density
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
@@ -47,7 +47,9 @@ class Exponential(SizeLaw):
         M(D) = N0 exp(-λ D) (D⁴ + 4 D³ / λ + 12 D² / λ² + 24 D / λ³ + 24 / λ⁴).
         """
         d, mean = np.array([smallest, largest]), 1.0 / self.decay_per_m
-        tail = d**4 + 4.0 * mean * (d**3 + 3.0 * mean * (d**2 + 2.0 * mean * (d + mean)))
+        square = d * d
+        tail = square + 2.0 * mean * (d + mean)
+        tail = square * square + 4.0 * mean * (square * d + 3.0 * mean * tail)
         moment = self.cumulative_number(d) * tail
         return float((0.25 * np.pi) ** 2 * (moment[0] - moment[1]) / area)
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.rocks.laws.exponential import Exponential
 from terrain_forge.rocks.laws.golombek import MAX_K, Golombek
 from terrain_forge.rocks.laws.power_law import PowerLaw
@@ -74,7 +74,7 @@ class RockCount:
         likelihood = -float(expected.sum())
         if len(self.bins):
             return likelihood + float(xlogy(self.counts, expected).sum())
-        single = np.log(self.area) + law.log_density(self.diameters)
+        single = portable.log(self.area) + law.log_density(self.diameters)
         return likelihood + float(single.sum())
 
 
@@ -152,7 +152,7 @@ def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
         found = count.log_likelihood(family.make(**_parameters(family, count, log_shape)))
         return -found if np.isfinite(found) else _IMPOSSIBLE
 
-    grid = np.linspace(np.log(family.limits[0]), np.log(family.limits[1]), _GRID)
+    grid = np.linspace(portable.log(family.limits[0]), portable.log(family.limits[1]), _GRID)
     best = int(np.argmin([loss(at) for at in grid.tolist()]))
     around = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
     search = {"bounds": around, "method": "bounded", "options": {"xatol": 1e-10}}
@@ -170,7 +170,7 @@ def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
 
 
 def _parameters(family: _Family, count: RockCount, log_shape: float) -> dict[str, float]:
-    shape = {family.shape: float(np.exp(log_shape))}
+    shape = {family.shape: float(portable.exp(log_shape))}
     if family.amplitude is None:
         return shape
     one = float(count.expected(family.make(**shape, **{family.amplitude: 1.0})).sum())
@@ -184,11 +184,11 @@ def _standard_errors(
 
     None for each where the curvature leaves a direction open.
     """
-    names, centre = list(parameters), np.log(list(parameters.values()))
+    names, centre = list(parameters), portable.log(list(parameters.values()))
     size = len(names)
 
     def log_likelihood(offset: Array) -> float:
-        values = np.exp(centre + offset)
+        values = portable.exp(centre + offset)
         return count.log_likelihood(family.make(**dict(zip(names, values.tolist(), strict=True))))
 
     steps = _STEP * np.eye(size)
@@ -207,8 +207,8 @@ def _standard_errors(
     curvatures = np.linalg.eigvalsh(information)
     if curvatures[0] <= max(_SINGULAR * curvatures[-1], _LEAST_CURVATURE):
         return [None] * size
-    variance = np.diag(np.linalg.inv(information))
-    errors: list[float] = (np.exp(centre) * np.sqrt(variance)).tolist()
+    variance = np.diag(portable.inverse(information))
+    errors: list[float] = (portable.exp(centre) * np.sqrt(variance)).tolist()
     return errors
 
 

@@ -9,7 +9,17 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, NotNegative, RecipeError, Spec, kernel, mix, uniform
+from terrain_forge.base import (
+    Array,
+    Key,
+    NotNegative,
+    RecipeError,
+    Spec,
+    kernel,
+    mix,
+    portable,
+    uniform,
+)
 from terrain_forge.model import BODIES, MARS, Body
 from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.sites import ABUNDANCES, GolombekSite, RockAbundance
@@ -89,25 +99,27 @@ class Golombek(SizeLaw):
         from scipy.special import exp1
 
         d, k, q = np.asarray(diameter, np.float64), self.abundance, self.q
-        number: Array = 4.0 * k * q / np.pi * (np.exp(-q * d) / d - q * exp1(q * d))
+        number: Array = 4.0 * k * q / np.pi * (portable.exp(-q * d) / d - q * exp1(q * d))
         return number
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D) = k exp(-q D)."""
-        area: Array = self.abundance * np.exp(-self.q * np.asarray(diameter, np.float64))
+        area: Array = self.abundance * portable.exp(-self.q * np.asarray(diameter, np.float64))
         return area
 
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(4 k q / π) - q D - 2 log D."""
         d, q = np.asarray(diameter, np.float64), self.q
-        density: Array = np.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * np.log(d)
+        density: Array = (
+            portable.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * portable.log(d)
+        )
         return density
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """(π k q / 4 area) (G(a) - G(b)), G(D) = exp(-q D) (D² / q + 2 D / q² + 2 / q³)."""
         q = self.q
         d = np.array([smallest, largest])
-        moment = np.exp(-q * d) * (d * d / q + 2 * d / q**2 + 2 / q**3)
+        moment = portable.exp(-q * d) * (d * d / q + 2 * d / q**2 + 2 / q**3)
         return float(np.pi * self.abundance * q / (4.0 * area) * (moment[0] - moment[1]))
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
@@ -161,12 +173,12 @@ class Golombek(SizeLaw):
         from scipy.special import lambertw
 
         if self.q_per_m:
-            return float(cover.fraction * np.exp(self.q_per_m * cover.above_m))
+            return float(cover.fraction * portable.exp(self.q_per_m * cover.above_m))
         constant, slope = self._decay
-        argument = slope * cover.above_m * np.exp(-constant * cover.above_m) / cover.fraction
+        argument = slope * cover.above_m * portable.exp(-constant * cover.above_m) / cover.fraction
         # k = b D / W(x) in a form that holds for D = 0 too: 1 / W(x) = exp(W(x)) / x.
         w = float(lambertw(argument).real)
-        return float(cover.fraction * np.exp(constant * cover.above_m + w))
+        return float(cover.fraction * portable.exp(constant * cover.above_m + w))
 
 
 def decay_of(body: Body, key: Key) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, RecipeError, kernel, mix, uniform
+from terrain_forge.base import Array, Key, RecipeError, kernel, mix, portable, uniform
 from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.sites import FRAGMENTS, FragmentCount, SurveyorSite
 
@@ -59,8 +59,8 @@ class PowerLaw(SizeLaw):
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(c m) - (m + 1) log D."""
         number, exponent = self.coefficients
-        log_d = np.log(np.asarray(diameter, np.float64))
-        density: Array = np.log(number * exponent) - (exponent + 1.0) * log_d
+        log_d = portable.log(np.asarray(diameter, np.float64))
+        density: Array = portable.log(number * exponent) - (exponent + 1.0) * log_d
         return density
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
@@ -98,10 +98,10 @@ def moment_above(ratio: Array, exponent: ArrayLike, power: int) -> Array:
     """∫ x^power m x^(-m-1) dx from each ratio on; up to a constant where m ≤ power."""
     m = np.asarray(exponent, np.float64)
     rest = m - power
-    log_x = np.log(ratio)
+    log_x = portable.log(ratio)
     near = np.abs(rest) < 1e-6  # where 1 / rest would swallow the digits
     far = np.where(near, 1.0, rest)
-    moment: Array = m * np.where(near, -log_x, np.exp(-far * log_x) / far)
+    moment: Array = m * np.where(near, -log_x, portable.exp(-far * log_x) / far)
     return moment
 
 

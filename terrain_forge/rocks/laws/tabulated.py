@@ -19,6 +19,7 @@ from terrain_forge.base import (
     RecipeError,
     kernel,
     mix,
+    portable,
     uniform,
 )
 from terrain_forge.rocks.laws.law import SizeLaw
@@ -130,7 +131,7 @@ class Tabulated(SizeLaw):
     def _moment_above(self, diameter: Array, power: int) -> Array:
         """∫ D^power n(D) dD from each diameter on: its piece's rest, and the pieces above."""
         own = self._pieces
-        start, scale = own.diameters, own.numbers * own.diameters**power
+        start, scale = own.diameters, own.numbers * portable.power(own.diameters, power)
 
         def above(at: Array, row: NDArray[np.intp]) -> Array:
             ratio = at / start[row]

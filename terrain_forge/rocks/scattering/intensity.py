@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, inner, kernel
+from terrain_forge.base import Array, DataError, inner, kernel, portable
 from terrain_forge.model import Site
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters
-from terrain_forge.rocks.populations import PopulationSpec
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec
@@ -91,7 +90,7 @@ def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Inten
         around=np.array(around, np.bool_),
         crater=np.array(rows, np.float64).reshape(-1, 5),
         crater_first=np.cumsum([0, *map(len, craters)]),
-        steepest=np.array([np.tan(np.radians(a)) if a < 90.0 else np.inf for a in limits]),
+        steepest=np.array([portable.tan(np.radians(a)) if a < 90.0 else np.inf for a in limits]),
         steepness=np.zeros((0, 0, 2)),
         steepness_window=np.zeros(2, np.int64),
         spacing=site.spacing,

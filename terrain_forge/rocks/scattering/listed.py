@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Key, Mask, stage_key
+from terrain_forge.base import Array, DataError, Key, Mask, portable, stage_key
 from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.populations import MAX_ROCKS, RockListSpec
 from terrain_forge.rocks.scattering.addresses import BURIED, PROTOTYPE, YAW, addresses, draw
@@ -91,7 +91,7 @@ def by_octave(
     """Listed rocks in octaves of diameter, each with one cell, so that near ones are found fast."""
     if len(drawn.id) == 0:
         return []
-    octave = np.floor(np.log2(drawn.diameter / drawn.diameter.min()))
+    octave = np.floor(portable.log2(drawn.diameter / drawn.diameter.min()))
     reach = np.array([prototype.reach for prototype in library.prototypes])
     found = []
     for n in np.unique(octave)[::-1]:

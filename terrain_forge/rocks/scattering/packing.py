@@ -16,7 +16,7 @@ from math import exp, pi
 
 import numpy as np
 
-from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.base import Array, Key, RecipeError, portable
 from terrain_forge.model import RockLibrary
 from terrain_forge.rocks.arrangement import crowding
 from terrain_forge.rocks.embedding.footprint import footprint
@@ -100,7 +100,7 @@ def _crowds(populations: Populations) -> Iterator[tuple[float, Array, str, Key]]
         factors = np.ones(len(covers))
         factors[number] = crowding(population.arrangement)
         if factors[number] > 1.0:
-            cover = float(covers @ factors)
+            cover = float(portable.product(covers, factors))
             yield cover, factors, " where they are densest", (*key, number, "arrangement")
 
 
@@ -119,7 +119,7 @@ def _steps(population: PopulationSpec, size: Size, shapes: Array) -> Array:
     smallest, largest = population.diameters
     if largest <= smallest:
         return np.zeros((4, 0))
-    ends, law = np.geomspace(smallest, largest, _STEPS + 1), population.size_frequency
+    ends, law = portable.geomspace(smallest, largest, _STEPS + 1), population.size_frequency
     number, cover = (-np.diff(f(ends)) for f in (law.cumulative_number, law.cumulative_area))
     there = number > 0.0
     number, diameter = number[there], np.sqrt(cover[there] / number[there] / (0.25 * pi))
@@ -144,4 +144,4 @@ def _least_chance(steps: list[Array], factors: Array) -> float:
     free = 1.0 - areas
     overlap = perimeter * perimeters / (2.0 * pi * free)
     overlap += area * (numbers / free + perimeters**2 / (4.0 * pi * free**2))
-    return float((free * np.exp(-overlap)).min(initial=1.0))
+    return float((free * portable.exp(-overlap)).min(initial=1.0))

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.random import Generator
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
 
 Family = Literal["block", "slab", "cobble", "vesicular", "ventifact", "breccia"]
@@ -121,7 +121,7 @@ def ventifact(random: Generator) -> Blank:
     count = int(random.integers(3, 5))
     azimuth = 2 * np.pi * (np.arange(count) + random.uniform(-0.25, 0.25, count)) / count
     azimuth += random.uniform(0, 2 * np.pi)
-    rise = np.tan(np.radians(random.uniform(30.0, 55.0, count)))
+    rise = portable.tan(np.radians(random.uniform(30.0, 55.0, count)))
     normals = _unit(np.column_stack([np.cos(azimuth), np.sin(azimuth), rise]))
     cut = np.column_stack(
         [normals, random.uniform(0.5, 0.68, count), random.uniform(-0.15, 0.3, count)]

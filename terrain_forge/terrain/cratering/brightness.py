@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.terrain.cratering.craters import Craters
 from terrain_forge.terrain.cratering.profile import EJECTA_FADE, shapes
 
@@ -27,7 +27,7 @@ def ejecta_brightness(craters: Craters, *, east: Array, north: Array, contrast: 
         contrast: How much brighter the fresh ejecta of a large crater are at its rim, 0 for not.
     """
     factor = np.ones((north.size, east.size))
-    strength = contrast * np.exp(-craters.age / FADES_IN)
+    strength = contrast * portable.exp(-craters.age / FADES_IN)
     strength *= np.minimum(craters.diameter / FULL_FROM, 1.0)
     for n in np.flatnonzero(strength > _VISIBLE):
         (x, y), radius = craters.xy[n], 0.5 * craters.diameter[n]

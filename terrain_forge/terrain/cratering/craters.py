@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, kernel
+from terrain_forge.base import Array, Record, kernel, portable
 from terrain_forge.terrain.cratering.degradation import ROWS, STEP, worn_shapes
 
 
@@ -85,7 +85,7 @@ class Craters(Record):
         row, share = table_place(self.wear[number : number + 1])
         table = worn_shapes().values
         between = (1.0 - share[0]) * table[row[0]] + share[0] * table[row[0] + 1]
-        heights = between @ self.weights[number]
+        heights = portable.product(between, self.weights[number])
         x = np.asarray(distance) / (0.5 * self.diameter[number])
         height = np.interp(x, STEP * np.arange(len(heights)), heights, right=0.0)
         return np.asarray(height * (self.wear[number] < 1.0))

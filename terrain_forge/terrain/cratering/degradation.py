@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.terrain.cratering.profile import EJECTA_FADE, FT_DEPTH, FT_RIM, shapes
 
 REACH = 5.0
@@ -52,7 +52,7 @@ def worn_shapes() -> WornShapes:
     x = np.arange(round(REACH / STEP) + 2, dtype=np.float64) * STEP
     tau = (np.arange(ROWS) / (ROWS - 1)) ** 2
     # In radii, the time is κ t / R² = 4 τ.
-    decay = np.exp(-4.0 * tau[:, None] * (zeros / _DOMAIN) ** 2)
+    decay = portable.exp(-4.0 * tau[:, None] * (zeros / _DOMAIN) ** 2)
     waves = j0(zeros[:, None] * x / _DOMAIN)
     values = np.stack([np.einsum("tk,kx->tx", decay * one, waves) for one in series], axis=-1)
     values[0] = shapes(x).T
@@ -66,7 +66,7 @@ def worn_shapes() -> WornShapes:
 def _reach(values: Array, x: Array) -> Array:
     """Where the height of a deep crater falls below what is visible, for each row."""
     usual = np.array([FT_DEPTH, 0.5 * FT_RIM, 0.5 * FT_RIM])
-    seen = np.abs(values @ usual) > _VISIBLE
+    seen = np.abs(portable.product(values, usual)) > _VISIBLE
     last = x.size - 1 - np.argmax(seen[:, ::-1], axis=1)
     # The part towards the end is faded out, which must not touch what is visible.
     reach = np.minimum(x[last] / 0.85, REACH)
@@ -88,11 +88,16 @@ def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:
     diameter = np.asarray(diameter, np.float64)
     if constant is not None:
         return np.full(diameter.shape, constant)
-    middle = 1.23e-3 * diameter**0.8386
+    middle = 1.23e-3 * portable.power(diameter, 0.8386)
     at_125 = 1.23e-3 * 125.0**0.8386
-    exponent = np.log(5.5 / at_125) / np.log(1000.0 / 125.0)
+    exponent = portable.log(5.5 / at_125) / portable.log(1000.0 / 125.0)
     return np.select(
         [diameter <= 11.2, diameter < 45.0, diameter < 125.0, diameter < 1000.0],
-        [0.0155, 1.55e-3 * diameter**0.974, middle, at_125 * (diameter / 125.0) ** exponent],
+        [
+            0.0155,
+            1.55e-3 * portable.power(diameter, 0.974),
+            middle,
+            at_125 * portable.power(diameter / 125.0, exponent),
+        ],
         5.5,
     )

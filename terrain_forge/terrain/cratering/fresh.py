@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.model import Body, CraterConstants
 
 RIM_SHARE = 0.5
@@ -45,13 +45,13 @@ def fresh_shapes(
     """
     diameter = np.asarray(diameter, np.float64)
     kilometres = diameter / 1000.0
-    pike = 0.196 * kilometres**0.010
+    pike = 0.196 * portable.power(kilometres, 0.010)
     if depth_to_diameter is not None:
         ratio = np.full(diameter.shape, depth_to_diameter, np.float64)
     else:
         ratio = _depth_to_diameter(diameter, body.craters)
     depth = ratio * diameter
-    rim = depth * (0.036 * kilometres**0.014) / pike
+    rim = depth * (0.036 * portable.power(kilometres, 0.014)) / pike
     blanket = np.minimum(ejecta_thickness(0.5 * diameter), RIM_SHARE * rim)
     return FreshShapes(depth=depth, rim=rim, ejecta=blanket if ejecta else np.zeros_like(blanket))
 
@@ -62,7 +62,7 @@ def _depth_to_diameter(diameter: Array, of_body: CraterConstants) -> Array:
     if of_body.depth_power is None:
         return ratio
     factor, exponent = of_body.depth_power
-    return np.minimum(ratio, factor * (diameter / 1000.0) ** exponent)
+    return np.minimum(ratio, factor * portable.power(diameter / 1000.0, exponent))
 
 
 def ejecta_thickness(radius: Array) -> Array:
@@ -71,4 +71,4 @@ def ejecta_thickness(radius: Array) -> Array:
     McGetchin et al. 1973, doi:10.1016/0012-821X(73)90162-3, for large craters: below a radius of
     about 16 m it is more than the whole rim.
     """
-    return np.asarray(0.14 * np.asarray(radius, np.float64) ** 0.74)
+    return np.asarray(0.14 * portable.power(radius, 0.74))

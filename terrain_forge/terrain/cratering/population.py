@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 from terrain_forge.model import Body, Chronology
 from terrain_forge.terrain.cratering.degradation import diffusivity
 from terrain_forge.terrain.cratering.equilibrium import LIMITS
@@ -91,8 +91,8 @@ class Population:
 
         Its steps are the same for all limits, so that they do not change a crater's size.
         """
-        low, high = _PER_OCTAVE * np.log2(self.diameters)
-        diameter = 2.0 ** (np.arange(np.floor(low), np.ceil(high) + 1) / _PER_OCTAVE)
+        low, high = _PER_OCTAVE * portable.log2(self.diameters)
+        diameter = portable.power(2.0, np.arange(np.floor(low), np.ceil(high) + 1) / _PER_OCTAVE)
         return SizeTable(diameter, self.number(diameter), self.part(diameter))
 
     def density(self, low: float, high: float) -> float:
@@ -106,7 +106,7 @@ class Population:
 
         They are whole, from one power of 2 to the next, so that no limit changes their craters.
         """
-        smallest, largest = np.log2(self.diameters)
+        smallest, largest = portable.log2(self.diameters)
         first, last = int(np.floor(smallest)), int(np.ceil(largest))
         return [(n, 2.0**n, 2.0 ** (n + 1)) for n in reversed(range(first, last))]
 

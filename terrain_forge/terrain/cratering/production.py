@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, PowerPieces, RecipeError, Spec
+from terrain_forge.base import Array, PowerPieces, RecipeError, Spec, portable
 from terrain_forge.model import BODIES, Body, Chronology, ProductionFunction
 from terrain_forge.terrain.cratering.chronology import OLDEST
 
@@ -48,7 +48,7 @@ class Polynomial:
         logarithm, inside = self._arguments(diameter)
         value = np.polynomial.polynomial.polyval(inside, self.coefficients)
         value -= self.slope(diameter) * (logarithm - inside)
-        return np.asarray(self.factor * 1e-6 * 10.0**value)
+        return np.asarray(self.factor * 1e-6 * portable.power(10.0, value))
 
     def slope(self, diameter: Array) -> Array:
         """-d ln N / d ln D."""
@@ -57,8 +57,8 @@ class Polynomial:
         return np.asarray(-np.polynomial.polynomial.polyval(inside, derivative))
 
     def _arguments(self, diameter: Array) -> tuple[Array, Array]:
-        logarithm = np.log10(np.asarray(diameter, np.float64)) - 3.0
-        return logarithm, np.clip(logarithm, *np.log10(self.range_km))
+        logarithm = portable.log10(np.asarray(diameter, np.float64)) - 3.0
+        return logarithm, np.clip(logarithm, *portable.log10(self.range_km))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,7 @@ class BodyProduction(CraterProduction):
             )
         bins = 1e-6 * growth * np.array(function.bins)
         steps = 0.5 * np.arange(len(bins), dtype=np.float64)
-        edges = 1000.0 * 2.0 ** (steps + function.first_bin)
+        edges = 1000.0 * portable.power(2.0, steps + function.first_bin)
         return PowerPieces.through(edges, np.cumsum(bins[::-1])[::-1])
 
     def _function(self, body: Body) -> ProductionFunction:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, inner, kernel, over_chunks
+from terrain_forge.base import Array, inner, kernel, over_chunks, portable
 from terrain_forge.terrain.cratering.craters import Craters, table_place
 from terrain_forge.terrain.cratering.degradation import STEP, worn_shapes
 
@@ -48,7 +48,7 @@ def crater_relief(craters: Craters, *, east: Array, north: Array) -> Array:
         _add_craters,
         -(-len(north) // _TILE),
         (first, members),
-        (craters.xy, 0.5 * craters.diameter, np.log2(craters.diameter), reach * reach),
+        (craters.xy, 0.5 * craters.diameter, portable.log2(craters.diameter), reach * reach),
         (
             row,
             np.hstack([craters.weights * (1.0 - share[:, None]), craters.weights * share[:, None]]),

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Spec, stage_key
+from terrain_forge.base import Array, Spec, portable, stage_key
 from terrain_forge.dtm import Nodes
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.continuation import Octaves, continue_dtm, noise_at
@@ -128,8 +128,8 @@ class Fractal(Layer):
         else:
             longest, shortest = 2.0 * site.dtm.posting, _SHORTEST
         longest = self.longest_wavelength_m or longest
-        count = max(int(np.floor(np.log2(longest / (shortest * site.spacing)) + 1e-9)) + 1, 0)
-        return np.asarray(longest * 0.5 ** np.arange(count, dtype=np.float64))
+        count = max(int(np.floor(portable.log2(longest / (shortest * site.spacing)) + 1e-9)) + 1, 0)
+        return np.asarray(longest * portable.power(0.5, np.arange(count)))
 
     def __post_init__(self) -> None:
         given = [
@@ -146,7 +146,7 @@ class Fractal(Layer):
             return self.hurst or preset.hurst, preset.deviation
         hurst = self.hurst or found.hurst
         if self.rms_slope is not None:
-            rise = np.tan(np.radians(self.rms_slope.slope_deg))
+            rise = portable.tan(np.radians(self.rms_slope.slope_deg))
             return hurst, float(rise * self.rms_slope.baseline_m ** (1.0 - hurst))
         if self.deviation_1m_m is not None:
             return hurst, self.deviation_1m_m
@@ -172,7 +172,9 @@ def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Arr
     An endless sum of octaves λ with factors a·λ^H has the mean square difference a²·K(H)·L^2H,
     where K is the sum over all octaves of 2^(2Hn)·D(2^-n), averaged over a factor 2 of L.
     """
-    sums = [_sum(hurst, d, _ALL) / d ** (2 * hurst) for d in 2.0 ** (np.arange(8) / 8.0)]
+    sums = [
+        _sum(hurst, d, _ALL) / d ** (2 * hurst) for d in portable.power(2.0, np.arange(8) / 8.0)
+    ]
     amplitudes: Array = deviation / np.sqrt(np.mean(sums)) * wavelengths**hurst
     return amplitudes
 
@@ -198,13 +200,17 @@ def end_factors(hurst: float, wavelengths: Array, *, baselines: tuple[float, flo
 
 def _sum(hurst: float, distance: float, numbers: NDArray[np.int_]) -> float:
     """Mean square difference, over a distance, of octaves 2^n with the factors 2^(nH)."""
-    wavelengths = 2.0 ** numbers.astype(np.float64)
-    return float(np.sum(wavelengths ** (2.0 * hurst) * structure_function(distance / wavelengths)))
+    wavelengths = portable.power(2.0, numbers)
+    return float(
+        np.sum(
+            portable.power(wavelengths, 2.0 * hurst) * structure_function(distance / wavelengths)
+        )
+    )
 
 
 def structure_function(distance: Array) -> Array:
     """Mean square difference of the unit noise; r² below the table, constant above it."""
-    table = np.log2(_STRUCTURE)
-    steps = 2.0 * np.log2(distance)
+    table = portable.log2(_STRUCTURE)
+    steps = 2.0 * portable.log2(distance)
     inside = np.interp(steps, np.arange(-12, 9), table)
-    return np.asarray(2.0 ** np.where(steps < -12, table[0] + (steps + 12), inside))
+    return np.asarray(portable.power(2.0, np.where(steps < -12, table[0] + (steps + 12), inside)))

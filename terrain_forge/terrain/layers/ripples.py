@@ -24,6 +24,7 @@ from terrain_forge.base import (
     kernel,
     mix,
     over_chunks,
+    portable,
     stage_key,
     uniform,
 )
@@ -106,7 +107,7 @@ class Ripples(Layer):
         ratio = self.height / self.wavelength_m
         lee = steepest_lee(ratio=ratio, stoss=self.stoss, sharpness=self.sharpness)
         if np.degrees(lee) > REPOSE_DEG:
-            most = self.height * np.tan(np.radians(REPOSE_DEG)) / np.tan(lee)
+            most = self.height * portable.tan(np.radians(REPOSE_DEG)) / portable.tan(lee)
             raise RecipeError(
                 f"a height of {self.height:g} m makes lee sides of {np.degrees(lee):.0f}°, sand "
                 f"rests at up to {REPOSE_DEG:g}°: at most {most:.3g} m, or a smaller stoss",
@@ -136,7 +137,7 @@ class Ripples(Layer):
     def _sandiness(self, site: Site, window: Window, elevation: Array) -> Array:
         """Factor on the height, 0 to 1: less on steep and on rocky ground."""
         rise = steepness(elevation, stencil_cells(self.wavelength_m, site.spacing), site.spacing)
-        full, none = (float(np.tan(np.radians(angle))) for angle in self.slope_deg)
+        full, none = (float(portable.tan(np.radians(angle))) for angle in self.slope_deg)
         factor = fade(rise, full, none)
         if self.rock_cover is not None:
             cover = site.recipe.rocks.expected_cover(site, window)
@@ -213,7 +214,7 @@ def steepest_lee(*, ratio: float, stoss: float, sharpness: float) -> float:
     """
     away = np.linspace(0.0, np.pi, 181)
     fall = (1.0 - sharpness) * np.sin(away) + sharpness * np.cos(0.5 * away)
-    return float(np.arctan(0.5 * np.pi * fall.max() * ratio / (1.0 - stoss)))
+    return float(portable.arctan(0.5 * np.pi * fall.max() * ratio / (1.0 - stoss)))
 
 
 @inner
