@@ -47,7 +47,7 @@ class PowerLaw(SizeLaw):
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) = c D^-m [1/m²]."""
         number, exponent = self.coefficients
-        above: Array = number * np.asarray(diameter, np.float64) ** -exponent
+        above: Array = number * portable.power(diameter, -exponent)
         return above
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:

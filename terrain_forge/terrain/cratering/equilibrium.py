@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 
 Equilibrium = Literal["trask", "hartmann", "viper", "minton", "gault", "none"]
 """The laws by name."""
@@ -28,7 +28,9 @@ class Limit:
     def number(self, diameter: Array) -> Array:
         """N(≥D) on a square metre [1/m²]."""
         row = self._row(diameter)
-        found: Array = np.array(self.numbers)[row] * diameter ** -np.array(self.exponents)[row]
+        found: Array = np.array(self.numbers)[row] * portable.power(
+            diameter, -np.array(self.exponents)[row]
+        )
         return found
 
     def slope(self, diameter: Array) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, portable
 
 CREST = 0.98
 """Distance of the rim's crest [radii]."""
@@ -42,5 +42,5 @@ def shapes(x: Array) -> Array:
     uplift = np.where(inside, 1.0, np.clip(profile / FT_RIM, 0.0, 1.0))
     start, end = EJECTA_FADE
     fade = np.clip((end - x) / (end - start), 0.0, 1.0)
-    ejecta = np.maximum(x, 1.0) ** -3.0 * fade * fade * (3.0 - 2.0 * fade)
+    ejecta = portable.power(np.maximum(x, 1.0), -3.0) * fade * fade * (3.0 - 2.0 * fade)
     return np.stack([-cavity, uplift, ejecta])
