@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import portable
 from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
 from terrain_forge.model import Heightfield, Site
 from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
@@ -40,16 +42,14 @@ def slope_statistics(ground: Heightfield) -> SlopeStatistics:
     south_eastern = np.hypot(east[:-1], north[:, 1:])
     north_western = np.hypot(east[1:], north[:, :-1])
     gradients = np.stack([south_eastern, north_western]).ravel()
-    slopes = np.degrees(np.arctan(gradients))
-    counts = np.bincount((slopes * _PER_DEGREE).astype(np.int32), minlength=90 * _PER_DEGREE)
-    shares = counts[: 90 * _PER_DEGREE] / len(slopes)
+    shares = _slope_shares(gradients, _PER_DEGREE)
     middle, high = np.searchsorted(np.cumsum(shares), [0.5, 0.95]) / _PER_DEGREE
     mean_square = float(np.mean(gradients * gradients, dtype=np.float64))
     return SlopeStatistics(
         median_deg=float(middle),
         percentile_95_deg=float(high),
-        steepest_deg=float(slopes.max()),
-        rms_deg=float(np.degrees(np.arctan(np.sqrt(mean_square)))),
+        steepest_deg=math.degrees(math.atan(gradients.max())),
+        rms_deg=math.degrees(math.atan(math.sqrt(mean_square))),
         shares=shares.reshape(90, _PER_DEGREE).sum(axis=1),
     )
 
@@ -229,6 +229,20 @@ def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
     return total
 
 
+def _slope_shares(gradients: NDArray[Any], per_degree: int) -> NDArray[np.float64]:
+    """Parts of the ground with slopes in bins from 0 to 90 degrees, from its rises per metre."""
+    count = 90 * per_degree
+    edges = portable.tan(np.radians(np.arange(count + 1) / per_degree)).astype(gradients.dtype)
+    edges[-1] = np.inf
+    near = (np.degrees(np.arctan(gradients)) * per_degree).astype(np.int32)
+    # The arctangent's last bit depends on the processor, the edges do not.
+    bins = np.minimum(near, count - 1)
+    bins -= gradients < edges[bins]
+    bins += gradients >= edges[bins + 1]
+    shares: NDArray[np.float64] = np.bincount(bins, minlength=count) / gradients.size
+    return shares
+
+
 def _centre(elevation: NDArray[np.float32]) -> NDArray[np.float64]:
     """At most 2048 × 2048 nodes from the middle, so that a large site costs no more."""
     rows, columns = (slice(max(n - _MOST, 0) // 2, (n + _MOST) // 2) for n in elevation.shape)
@@ -242,14 +256,13 @@ def _curves(heights: NDArray[np.float64], spacing: float) -> Curves:
         np.diff(heights, axis=1)[:-1] / spacing,
         np.diff(heights, axis=0)[:, :-1] / spacing,
     )
-    slopes = np.degrees(np.arctan(np.hypot(east, north)))
     return Curves(
         spacing=spacing,
         wave_number=number,
         density=density,
         baseline=baseline,
         deviation=deviation,
-        slope_shares=np.histogram(slopes, np.arange(91.0))[0] / slopes.size,
+        slope_shares=_slope_shares(np.hypot(east, north).ravel(), 1),
     )
 
 

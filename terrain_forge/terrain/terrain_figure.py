@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
+from terrain_forge.base import portable
 from terrain_forge.terrain.statistics import Curves, TerrainStatistics
+from terrain_forge.writers import log_axes
 
 _GROUND, _DTM, _INK, _LINE = "#b4552d", "#2f6f8f", "#4a433d", "#d9cfc3"
 
@@ -41,7 +43,8 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
 def _draw(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], **style: Any) -> None:
     """Draw what is positive on logarithmic axes; of a level ground nothing is."""
     if np.any(y > 0.0):
-        axes.loglog(x[y > 0.0], y[y > 0.0], **style)
+        axes.plot(x[y > 0.0], y[y > 0.0], **style)
+        log_axes(axes)
     else:
         axes.plot([], [], **style)
 
@@ -57,7 +60,7 @@ def _draw_law(axes: Axes, statistics: TerrainStatistics) -> None:
     """The law that the detail follows, over the ground's baselines."""
     length = statistics.ground.baseline
     label = f"ν = {statistics.deviation:.2g} m · (L / 1 m)^{statistics.hurst:.2f}"
-    law = statistics.deviation * length**statistics.hurst
+    law = statistics.deviation * portable.power(length, statistics.hurst)
     _draw(axes, length, law, color=_LINE, lw=4.0, zorder=0, label=label)
 
 

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from terrain_forge.writers import figure_text
+from terrain_forge.writers import figure_text, log_axes
 
 _COLOURS = (
     *("#b4552d", "#2f6f8f", "#5f8a3a", "#7a4f9a", "#b58a1e"),
@@ -87,8 +87,7 @@ def population_label(part: dict[str, Any]) -> str:
 def _finish(axes: Axes, title: str, label: str) -> None:
     if not math.isfinite(axes.dataLim.minposy):
         axes.set_ylim(*_BARE)  # no rock is there nor expected: a logarithmic axis finds no limits
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    log_axes(axes)
     axes.xaxis.set_major_locator(FixedLocator(_TICKS))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_locator(NullLocator())

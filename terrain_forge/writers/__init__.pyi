@@ -7,6 +7,7 @@ from .glb import LARGEST_FILE as LARGEST_FILE
 from .glb import Gltf as Gltf
 from .image import encode_png as encode_png
 from .image import write_png as write_png
+from .log_scale import log_axes as log_axes
 from .mesh import Floats as Floats
 from .mesh import Indices as Indices
 from .mesh import index_corners as index_corners
