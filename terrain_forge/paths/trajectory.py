@@ -91,7 +91,8 @@ def _shake(spec: PathSpec, steps: int, seed: int) -> Array:
         return np.zeros((steps + 1, 3))
     key = stage_key(seed, f"paths/{spec.name}/shake")
     radius, angle = uniforms(key, 6 * (steps // 2 + 1)).reshape(2, steps // 2 + 1, 3)
-    spectrum = np.sqrt(-2.0 * portable.log(radius)) * portable.exp(2j * np.pi * angle)
+    turn = 2.0 * np.pi * angle
+    spectrum = np.sqrt(-2.0 * portable.log(radius)) * (np.cos(turn) + 1j * np.sin(turn))
     frequency = np.fft.rfftfreq(steps, 1.0 / spec.rate_hz)
     spectrum[(frequency > spec.shake.cutoff_hz) | (frequency == 0.0)] = 0.0
     noise = np.fft.irfft(spectrum, n=steps, axis=0)

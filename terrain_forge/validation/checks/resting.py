@@ -42,20 +42,20 @@ def resting_checks(world: World) -> list[Check]:
     A rock shows no daylight where its foot, the cross-section at a twentieth of its extent, lies
     below the ground all around.
     """
-    fixed = world.field.select(~world.field.dynamic)
-    if len(fixed) > _ROCKS:
+    static = world.field.select(~world.field.dynamic)
+    if len(static) > _ROCKS:
         drawn = uniforms(stage_key(world.site.seed, "resting"), _ROCKS)
-        fixed = fixed.select(np.unique((drawn * len(fixed)).astype(np.intp)))
-    foot, top = np.zeros(len(fixed)), np.ones(len(fixed))
+        static = static.select(np.unique((drawn * len(static)).astype(np.intp)))
+    foot, top = np.zeros(len(static)), np.ones(len(static))
     for number, prototype in enumerate(world.library.prototypes):
-        rows = np.flatnonzero(fixed.prototype == number)
-        foot[rows], top[rows] = foot_and_top(fixed.select(rows), prototype, world.ground)
-    limit = float(max(1, round(_LIMIT * len(fixed))))
+        rows = np.flatnonzero(static.prototype == number)
+        foot[rows], top[rows] = foot_and_top(static.select(rows), prototype, world.ground)
+    limit = float(max(1, round(_LIMIT * len(static))))
     return [
         at_most("rocks: daylight beneath", float(np.count_nonzero(foot > _GAP)), limit,
-                note=f"of {len(fixed)}, by more than {_GAP:.0%} of the diameter"),
+                note=f"of {len(static)}, by more than {_GAP:.0%} of the diameter"),
         at_most("rocks: tops below the ground", float(np.count_nonzero(top <= 0.0)), 0.0,
-                note=f"of {len(fixed)}"),
+                note=f"of {len(static)}"),
     ]  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """How rocks rest, judged over a sample of them."""
 
 import numpy as np
-from terrain_forge.validation.resting import resting_checks
 
+from terrain_forge.validation.checks.resting import resting_checks
 from tests.helpers import worlds
 
 UP = np.array([0.0, 0.0, 3.0])
