@@ -146,7 +146,11 @@ def plan(
         picture_of_site = read_orthoimage(picture, name=name, site=site, folder=folder)
         site = site.replace(orthoimage=picture_of_site)
     site = _with_found_craters(site)
-    require_place(site.recipe.rocks.populations, site)
+    populations = site.recipe.rocks.populations
+    require_place(populations, site)
+    check_packing(
+        populations, size, partial(find_library, recipe.rocks.library, custom=site.meshes)
+    )
     return site
 
 
@@ -177,7 +181,6 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
 
     progress("rock library", 0.0)
     library = find_library(recipe.rocks.library, custom=site.meshes)
-    check_packing(populations, site.size, library)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
     around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))

@@ -88,8 +88,8 @@ def _ground_link(tile: Tile, folder: Path, options: Options) -> Lines:
     texture = bake_tile(tile, options.texture_pixels)
     write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
-    grip = world_friction(tile.whole.site.body, options)
-    touch = rigid(f"{name}_collision", uri, grip.ground)
+    friction = world_friction(tile.whole.site.body, options)
+    touch = rigid(f"{name}_collision", uri, friction.ground)
     return element("link", visual(f"{name}_visual", uri), touch, name=name)
 
 

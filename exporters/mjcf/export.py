@@ -108,8 +108,8 @@ def _world_xml(world: World, tiles: list[Tile], grounds: list[GroundPart], optio
         bodies += dynamic_rocks(world.library, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
-    grip = world_friction(world.site.body, options)
-    static = [*_static(grip), *rock_classes(world, textured=textured, friction=grip.rock)]
+    friction = world_friction(world.site.body, options)
+    static = [*_static(friction), *rock_classes(world, textured=textured, friction=friction.rock)]
     parts = [
         *_settings(world, options, shown=_extent(world)),
         *_memory(world),
@@ -150,11 +150,11 @@ def _settings(world: World, options: Options, *, shown: float) -> list[str]:
     return [compiler, option, element("visual", visual)]
 
 
-def _static(grip: Friction) -> list[str]:
+def _static(friction: Friction) -> list[str]:
     """Defaults of ground and rocks: they meet what moves, never each other."""
     contact = element(
         "geom", contype=0, conaffinity=1, condim=3, priority=SURFACE_PRIORITY,
-        friction=sliding(grip.ground), solref=SOLREF, solimp=SOLIMP,
+        friction=sliding(friction.ground), solref=SOLREF, solimp=SOLIMP,
     )  # fmt: skip
     # Blocks are touched and hidden, the ground above them is seen and not touched.
     fields = {

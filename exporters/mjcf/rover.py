@@ -31,12 +31,17 @@ _CAMERA_AXES = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 def rover_classes(friction: float) -> list[str]:
     """Default classes of the rover's geoms; wheels decide the contact, whatever they roll on."""
-    grip = (friction, 0.005, 0.0001)
+    sliding = (friction, 0.005, 0.0001)
     unseen = element("default", [element("geom", contype=0, conaffinity=0)], class_="visual")
     wheel = element(
-        "geom", priority=1, condim=3, friction=grip, solref=(0.04, 1.0), solimp=(0.9, 0.95, 0.001)
+        "geom",
+        priority=1,
+        condim=3,
+        friction=sliding,
+        solref=(0.04, 1.0),
+        solimp=(0.9, 0.95, 0.001),
     )
-    contact = element("geom", group=2, contype=1, conaffinity=0, friction=grip)
+    contact = element("geom", group=2, contype=1, conaffinity=0, friction=sliding)
     rover = [contact, unseen, element("default", [wheel], class_="wheel")]
     return [element("default", rover, class_="rover")]
 

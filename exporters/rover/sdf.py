@@ -54,8 +54,8 @@ def _link(rover: Rover, number: int, place: Array, name: str, options: Options) 
         if shape.visible:
             parts.append(element("visual", pose, geometry, plain(shape.rgb), name=f"visual_{part}"))
         if shape.collides:
-            grip = surface(options.friction)
-            parts.append(element("collision", pose, geometry, grip, name=f"collision_{part}"))
+            friction = surface(options.friction)
+            parts.append(element("collision", pose, geometry, friction, name=f"collision_{part}"))
     if number == 0 and rover.sensors:
         parts += rig_sensors(rover, actor=name, flavour="gz")
     return element("link", *parts, name=link.name)

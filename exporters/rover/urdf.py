@@ -168,9 +168,9 @@ def _control(rover: Rover) -> Lines:
 
 def _gazebo(rover: Rover, name: str, options: Options) -> list[Lines]:
     """Friction, sensors, and the plugin that lets ros2_control drive in Gazebo."""
-    grip = figures([options.friction])
+    friction = figures([options.friction])
     tags = [
-        element("gazebo", element("mu1", grip), element("mu2", grip), reference=link.name)
+        element("gazebo", element("mu1", friction), element("mu2", friction), reference=link.name)
         for link in rover.links
     ]
     rig = rig_sensors(rover, actor=name, flavour="gz") if rover.sensors else []

@@ -52,8 +52,8 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
     _label_craters(mesh, ground, craters)
     write_png(assets / f"{name}.png", image_rows(bake_tile(tile, options.texture_pixels).rgb))
     path = f"/{name}/Looks/regolith"
-    grip = world_friction(tile.whole.site.body, options)
-    look = define_textured(stage, path, f"./{name}.png", grip.ground, wrap="clamp")
+    friction = world_friction(tile.whole.site.body, options)
+    look = define_textured(stage, path, f"./{name}.png", friction.ground, wrap="clamp")
     if detail := tile.whole.appearance.detail:
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{_DETAIL}", scale=scale, offset=offset)

@@ -44,10 +44,10 @@ def write_rocks(
     """
     name, whole, field = tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)
-    grip = world_friction(whole.site.body, options)
+    friction = world_friction(whole.site.body, options)
     looks = {
         n: define_textured(
-            stage, f"/{name}/Looks/rock_{n}", f"./{_texture_file(n)}", grip.rock, wrap="repeat"
+            stage, f"/{name}/Looks/rock_{n}", f"./{_texture_file(n)}", friction.rock, wrap="repeat"
         )
         for n in np.unique(field.population).tolist()
     }

@@ -101,7 +101,7 @@ class DriveResult(Record):
     """Angles of the passive joints [rad], shape [poses, joints]."""
     clearance: Array
     """Free height beneath the belly's lowest-lying point over ground and rocks [m], shape [poses];
-    empty where nobody measured it."""
+    empty if it was not measured."""
     saturated: float
     """Part of the time in which a motor was at its torque limit."""
     skid_gain: float

@@ -39,7 +39,7 @@ class Appearance(Record):
     rock_rgb: NDArray[np.uint8]
     """sRGB colour of each population's rocks, shape [populations, 3]."""
     detail: GroundDetail | None = None
-    """What the ground looks like close by; None where nobody made it."""
+    """What the ground looks like close by; None if there is none."""
 
     def __post_init__(self) -> None:
         self.freeze("ground_rgb", np.uint8, ("rows", "columns", 3))

@@ -36,7 +36,7 @@ class SurfaceFriction(Record):
     highest: float
     """Upper end of the plausible range."""
     source: str
-    """Where it comes from; begins with `assumption` where nobody has measured it."""
+    """Where it comes from; begins with `assumption` where it has not been measured."""
 
 
 def sheared(low_deg: float, mean_deg: float, high_deg: float, source: str) -> SurfaceFriction:
@@ -143,7 +143,7 @@ class CraterConstants(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Soil(Record):
-    """The looks of one kind of loose ground."""
+    """The appearance of one kind of loose ground."""
 
     name: str
     """Its name, as a recipe writes it; no two bodies share one."""
@@ -178,7 +178,7 @@ class Body(Record):
     rock_density: float
     """Density of a rock [kg/m³]."""
     rock_decay: tuple[float, float] | None
-    """Golombek's q(k) = a + b / k [1/m] of the body's rocks as (a, b); None where nobody fitted it.
+    """Golombek's q(k) = a + b / k [1/m] of the body's rocks as (a, b); None where there is no fit.
     """
     roughness: tuple[float, float]
     """Fallback where no DTM tells: Hurst exponent, RMS deviation at 1 m [m]."""

@@ -29,7 +29,7 @@ def save_world(world: World, directory: Path) -> list[Path]:
     shared = world.site.custom_rover == world.rover
     if shared:
         world = world.replace(site=world.site.replace(custom_rover=None))
-    plain = {"format": FORMAT, "brought": shared, "world": to_plain(world, arrays, "world")}
+    plain = {"format": FORMAT, "shared_rover": shared, "world": to_plain(world, arrays, "world")}
     text, binary = folder / "world.json", folder / "arrays.npz"
     text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
@@ -51,7 +51,7 @@ def load_world(directory: Path) -> World:
         with np.load(text.with_name("arrays.npz"), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         world: World = from_plain(plain["world"], arrays)
-        if plain["brought"]:
+        if plain["shared_rover"]:
             world = world.replace(site=world.site.replace(custom_rover=world.rover))
         world = world.replace(site=world.site.with_current_keys(text))
     except OutputError:

@@ -41,8 +41,8 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
             mass.
     """
     machine = _Machine(assembly, spec)
-    wheels, loose = machine.find_wheels()
-    passive = machine.find_passive(wheels, loose)
+    wheels, free_wheels = machine.find_wheels()
+    passive = machine.find_passive(wheels, free_wheels)
     notes = [*assembly.notes, *machine.held_notes(wheels | passive)]
     turned, treads = machine.stand(wheels)
     links, more = _make_links(turned, wheels, passive, treads)
@@ -141,17 +141,17 @@ class _Machine:
         names = getattr(self.spec, key)
         return {self.body_named(name, ("rover", key, n)) for n, name in enumerate(names)}
 
-    def find_passive(self, wheels: set[str], loose: set[str]) -> set[str]:
+    def find_passive(self, wheels: set[str], free_wheels: set[str]) -> set[str]:
         """Bodies whose joints turn freely: suspensions, swivels, wheels without a motor."""
         told, held = self._told("passive"), self._told("held")
         geared = {self.of_joint.get(name) for g in self.gears for name in (g.joint, g.leader)}
-        above = {name for wheel in wheels | loose for name in self._ancestors(wheel)}
+        above = {name for wheel in wheels | free_wheels for name in self._ancestors(wheel)}
         free = {
             name
             for name in above | (geared & set(self.bodies))
             if self._is_suspension(self.bodies[str(name)])
         }
-        return ({str(name) for name in free} | told | loose) - held - wheels
+        return ({str(name) for name in free} | told | free_wheels) - held - wheels
 
     def _is_suspension(self, body: Body) -> bool:
         joint = body.joint

@@ -84,7 +84,7 @@ def size_frequency(
     `lists` has the rocks that the user listed one by one, which no law describes, and how many more
     of them lie `in_corridors` or exclusion zones, where they are left; `overlaps` the
     pairs of rocks whose plan outlines overlap, those between listed rocks apart; `shapes` the
-    library (`shape_figures`). Rocks of populations that nobody asked for, such as rocks added by
+    library (`shape_figures`). Rocks of other populations than the recipe's, such as rocks added by
     hand, are in the overlaps alone.
 
     Args:

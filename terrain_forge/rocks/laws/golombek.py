@@ -25,7 +25,7 @@ from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.sites import ABUNDANCES, GolombekSite, RockAbundance
 
 MAX_K = 0.4
-"""Largest rock abundance of the family: beyond it nobody has counted, and curves might cross."""
+"""Largest rock abundance of the family: none larger was counted, and curves might cross."""
 
 DECAYS = {body.name: body.rock_decay for body in BODIES.values() if body.rock_decay}
 """q(k) = a + b / k [1/m] as (a, b), by the bodies whose rocks it was fitted to."""

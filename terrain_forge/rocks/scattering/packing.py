@@ -11,7 +11,7 @@ others on a unit of ground, and a rock's own perimeter P and area A,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import exp, pi
 
 import numpy as np
@@ -56,13 +56,13 @@ def check_cover(populations: Populations) -> None:
             )
 
 
-def check_packing(populations: Populations, size: Size, library: RockLibrary) -> None:
+def check_packing(populations: Populations, size: Size, library: Callable[[], RockLibrary]) -> None:
     """Refuse rocks that would not all find a free place, by the footprints of their shapes.
 
     Args:
         populations: The rocks.
         size: The site, east and north [m].
-        library: The shapes.
+        library: Gives the shapes; called only where the cover makes them matter.
 
     Raises:
         RecipeError: with the cover, on the whole or where rocks are crowded.
@@ -70,9 +70,10 @@ def check_packing(populations: Populations, size: Size, library: RockLibrary) ->
     crowds = [crowd for crowd in _crowds(populations) if crowd[0] > _ALWAYS_FITS]
     if not crowds:
         return
-    shapes = _footprints(library)
+    rocks = library()
+    shapes = _footprints(rocks)
     steps = [
-        _steps(population, size, shapes[:, shapes_of(population.families, library, ())])
+        _steps(population, size, shapes[:, shapes_of(population.families, rocks, ())])
         for population in populations
     ]
     for cover, factors, where, key in crowds:

@@ -333,7 +333,7 @@ def test_cover_that_leaves_no_room_for_the_last_rocks(dense):
     """Below 0.4, but these sizes leave more than one rock in a thousand without a place."""
     library = find_library(LibrarySpec())
     with pytest.raises(RecipeError, match=r"cover 0\.[23].*packed.*lower their numbers") as refused:
-        check_packing(tuple(dense), SIZE, library)
+        check_packing(tuple(dense), SIZE, lambda: library)
     assert refused.value.key == ("rocks", "populations")
 
 
@@ -343,16 +343,16 @@ def test_wide_ranges_of_sizes_pack_densely():
     dynamic = population(size_frequency=Golombek(k=0.3), diameter_m=(0.15, 2), dynamic_m=(0.15, 2))
     for dense in (*still, dynamic):
         check_rocks(RocksSpec(populations=(dense,)), SIZE)
-        check_packing((dense,), SIZE, library)
+        check_packing((dense,), SIZE, lambda: library)
 
 
 def test_packing_knows_the_shapes_at_hand():
     """Ventifacts have larger footprints than the default shapes: fewer of them fit."""
     dense = (even(0.22, 0.5, 1.0),)
-    check_packing(dense, SIZE, find_library(LibrarySpec()))
+    check_packing(dense, SIZE, lambda: find_library(LibrarySpec()))
     ventifacts = find_library(LibrarySpec(shapes=6, families=("ventifact",)))
     with pytest.raises(RecipeError, match="packed"):
-        check_packing(dense, SIZE, ventifacts)
+        check_packing(dense, SIZE, lambda: ventifacts)
 
 
 def test_the_automatic_largest_rock_must_fit_the_site_too():

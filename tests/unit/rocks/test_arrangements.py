@@ -436,7 +436,7 @@ def test_nearly_all_rocks_find_a_place(k, more):
     law = Golombek(k=k)
     spec = PopulationSpec(name="a", size_frequency=law, diameter_m=(0.1, 1.5), **more)
     check_rocks(RocksSpec(populations=(spec,)), (60.0, 50.0))
-    check_packing((spec,), (60.0, 50.0), LIBRARY)
+    check_packing((spec,), (60.0, 50.0), lambda: LIBRARY)
     chess = np.indices((9, 9)).sum(axis=0) % 2
     found = [run(site(seed=seed, images=(image(chess),)), spec) for seed in range(3)]
     assert sum(sum(one.unplaced) for one in found) < 1e-3 * sum(map(len, found))
