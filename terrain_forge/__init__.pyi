@@ -23,6 +23,7 @@ from .dtm import FlatDtm as FlatDtm
 from .dtm import RasterDtm as RasterDtm
 from .model import BODIES as BODIES
 from .model import MARS as MARS
+from .model import MERCURY as MERCURY
 from .model import MOON as MOON
 from .model import Appearance as Appearance
 from .model import Body as Body

@@ -92,6 +92,8 @@ def from_plain(plain: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     """The value that `to_plain` made this from."""
     if isinstance(plain, dict) and "record" in plain:
         body = {k: from_plain(v, arrays) for k, v in plain.items() if k != "record"}
+        if plain["record"] not in TYPES:
+            raise LookupError(f"{plain['record']}: the package that brings it is not installed")
         return TYPES[plain["record"]](**body)
     if isinstance(plain, dict) and set(plain) == {"array"}:
         return arrays[plain["array"]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import pkgutil
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -59,22 +60,33 @@ def skip_plugin(point: EntryPoint, group: str, why: str) -> None:
     _log.warning("%s %r (%s) is skipped: %s", _what(group), point.name, point.value, why)
 
 
-def parts(base: type[_Part], folder: str, group: str) -> tuple[type[_Part], ...]:
+def parts(
+    base: type[_Part], folder: str, group: str, *, taken: Iterable[str] = ()
+) -> tuple[type[_Part], ...]:
     """All installed subclasses of a base class, in the order of their names.
 
     Args:
         base: the base class; subclasses tell themselves apart by their class attribute `kind`.
         folder: our package, each of whose modules defines some.
         group: entry points that name modules of other packages. Ours keep their kinds.
+        taken: kinds that are ours, though no module of the folder has them.
     """
     found: dict[str, type[_Part]] = {}
-    for module in _modules(folder, group):
-        for member in vars(module).values():
-            if isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind"):
-                kind = str(vars(member).get("kind", member.__name__))
-                first = found.setdefault(kind, member)
-                if first is not member:
-                    _warn_of_twin(group, "kind", kind, member.__module__, first.__module__)
+    for module, point in _modules(folder, group):
+        members = [
+            member
+            for member in vars(module).values()
+            if isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind")
+        ]
+        _require_some(members, base, point, group)
+        for member in members:
+            kind = str(vars(member).get("kind", member.__name__))
+            if kind in taken:
+                _warn_of_twin(group, "kind", kind, member.__module__, "terrain_forge")
+                continue
+            first = found.setdefault(kind, member)
+            if first is not member:
+                _warn_of_twin(group, "kind", kind, member.__module__, first.__module__)
     return tuple(sorted(found.values(), key=lambda part: part.__name__))
 
 
@@ -87,21 +99,30 @@ def values(base: type[_Value], folder: str, group: str) -> tuple[_Value, ...]:
         group: entry points that name modules of other packages. Ours keep their names.
     """
     found: dict[str, tuple[_Value, str]] = {}
-    for module in _modules(folder, group):
-        for member in vars(module).values():
-            if isinstance(member, base):
-                first, where = found.setdefault(member.name, (member, module.__name__))
-                if first is not member:
-                    _warn_of_twin(group, "name", member.name, module.__name__, where)
+    for module, point in _modules(folder, group):
+        members = [member for member in vars(module).values() if isinstance(member, base)]
+        _require_some(members, base, point, group)
+        for member in members:
+            first, where = found.setdefault(member.name, (member, module.__name__))
+            if first is not member:
+                _warn_of_twin(group, "name", member.name, module.__name__, where)
     return tuple(found[name][0] for name in sorted(found))
 
 
-def _modules(folder: str, group: str) -> list[ModuleType]:
+def _modules(folder: str, group: str) -> list[tuple[ModuleType, EntryPoint | None]]:
     """The modules of our folder, then those of other packages that can be imported."""
     names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
     points = sorted(set(entry_points(group=group)), key=_precedence)
-    others = [module for point in points if (module := load_plugin(point, group))]
-    return [*map(import_module, names), *others]
+    others = [(module, point) for point in points if (module := load_plugin(point, group))]
+    return [*((import_module(name), None) for name in names), *others]
+
+
+def _require_some(
+    members: Sequence[object], base: type, point: EntryPoint | None, group: str
+) -> None:
+    """Warn of another package's module that brings nothing."""
+    if point is not None and not members:
+        skip_plugin(point, group, f"has no {base.__name__}")
 
 
 def _warn_of_twin(group: str, what: str, name: str, module: str, first: str) -> None:

@@ -22,11 +22,19 @@ def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[Ex
     """
     if not only:
         raise OutputError("--only names no format")
-    planned = require_readable_recipe(world, out)
-    further = tuple(name for name in dict.fromkeys(only) if name not in planned)
-    recipe = replace(world.site.recipe, exports=further)
-    found = {**planned, **{order.folder: order for order in export_orders(recipe)}}
-    return tuple(found[name] for name in dict.fromkeys(only))
+    try:
+        recipe = world.site.recipe
+    except RecipeError as error:
+        raise _refused(out, error) from None
+    exports = recipe.exports
+    planned = exports if isinstance(exports, dict) else {name: {} for name in exports}
+    chosen = {name: planned.get(name, {}) for name in only}
+    try:
+        return export_orders(replace(recipe, exports=chosen))
+    except RecipeError as error:
+        if error.key[1:2] and error.key[1] in planned:
+            raise _refused(out, error) from None
+        raise
 
 
 def require_readable_recipe(world: World, out: Path) -> dict[str, ExportOrder]:
@@ -38,7 +46,12 @@ def require_readable_recipe(world: World, out: Path) -> dict[str, ExportOrder]:
     try:
         return {order.folder: order for order in export_orders(world.site.recipe)}
     except RecipeError as error:
-        what = ": ".join(filter(None, [".".join(map(str, error.key)), str(error)]))
-        raise OutputError(
-            f"{out}: this version refuses the recipe of that world, {what}; build it anew"
-        ) from None
+        raise _refused(out, error) from None
+
+
+def _refused(out: Path, error: RecipeError) -> OutputError:
+    what = ": ".join(filter(None, [".".join(map(str, error.key)), str(error)]))
+    return OutputError(
+        f"{out}: this version refuses the recipe of that world, {what}; install the package that "
+        "it was built with, or build it anew"
+    )

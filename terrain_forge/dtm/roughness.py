@@ -87,7 +87,7 @@ def fit_roughness(
 def body_roughness(body: Body, why: str) -> Roughness:
     """The body's fallback figures."""
     hurst, deviation = body.roughness
-    return Roughness(hurst=hurst, deviation=deviation, source=f"preset of {body.name} ({why})")
+    return Roughness(hurst=hurst, deviation=deviation, source=f"default of {body.name} ({why})")
 
 
 def _fitted(heights: Array, trusted: Mask, resolved: int) -> tuple[float, float] | None:

@@ -13,7 +13,7 @@ PLACE_LOSS = "Longitude, latitude and the datum's height are left out."
 def detail_loss(detail: GroundDetail) -> str:
     """What a format leaves out of the detail tile that takes its normals alone."""
     return (
-        f"The ground's normal map repeats every {detail.size:g} m and knows nothing of the stones "
+        f"The ground's normal map repeats every {detail.size:g} m and does not show the stones "
         "in the colours; the brightness that belongs to it is left out."
     )
 

@@ -4,6 +4,7 @@ from .appearance import Appearance as Appearance
 from .appearance import GroundDetail as GroundDetail
 from .appearance import Lighting as Lighting
 from .bodies.mars import MARS as MARS
+from .bodies.mercury import MERCURY as MERCURY
 from .bodies.moon import MOON as MOON
 from .body import Body as Body
 from .body import Chronology as Chronology

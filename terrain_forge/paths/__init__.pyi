@@ -1,5 +1,8 @@
 """Paths: routes, trajectories, traversability, planning."""
 
+from .curves import Curve as Curve
+from .curves import trace_polyline as trace_polyline
+from .curves import trace_spline as trace_spline
 from .files import write_trajectories as write_trajectories
 from .interpolation import ANGLE_LIMIT as ANGLE_LIMIT
 from .interpolation import POSITION_LIMIT as POSITION_LIMIT

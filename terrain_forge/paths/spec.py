@@ -44,7 +44,7 @@ class Recorded(Spec):
     file: Annotated[str, InputFile(kind="route")]
     """CSV with columns x, y and perhaps time and yaw or qw, qx, qy, qz, with or without units as in
     our own paths/NAME.csv (x_m, time_s, yaw_rad, yaw_deg); x and y without names; or TUM (time x y
-    z qx qy qz qw). What else is in it is passed over."""
+    z qx qy qz qw). Other columns are ignored."""
     timing: Literal["speed", "recorded"] = "speed"
     """`speed`: its track in the plane is followed, at the path's speed. `recorded`: its times too,
     and its yaw where it has one."""
@@ -55,7 +55,7 @@ class Recorded(Spec):
     closed: bool = False
     """Whether it returns to its first point; with `timing: speed`."""
     spacing_m: Positive = 0.1
-    """Points nearer than this to the one before are passed over [m]; with `timing: speed`."""
+    """Points nearer than this to the one before are ignored [m]; with `timing: speed`."""
     origin_m: Pair = (0.0, 0.0)
     """Where the file's origin lies, metres east and north of the site's centre."""
     turn_deg: Annotated[float, Interval(ge=-360, le=360)] = 0.0
@@ -80,7 +80,12 @@ class Planned(Spec):
 if TYPE_CHECKING:
     RouteSpec = Spline | Polyline | NamedShape | Recorded | Planned
 else:
-    _SHAPES = parts(NamedShape, "terrain_forge.paths.shapes", "terrain_forge.route_shapes")
+    _SHAPES = parts(
+        NamedShape,
+        "terrain_forge.paths.shapes",
+        "terrain_forge.route_shapes",
+        taken=[route.kind for route in (Spline, Polyline, Recorded, Planned)],
+    )
     RouteSpec = Annotated[
         Union[(Spline, Polyline, *_SHAPES, Recorded, Planned)], ByKind(default="spline")
     ]

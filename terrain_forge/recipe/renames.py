@@ -89,14 +89,18 @@ def current_json(text: str, file: Path) -> str:
         renamed = rename_keys(data)
     except RecipeError as error:
         raise OutputError(f"{file}: {dotted(error.key)}: {error}") from None
+    lines = file.read_text(encoding="utf-8").splitlines() if renamed else []
+    line = next((n for n, text in enumerate(lines, 1) if '"recipe_json":' in text), 1)
     for old, new in renamed:
-        warn_renamed(str(file), old, new)
+        warn_renamed(f"{file}:{line}", old, new, above=6)  # the caller of World.load
     return json.dumps(data, sort_keys=True, separators=(",", ":")) if renamed else text
 
 
-def warn_renamed(where: str, old: Key, new: Key) -> None:
+def warn_renamed(where: str, old: Key, new: Key, *, above: int = 4) -> None:
     """Warn that a key has another name now; `where` is the file, with its line if that is known."""
-    warnings.warn(f"{where}: {dotted(old)} is now called {new[-1]}", RecipeWarning, stacklevel=4)
+    warnings.warn(
+        f"{where}: {dotted(old)} is now called {new[-1]}", RecipeWarning, stacklevel=above
+    )
 
 
 def dotted(key: Key) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from base64 import b64encode
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.view import bundled, scripts
+
+_log = logging.getLogger(__name__)
 
 SECTIONS = "terrain_forge.report_sections"
 """Entry points of other packages' sections."""
@@ -53,7 +57,7 @@ def write_report_page(
     sections = [
         {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}
         for kind in kinds
-        if (blocks := kind().blocks(built))
+        if (blocks := _blocks(kind, built))
     ]
     text = render(
         "page.html",
@@ -70,6 +74,17 @@ def write_report_page(
     report = directory / "report.html"
     report.write_text(text, encoding="utf-8", newline="\n")
     return report
+
+
+def _blocks(kind: type[Section], built: Built) -> Sequence[Block]:
+    """The blocks of a section; one of another package that raises is left out with a warning."""
+    try:
+        return kind().blocks(built)
+    except Exception as error:
+        if kind.__module__.startswith("terrain_forge."):
+            raise
+        _log.warning("section %r of the report is left out: %s", kind.title, error)
+        return []
 
 
 def render(template: str, **values: Any) -> str:

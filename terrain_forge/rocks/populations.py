@@ -117,7 +117,7 @@ class RockListSpec(Spec):
     """Name, unique among lists and populations."""
     file: Annotated[str, MinLen(1), ROCK_LIST]
     """CSV with a header: `x_m`, `y_m` (east and north of the centre in the site's frame) and
-    `diameter_m`; if wanted `yaw_deg`, `buried_fraction` and `prototype` too."""
+    `diameter_m`; optionally `yaw_deg`, `buried_fraction` and `prototype` too."""
     buried_fraction: tuple[BuriedFraction, BuriedFraction] = (0.05, 0.5)
     """Smallest and largest buried part of the height, where the table gives none."""
     families: Annotated[tuple[str, ...], MinLen(1)] | None = None

@@ -65,7 +65,7 @@ def size_frequency(
 
     - `law`: its numbers; `extrapolated_below_m`, if it was fitted to larger rocks only than wanted;
     - `arrangement`, and `effective_area_m2`: the area on which the law alone gives that number;
-    - `count`: expected and found number, the standard deviation of a right sampler, z;
+    - `count`: expected and observed number, the standard deviation of a correct sampler, z;
     - `cover`: the same of the cover; `outline`, the part of the ground that is seen to be rock from
       above, counted at the ground's nodes, and `outline_error`, its standard error at most;
     - `kolmogorov_smirnov`: distance from the truncated law, its p-value and the distance that is

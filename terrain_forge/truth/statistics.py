@@ -10,7 +10,7 @@ from scipy.special import kolmogi, kolmogorov, nbdtrik, pdtrik
 from terrain_forge.base import Array
 
 CONFIDENCE = 0.95
-"""Probability that a right sampler's curve lies within the band at any one diameter."""
+"""Probability that a correct sampler's curve lies within the band at any one diameter."""
 SIGNIFICANCE = 0.05
 """Significance of the critical Kolmogorov–Smirnov distance."""
 NORMAL_QUANTILE = 1.959964

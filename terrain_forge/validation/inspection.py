@@ -43,7 +43,7 @@ class Inspection:
 
     kind: ClassVar[str]
     """Its name."""
-    group: ClassVar[str]
+    group: ClassVar[str] = ""
     """Where its checks stand in the report."""
 
     def checks(self, built: BuiltFolder) -> Iterable[Check]:

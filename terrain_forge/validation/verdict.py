@@ -11,7 +11,7 @@ from pathlib import Path
 
 from terrain_forge.base import Record, parts
 from terrain_forge.driving import DriveResult
-from terrain_forge.model import Check, Export, World, exporter, plain_options
+from terrain_forge.model import Check, Export, World, exporter, failed, plain_options
 from terrain_forge.recipe import ValidateSpec
 from terrain_forge.terrain import terrain_statistics
 from terrain_forge.validation.checks.drives import Drives
@@ -81,7 +81,7 @@ def validate(
         progress=progress,
     )
     made = [kind() for kind in inspections()]
-    found = [c.replace(group=c.group or one.group) for one in made for c in one.checks(built)]
+    found = [c.replace(group=c.group or one.group) for one in made for c in _checks(one, built)]
     order = {group: place for place, group in enumerate(GROUPS)}
     checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
     _clear_results(folder)
@@ -93,6 +93,17 @@ def validate(
         files=tuple(files),
         exports=built.exports,
     )
+
+
+def _checks(inspection: Inspection, built: BuiltFolder) -> list[Check]:
+    """What an inspection finds; one of another package that raises has failed."""
+    try:
+        return list(inspection.checks(built))
+    except Exception as error:
+        if type(inspection).__module__.startswith("terrain_forge."):
+            raise
+        why = " ".join(str(error).split()) or type(error).__name__
+        return [failed(f"{inspection.kind}: check", f"cannot be made: {why}")]
 
 
 def _clear_exports(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""A lying eight."""
+"""A horizontal figure of eight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from terrain_forge.paths.named_shape import NamedShape, pair
 
 @dataclass(frozen=True, kw_only=True)
 class FigureEight(NamedShape):
-    """A lying eight (Gerono's lemniscate), from its crossing towards the north-east first."""
+    """A horizontal eight (Gerono's lemniscate), from its crossing towards the north-east first."""
 
     kind: Literal["figure_eight"] = "figure_eight"
 

@@ -1,4 +1,4 @@
-"""Rows to and fro."""
+"""Rows back and forth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from terrain_forge.paths.named_shape import NamedShape, shortening
 
 @dataclass(frozen=True, kw_only=True)
 class Lawnmower(NamedShape):
-    """Parallel rows, driven to and fro from the south-western end."""
+    """Parallel rows, driven back and forth from the south-western end."""
 
     kind: Literal["lawnmower"] = "lawnmower"
     rows: Annotated[int, Interval(ge=2, le=1000)] = 5

@@ -8,7 +8,7 @@ from typing import Any
 from terrain_forge.report.blocks import Block, Shown, paragraph, signed, table, thousands
 from terrain_forge.report.section import Built, Section
 
-_HEADINGS = ("Diameter", "Expected", "95 %", "Found")
+_HEADINGS = ("Diameter", "Expected", "95 %", "Observed")
 
 
 class Craters(Section):

@@ -69,8 +69,8 @@ class Rocks(Section):
         ]
 
 
-_SIZES = ("Population", "Law", "D [m]", "Expected", "Found", "z", "K–S", "p", "Unplaced", "")
-_PLACES = ("Population", "Lies", "Cover expected", "±", "Found", "z", "Seen from above",
+_SIZES = ("Population", "Law", "D [m]", "Expected", "Observed", "z", "K–S", "p", "Unplaced", "")
+_PLACES = ("Population", "Arrangement", "Cover expected", "±", "Observed", "z", "Visible cover",
            "Clark–Evans", "Dynamic", "Visual only")  # fmt: skip
 
 
@@ -152,7 +152,8 @@ def _percent(share: float) -> str:
 
 def _note(verification: dict[str, Any]) -> str:
     note = (
-        "z: deviation in standard deviations of a right sampler. K–S: Kolmogorov–Smirnov distance "
+        "z: deviation in standard deviations of a correct sampler. K–S: Kolmogorov–Smirnov "
+        "distance "
         "of the diameters from the law, and its p. Agrees: so says the check of the sizes. "
         "Cover: Σ πD²/4; ±: its standard deviation; seen from above: where a rock is the highest "
         "thing, less since a rock's outline is no disc. Clark–Evans: distance to the nearest rock "
@@ -203,7 +204,7 @@ def _figures(verification: dict[str, Any]) -> list[Block]:
         ("Closed, facing outward", f"{shapes['watertight']} of {shapes['count']} shapes"),
         ("Collision parts", f"{sum(parts)} in all, at most {max(parts)}"),
         ("Their volume in excess", _off(shapes, "hull_excess")),
-        ("Their surface off", _off(shapes, "hull_distance")),
+        ("Surface deviation", _off(shapes, "hull_distance")),
         ("Coarse outlines off", f"{100.0 * shapes['largest_outline_error']:.2f} %"),
     ]
     note = "The worst of all shapes: of its volume, and distances as parts of its mean axis."

@@ -55,7 +55,8 @@ def _place(world: World) -> str:
     if site.lonlat is None:
         return "not georeferenced"
     longitude, latitude = np.degrees(site.lonlat)
-    return f"{abs(latitude):.5f}° {'NS'[int(latitude < 0)]}, {longitude:.5f}° E"
+    north, east = "NS"[int(latitude < 0)], "EW"[int(longitude < 0)]
+    return f"{abs(latitude):.5f}° {north}, {abs(longitude):.5f}° {east}"
 
 
 def _plane(slope: tuple[float, float]) -> str:

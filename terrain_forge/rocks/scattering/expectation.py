@@ -33,7 +33,7 @@ _CRATER_POINTS = 300
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
-    """What a right sampler puts onto a part of a site; the law is n(D) dD rocks per m².
+    """What a correct sampler puts onto a part of a site; the law is n(D) dD rocks per m².
 
     The number of rocks above D is expected to be N = Σ area · (N(D) - N(largest)) over the `parts`.
     Its variance is N + v (N / A)², with A the sum of the parts' areas and v `area_variance`; that

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Union
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import BY_KIND, Array, FileName, InputFile, Positive, parts
-from terrain_forge.model import Site, Window
+from terrain_forge.model import BODIES, Site, Window
 from terrain_forge.terrain.cratering.brightness import ejecta_brightness
 from terrain_forge.terrain.cratering.equilibrium import Equilibrium
 from terrain_forge.terrain.cratering.feasibility import check_craters
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     AnyProduction = CraterProduction
 else:
     _FOLDER = "terrain_forge.terrain.cratering.productions"
-    _SEEN = parts(CraterProduction, _FOLDER, "terrain_forge.crater_productions")
+    _OF_BODIES = {one.kind for body in BODIES.values() for one in body.craters.productions}
+    _GROUP = "terrain_forge.crater_productions"
+    _SEEN = parts(CraterProduction, _FOLDER, _GROUP, taken=_OF_BODIES)
     AnyProduction = Annotated[Union[(BodyProduction, *_SEEN)], BY_KIND]
 
 
@@ -50,7 +52,7 @@ class CraterLayer(Layer):
     on a flat site what one crater of the area is expected to reach."""
     file: Annotated[str, MinLen(1), CraterList] | None = None
     """CSV of craters that are placed one by one: `x_m`, `y_m` (east and north of the site's centre)
-    or `lon_deg`, `lat_deg`, and `diameter_m`; if wanted `age_ga` (0 without) and
+    or `lon_deg`, `lat_deg`, and `diameter_m`; optionally `age_ga` (0 without) and
     `depth_to_diameter` (of the fresh crater, crest to floor). Fields of these two may be empty."""
     depth_to_diameter: Annotated[float, Interval(ge=0.02, le=0.3)] | None = None
     """Depth of the fresh craters over their diameter, crest to floor; by default the body's."""

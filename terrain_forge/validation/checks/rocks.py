@@ -13,7 +13,7 @@ from terrain_forge.truth import shape_figures
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
 
 SIGNIFICANCE = 0.001
-"""A right sampler's rocks fall below this p-value once in a thousand worlds."""
+"""A correct sampler's rocks fall below this p-value once in a thousand worlds."""
 UNPLACED_LIMIT = 0.001
 """Part of the rocks that may find no free place."""
 

@@ -137,7 +137,9 @@ def test_saved_worlds(small_world, tmp_path):
     with pytest.warns(RecipeWarning) as caught:
         world = World.load(tmp_path)
     (told,) = [str(warning.message) for warning in caught]
-    assert told == f"{file}: rocks.keep_out is now called exclusion_zones"
+    line = next(n for n, text in enumerate(file.read_text().splitlines(), 1) if "keep_out" in text)
+    assert told == f"{file}:{line}: rocks.keep_out is now called exclusion_zones"
+    assert caught[0].filename == __file__
     assert world == small_world
     with warnings.catch_warnings():
         warnings.simplefilter("error")

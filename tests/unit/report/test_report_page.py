@@ -318,3 +318,16 @@ def test_the_section_of_the_documentation_is_one(tmp_path):
     (tmp_path / "truth" / "ripples.json").write_text('{"wavelength_m": 0.4}')
     shown = Page(render("blocks.html", blocks=section.blocks(Built(worlds.world(), tmp_path))))
     assert shown.text == "Wavelength 0.4 m"
+
+
+def test_a_foreign_section_that_raises_is_left_out(small_world, tmp_path, monkeypatch, caplog):
+    class Broken(Section):
+        kind, title, place = "broken", "Broken", 5
+
+        def blocks(self, built):
+            raise ValueError("boom")
+
+    monkeypatch.setattr("terrain_forge.report.page.parts", lambda *_: (Broken,))
+    text = write_report_page(small_world, tmp_path).read_text(encoding="utf-8")
+    assert "boom" not in text
+    assert "section 'Broken' of the report is left out: boom" in caplog.text

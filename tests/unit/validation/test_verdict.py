@@ -1,0 +1,32 @@
+"""Checks of other packages, which may raise anything."""
+
+from terrain_forge.model import at_most
+from terrain_forge.recipe import ValidateSpec
+from terrain_forge.validation import Inspection, validate
+
+
+class Broken(Inspection):
+    kind = "boom"
+
+    def checks(self, built):
+        raise ValueError("no idea")
+
+
+class Whole(Inspection):
+    kind = "whole"
+    group = "mine"
+
+    def checks(self, built):
+        return [at_most("whole: figure", 0.5, 1.0)]
+
+
+def test_a_foreign_check_that_raises_has_failed(small_world, tmp_path, monkeypatch):
+    known = __import__("terrain_forge.validation.verdict", fromlist=["x"])
+    real = known.inspections()
+    monkeypatch.setattr(known, "inspections", lambda: (*real, Broken, Whole))
+    result = validate(small_world, tmp_path, spec=ValidateSpec(), exports=())
+    found = {check.name: check for check in result.checks}
+    assert found["whole: figure"].group == "mine"
+    assert not found["boom: check"].passed
+    assert "no idea" in found["boom: check"].note
+    assert not result.passed
