@@ -27,7 +27,7 @@ _NEGLIGIBLE = 1e-18
 
 def exp(x: ArrayLike) -> Array:
     """E to the power of x; infinite where that is too large."""
-    return _each(_exp, x)
+    return _each(math.exp, x, otherwise=_exp)
 
 
 def expm1(x: ArrayLike) -> Array:
@@ -37,7 +37,7 @@ def expm1(x: ArrayLike) -> Array:
 
 def log(x: ArrayLike) -> Array:
     """Natural logarithm; minus infinity at 0, NaN below."""
-    return _each(_log, x)
+    return _each(math.log, x, otherwise=_log)
 
 
 def log1p(x: ArrayLike) -> Array:
@@ -58,7 +58,7 @@ def log10(x: ArrayLike) -> Array:
 def power(x: ArrayLike, exponent: ArrayLike) -> Array:
     """X to a power, for x of at least 0; infinite at 0 with an exponent below 0."""
     x, exponent = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(exponent, np.float64))
-    return _each(_power, x, exponent)
+    return _each(math.pow, x, exponent, otherwise=_power)
 
 
 def cbrt(x: ArrayLike) -> Array:
@@ -186,24 +186,28 @@ def fit_line(x: ArrayLike, y: ArrayLike) -> tuple[float, float]:
     return slope, height - slope * middle
 
 
-def _each(function: Callable[..., float], *arrays: ArrayLike) -> Array:
+def _each(
+    function: Callable[..., float],
+    *arrays: ArrayLike,
+    otherwise: Callable[..., float] | None = None,
+) -> Array:
+    """A function of each element; where it raises, all of them by the slower one that does not."""
     first = np.asarray(arrays[0], np.float64)
-    if first.ndim == 0:
-        return np.float64(function(*map(float, arrays)))  # type: ignore[arg-type, return-value]
     columns = [np.asarray(array, np.float64).ravel() for array in arrays]
     found = np.empty(first.size)
-    for begin in range(0, first.size, _AT_ONCE):
-        part = slice(begin, begin + _AT_ONCE)
-        numbers = map(function, *(column[part].tolist() for column in columns))
-        found[part] = np.fromiter(numbers, np.float64)
-    return found.reshape(first.shape)
+    try:
+        for begin in range(0, first.size, _AT_ONCE):
+            part = slice(begin, begin + _AT_ONCE)
+            numbers = map(function, *(column[part].tolist() for column in columns))
+            found[part] = np.fromiter(numbers, np.float64)
+    except (OverflowError, ValueError):
+        if otherwise is None:
+            raise
+        return _each(otherwise, *arrays)
+    return found.reshape(first.shape)[()]
 
 
 def _exp(x: float) -> float:
-    return math.exp(x) if x < 709.0 else _large(x)
-
-
-def _large(x: float) -> float:
     try:
         return math.exp(x)
     except OverflowError:
