@@ -37,14 +37,14 @@ def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[Ex
         raise
 
 
-def require_readable_recipe(world: World, out: Path) -> dict[str, ExportOrder]:
-    """The exports of the recipe that a world was built with, by their folders.
+def require_readable_recipe(world: World, out: Path) -> None:
+    """Refuse a world whose recipe, or an export of it, this version does not read.
 
     Raises:
-        OutputError: if this version refuses one of them.
+        OutputError: with what is refused.
     """
     try:
-        return {order.folder: order for order in export_orders(world.site.recipe)}
+        export_orders(world.site.recipe)
     except RecipeError as error:
         raise _refused(out, error) from None
 

@@ -21,8 +21,8 @@ from terrain_forge.rocks import (
     make_library,
     require_dynamic,
     settle,
+    settling,
 )
-from terrain_forge.rocks import settling as settling
 from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE

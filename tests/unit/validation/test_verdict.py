@@ -2,7 +2,7 @@
 
 from terrain_forge.model import at_most
 from terrain_forge.recipe import ValidateSpec
-from terrain_forge.validation import Inspection, validate
+from terrain_forge.validation import Inspection, validate, verdict
 
 
 class Broken(Inspection):
@@ -21,9 +21,8 @@ class Whole(Inspection):
 
 
 def test_a_foreign_check_that_raises_has_failed(small_world, tmp_path, monkeypatch):
-    known = __import__("terrain_forge.validation.verdict", fromlist=["x"])
-    real = known.inspections()
-    monkeypatch.setattr(known, "inspections", lambda: (*real, Broken, Whole))
+    real = verdict.inspections()
+    monkeypatch.setattr(verdict, "inspections", lambda: (*real, Broken, Whole))
     result = validate(small_world, tmp_path, spec=ValidateSpec(), exports=())
     found = {check.name: check for check in result.checks}
     assert found["whole: figure"].group == "mine"
