@@ -1,7 +1,7 @@
 """The command line: `terrain-forge build recipe.yaml` and its companions.
 
-Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 an internal
-error; 130 interrupted.
+Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 the disk or
+the system refused, or an internal error; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -22,13 +22,25 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError, RecipeWarning, SimulationError, TerrainForgeError
+from terrain_forge.base import (
+    OutputError,
+    RecipeWarning,
+    SimulationError,
+    StorageError,
+    TerrainForgeError,
+)
 
 if TYPE_CHECKING:
     from terrain_forge.recipe import RecipeFile
 
 _M_ARENA_MAX = -8
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+_STATUS = {
+    SimulationError: FAILED_CHECK,
+    StorageError: INTERNAL,
+    TerrainForgeError: WRONG_INPUT,
+    OSError: INTERNAL,
+}
 
 _OUT = click.argument("out", type=click.Path(path_type=Path))
 _RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
@@ -44,6 +56,11 @@ _DRIVES = click.option(
     type=click.IntRange(1, 10_000),
     metavar="N",
     help="Also drive straight on from N random starts, and tell how many arrive.",
+)
+_FORCE = click.option(
+    "--force",
+    is_flag=True,
+    help="Also remove files in the older world that are not its own; says which.",
 )
 _SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
@@ -76,6 +93,7 @@ def cli(debug: bool) -> None:
 @_SET
 @click.option("--only", metavar="FORMATS", help="Write only these exports, such as sdf,mjcf.")
 @_DRIVES
+@_FORCE
 def build(
     recipe: Path,
     out: Path | None,
@@ -83,30 +101,36 @@ def build(
     changes: tuple[str, ...],
     only: str | None,
     drives: int | None,
+    force: bool,
 ) -> None:
     """Build a world from RECIPE, check it, and write it to a folder.
 
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
     from terrain_forge import pipeline
+    from terrain_forge.building import require_ours
 
     if drives:
         changes = (*changes, f"validate.drives={drives}")
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
-    if out.absolute() in (file.path.absolute(), *file.path.absolute().parents):
-        folder_is_ours = (out / "manifest.json").is_file()
-        if folder_is_ours:
-            raise click.UsageError(f"{out} would be replaced, and the recipe lies in it")
+    require_ours(out.resolve(), inputs=[file.path], force=True)
     with _Bar(len(pipeline.STAGES)) as progress, _located(file):
         result = pipeline.build(
-            file.recipe, out, folder=file.folder, only=_names(only), progress=progress
+            file.recipe,
+            out,
+            folder=file.folder,
+            only=_names(only),
+            force=force,
+            progress=progress,
         )
+    if result.removed:
+        _say(f"removed from {out}: {', '.join(result.removed)}")
     _say(
-        f"{result.directory}: {len(result.world.field):,} rocks, "
-        f"{len(result.world.trajectories)} paths, see {result.directory / 'report.html'}"
+        f"{out}: {len(result.world.field):,} rocks, "
+        f"{len(result.world.trajectories)} paths, see {out / 'report.html'}"
     )
-    _finish(result.passed, result.directory)
+    _finish(result.passed, out)
 
 
 @cli.command()
@@ -133,12 +157,13 @@ def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
 @cli.command()
 @_OUT
 @click.option("--only", required=True, metavar="FORMATS", help="Formats to write, such as usd.")
-def export(out: Path, only: str) -> None:
+@_FORCE
+def export(out: Path, only: str, force: bool) -> None:
     """Write further formats from the world built in OUT."""
     from terrain_forge import pipeline
 
     with _Bar(5 + only.count(",") + 1) as progress:
-        passed = pipeline.export(out, _names(only) or (), progress=progress)
+        passed = pipeline.export(out, _names(only) or (), force=force, progress=progress)
     _finish(passed, out)
 
 
@@ -332,14 +357,14 @@ def main(arguments: list[str]) -> int:
         message = " ".join(error.format_message().split())
         click.echo(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
         return WRONG_INPUT
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted, nothing was left behind", err=True)
+    except (click.Abort, KeyboardInterrupt) as error:
+        click.echo(f"interrupted, {str(error) or 'nothing was left behind'}", err=True)
         return INTERRUPTED
-    except TerrainForgeError as error:
+    except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:
             traceback.print_exc()
         click.echo(f"terrain-forge: {error}", err=True)
-        return FAILED_CHECK if isinstance(error, SimulationError) else WRONG_INPUT
+        return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
     except Exception:
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,16 +20,22 @@ from terrain_forge.base import Progress, Stopwatch, silent
 from terrain_forge.building import (
     ASSESSED,
     BuildResult,
+    Manifest,
     altered_files,
     chosen_exports,
     dtm_lines,
     exports_in,
+    foreign_files,
+    own_files,
+    put,
     re_export_orders,
     read_manifest,
     replacing,
+    require_listed,
     require_ours,
     require_readable_recipe,
     site_lines,
+    updating,
     write_export,
     write_files,
     write_manifest,
@@ -43,6 +49,7 @@ from terrain_forge.recipe import (
     Recipe,
     ValidateSpec,
     export_orders,
+    input_paths,
     recipe_from_json,
     recipe_json,
     require_centre,
@@ -241,6 +248,7 @@ def build(
     *,
     folder: Path | str = ".",
     only: tuple[str, ...] | None = None,
+    force: bool = False,
     progress: Progress = silent,
 ) -> BuildResult:
     """Make a recipe's world and write all of it.
@@ -251,21 +259,26 @@ def build(
             of ours is replaced when the new one is whole.
         folder: what the recipe's paths are relative to.
         only: folders of the exports to write; by default all of the recipe.
+        force: whether files may be removed that lie in the older world and are not its own.
         progress: called with each stage as it begins, and how far it is.
 
     Raises:
         RecipeError, DataError, ExportError: the recipe cannot be built; nothing is written.
-        OutputError: `out` exists and is not ours.
+        OutputError: `out` exists and is not ours, holds an input, or files that are not its own;
+            or another process writes it.
+        StorageError: the disk does not take the world; an older one stays.
     """
     watch = Stopwatch(progress)
     watch("plan")
-    out = Path(out or recipe.name)
-    require_ours(out)
+    out = Path(out or recipe.name).resolve()
+    removed = require_ours(out, inputs=input_paths(recipe, Path(folder)), force=force)
     orders = chosen_exports(export_orders(recipe), only)
     site = plan(recipe, folder=folder)
     require_exports(orders, site)
-    world = realise(site, progress=watch)
-    return _write_whole(world, out, orders=orders, watch=watch)
+    with replacing(out, force=force) as directory:
+        world = realise(site, progress=watch)
+        exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
+    return BuildResult(directory=out, world=world, passed=passed, exports=exports, removed=removed)
 
 
 def write_world(
@@ -273,6 +286,7 @@ def write_world(
     out: Path | str,
     *,
     exports: tuple[str, ...] | dict[str, dict[str, Any]] | None = None,
+    force: bool = False,
     progress: Progress = silent,
 ) -> BuildResult:
     """Write a world that was made or changed in Python as `build` writes a recipe's.
@@ -283,51 +297,68 @@ def write_world(
         world: The world.
         out: Output folder; an older world of ours is replaced when the new one is whole.
         exports: Formats to write, as a recipe's `exports`; by default those of the world's recipe.
+        force: Whether files may be removed that lie in the older world and are not its own.
         progress: Called with each stage as it begins, and how far it is.
 
     Raises:
         RecipeError, ExportError: for an unknown exporter or option, or a world that a format cannot
             hold; nothing is written.
-        OutputError: `out` exists and is not ours.
+        OutputError, StorageError: as `build`.
     """
+    out, watch = Path(out).resolve(), Stopwatch(progress)
     recipe = world.site.recipe
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
-    require_ours(Path(out))
-    return _write_whole(world, Path(out), orders=orders, watch=Stopwatch(progress))
+    removed = require_ours(out, force=force)
+    with replacing(out, force=force) as directory:
+        written, passed = _write_whole(world, directory, orders=orders, watch=watch)
+    return BuildResult(directory=out, world=world, passed=passed, exports=written, removed=removed)
 
 
 def _write_whole(
-    world: World, out: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
-) -> BuildResult:
-    with replacing(out) as directory:
-        exports = write_files(world, directory, orders=orders, watch=watch)
-        passed = _assess(world, directory, exports=exports, altered={}, watch=watch)
-    return BuildResult(directory=out, world=world, passed=passed, exports=exports)
+    world: World, directory: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
+) -> tuple[tuple[Export, ...], bool]:
+    """Write all of a world into an empty folder; its exports, and whether all checks passed."""
+    exports = write_files(world, directory, orders=orders, watch=watch)
+    return exports, _assess(world, directory, exports=exports, watch=watch)
 
 
-def export(out: Path | str, only: tuple[str, ...], *, progress: Progress = silent) -> bool:
+def export(
+    out: Path | str,
+    only: tuple[str, ...],
+    *,
+    force: bool = False,
+    progress: Progress = silent,
+) -> bool:
     """Write further formats from a built world, then validate; returns whether all checks passed.
 
-    A name is a folder of the recipe's exports, with its options, or else an exporter, with
-    defaults.
+    Args:
+        out: The built folder.
+        only: Folders of the recipe's exports, with their options, or else exporters, with defaults.
+        force: Whether files in those folders may be removed that are not the world's.
+        progress: Called with what is being done.
 
     Raises:
-        OutputError: if the folder is not a world of ours.
+        OutputError: if the folder is not a world of ours, or another process writes it.
         RecipeError: for an unknown exporter.
+        StorageError: if the disk does not take the files.
     """
-    out = Path(out)
+    out = Path(out).resolve()
     watch = Stopwatch(progress)
     manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
     orders = re_export_orders(world, out, only)
-    renewed = tuple(f"{order.folder}/" for order in orders)
-    altered = altered_files(out, manifest, besides=(*ASSESSED, *renewed))
+    folders = [order.folder for order in orders]
+    require_listed(out, manifest, folders, force=force)
+    before = _before(out, manifest, *(f"{folder}/" for folder in folders))
     exports = {export.folder: export for export in exports_in(manifest)}
-    for order in orders:
-        watch(f"export {order.folder}")
-        exports[order.folder] = write_export(world, out, order)
-    return _assess(world, out, exports=tuple(exports.values()), altered=altered, watch=watch)
+    with updating(out) as staging:
+        for order in orders:
+            watch(f"export {order.folder}")
+            exports[order.folder] = write_export(world, staging, order)
+        for folder in folders:
+            put(staging / folder, out / folder)
+        return _assess(world, out, exports=tuple(exports.values()), watch=watch, before=before)
 
 
 def validate(
@@ -350,23 +381,45 @@ def validate(
         Whether all checks passed; a consumer that was not run neither passes nor fails.
 
     Raises:
-        OutputError: if the folder is not a world of ours.
+        OutputError: if the folder is not a world of ours, or another process writes it.
+        StorageError: if the disk does not take the files.
     """
-    out = Path(out)
+    out = Path(out).resolve()
     watch = Stopwatch(progress)
     manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
     require_readable_recipe(world, out)
-    altered = altered_files(out, manifest, besides=ASSESSED)
-    return _assess(
-        world,
-        out,
-        exports=exports_in(manifest),
-        altered=altered,
-        watch=watch,
-        every_consumer=every_consumer,
-        drives=drives,
+    with updating(out):
+        return _assess(
+            world,
+            out,
+            exports=exports_in(manifest),
+            watch=watch,
+            before=_before(out, manifest),
+            every_consumer=every_consumer,
+            drives=drives,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Before:
+    """What lies in a built folder before it is assessed again."""
+
+    altered: dict[str, str] = field(default_factory=dict)
+    """Files that are not as they were built, with the hash that they should have."""
+    foreign: tuple[str, ...] = ()
+    """Files that are not the world's."""
+    assessment: tuple[str, ...] = ()
+    """Files of an earlier assessment."""
+
+
+def _before(out: Path, manifest: Manifest, *renewed: str) -> _Before:
+    foreign = foreign_files(out, manifest)
+    return _Before(
+        altered=altered_files(out, manifest, besides=(*ASSESSED, *renewed)),
+        foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
+        assessment=tuple(own_files(out, manifest, under="validation/")),
     )
 
 
@@ -375,8 +428,8 @@ def _assess(
     directory: Path,
     *,
     exports: tuple[Export, ...],
-    altered: dict[str, str],
     watch: Stopwatch,
+    before: _Before = _Before(),
     every_consumer: bool = False,
     drives: int | None = None,
 ) -> bool:
@@ -386,8 +439,8 @@ def _assess(
         world: the world.
         directory: the output folder.
         exports: what was exported into the folder.
-        altered: files that are not as they were built, with the hash that they should have.
         watch: called with what is being done.
+        before: what lay in the folder.
         every_consumer: whether to open the exports in all consumers, whatever the recipe says.
         drives: from how many random starts to drive, instead of what the recipe says.
 
@@ -411,15 +464,23 @@ def _assess(
             directory,
             spec=spec,
             exports=exports,
-            altered=tuple(altered),
+            altered=tuple(before.altered),
+            foreign=before.foreign,
+            earlier=before.assessment,
             progress=partial(watch, "validation"),
         )
     watch.figures.update(result.timings)
     watch("report page")
     write_report_page(world, directory, exports=result.exports, above=above.result())
     watch("manifest")
-    write_manifest(world.site, directory, exports=result.exports, altered=altered)
     watch.write(directory)
+    write_manifest(
+        world.site,
+        directory,
+        exports=result.exports,
+        altered=before.altered,
+        foreign=before.foreign,
+    )
     return result.passed
 
 

@@ -12,6 +12,7 @@ from .errors import OutputError as OutputError
 from .errors import RecipeError as RecipeError
 from .errors import RecipeWarning as RecipeWarning
 from .errors import SimulationError as SimulationError
+from .errors import StorageError as StorageError
 from .errors import TerrainForgeError as TerrainForgeError
 from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows

@@ -28,6 +28,10 @@ class OutputError(TerrainForgeError):
     """The output folder cannot be written or is not a terrain-forge world (exit status 2)."""
 
 
+class StorageError(TerrainForgeError):
+    """The disk is full, or the system's limits or permissions forbid a file (exit status 3)."""
+
+
 class ExportError(TerrainForgeError):
     """A format cannot hold this world with these options (exit status 2)."""
 

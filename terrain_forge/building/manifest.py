@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,12 +16,17 @@ from terrain_forge.base import OutputError
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
+Manifest = dict[str, Any]
+"""What a manifest holds, as JSON."""
 NAME = "manifest.json"
+STAGING = ".terrain-forge"
+"""Ending of the folders in which something is being made."""
 FORMAT = 2
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
 )
+_OWN = {NAME, f".{NAME}", "timings.json"}
 _FREE = ("dataset/", "validation/consumers/")
 
 
@@ -30,6 +36,7 @@ def write_manifest(
     *,
     exports: Sequence[Export],
     altered: dict[str, str],
+    foreign: Collection[str] = (),
 ) -> Path:
     """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes.
 
@@ -38,7 +45,10 @@ def write_manifest(
         directory: the output folder.
         exports: what was exported into the folder.
         altered: files that are not as they were built, which keep the hash that they should have.
+        foreign: files that are not the world's, which it does not list.
     """
+    names = [name for name in _files(directory) if name not in foreign]
+    outputs = {**_hashes(directory, names), **altered}
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,
@@ -48,15 +58,16 @@ def write_manifest(
         "versions": {"python": platform.python_version(), **_versions()},
         "inputs": dict(site.inputs),
         "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
-        "outputs": dict(sorted({**_hashes(directory), **altered}.items())),
+        "outputs": dict(sorted(outputs.items())),
+        "varying": sorted({*names} - {*outputs} - _OWN),
     }
-    path = directory / NAME
+    path, fresh = directory / NAME, directory / f".{NAME}"
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
-    return path
+    fresh.write_text(text + "\n", encoding="utf-8")
+    return fresh.replace(path)
 
 
-def read_manifest(directory: Path) -> dict[str, Any]:
+def read_manifest(directory: Path) -> Manifest:
     """The manifest of a built world.
 
     Raises:
@@ -64,23 +75,36 @@ def read_manifest(directory: Path) -> dict[str, Any]:
     """
     try:
         manifest = json.loads((directory / NAME).read_text(encoding="utf-8"))
-    except OSError:
+    except (FileNotFoundError, NotADirectoryError):
         raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None
-    if not isinstance(manifest, dict) or "terrain_forge" not in manifest:
-        raise OutputError(f"{directory}/{NAME} is not terrain-forge's")
-    return manifest
+    if not _is_ours(manifest):
+        raise OutputError(
+            f"{directory}/{NAME} is not one of this version of terrain-forge: move it away"
+        )
+    return dict(manifest)
 
 
-def exports_in(manifest: dict[str, Any]) -> tuple[Export, ...]:
-    """The exports that a manifest names, by folder.
+def _is_ours(manifest: Any) -> bool:
+    """Whether it has the parts of a manifest that are asked for."""
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        return False
+    outputs, varying, exports = (manifest.get(k) for k in ("outputs", "varying", "exports"))
+    return (
+        isinstance(outputs, dict)
+        and all(isinstance(value, str) for value in outputs.values())
+        and isinstance(varying, list)
+        and all(isinstance(name, str) for name in varying)
+        and isinstance(exports, dict)
+        and all(
+            isinstance(e, dict) and {*e} == {"kind", "options", "losses"} for e in exports.values()
+        )
+    )
 
-    Raises:
-        OutputError: if an older version wrote it, which did not name them.
-    """
-    if "exports" not in manifest:
-        raise OutputError("an older version built that world; build it anew")
+
+def exports_in(manifest: Manifest) -> tuple[Export, ...]:
+    """The exports that a manifest names, by folder."""
     return tuple(
         Export(folder=folder, **{**plain, "losses": tuple(plain["losses"])})
         for folder, plain in manifest["exports"].items()
@@ -95,8 +119,36 @@ def _folder(export: Export) -> str:
     return export.folder
 
 
+def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
+    """Files, links and empty folders in a world's folder that its manifest does not list."""
+    listed = {*manifest.get("outputs", ()), *manifest.get("varying", ())} | (
+        _OWN if manifest else set()
+    )
+    return [name for name in _files(directory) if name not in listed]
+
+
+def own_files(directory: Path, manifest: Manifest, *, under: str) -> list[str]:
+    """A world's own files that begin with a place, such as `validation/`."""
+    foreign = {*foreign_files(directory, manifest)}
+    names = (name for name in _files(directory) if not name.endswith("/"))
+    return [name for name in names if name.startswith(under) and name not in foreign]
+
+
+def changed_files(directory: Path, manifest: Manifest) -> list[str]:
+    """Files that were changed after the manifest had been written."""
+    written = (directory / NAME).stat().st_mtime_ns
+    outputs = manifest["outputs"]
+    later = [
+        name
+        for name in _files(directory)
+        if name in outputs and (directory / name).lstat().st_mtime_ns > written
+    ]
+    found = _hashes(directory, later)
+    return [name for name in later if found.get(name) != outputs[name]]
+
+
 def altered_files(
-    directory: Path, manifest: dict[str, Any], *, besides: tuple[str, ...]
+    directory: Path, manifest: Manifest, *, besides: tuple[str, ...]
 ) -> dict[str, str]:
     """Files that are missing or not as they were built, with the hash that they should have.
 
@@ -105,7 +157,7 @@ def altered_files(
         manifest: its manifest.
         besides: files and folders (with a slash) that are about to be written anew.
     """
-    found = _hashes(directory)
+    found = _hashes(directory, _files(directory))
     return {
         name: wanted
         for name, wanted in manifest["outputs"].items()
@@ -123,11 +175,21 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _hashes(directory: Path) -> dict[str, str]:
-    names = sorted(
-        path.relative_to(directory).as_posix() for path in directory.rglob("*") if path.is_file()
-    )
-    names = [name for name in names if _is_promised(name)]
+def _files(directory: Path) -> list[str]:
+    """Files, links and empty folders (with a slash) of a folder; staging folders apart."""
+    found = []
+    for place, folders, files in os.walk(directory):
+        folders[:] = [name for name in folders if not name.endswith(STAGING)]
+        links = [name for name in folders if (Path(place) / name).is_symlink()]
+        here = Path(place).relative_to(directory)
+        found += [(here / name).as_posix() for name in (*files, *links)]
+        found += [] if folders or files else [f"{here.as_posix()}/"]
+    return sorted({*found} - {"./"})
+
+
+def _hashes(directory: Path, names: Sequence[str]) -> dict[str, str]:
+    """SHA-256 of those of the files that equal builds must agree in."""
+    names = [name for name in names if _is_promised(name) and (directory / name).is_file()]
     with ThreadPoolExecutor() as pool:
         return dict(zip(names, pool.map(lambda n: sha256(directory / n), names), strict=True))
 

@@ -1,76 +1,295 @@
-"""An output folder that appears whole or not at all."""
+"""An output folder that appears whole or not at all, one writer at a time.
+
+What is being made lies in a staging folder beside the target until the two change places. A lock in
+the staging folder, which ends with its process, tells a live build's from what a killed one left.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import errno
+import fcntl
+import logging
 import os
+import resource
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
-from glob import escape
+import time
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from terrain_forge.base import OutputError
-from terrain_forge.building.manifest import NAME, read_manifest
+from terrain_forge.base import OutputError, StorageError, TerrainForgeError
+from terrain_forge.building.manifest import (
+    NAME,
+    STAGING,
+    Manifest,
+    changed_files,
+    foreign_files,
+    read_manifest,
+)
+
+_log = logging.getLogger(__name__)
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+_FOREIGN = "that its manifest does not list"
+_NAMED = 5
+"""Files that a message names."""
+_FULL = 2**16
+"""Bytes below which a disk is full."""
 
 
-def require_ours(out: Path) -> None:
-    """Refuse an output folder that exists and was not made by us."""
-    if not out.exists() and not out.is_symlink():
-        parent = next(p for p in out.absolute().parents if p.exists())
-        if not parent.is_dir() or not os.access(parent, os.W_OK):
-            raise OutputError(f"{out} cannot be made: {parent} is no folder that can be written")
-        return
-    if not out.is_dir() or (any(out.iterdir()) and not (out / NAME).is_file()):
+def require_ours(out: Path, *, inputs: Iterable[Path] = (), force: bool = False) -> tuple[str, ...]:
+    """Refuse an output folder whose replacement would remove what is not ours.
+
+    Args:
+        out: The output folder, symbolic links resolved.
+        inputs: Files that are read, which may not lie in it.
+        force: Whether files that its manifest does not list may be removed.
+
+    Returns:
+        Those files, relative to it.
+
+    Raises:
+        OutputError: says what is in the way.
+        StorageError: if the folder cannot be made.
+    """
+    for path in inputs:
+        if path.resolve().is_relative_to(out):
+            raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
+    if not out.exists():
+        parent = next(above for above in out.parents if above.exists())
+        if not parent.is_dir():
+            raise OutputError(f"{out} cannot be made: {parent} is no folder")
+        _require_writable(parent, out)
+        return ()
+    if os.path.ismount(out):
+        raise OutputError(f"{out} is a mount point, which cannot be replaced: name a folder in it")
+    _require_writable(out.parent, out)
+    if out.is_dir() and not foreign_files(out, {}):
+        return ()
+    if not (out / NAME).is_file():
         raise OutputError(
             f"{out} exists and is not a terrain-forge world; remove it or choose another with -o"
         )
-    if (out / NAME).is_file():
-        read_manifest(out)
+    manifest = read_manifest(out)
+    foreign, changed = foreign_files(out, manifest), changed_files(out, manifest)
+    _refuse(foreign, _FOREIGN, out, force)
+    _refuse(changed, "changed since it was built", out, force)
+    return tuple(sorted({*foreign, *changed}))
+
+
+def require_listed(out: Path, manifest: Manifest, folders: Iterable[str], *, force: bool) -> None:
+    """Refuse to write a world's folders anew where they hold files that are not the world's.
+
+    Raises:
+        OutputError: names them.
+    """
+    inside = tuple(f"{folder}/" for folder in folders)
+    foreign = [name for name in foreign_files(out, manifest) if name.startswith(inside)]
+    _refuse(foreign, _FOREIGN, out, force)
+
+
+def _refuse(names: list[str], what: str, out: Path, force: bool) -> None:
+    if names and not force:
+        named = ", ".join(names[:_NAMED]) + (" …" if len(names) > _NAMED else "")
+        files = "1 file" if len(names) == 1 else f"{len(names)} files"
+        raise OutputError(
+            f"{out} holds {files} {what}: {named}; move them away, or let --force remove them"
+        )
+
+
+def _require_writable(parent: Path, out: Path) -> None:
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise StorageError(f"{out} cannot be written: {parent} is not writable")
 
 
 @contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """A temporary folder of the same name that takes the target's place when the block ends well.
+def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
+    """A new folder of the same name that takes the target's place when the block ends well.
 
-    It lies in a sibling folder. An older target is set aside until then. Leftovers of builds that
-    were killed are cleared away.
+    Args:
+        target: The output folder, symbolic links resolved.
+        force: Whether files that its manifest does not list may be removed.
+
+    Raises:
+        OutputError: if another process writes the target, or it is not ours to replace.
+        StorageError: if the disk does not take what is written.
+        KeyboardInterrupt: with what the target is, where that came after the exchange.
     """
-    target = target.absolute()
-    around = target.with_name(f".{target.name}.new-{os.getpid()}")
+    around = target.with_name(f".{target.name}{STAGING}")
     fresh = around / target.name
-    aside = target.with_name(f".{target.name}.old-{os.getpid()}")
-    _clear_leftovers(target)
+    made = [above for above in target.parents if not above.exists()]
     try:
-        _make(around)
-        fresh.mkdir()
-        yield fresh
-        if target.exists():
-            target.rename(aside)
-        fresh.rename(target)
+        with storing(target, around), ExitStack() as locks:
+            locks.enter_context(_staging(around, target))
+            if target.exists():
+                locks.enter_context(_staging(target / STAGING, target))
+            fresh.mkdir()
+            number = fresh.stat().st_ino
+            try:
+                yield fresh
+                known = require_ours(target, force=force)  # again: a build takes its time
+                _flush(fresh)
+                _exchange(fresh, target)
+                _keep_new_files(fresh, target, known)
+            except KeyboardInterrupt:
+                if target.exists() and target.stat().st_ino == number:
+                    raise KeyboardInterrupt(f"{target} is complete") from None
+                raise
     except BaseException:
-        shutil.rmtree(around, ignore_errors=True)
-        if aside.exists() and not target.exists():
-            aside.rename(target)
+        with suppress(OSError):  # those that hold something stay
+            for above in made:
+                above.rmdir()
         raise
-    around.rmdir()
-    shutil.rmtree(aside, ignore_errors=True)
 
 
-def _make(folder: Path) -> None:
+@contextmanager
+def updating(out: Path) -> Iterator[Path]:
+    """A staging folder within a world that no other process writes meanwhile.
+
+    Raises:
+        OutputError: if another process writes the world.
+        StorageError: if the disk does not take what is written.
+    """
+    with storing(out, out), _staging(out / STAGING, out) as staging:
+        try:
+            yield staging
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{out} is to be validated again") from None
+
+
+def put(fresh: Path, target: Path) -> None:
+    """Let a folder take the place of an older one; that is removed."""
+    _flush(fresh)
+    _exchange(fresh, target)
+    shutil.rmtree(fresh, ignore_errors=True)
+
+
+@contextmanager
+def storing(target: Path, folder: Path) -> Iterator[None]:
+    """Turns what a disk's limits raise, in whatever library, into one error.
+
+    Raises:
+        StorageError: says why the target cannot be written.
+    """
     try:
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise OutputError(f"{folder.parent} cannot be written: {error.strerror}") from None
+        yield
+    except TerrainForgeError:
+        raise
+    except Exception as error:
+        if why := _fault(error, folder):
+            raise StorageError(f"{target} cannot be written: {why}") from error
+        raise
 
 
-def _clear_leftovers(target: Path) -> None:
-    """Remove what killed builds of this target left; bring back a world that one had set aside."""
-    for kind in ("new", "old"):
-        for left in sorted(target.parent.glob(f".{escape(target.name)}.{kind}-*")):
-            process = left.name.rpartition("-")[2]
-            if process.isdigit() and Path(f"/proc/{process}").exists():
-                continue
-            if kind == "old" and not target.exists():
-                left.rename(target)
-            else:
-                shutil.rmtree(left, ignore_errors=True)
+def _fault(error: BaseException | None, folder: Path) -> str:
+    """Why the disk refused; empty if it is not the disk's fault."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _REFUSALS:
+            return os.strerror(error.errno)
+        error = error.__cause__ or error.__context__
+    place = next(above for above in (folder, *folder.parents) if above.exists())
+    if shutil.disk_usage(place).free < _FULL:
+        return os.strerror(errno.ENOSPC)
+    largest = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    sizes = (path.lstat().st_size for path in place.rglob("*"))
+    if largest != resource.RLIM_INFINITY and any(size >= largest for size in sizes):
+        return os.strerror(errno.EFBIG)
+    return ""
+
+
+_REFUSALS = {
+    *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
+    *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
+    errno.ENOENT,
+}
+
+
+@contextmanager
+def _staging(folder: Path, target: Path) -> Iterator[Path]:
+    """An empty folder that is locked; it is removed at the end."""
+    handle = _locked(folder, target)
+    try:
+        _recover(folder, target)
+        yield folder
+    finally:
+        _recover(folder, target)
+        with suppress(OSError):
+            (folder / _LOCK).unlink()
+            folder.rmdir()
+        os.close(handle)
+
+
+_LOCK = "lock"
+_OLD = "old"
+"""Where the older world lies for a moment, on file systems that cannot exchange two folders."""
+
+
+def _locked(folder: Path, target: Path) -> int:
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):  # another one has just removed the folder
+            handle = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.fstat(handle).st_ino == (folder / _LOCK).stat().st_ino:
+                    return handle
+            except BlockingIOError:
+                os.close(handle)
+                raise OutputError(f"{target} is being written by another terrain-forge") from None
+            except BaseException:
+                os.close(handle)
+                raise
+            os.close(handle)
+
+
+def _recover(folder: Path, target: Path) -> None:
+    """Bring back a world that was set aside and not replaced; clear what else is left."""
+    if (folder / _OLD).is_dir() and not target.exists():
+        (folder / _OLD).rename(target)
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if path.name != _LOCK:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _flush(folder: Path) -> None:
+    """Write a folder's files through to the disk."""
+    for place, _, files in os.walk(folder):
+        for path in (place, *(os.path.join(place, name) for name in files)):  # noqa: PTH118
+            handle = os.open(path, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+
+
+def _exchange(fresh: Path, target: Path) -> None:
+    """Let two folders change places, at once where the system can."""
+    if not target.exists():
+        fresh.rename(target)
+    elif not _renamed_at_once(fresh, target):
+        aside = fresh.with_name(_OLD)
+        target.rename(aside)
+        fresh.rename(target)
+        aside.rename(fresh)
+
+
+def _renamed_at_once(one: Path, other: Path) -> bool:
+    """Whether the system has renameat2 and this file system exchanges folders."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    paths = os.fsencode(one), os.fsencode(other)
+    return bool(rename(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0)
+
+
+def _keep_new_files(old: Path, target: Path, known: Collection[str]) -> None:
+    """Set an older world aside for good if files of others came into it at the last moment."""
+    if not old.is_dir():
+        return
+    manifest = read_manifest(old) if (old / NAME).is_file() else {}
+    if set(foreign_files(old, manifest)) - set(known):
+        kept = target.with_name(f"{target.name}-{time.time_ns()}")
+        old.rename(kept)
+        _log.warning(
+            "%s got new files while it was built anew; the older is kept: %s", target, kept
+        )

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import ExportError, OutputError, Stopwatch
-from terrain_forge.building.staging import replacing
 from terrain_forge.model import Export, World, plain_options
 from terrain_forge.recipe import ExportOrder
 
@@ -25,6 +24,8 @@ class BuildResult:
     """The world that is in it."""
     passed: bool
     """Whether every validation check passed."""
+    removed: tuple[str, ...] = ()
+    """Files of others that lay in the older world and went with it."""
     exports: tuple[Export, ...]
     """What was exported: folder, exporter, options, and what the export cannot say."""
 
@@ -72,12 +73,13 @@ def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict
 
 
 def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
-    """Write one export into its folder of `directory`, whole or not at all."""
-    with replacing(directory / order.folder) as folder:
-        try:
-            report = order.exporter.export(world, folder, options=order.options)
-        except ExportError as error:
-            raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
+    """Write one export into its folder of `directory`."""
+    folder = directory / order.folder
+    folder.mkdir(parents=True)
+    try:
+        report = order.exporter.export(world, folder, options=order.options)
+    except ExportError as error:
+        raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
     return Export(
         folder=order.folder,
         kind=order.kind,

@@ -6,6 +6,7 @@ from .file import RecipeFile as RecipeFile
 from .file import load_recipe as load_recipe
 from .file import save_recipe as save_recipe
 from .inputs import InputFiles as InputFiles
+from .inputs import input_paths as input_paths
 from .inputs import resolve as resolve
 from .inputs import sha256 as sha256
 from .limits import expected_nodes as expected_nodes

@@ -76,6 +76,11 @@ def find_inputs(recipe: Recipe) -> tuple[Input, ...]:
     return tuple(_walk(recipe, (), None, (), recipe))
 
 
+def input_paths(recipe: Recipe, folder: Path) -> list[Path]:
+    """Paths of all files and folders that a recipe names, relative to a folder."""
+    return [folder / one.path for one in find_inputs(recipe)]
+
+
 class InputFiles:
     """The input files of one recipe.
 

@@ -25,6 +25,8 @@ class BuiltFolder:
     """What the recipe asks to be checked."""
     altered: tuple[str, ...] = ()
     """Files of the folder that are not as they were built."""
+    foreign: tuple[str, ...] = ()
+    """Files of the folder that are not the world's."""
     progress: Callable[[float], None] | None = None
     """Told how far a long check is, 0 to 1."""
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -19,6 +19,8 @@ from terrain_forge.validation.inspection import BuiltFolder, Inspection
 
 GROUPS = ("files", "exports", "paths", "rocks", "truth", "drive", "craters", "other programs")
 """The order of the groups; those of other packages' checks follow."""
+_EXPORTED = "validation/mjcf/", "validation/consumers/"
+"""What a validation exports and keeps for itself."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +57,8 @@ def validate(
     spec: ValidateSpec,
     exports: Sequence[Export] = (),
     altered: tuple[str, ...] = (),
+    foreign: tuple[str, ...] = (),
+    earlier: Sequence[str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> ValidationResult:
     """Check the world and what was exported of it; write the report into `directory`/validation.
@@ -68,23 +72,29 @@ def validate(
         spec: What to check.
         exports: What was exported into the folder.
         altered: Files of the folder that are not as they were built.
+        foreign: Files of the folder that are not the world's.
+        earlier: Files that an earlier validation wrote, which go.
         progress: Told the share of the drive that is done, 0 to 1, and then that of the exports.
     """
     folder = directory / "validation"
-    _clear_exports(folder)
+    exported = [name for name in earlier if name.startswith(_EXPORTED)]
+    _remove(directory, exported)
+    folder.mkdir(exist_ok=True)
     built = BuiltFolder(
         world=world,
         directory=directory,
         exports=_with_mjcf(world, directory, exports, spec),
         spec=spec,
         altered=altered,
+        foreign=foreign,
         progress=progress,
     )
     made = [kind() for kind in inspections()]
     found = [c.replace(group=c.group or one.group) for one in made for c in _checks(one, built)]
     order = {group: place for place, group in enumerate(GROUPS)}
     checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
-    _clear_results(folder)
+    _remove(directory, [name for name in earlier if name not in exported])
+    folder.mkdir(exist_ok=True)
     files = _write(built, folder, checks, made)
     return ValidationResult(
         checks=checks,
@@ -106,11 +116,13 @@ def _checks(inspection: Inspection, built: BuiltFolder) -> list[Check]:
         return [failed(f"{inspection.kind}: check", f"cannot be made: {why}")]
 
 
-def _clear_exports(folder: Path) -> None:
-    """Remove what an earlier validation of ours exported for itself."""
-    folder.mkdir(exist_ok=True)
-    for name in ("mjcf", "consumers"):
-        shutil.rmtree(folder / name, ignore_errors=True)
+def _remove(directory: Path, names: Sequence[str]) -> None:
+    """Remove files of the folder, and the folders that are empty then."""
+    for name in names:
+        (directory / name).unlink(missing_ok=True)
+        for above in list((directory / name).parents)[: name.count("/")]:
+            with suppress(OSError):
+                above.rmdir()
 
 
 def _with_mjcf(
@@ -121,20 +133,13 @@ def _with_mjcf(
     others = [export for export in exports if export.folder != mine]
     driven = spec.drive_spec or spec.starts_spec or world.field.dynamic.any()
     if driven and all(export.kind != "mjcf" for export in others):
-        (directory / mine).mkdir()
+        (directory / mine).mkdir(exist_ok=True)
         mjcf = exporter("mjcf")
         options = mjcf.Options()
         losses = mjcf.export(world, directory / mine, options=options).losses
         plain = plain_options(options)
         others.append(Export(folder=mine, kind="mjcf", options=plain, losses=losses))
     return tuple(sorted(others, key=lambda export: export.folder))
-
-
-def _clear_results(folder: Path) -> None:
-    """Remove an earlier validation's results, once there are new ones; other files stay."""
-    for pattern in ("report.json", "terrain.png", "drive_*", "drives.*"):
-        for file in folder.glob(pattern):
-            file.unlink()
 
 
 def _write(

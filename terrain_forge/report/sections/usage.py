@@ -63,7 +63,7 @@ class Files(Section):
 
     def blocks(self, built: Built) -> Sequence[Block]:
         """A table of files and folders."""
-        entries = built.directory.iterdir()
+        entries = built.directory.glob("[!.]*")
         names = [path.name for path in entries if path.suffix not in (".log", ".html")]
         # The manifest is written last and the timings after it, but whoever reads this has them.
         present = sorted({*names, "manifest.json", "timings.json"})

@@ -1,0 +1,374 @@
+"""The output folder: whole or not at all, one writer, and nothing of a user's removed unsaid."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import resource
+import signal
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from terrain_forge.base import OutputError, StorageError
+from terrain_forge.building import read_manifest, replacing, require_ours, updating
+from terrain_forge.building import staging as staging_file
+from tests.helpers.command_line import run
+
+RECIPE = """
+schema: 1
+name: mini
+body: moon
+dtm: {kind: flat, size_m: [3, 2]}
+terrain: {spacing_m: 0.25}
+rocks: {library: {shapes: 1}, populations: []}
+exports: [geotiff]
+"""
+
+
+def fill(folder: Path, *, number: int) -> None:
+    """Write what passes for a world of one file."""
+    from hashlib import sha256
+
+    text = f"world {number}\n"
+    (folder / "sub").mkdir()
+    (folder / "sub" / "world.txt").write_text(text)
+    manifest = {
+        "terrain_forge": "0",
+        "format": 2,
+        "exports": {},
+        "outputs": {"sub/world.txt": sha256(text.encode()).hexdigest()},
+        "varying": [],
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+def write(target: Path, *, number: int, force: bool = False) -> None:
+    with replacing(target, force=force) as folder:
+        fill(folder, number=number)
+
+
+def content(target: Path) -> str:
+    """What the world in a folder says; it is whole."""
+    paths = {p.relative_to(target).as_posix() for p in target.rglob("*")}
+    paths -= {".terrain-forge", ".terrain-forge/lock"}  # a killed one leaves its lock
+    assert paths == {"manifest.json", "sub", "sub/world.txt"}
+    return (target / "sub" / "world.txt").read_text()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A recipe and its world."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "mini.yaml").write_text(RECIPE)
+    done = run("build", folder / "mini.yaml", "-o", folder / "out")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture
+def world(small, tmp_path):
+    """A copy of the world, and its recipe beside it."""
+    import shutil
+
+    shutil.copytree(small / "out", tmp_path / "out")
+    (tmp_path / "mini.yaml").write_text(RECIPE)
+    return tmp_path / "out"
+
+
+def build(out: Path, *more: object, recipe: Path | None = None):
+    return run("build", recipe or out.parent / "mini.yaml", "-o", out, *more)
+
+
+def test_files_of_others_are_named_and_stay(world):
+    (world / "notes.txt").write_text("precious")
+    (world / "geotiff" / "mine.tif").write_text("precious")
+    (world / "link").symlink_to(world.parent)
+    (world / "empty").mkdir()
+    done = build(world)
+    assert done.returncode == 2
+    assert "4 files that its manifest does not list: empty/, geotiff/mine.tif, link" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert (world / "notes.txt").read_text() == "precious"
+    done = build(world, "--force", "--seed", 3)
+    assert done.returncode == 0, done.stderr
+    assert "removed from" in done.stdout
+    assert "notes.txt" in done.stdout
+    assert read_manifest(world)["seed"] == 3
+    assert not (world / "notes.txt").exists()
+    assert (world.parent / "mini.yaml").exists()
+
+
+def test_a_file_that_was_edited_stays(world):
+    page = world / "geotiff" / "elevation.tif"
+    page.write_bytes(page.read_bytes() + b" ")
+    done = build(world)
+    assert (done.returncode, "changed since it was built: geotiff/elev" in done.stderr) == (2, True)
+    assert page.read_bytes()[-1:] == b" "
+    assert build(world, "--force").returncode == 0
+
+
+def test_a_file_that_was_only_touched_is_no_hindrance(world):
+    os.utime(world / "geotiff" / "elevation.tif")
+    assert build(world).returncode == 0
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_the_recipe_and_its_inputs_stay(world, force):
+    recipe = world / "mine.yaml"
+    recipe.write_text(RECIPE)
+    through = world.parent / "through"
+    through.symlink_to(world)
+    for path, out in ((recipe, world), (through / "mine.yaml", world), (recipe, through)):
+        done = build(out, *force, recipe=path)
+        assert (done.returncode, "mine.yaml lies in it" in done.stderr) == (2, True)
+    recipe.unlink()
+    dem = world / "geotiff" / "elevation.tif"  # the world's own file may not be its input either
+    flat = "{kind: flat, size_m: [3, 2]}"
+    text = RECIPE.replace(flat, f"{{source: {dem}, size_m: [2, 1], centre: {{offset_m: [0, 0]}}}}")
+    (world.parent / "mini.yaml").write_text(text)
+    done = build(world, *force)
+    assert (done.returncode, "elevation.tif lies in it" in done.stderr) == (2, True)
+    assert dem.exists()
+
+
+def test_from_within_the_world(world, monkeypatch):
+    (world / "mine.yaml").write_text(RECIPE)
+    monkeypatch.chdir(world)
+    assert run("build", "mine.yaml", "-o", "../out").returncode == 2
+    assert run("build", "mine.yaml", "-o", ".").returncode == 2
+    assert (world / "mine.yaml").read_text() == RECIPE
+
+
+def test_a_link_stays_a_link(world):
+    link = world.parent / "link"
+    link.symlink_to(world)
+    assert build(link, "--seed", 3).returncode == 0
+    assert link.is_symlink()
+    assert read_manifest(world)["seed"] == 3
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"terrain_forge": 1}', "[]", "{", "1", "[" * 100_000, "\0",
+        '{"terrain_forge": 1, "format": 2, "outputs": [], "varying": [], "exports": {}}',
+        '{"terrain_forge": 1, "format": 2, "outputs": {"a": 1}, "varying": [], "exports": {}}',
+    ],
+)  # fmt: skip
+def test_a_manifest_that_is_none_protects(tmp_path, text):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "manifest.json").write_text(text)
+    (out / "a").write_text("precious")
+    (tmp_path / "mini.yaml").write_text(RECIPE)
+    for force in ((), ("--force",)):
+        done = build(out, *force)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert names(out) == ["a", "manifest.json"]
+
+
+def test_an_export_keeps_files_of_others(world):
+    mine = world / "geotiff" / "mine.tif"
+    mine.write_text("precious")
+    (world / "notes.txt").write_text("precious")
+    done = run("export", world, "--only", "geotiff")
+    assert (done.returncode, "geotiff/mine.tif" in done.stderr) == (2, True)
+    assert mine.exists()
+    done = run("export", world, "--only", "geotiff", "--force")
+    assert not mine.exists()
+    assert done.returncode == 1  # the notes are no part of the world
+    assert (world / "notes.txt").exists()
+    assert "notes.txt" not in (world / "manifest.json").read_text()
+    assert "notes.txt" in build(world).stderr
+
+
+def test_a_validation_names_what_was_added_and_keeps_it(world):
+    for name in ("drive_notes.txt", "report.txt"):
+        (world / "validation" / name).write_text("precious")
+    done = run("validate", world, "--quick")
+    assert done.returncode == 1
+    report = json.loads((world / "validation" / "report.json").read_text())
+    failed = [check for check in report["checks"] if not check["passed"]]
+    assert [(check["name"], check["figure"]) for check in failed] == [("files: added", 2.0)]
+    assert (world / "validation" / "drive_notes.txt").exists()
+
+
+def test_a_manifest_cannot_have_files_elsewhere_removed(world):
+    precious = world.parent / "precious.txt"
+    precious.write_text("precious")
+    manifest = json.loads((world / "manifest.json").read_text())
+    manifest["varying"] = ["validation/../../precious.txt", str(precious)]
+    (world / "manifest.json").write_text(json.dumps(manifest))
+    run("validate", world, "--quick")
+    assert precious.exists()
+
+
+def test_one_writer_at_a_time(tmp_path):
+    target = tmp_path / "out"
+    for _ in range(2):
+        with replacing(target) as folder:
+            with pytest.raises(OutputError, match="being written by another"), replacing(target):
+                pass
+            fill(folder, number=1)
+        assert names(tmp_path) == ["out"]
+    with updating(target):
+        for writer in (replacing, updating):
+            with pytest.raises(OutputError, match="being written by another"), writer(target):
+                pass
+    assert content(target) == "world 1\n"
+
+
+def test_what_a_killed_build_left_is_cleared(tmp_path):
+    left = tmp_path / ".out.terrain-forge"
+    (left / "out" / "half").mkdir(parents=True)
+    (left / "lock").touch()
+    write(tmp_path / "out", number=1)
+    assert names(tmp_path) == ["out"]
+
+
+def test_parents_go_where_nothing_came_of_it(tmp_path):
+    with pytest.raises(ZeroDivisionError), replacing(tmp_path / "a" / "b" / "out"):
+        raise ZeroDivisionError
+    assert names(tmp_path) == []
+
+
+def test_what_came_in_during_a_build_stays(tmp_path):
+    target = tmp_path / "out"
+    write(target, number=1)
+    with pytest.raises(OutputError, match=r"late\.txt"), replacing(target) as folder:
+        fill(folder, number=2)
+        (target / "late.txt").write_text("precious")
+    assert (target / "late.txt").read_text() == "precious"
+
+
+def test_without_an_exchange_of_folders(tmp_path, monkeypatch):
+    monkeypatch.setattr(staging_file.ctypes, "CDLL", lambda *_, **__: object())
+    for number in (1, 2):
+        write(tmp_path / "out", number=number)
+        assert content(tmp_path / "out") == f"world {number}\n"
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_mount_point_is_told():
+    with pytest.raises(OutputError, match="mount point"):
+        require_ours(Path("/proc"))
+
+
+EVENTS = {"open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "ctypes.dlsym", "os.scandir"}
+STEPS = 60
+
+
+@contextmanager
+def child():
+    """Run a block in a process of its own, and yield its status."""
+    number = os.fork()
+    status: list[int] = []
+    if number:
+        status.append(os.waitstatus_to_exitcode(os.waitpid(number, 0)[1]))
+    yield status
+    if not number:
+        os._exit(0)
+
+
+def at_step(step: int, act) -> None:
+    """Act at the n-th step of this process in the file system."""
+    seen = 0
+
+    def hook(event: str, _: object) -> None:
+        nonlocal seen
+        if event in EVENTS:
+            seen += 1
+            if seen == step:
+                act()
+
+    sys.addaudithook(hook)
+
+
+@pytest.mark.parametrize("exchange", [True, False])
+def test_killed_at_every_step(tmp_path, monkeypatch, exchange):
+    if not exchange:
+        monkeypatch.setattr(staging_file.ctypes, "CDLL", lambda *_, **__: object())
+    target, statuses = tmp_path / "out", set()
+    write(target, number=0)
+    for step in range(1, STEPS):
+        with child() as status:
+            if not status:
+                at_step(step, lambda: os.kill(os.getpid(), signal.SIGKILL))
+                write(target, number=step)
+        statuses.update(status)
+        before = content(target) if exchange else None
+        assert before in ("world 0\n", f"world {step}\n", None)
+        write(target, number=0)
+        assert content(target) == "world 0\n"
+        assert (names(tmp_path), names(target)) == (["out"], ["manifest.json", "sub"])
+    assert statuses == {0, -signal.SIGKILL}
+
+
+def test_the_disk_is_full_at_every_step(tmp_path):
+    target, ends = tmp_path / "out", set()
+    write(target, number=0)
+
+    def full() -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    for step in range(1, STEPS):
+        with child() as status:
+            if not status:
+                at_step(step, full)
+                try:
+                    write(target, number=step)
+                except StorageError as error:
+                    os._exit(7 if "No space left" in str(error) else 8)
+                except BaseException:
+                    os._exit(9)
+        ends.update(status)
+        assert content(target) in ("world 0\n", f"world {step}\n")
+        write(target, number=0)
+        assert names(tmp_path) == ["out"]
+    assert ends == {0, 7}
+
+
+def test_racing_writers_end_with_one_whole_world(tmp_path):
+    target = tmp_path / "out"
+    for _ in range(20):
+        numbers = []
+        for number in range(4):
+            pid = os.fork()
+            if not pid:
+                try:
+                    write(target, number=number)
+                    os._exit(0)
+                except OutputError:
+                    os._exit(2)
+                except BaseException:
+                    os._exit(9)
+            numbers.append(pid)
+        ends = [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in numbers]
+        assert set(ends) <= {0, 2}
+        assert 0 in ends
+        assert content(target).startswith("world")
+        assert names(tmp_path) == ["out"]
+
+
+def test_a_limit_on_file_sizes_is_one_line(world):
+    before = (world / "manifest.json").read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ends = []
+    for limit in (0, 300, 3_000, 30_000, 300_000):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+        try:
+            done = build(world, "--seed", 4)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        ends.append((done.returncode, done.stderr.count("\n"), "too large" in done.stderr))
+    assert ends == [(3, 1, True)] * 5, ends
+    assert (world / "manifest.json").read_bytes() == before
+    assert sorted(names(world.parent)) == ["mini.yaml", "out"]
