@@ -23,6 +23,14 @@ from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.dtm.vertical import Vertical, read_vertical, require_heights, require_no_sentinel
 from terrain_forge.model import Body
 
+DRIVERS = (
+    *("GTiff", "ENVI", "ISIS3", "ISIS2", "PDS4", "PDS", "VICAR", "JP2OpenJPEG", "PNG", "JPEG"),
+    *("AAIGrid", "GRASSASCIIGrid", "EHdr", "HFA", "netCDF", "HDF5", "GSBG", "GSAG", "GS7BG"),
+    *("USGSDEM", "SRTMHGT", "DTED", "BT", "RRASTER", "SAGA", "XYZ", "BMP", "GIF", "WEBP", "TGA"),
+)
+"""GDAL's drivers that are used: those of formats whose data lie in the file or beside it.
+
+Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
 _CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
 
@@ -155,7 +163,9 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     except rasterio.errors.RasterioError:
         hint = _label_hint(path)
         raise DataError(
-            f"not a raster that GDAL opens: {spec.source}{hint}", key=("dtm", "source")
+            f"not a raster that GDAL opens: {spec.source}{hint}; of its formats are read "
+            f"{', '.join(DRIVERS)}",
+            key=("dtm", "source"),
         ) from None
     if spec.band > dataset.count:
         raise DataError(
@@ -218,12 +228,24 @@ def _require_body(crs: str, body: Body, spec: RasterDtm) -> None:
 
 
 def open_dataset(path: Path) -> Any:
-    """The rasterio dataset; a missing georeference is no cause for a warning here."""
+    """The rasterio dataset; a missing georeference is no cause for a warning here.
+
+    Raises:
+        RasterioError: if it is no raster of `DRIVERS`.
+        DataError: if it names a file elsewhere.
+    """
     import rasterio
 
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), rasterio.Env(CPL_VSIL_CURL_ALLOWED_EXTENSIONS="{none}"):
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        return rasterio.open(path)
+        # rasterio.open() takes one driver; the class that it opens takes several.
+        dataset = rasterio.io.DatasetReader(str(path.absolute()), driver=list(DRIVERS))
+    folders = {path.absolute().parent.resolve(), path.resolve().parent}
+    for name in dataset.files:
+        if not any(Path(name).resolve().is_relative_to(folder) for folder in folders):
+            dataset.close()
+            raise DataError(f"{path.name} names the file {name!r}, which must lie beside it")
+    return dataset
 
 
 def _label_hint(path: Path) -> str:
@@ -257,6 +279,8 @@ def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
     """
     if not path.is_file():
         problem = "is a folder, not a file" if path.is_dir() else "no such file"
+        if path.exists() and not path.is_dir():
+            problem = "is no regular file"
         raise DataError(f"{problem}: {name}", key=key)
 
 

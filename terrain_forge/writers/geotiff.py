@@ -44,9 +44,9 @@ def write_geotiff(
     Raises:
         ValueError: if the grid has another shape than the ground.
     """
-    import rasterio
     from rasterio.enums import ColorInterp
     from rasterio.errors import NotGeoreferencedWarning
+    from rasterio.io import MemoryFile
 
     if grid.shape[:2] != world_ground.shape:
         raise ValueError(f"{path.name}: grid {grid.shape}, ground {world_ground.shape}")
@@ -65,14 +65,17 @@ def write_geotiff(
     with warnings.catch_warnings():
         # A window whose corner is the origin, at 1 m, looks like "no transform" to rasterio.
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(path, "w", **profile) as file:
-            for band in range(bands.shape[2]):
-                file.write(np.ascontiguousarray(bands[..., band]), band + 1)
-                file.set_band_description(band + 1, description)
-                file.set_band_unit(band + 1, units)
-            if bands.shape[2] == 3:
-                file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
-            file.update_tags(AREA_OR_POINT="Area", **_height_tags(site))
+        # In memory first: on a full disk GDAL prints, and does not always raise.
+        with MemoryFile() as memory:
+            with memory.open(**profile) as file:
+                for band in range(bands.shape[2]):
+                    file.write(np.ascontiguousarray(bands[..., band]), band + 1)
+                    file.set_band_description(band + 1, description)
+                    file.set_band_unit(band + 1, units)
+                if bands.shape[2] == 3:
+                    file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
+                file.update_tags(AREA_OR_POINT="Area", **_height_tags(site))
+            path.write_bytes(memory.getbuffer())
 
 
 def _layout(grid: NDArray[Any], *, cloud_optimized: bool) -> dict[str, Any]:

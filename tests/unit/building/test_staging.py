@@ -243,9 +243,14 @@ def test_parents_go_where_nothing_came_of_it(tmp_path):
 def test_what_came_in_during_a_build_stays(tmp_path):
     target = tmp_path / "out"
     write(target, number=1)
-    with pytest.raises(OutputError, match=r"late\.txt"), replacing(target) as folder:
-        fill(folder, number=2)
-        (target / "late.txt").write_text("precious")
+
+    def late() -> None:
+        with replacing(target) as folder:
+            fill(folder, number=2)
+            (target / "late.txt").write_text("precious")
+
+    with pytest.raises(OutputError, match=r"late\.txt"):
+        late()
     assert (target / "late.txt").read_text() == "precious"
 
 
