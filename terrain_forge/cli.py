@@ -79,6 +79,8 @@ def cli(debug: bool) -> None:
         format="%(levelname)s: %(message)s",
         stream=sys.stderr,
     )
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(_plain_record)
     for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
     warnings.showwarning = _show_warning
@@ -146,7 +148,8 @@ def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
     from terrain_forge.building import check_raster
 
     if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
-        _say("\n".join(check_raster(recipe)))
+        for line in check_raster(recipe):
+            _say(line)
         return
     file = _load(recipe, seed, changes)
     with _located(file):
@@ -184,7 +187,8 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
     with _Bar(5) as progress:
         passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=progress)
     if not quick:
-        _say(report_text(out / "validation" / "report.json"))
+        for line in report_text(out / "validation" / "report.json").splitlines():
+            _say(line)
     _say((out / "validation" / "report.json").as_posix())
     _finish(passed, out)
 
@@ -238,16 +242,25 @@ def _names(text: str | None) -> tuple[str, ...] | None:
     return names
 
 
-def _say(text: str) -> None:
-    click.echo(text)
+def _plain_record(record: logging.LogRecord) -> bool:
+    """Escapes a log record's message, as `_say`."""
+    record.msg, record.args = _plain(record.getMessage()), None
+    return True
+
+
+def _plain(text: str) -> str:
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def _say(text: str, *, err: bool = False) -> None:
+    """Show one line; what a file's name or content would do to the terminal is escaped."""
+    click.echo(_plain(text), err=err)
 
 
 def _finish(passed: bool, out: Path) -> None:
     if passed:
         return
-    click.echo(
-        f"{out}: a validation check failed, see {out / 'validation' / 'report.json'}", err=True
-    )
+    _say(f"{out}: a validation check failed, see {out / 'validation' / 'report.json'}", err=True)
     raise click.exceptions.Exit(FAILED_CHECK)
 
 
@@ -329,10 +342,9 @@ def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
 ) -> None:
     """Show a warning about a recipe as one line, others as Python does."""
-    text = warnings.formatwarning(message, category, filename, lineno)
-    click.echo(
-        f"terrain-forge: {message}" if issubclass(category, RecipeWarning) else text, err=True
-    )
+    ours = issubclass(category, RecipeWarning)
+    text = message if ours else warnings.formatwarning(message, category, filename, lineno).strip()
+    _say(f"terrain-forge: {text}", err=True)
 
 
 def _share_one_heap() -> None:
@@ -355,15 +367,15 @@ def main(arguments: list[str]) -> int:
         return int(cli.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
     except click.ClickException as error:
         message = " ".join(error.format_message().split())
-        click.echo(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
+        _say(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
         return WRONG_INPUT
     except (click.Abort, KeyboardInterrupt) as error:
-        click.echo(f"interrupted, {str(error) or 'nothing was left behind'}", err=True)
+        _say(f"interrupted, {str(error) or 'nothing was left behind'}", err=True)
         return INTERRUPTED
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:
             traceback.print_exc()
-        click.echo(f"terrain-forge: {error}", err=True)
+        _say(f"terrain-forge: {error}", err=True)
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
     except Exception:
         traceback.print_exc()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Progress, Stopwatch, silent
+from terrain_forge.base import Progress, Stopwatch, reading, silent
 from terrain_forge.building import (
     ASSESSED,
     BuildResult,
@@ -122,7 +122,8 @@ def plan(
     check_lists(recipe.rocks, lists, size=size)
     require_fits(recipe, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
-    ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
+    with reading(getattr(recipe.dtm, "source", recipe.dtm.kind), key=("dtm",)):
+        ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
     site = Site(
         name=recipe.name,
         seed=recipe.seed,

@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_LONGEST = 300
+"""Characters of another library's message that are shown."""
+
 
 class TerrainForgeError(Exception):
     """Base of all errors with a message meant for the user: what was found, what is allowed.
@@ -42,3 +49,25 @@ class SimulationError(TerrainForgeError):
 
 class RecipeWarning(FutureWarning):
     """A recipe uses a key by its old name."""
+
+
+@contextmanager
+def reading(name: str, *, key: tuple[str | int, ...] = ()) -> Iterator[None]:
+    """Turns whatever a reader raises for a broken file into one line, and drops its warnings.
+
+    Args:
+        name: The file, as the recipe writes it.
+        key: Where in the recipe it is named.
+
+    Raises:
+        DataError: in place of any error that is not ours.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except TerrainForgeError:
+        raise
+    except Exception as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise DataError(f"{name} cannot be read: {why[:_LONGEST]}", key=key) from error

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, reading
 from terrain_forge.dtm import Description, RasterDtm, describe, ellipsoid, open_raster, site_facts
 from terrain_forge.model import BODIES, Site
 from terrain_forge.paths import Planned, duration
@@ -34,10 +34,12 @@ def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
         DataError: if it cannot be opened.
     """
     if isinstance(recipe.dtm, RasterDtm):
-        raster = open_raster(recipe.dtm, body=BODIES[recipe.body], folder=folder)
-        with raster.dataset:
-            yield f"DTM {recipe.dtm.source}"
-            yield from _lines(describe(raster))
+        with reading(recipe.dtm.source, key=("dtm", "source")):
+            raster = open_raster(recipe.dtm, body=BODIES[recipe.body], folder=folder)
+            with raster.dataset:
+                lines = list(_lines(describe(raster)))
+        yield f"DTM {recipe.dtm.source}"
+        yield from lines
 
 
 def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
@@ -76,6 +78,11 @@ def check_raster(path: Path) -> list[str]:
     Raises:
         DataError: if it is none.
     """
+    with reading(str(path)):
+        return _described(path)
+
+
+def _described(path: Path) -> list[str]:
     spec = RasterDtm(source=path.name, size_m=(1.0, 1.0))
     found: list[tuple[float, list[str]]] = []
     for body in BODIES.values():

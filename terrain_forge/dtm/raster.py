@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable
+from terrain_forge.base import Array, DataError, portable, reading
 from terrain_forge.dtm.projection import (
     datum_radius,
     ellipsoid,
@@ -277,11 +277,12 @@ def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
     Raises:
         DataError: says by `name` what is there instead.
     """
-    if not path.is_file():
-        problem = "is a folder, not a file" if path.is_dir() else "no such file"
-        if path.exists() and not path.is_dir():
-            problem = "is no regular file"
-        raise DataError(f"{problem}: {name}", key=key)
+    with reading(name, key=key):
+        if path.is_dir():
+            raise DataError(f"is a folder, not a file: {name}", key=key)
+        if not path.is_file():
+            problem = "is no regular file" if path.exists() else "no such file"
+            raise DataError(f"{problem}: {name}", key=key)
 
 
 def files_of_raster(path: Path) -> list[Path]:
@@ -305,11 +306,13 @@ def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
     from terrain_forge.base import image_rows
 
     require_file(folder / path, path, key)
-    try:
-        with open_dataset(folder / path) as dataset:
+    with reading(path, key=key):
+        try:
+            dataset = open_dataset(folder / path)
+        except rasterio.errors.RasterioError:
+            raise DataError(f"not an image: {path}", key=key) from None
+        with dataset:
             values = _brightness(dataset)
-    except rasterio.errors.RasterioError:
-        raise DataError(f"not an image: {path}", key=key) from None
     if not np.isfinite(values).all():
         raise DataError(f"{path} holds values that are not finite", key=key)
     return np.asarray(image_rows(values))

@@ -14,7 +14,7 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from terrain_forge.base import DataError, InputFile, Key, RecipeError, Spec
+from terrain_forge.base import DataError, InputFile, Key, RecipeError, Spec, reading
 from terrain_forge.dtm import files_of_raster, read_image, require_file
 from terrain_forge.model import BODIES, CustomMesh, DtmPatch, Image, Table
 from terrain_forge.recipe.input_table import read_table
@@ -181,7 +181,8 @@ class InputFiles:
             if one.mark.kind != kind or one.taken_over or (one.path, one.mark) in marks:
                 continue
             marks.add((one.path, one.mark))
-            values = read(one)
+            with reading(one.path, key=one.key):
+                values = read(one)
             if found.setdefault(one.path, values) != values:
                 raise DataError(
                     f"{one.path} is used elsewhere too, where its empty fields mean other numbers",

@@ -10,7 +10,15 @@ import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, Fraction, InputFile, Spec, linear_from_srgb
+from terrain_forge.base import (
+    Array,
+    DataError,
+    Fraction,
+    InputFile,
+    Spec,
+    linear_from_srgb,
+    reading,
+)
 from terrain_forge.dtm import (
     Nodes,
     cubic,
@@ -59,13 +67,14 @@ def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path
     """
     import rasterio
 
-    try:
-        dataset = open_dataset(folder / spec.image)
-    except rasterio.errors.RasterioError:
-        raise DataError(f"not an image: {spec.image}", key=_KEY) from None
-    with dataset:
-        whole = _place(dataset, name, site, spec.image)
-        values, valid, placed = _read(dataset, whole, site, spec.image)
+    with reading(spec.image, key=_KEY):
+        try:
+            dataset = open_dataset(folder / spec.image)
+        except rasterio.errors.RasterioError:
+            raise DataError(f"not an image: {spec.image}", key=_KEY) from None
+        with dataset:
+            whole = _place(dataset, name, site, spec.image)
+            values, valid, placed = _read(dataset, whole, site, spec.image)
     column, row = map(_nearest, _sample(placed, site), valid.shape[::-1])
     inside = valid[row, column]
     if not inside.all():

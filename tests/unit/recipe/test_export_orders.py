@@ -45,6 +45,8 @@ WRONG = [
     ),
 ]
 
+MANIFEST = '{"terrain_forge": "0", "format": 2, "outputs": {}, "varying": [], "exports": {}}'
+
 
 def found(tmp_path, lines, recipe=RECIPE):
     path = tmp_path / "recipe.yaml"
@@ -140,7 +142,7 @@ def test_a_world_of_an_earlier_version_is_refused_in_one_line(
         site=small_world.site.replace(recipe_json=text.replace(was, now, 1))
     )
     save_world(world, tmp_path)
-    (tmp_path / "manifest.json").write_text(json.dumps({"terrain_forge": "0", "exports": {}}))
+    (tmp_path / "manifest.json").write_text(MANIFEST)
     # An export does not need the others of the recipe.
     again = [["export", "--only", "usd"]] if "usd" in now or "spacing" in now else []
     for command in (["validate"], *again):

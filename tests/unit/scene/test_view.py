@@ -10,7 +10,7 @@ from terrain_forge.cli import main
 @pytest.fixture
 def built(tmp_path):
     """A folder that has what `view` looks at."""
-    manifest = {"terrain_forge": "0.1.0", "outputs": {}, "exports": {}}
+    manifest = {"terrain_forge": "0", "format": 2, "outputs": {}, "varying": [], "exports": {}}
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     (tmp_path / "report.html").write_text("<!DOCTYPE html>")
     return tmp_path
