@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,12 +13,11 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Record
 from terrain_forge.model.body import Body
-from terrain_forge.model.dtm_patch import DtmPatch
-from terrain_forge.model.inputs import CustomMesh, Image, Orthoimage, Table
+from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
+from terrain_forge.model.route import Route
 from terrain_forge.model.rover import Rover
 
 if TYPE_CHECKING:
-    from terrain_forge.model.route import Route
     from terrain_forge.recipe import Recipe
 
 
@@ -37,6 +37,11 @@ class Window(Record):
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 1:
             raise ValueError(f"Window of {self.columns} × {self.rows} cells: at least 1 × 1")
+
+    def strips(self, most: int) -> Iterator[Window]:
+        """The window in strips of at most so many rows of cells, which share border nodes."""
+        for row in range(0, self.rows, most):
+            yield self.replace(row=self.row + row, rows=min(most, self.rows - row))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,8 +21,9 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import BODIES, Appearance, Heightfield, Site, Window
 from terrain_forge.terrain.detail import DetailSpec, ground_detail
+from terrain_forge.terrain.ground import STRIP
 from terrain_forge.terrain.layer import Layer
-from terrain_forge.terrain.masks import mask_weight
+from terrain_forge.terrain.masks import mask_weight, stencil_cells
 from terrain_forge.terrain.noise import fbm
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
 
@@ -31,10 +32,8 @@ if TYPE_CHECKING:
 else:
     SoilName = Literal[tuple(soil.name for body in BODIES.values() for soil in body.soils)]
 
-_STENCIL_M = 0.5
+_STENCIL_M = 1.0
 _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN = 23.0, 7, 0.68
-_STRIP = 1024
-"""Most rows that are worked on at once in double precision."""
 _STEPS = 4096
 _ENCODED = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
 """sRGB bytes of linear light, which is spaced by its square root as sRGB nearly is."""
@@ -77,7 +76,7 @@ def check_appearance(spec: AppearanceSpec, site: Site) -> None:
 def stencil_reach(site: Site, layers: tuple[Layer, ...] = ()) -> float:
     """How far around a node its colour looks at the ground [m]: the margin that a window needs."""
     masks = [layer.mask.reach(site) for layer in layers if layer.mask is not None]
-    return max(_cells(site.spacing) * site.spacing, *masks, 0.0)
+    return max(stencil_cells(_STENCIL_M, site.spacing) * site.spacing, *masks, 0.0)
 
 
 def colour_ground(
@@ -103,12 +102,24 @@ def colour_ground(
         layers: the layers that shaped the ground; their masks are taken on the finished ground.
     """
     rgb = np.empty((window.rows + 1, window.columns + 1, 3), np.uint8)
-    for first in range(0, window.rows, _STRIP):
-        rows = min(_STRIP, window.rows - first)
-        strip = Window(
-            column=window.column, row=window.row + first, columns=window.columns, rows=rows
+    key = stage_key(site.seed, "appearance")
+    for strip in window.strips(STRIP):
+        east, north = site.axes(strip)
+        first = strip.row - window.row
+        over_chunks(
+            _paint,
+            len(north),
+            ground.elevation,
+            *_first_node(site, strip, ground),
+            stencil_cells(_STENCIL_M, site.spacing),
+            site.spacing,
+            fbm(key, east, north, _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN),
+            _base(site, strip, spec),
+            _brightness(site, strip, ground, layers),
+            spec.variation,
+            _ENCODED,
+            rgb[first : first + strip.rows + 1],
         )
-        _colour_strip(site, strip, ground, spec, layers, rgb[first : first + rows + 1])
     return rgb
 
 
@@ -130,38 +141,6 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
         rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
         detail=ground_detail(spec.detail, site),
     )
-
-
-def _colour_strip(
-    site: Site,
-    window: Window,
-    ground: Heightfield,
-    spec: AppearanceSpec,
-    layers: tuple[Layer, ...],
-    rgb: NDArray[np.uint8],
-) -> None:
-    east, north = site.axes(window)
-    mottle = fbm(
-        stage_key(site.seed, "appearance"), east, north, _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN
-    )
-    over_chunks(
-        _paint,
-        len(mottle),
-        ground.elevation,
-        *_first_node(site, window, ground),
-        _cells(site.spacing),
-        site.spacing,
-        mottle,
-        _base(site, window, spec),
-        _brightness(site, window, ground, layers),
-        spec.variation,
-        _ENCODED,
-        rgb,
-    )
-
-
-def _cells(spacing: float) -> int:
-    return max(1, round(_STENCIL_M / spacing))
 
 
 def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
