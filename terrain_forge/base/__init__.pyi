@@ -21,6 +21,7 @@ from .frames import rpy_from_quaternion as rpy_from_quaternion
 from .frames import srgb_from_linear as srgb_from_linear
 from .frames import xyzw as xyzw
 from .geometry import fibonacci_sphere as fibonacci_sphere
+from .geometry import rectangle_distance as rectangle_distance
 from .geometry import segment_square_distance as segment_square_distance
 from .heap import heap_pop as heap_pop
 from .heap import heap_push as heap_push

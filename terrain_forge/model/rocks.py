@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, matrix_from_quaternion, to_plain
+from terrain_forge.base import Array, Record, matrix_from_quaternion, rectangle_distance, to_plain
 from terrain_forge.model.heightfield import Bounds, Heightfield
 from terrain_forge.model.mesh import Mesh
 
@@ -161,20 +161,14 @@ def owned(field: RockField, part: Heightfield, whole: Bounds) -> NDArray[np.bool
     west, south, east, north = part.bounds
     x, y = field.position[:, 0], field.position[:, 1]
     inside_east = (x >= west) & ((x < east) | (east >= whole[2]))
-    result: NDArray[np.bool_] = inside_east & (y >= south) & ((y < north) | (north >= whole[3]))
-    return result
+    return np.asarray(inside_east & (y >= south) & ((y < north) | (north >= whole[3])))
 
 
 def touches(field: RockField, part: Heightfield, library: RockLibrary) -> NDArray[np.bool_]:
     """Which rocks may reach into a part of the ground: those whose circle of reach does."""
     reaches = np.array([prototype.reach for prototype in library.prototypes])
     reach = reaches[field.prototype] * field.diameter
-    west, south, east, north = part.bounds
-    x, y = field.position[:, 0], field.position[:, 1]
-    away_east = np.maximum(np.maximum(west - x, x - east), 0.0)
-    away_north = np.maximum(np.maximum(south - y, y - north), 0.0)
-    result: NDArray[np.bool_] = np.hypot(away_east, away_north) <= reach
-    return result
+    return np.asarray(rectangle_distance(field.position[:, :2], part.bounds) <= reach)
 
 
 def rotations(field: RockField) -> Array:

@@ -6,10 +6,10 @@ from .appearance import colour_ground as colour_ground
 from .appearance import paint as paint
 from .appearance import stencil_reach as stencil_reach
 from .cratering.craters import Craters as Craters
-from .cratering.equilibrium import LIMITS as LIMITS
 from .cratering.fresh import fresh_shapes as fresh_shapes
 from .cratering.layer_craters import make_craters as make_craters
 from .cratering.layer_craters import population_of as population_of
+from .cratering.population import LIMITS as LIMITS
 from .cratering.production import BodyProduction as BodyProduction
 from .cratering.production import CraterProduction as CraterProduction
 from .cratering.productions.power_law import CraterPowerLaw as CraterPowerLaw

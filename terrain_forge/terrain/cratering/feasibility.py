@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.base import DataError, Key, RecipeError
+from terrain_forge.base import DataError, Key, RecipeError, rectangle_distance
 from terrain_forge.model import Site, Table
-from terrain_forge.terrain.cratering.chronology import OLDEST
 from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.layer_craters import (
     FEWEST_NODES,
@@ -19,6 +17,7 @@ from terrain_forge.terrain.cratering.layer_craters import (
     population_of,
 )
 from terrain_forge.terrain.cratering.placement import expected_craters
+from terrain_forge.terrain.cratering.production import OLDEST
 
 if TYPE_CHECKING:
     from terrain_forge.terrain.layers.craters import CraterLayer
@@ -43,25 +42,21 @@ def check_craters(spec: CraterLayer, *, site: Site, key: Key) -> None:
         DataError: for a listed crater that cannot be.
     """
     if spec.production is not None:
-        _check_body(spec, site, key)
+        body = site.body
+        if not spec.production.holds_on(body):
+            own = ", ".join(one.kind for one in body.craters.productions) or "none"
+            raise RecipeError(
+                f"{spec.production.kind} is no production function of {body.name.capitalize()}, "
+                f"which has {own}",
+                key=(*key, "production", "kind"),
+            )
         _check_range(spec, site, (*key, "diameter_m"))
-        _check_number(spec, site, (*key, "diameter_m"))
     if spec.file is not None:
         _check_list(site.table(spec.file), site, (*key, "file"))
 
 
-def _check_body(spec: CraterLayer, site: Site, key: Key) -> None:
-    assert spec.production is not None
-    if not spec.production.holds_on(site.body):
-        own = ", ".join(one.kind for one in site.body.craters.productions) or "none"
-        raise RecipeError(
-            f"{spec.production.kind} is no production function of {site.body.name.capitalize()}, "
-            f"which has {own}",
-            key=(*key, "production", "kind"),
-        )
-
-
 def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
+    """Refuse diameters that the grid or the body do not have, or too many craters of them."""
     given = spec.diameter_m
     finest, complex_from = FEWEST_NODES * site.spacing, site.body.craters.largest_simple
     if given[0] is not None and given[0] < finest:
@@ -80,6 +75,13 @@ def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
     assert population is not None
     smallest, largest = population.diameters
     if smallest < largest:
+        number = expected_craters(population, site.bounds)
+        if number > MAX_CRATERS:
+            raise RecipeError(
+                f"{number:.3g} craters of {smallest:g} m and more would reach the site, at most "
+                f"{MAX_CRATERS:.3g}; choose a larger smallest diameter",
+                key=key,
+            )
         return
     if None not in given:
         raise RecipeError(
@@ -94,18 +96,6 @@ def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
         for end, value in zip(ends, given, strict=True)
     )
     raise RecipeError(f"no craters between: {found}; by default the largest is {why}", key=key)
-
-
-def _check_number(spec: CraterLayer, site: Site, key: Key) -> None:
-    population = population_of(spec, site=site)
-    assert population is not None
-    number = expected_craters(population, site.bounds)
-    if number > MAX_CRATERS:
-        raise RecipeError(
-            f"{number:.3g} craters of {population.diameters[0]:g} m and more would reach the site, "
-            f"at most {MAX_CRATERS:.3g}; choose a larger smallest diameter",
-            key=key,
-        )
 
 
 def _check_list(table: Table, site: Site, key: Key) -> None:
@@ -128,9 +118,15 @@ def _check_list(table: Table, site: Site, key: Key) -> None:
                 f"{complex_from:g} m on {site.body.name.capitalize()}"
             )
         blank = (name == "depth_to_diameter") & (values == NOT_GIVEN)
-        _require((values >= low) & (values <= high) | blank, table, name, allowed, key)
-    beyond = np.maximum(np.abs(listed_places(table, site=site)) - 0.5 * np.array(site.size), 0.0)
-    if not np.any(np.hypot(*beyond.T) < 0.5 * REACH * table.column("diameter_m")):
+        good = (values >= low) & (values <= high) | blank
+        if not good.all():
+            row = int(np.argmin(good))
+            raise DataError(
+                f"{table.path}: {name} of crater {row + 1} is {values[row]:g}, allowed: {allowed}",
+                key=key,
+            )
+    away = rectangle_distance(listed_places(table, site=site), site.bounds)
+    if not np.any(away < 0.5 * REACH * table.column("diameter_m")):
         raise DataError(
             f"{table.path}: no crater reaches the site, which ends at ±{0.5 * site.size[0]:g}, "
             f"±{0.5 * site.size[1]:g} m",
@@ -149,15 +145,5 @@ def _check_places(table: Table, site: Site, key: Key) -> None:
     if places == _PLACES[2:] and not site.georeferenced:
         raise DataError(
             f"{table.path} gives longitudes and latitudes, but the site has none: give x_m and y_m",
-            key=key,
-        )
-
-
-def _require(good: NDArray[np.bool_], table: Table, name: str, allowed: str, key: Key) -> None:
-    if not good.all():
-        row = int(np.argmin(good))
-        raise DataError(
-            f"{table.path}: {name} of crater {row + 1} is {table.column(name)[row]:g}, allowed: "
-            f"{allowed}",
             key=key,
         )

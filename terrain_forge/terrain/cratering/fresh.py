@@ -40,17 +40,16 @@ def fresh_shapes(
     Args:
         diameter: diameters [m].
         body: whose craters they are.
-        depth_to_diameter: depth over diameter, of all or of each, instead of the body's.
+        depth_to_diameter: depth over diameter, of all or of each, instead of the body's; NaN for
+            the body's.
         ejecta: whether rims carry an ejecta blanket.
     """
     diameter = np.asarray(diameter, np.float64)
     kilometres = diameter / 1000.0
     pike = 0.196 * portable.power(kilometres, 0.010)
-    if depth_to_diameter is not None:
-        ratio = np.full(diameter.shape, depth_to_diameter, np.float64)
-    else:
-        ratio = _depth_to_diameter(diameter, body.craters)
-    depth = ratio * diameter
+    given = np.nan if depth_to_diameter is None else depth_to_diameter
+    usual = _depth_to_diameter(diameter, body.craters)
+    depth = np.where(np.isnan(given), usual, given) * diameter
     rim = depth * (0.036 * portable.power(kilometres, 0.014)) / pike
     blanket = np.minimum(ejecta_thickness(0.5 * diameter), RIM_SHARE * rim)
     return FreshShapes(depth=depth, rim=rim, ejecta=blanket if ejecta else np.zeros_like(blanket))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from terrain_forge.base import Array, kernel, mix, stage_key
+from terrain_forge.base import Array, kernel, mix, rectangle_distance, stage_key
 from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.craters import Craters
@@ -42,18 +43,16 @@ def make_craters(spec: CraterLayer, *, site: Site, area: Rectangle) -> Craters:
     population = population_of(spec, site=site)
     if population is not None:
         drawn = draw_craters(population, key=np.uint64(mix(key, 0)), area=area)
-        parts.append(_shaped(drawn, spec, site=site, ratio=None, listed=False))
+        ratio = np.full(len(drawn.id), NOT_GIVEN)
+        parts.append(_shaped(drawn, spec, site=site, ratio=ratio, listed=False))
     if spec.file is not None:
         table = site.table(spec.file)
         parts.append(_listed(table, spec, site=site, key=np.uint64(mix(key, 1))))
-    both = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in (*Drawn._fields, "listed", "fresh_depth", "fresh_rim", "fresh_ejecta", "wear")
-    }
+    names = [field.name for field in fields(Craters)]
+    both = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     craters = Craters(**both).sorted()
-    beyond = np.maximum(area[:2] - craters.xy, craters.xy - np.array(area[2:]))
     reach = np.maximum(craters.reach, 0.5 * craters.diameter)
-    return craters.select(np.hypot(*np.maximum(beyond, 0.0).T) < reach)
+    return craters.select(rectangle_distance(craters.xy, area) < reach)
 
 
 def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
@@ -91,32 +90,27 @@ def listed_places(table: Table, *, site: Site) -> Array:
 def _listed(table: Table, spec: CraterLayer, *, site: Site, key: np.uint64) -> Craters:
     """The user's craters; what the table does not give is that of fresh ones."""
     rows = len(table.values)
+
+    def column(name: str, otherwise: float) -> Array:
+        return table.column(name) if name in table.columns else np.full(rows, otherwise)
+
     given = Drawn(
         id=_addresses(key, rows),
         xy=listed_places(table, site=site),
         diameter=table.column("diameter_m"),
-        age=table.column("age_ga") if "age_ga" in table.columns else np.zeros(rows),
+        age=column("age_ga", 0.0),
     )
-    made = _shaped(given, spec, site=site, ratio=None, listed=True)
-    if "depth_to_diameter" not in table.columns:
-        return made
-    ratio = table.column("depth_to_diameter")
-    own = _shaped(given, spec, site=site, ratio=ratio, listed=True)
-    told = ratio != NOT_GIVEN
-    measures = ("fresh_depth", "fresh_rim", "fresh_ejecta")
-    return made.replace(
-        **{name: np.where(told, getattr(own, name), getattr(made, name)) for name in measures}
-    )
+    ratio = column("depth_to_diameter", NOT_GIVEN)
+    return _shaped(given, spec, site=site, ratio=ratio, listed=True)
 
 
-def _shaped(
-    drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array | None, listed: bool
-) -> Craters:
+def _shaped(drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array, listed: bool) -> Craters:
     """Craters with their fresh measures and their wear."""
+    usual = np.nan if spec.depth_to_diameter is None else spec.depth_to_diameter
     fresh = fresh_shapes(
         drawn.diameter,
         body=site.body,
-        depth_to_diameter=spec.depth_to_diameter if ratio is None else ratio,
+        depth_to_diameter=np.where(ratio == NOT_GIVEN, usual, ratio),
         ejecta=spec.ejecta,
     )
     kappa = diffusivity(drawn.diameter, constant=spec.diffusivity_m2_per_myr)

@@ -11,8 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, kernel, mix, poisson, uniform, zigzag
-from terrain_forge.terrain.cratering.chronology import age_of
+from terrain_forge.base import (
+    Array,
+    inlined,
+    kernel,
+    mix,
+    poisson,
+    rectangle_distance,
+    uniform,
+    zigzag,
+)
 from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.population import Population
 
@@ -52,7 +60,7 @@ def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> 
     gathered = _uniforms(ids, _AGE) * part * float(chronology.number(age))
     ages = age_of(gathered, age, chronology.burst, chronology.rate, chronology.steady)
     smallest, largest = population.diameters
-    kept = _near(xy, 0.5 * REACH * diameter, np.array(area))
+    kept = rectangle_distance(xy, area) < 0.5 * REACH * diameter
     kept &= (diameter >= smallest) & (diameter <= largest)
     return Drawn(id=ids[kept], xy=xy[kept], diameter=diameter[kept], age=ages[kept])
 
@@ -89,13 +97,6 @@ def expected_craters(population: Population, area: Rectangle) -> float:
         reached = (east - west + REACH * high) * (north - south + REACH * high)
         total += population.density(low, high) * reached
     return total
-
-
-def _near(xy: Array, reach: Array, area: Array) -> NDArray[np.bool_]:
-    """Which circles touch an area."""
-    away = np.maximum(np.maximum(area[:2] - xy, xy - area[2:]), 0.0)
-    found: NDArray[np.bool_] = np.hypot(away[:, 0], away[:, 1]) < reach
-    return found
 
 
 @kernel
@@ -168,3 +169,22 @@ def _uniforms(address, what):  # type: ignore[no-untyped-def]
     for n in range(len(address)):
         drawn[n] = uniform(mix(address[n], what))
     return drawn
+
+
+@kernel
+def age_of(number, oldest, burst, rate, steady):  # type: ignore[no-untyped-def]
+    """Ages [10⁹ years] at which a chronology has reached numbers [1/km²]; none above `oldest`.
+
+    Newton's method from above, where a convex rising function never overshoots.
+    """
+    ages = np.empty(len(number))
+    for n in range(len(number)):
+        age = min(number[n] / steady, oldest)
+        for _ in range(60):
+            grown = burst * np.exp(rate * age)
+            step = (grown - burst + steady * age - number[n]) / (rate * grown + steady)
+            if step <= 1e-13 * age:
+                break
+            age -= step
+        ages[n] = max(age, 0.0)
+    return ages

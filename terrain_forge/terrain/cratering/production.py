@@ -10,8 +10,10 @@ from annotated_types import Interval
 
 from terrain_forge.base import Array, PowerPieces, RecipeError, Spec, portable
 from terrain_forge.model import BODIES, Body, Chronology, ProductionFunction
-from terrain_forge.terrain.cratering.chronology import OLDEST
 
+OLDEST = 4.4
+"""Largest model age [10⁹ years]; the oldest surfaces that calibrate the lunar chronology are a
+little younger."""
 Age = Annotated[float, Interval(gt=0, le=OLDEST)]
 if TYPE_CHECKING:
     BodyFunction = str

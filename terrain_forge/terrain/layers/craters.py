@@ -5,17 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Union
 
+import numpy as np
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import BY_KIND, Array, FileName, InputFile, Positive, parts
+from terrain_forge.base import BY_KIND, Array, FileName, InputFile, Positive, parts, portable
 from terrain_forge.model import BODIES, Site, Window
-from terrain_forge.terrain.cratering.brightness import ejecta_brightness
-from terrain_forge.terrain.cratering.equilibrium import Equilibrium
+from terrain_forge.terrain.cratering.craters import Craters
+from terrain_forge.terrain.cratering.degradation import EJECTA_FADE, shapes
 from terrain_forge.terrain.cratering.feasibility import check_craters
 from terrain_forge.terrain.cratering.layer_craters import NOT_GIVEN, make_craters
+from terrain_forge.terrain.cratering.population import Equilibrium
 from terrain_forge.terrain.cratering.production import BodyProduction, CraterProduction
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import Layer
+
+FADES_IN = 0.05
+"""Age [10⁹ years] at which a brightness has fallen to 1/e. This and the next two: assumptions."""
+FULL_FROM = 100.0
+"""Diameter [m] from which craters dig up fresh rock; smaller ones bring up old soil the more."""
+BRIGHTEST = 2.0
+"""Largest factor, where the ejecta of several craters lie."""
+_VISIBLE = 0.005
 
 CraterList = InputFile(
     kind="table",
@@ -90,3 +100,25 @@ class CraterLayer(Layer):
 
 def _area(east: Array, north: Array) -> tuple[float, float, float, float]:
     return float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
+
+
+def ejecta_brightness(craters: Craters, *, east: Array, north: Array, contrast: float) -> Array:
+    """Factor on the albedo at the nodes of a grid, shape [north, east].
+
+    Args:
+        craters: Those that reach the grid, the youngest first.
+        east: Coordinates of the columns [m], ascending.
+        north: Coordinates of the rows [m], ascending.
+        contrast: How much brighter the fresh ejecta of a large crater are at its rim, 0 for not.
+    """
+    factor = np.ones((north.size, east.size))
+    strength = contrast * portable.exp(-craters.age / FADES_IN)
+    strength *= np.minimum(craters.diameter / FULL_FROM, 1.0)
+    for n in np.flatnonzero(strength > _VISIBLE):
+        (x, y), radius = craters.xy[n], 0.5 * craters.diameter[n]
+        reach = EJECTA_FADE[1] * radius
+        columns = slice(*np.searchsorted(east, (x - reach, x + reach)))
+        rows = slice(*np.searchsorted(north, (y - reach, y + reach)))
+        away = np.hypot(east[columns] - x, north[rows, None] - y) / radius
+        factor[rows, columns] += strength[n] * shapes(away)[2]
+    return np.minimum(factor, BRIGHTEST)
