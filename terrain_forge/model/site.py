@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Record
 from terrain_forge.model.body import Body
+from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
 from terrain_forge.model.route import Route
 from terrain_forge.model.rover import Rover
@@ -185,6 +186,11 @@ class Site(Record):
         columns = window.column + np.arange(window.columns + 1, dtype=np.float64)
         rows = window.row + np.arange(window.rows + 1, dtype=np.float64)
         return self.west + columns * self.spacing, self.south + rows * self.spacing
+
+    def first_node(self, ground: Heightfield) -> tuple[int, int]:
+        """Column and row of the site's nodes at which a part of its ground begins."""
+        east, north = ground.origin
+        return round((east - self.west) / self.spacing), round((north - self.south) / self.spacing)
 
     def padded(self, window: Window, margin: float) -> Window:
         """The window grown by at least `margin` [m] on each side, as far as the site goes."""

@@ -145,8 +145,7 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
 
 def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
     """Column and row of the ground that lie under the window's first node."""
-    column = round((ground.origin[0] - site.west) / site.spacing)
-    row = round((ground.origin[1] - site.south) / site.spacing)
+    column, row = site.first_node(ground)
     return window.column - column, window.row - row
 
 

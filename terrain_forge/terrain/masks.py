@@ -117,7 +117,16 @@ class Mask(Spec):
         if self.image is not None:
             _check_image(site.image(self.image), self.image, site, (*key, "image"))
         if self.route is not None:
-            _check_route(self.route, site, (*key, "route"))
+            names, path = [route.name for route in site.routes], self.route.path
+            if path is not None and path not in names:
+                raise RecipeError(
+                    f"no path is called {path!r}, there are: {', '.join(names) or 'none'}",
+                    key=(*key, "route", "path"),
+                )
+            if not names:
+                raise RecipeError(
+                    "the recipe has no path to keep a distance to", key=(*key, "route")
+                )
 
 
 def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> Array:
@@ -139,7 +148,12 @@ def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> 
     if mask.image is not None:
         weight *= image_weight(site.image(mask.image), site=site, window=window)
     if mask.route is not None:
-        weight *= _route_weight(mask.route, site, window)
+        near = mask.route
+        lines = [route.position for route in site.routes if near.path in (None, route.name)]
+        farthest = max(near.beyond_m or 0.0, (near.within_m or 0.0) + near.fade_m) + site.spacing
+        east, north = site.axes(window)
+        away = route_distance(lines, east=east, north=north, farthest=farthest)
+        weight *= _within(away, near.beyond_m, near.within_m, near.fade_m)
     return 1.0 - weight if mask.invert else weight
 
 
@@ -213,15 +227,6 @@ def _tangents(one: float, other: float) -> tuple[float, float]:
     return float(portable.tan(np.radians(one))), float(portable.tan(np.radians(other)))
 
 
-def _route_weight(band: RouteBand, site: Site, window: Window) -> Array:
-    routes = [route for route in site.routes if band.path in (None, route.name)]
-    farthest = max(band.beyond_m or 0.0, (band.within_m or 0.0) + band.fade_m) + site.spacing
-    east, north = site.axes(window)
-    lines = [route.position for route in routes]
-    away = route_distance(lines, east=east, north=north, farthest=farthest)
-    return _within(away, band.beyond_m, band.within_m, band.fade_m)
-
-
 def _between(place: Array, count: int) -> tuple[NDArray[np.int64], Array]:
     """The sample before each place and the part of the way to the next one."""
     before = np.clip(np.floor(place), 0, max(count - 2, 0)).astype(np.int64)
@@ -252,14 +257,3 @@ def _check_image(values: Array, name: str, site: Site, key: Key) -> None:
             f"{name} holds values from {least:g} to {most:g}, allowed: 0 (without the layer) to 1",
             key=key,
         )
-
-
-def _check_route(band: RouteBand, site: Site, key: Key) -> None:
-    names = [route.name for route in site.routes]
-    if band.path is not None and band.path not in names:
-        raise RecipeError(
-            f"no path is called {band.path!r}, there are: {', '.join(names) or 'none'}",
-            key=(*key, "path"),
-        )
-    if not names:
-        raise RecipeError("the recipe has no path to keep a distance to", key=key)

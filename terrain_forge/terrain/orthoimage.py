@@ -66,7 +66,10 @@ def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path
     with dataset:
         whole = _place(dataset, name, site, spec.image)
         values, valid, placed = _read(dataset, whole, site, spec.image)
-    column, row = map(_nearest, _sample(placed, site), valid.shape[::-1])
+    column, row = (
+        np.clip(np.rint(index), 0, length - 1).astype(np.int64)
+        for index, length in zip(_sample(placed, site), valid.shape[::-1], strict=True)
+    )
     inside = valid[row, column]
     if not inside.all():
         raise DataError(
@@ -125,10 +128,6 @@ def _sample(picture: Orthoimage, site: Site) -> tuple[Array, Array]:
     return patch_pixels(picture, site.crs, east, north)
 
 
-def _nearest(index: Array, length: int) -> NDArray[np.int64]:
-    return np.clip(np.rint(index), 0, length - 1).astype(np.int64)
-
-
 def _read(
     dataset: Any, whole: Orthoimage, site: Site, image: str
 ) -> tuple[Array, NDArray[np.bool_], Orthoimage]:
@@ -136,14 +135,19 @@ def _read(
     from rasterio.windows import Window as RasterWindow
 
     column, row = _sample(whole, site)
-    columns, rows = _span(column, dataset.width), _span(row, dataset.height)
-    if _outside(column, dataset.width) or _outside(row, dataset.height):
+    ends, slack = (dataset.width, dataset.height), 0.5 + 1e-6
+    low, high = np.array([[index.min(), index.max()] for index in (column, row)]).T
+    if np.any(low < -slack) or np.any(high > np.array(ends) - 1 + slack):
         raise DataError(
             f"the site needs columns {column.min():.0f} to {column.max():.0f} and rows "
             f"{row.min():.0f} to {row.max():.0f} of {image}, which has {dataset.width} × "
             f"{dataset.height}",
             key=_KEY,
         )
+    columns, rows = (
+        slice(max(int(first) - _STENCIL, 0), min(int(last) + _STENCIL + 1, end))
+        for first, last, end in zip(np.floor(low), np.ceil(high), ends, strict=True)
+    )
     window = RasterWindow.from_slices(rows, columns)
     bands = [1, 2, 3] if dataset.count >= 3 else [1]
     values = _linear(dataset.read(bands, window=window))
@@ -180,13 +184,3 @@ def _linear(values: NDArray[Any]) -> Array:
         return moved.astype(np.float64)
     scaled: Array = moved / float(np.iinfo(values.dtype).max)
     return linear_from_srgb(scaled) if len(values) == 3 else scaled
-
-
-def _span(index: Array, length: int) -> slice:
-    low, high = int(np.floor(index.min())) - _STENCIL, int(np.ceil(index.max())) + _STENCIL + 1
-    return slice(max(low, 0), min(high, length))
-
-
-def _outside(index: Array, length: int) -> bool:
-    slack = 0.5 + 1e-6
-    return bool(index.min() < -slack or index.max() > length - 1 + slack)

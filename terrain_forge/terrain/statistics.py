@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import portable
 from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
-from terrain_forge.model import Heightfield, Site
+from terrain_forge.model import Heightfield, Roughness, Site
 from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
 
 _PER_DEGREE = 100
@@ -73,46 +73,6 @@ class Curves:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DtmState:
-    """What was read of the DTM and what it needed."""
-
-    samples: tuple[int, int]
-    """Rows and columns of samples, of the site and the context around it."""
-    filled: int
-    """Samples within the site that were holes."""
-    repairs: tuple[str, ...]
-    """What was repaired and how."""
-    planar_fraction: float
-    """Part of the samples that lie in exact planes, as triangles do that fill gaps, 0 to 1."""
-    scale_error: float | None
-    """How far off lengths are at the site's edge, as a fraction; None where not georeferenced."""
-
-    @classmethod
-    def of(cls, site: Site) -> DtmState | None:
-        """That of a site's DTM; None for a flat site."""
-        if site.dtm is None:
-            return None
-        rows, columns = site.dtm.heights.shape
-        return cls(
-            samples=(rows, columns),
-            filled=site.dtm.filled,
-            repairs=site.dtm.repairs,
-            planar_fraction=site.dtm.planar_fraction,
-            scale_error=scale_error(site.crs, site.size) if site.georeferenced else None,
-        )
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values for a report."""
-        return {
-            "samples": list(self.samples),
-            "filled_samples": self.filled,
-            "repairs": list(self.repairs),
-            "planar_fraction": self.planar_fraction,
-            "scale_error_at_the_edge": self.scale_error,
-        }
-
-
-@dataclass(frozen=True, kw_only=True)
 class TerrainStatistics:
     """The ground beside the DTM that it continues."""
 
@@ -120,35 +80,32 @@ class TerrainStatistics:
     """The ground as built."""
     dtm: Curves | None
     """The DTM's samples over the site and its context; None for a flat site."""
-    hurst: float
-    """Exponent of the detail."""
-    deviation: float
-    """RMS deviation of the detail at 1 m [m]."""
-    source: str
-    """Where exponent and deviation come from."""
-    fitted: tuple[float, float] | None
-    """Exponent as fitted to the DTM's increments at the joint, and its standard error."""
+    roughness: Roughness
+    """Of the detail, and the exponent as fitted to the DTM's increments at the joint."""
     spectral: tuple[float, float] | None
     """Exponent of the DTM's spectrum over 1/32 to 1/5 of a cycle per posting, and its standard
     error; None without a DTM or with too few samples."""
     worst_mean: float | None
     """Largest difference of the ground's mean over a pixel from the DTM's post [m]; None where no
     pixel lies wholly in the ground, or the lattice is no finer than half the posting."""
-    state: DtmState | None
-    """What was read of the DTM and what it needed; None for a flat site."""
+    dtm_state: dict[str, Any] | None
+    """What was read of the DTM and what it needed, as plain values: rows and columns of its
+    samples, those within the site that were holes, what was repaired, the part of the samples that
+    lie in exact planes, and how far off lengths are at the site's edge, as a fraction (None where
+    not georeferenced); None for a flat site."""
 
     def as_json(self) -> dict[str, Any]:
         """Plain values for a report."""
         return {
-            "hurst": self.hurst,
-            "deviation_1m_m": self.deviation,
-            "source": self.source,
-            "exponent_at_the_joint": _with_error(self.fitted),
+            "hurst": self.roughness.hurst,
+            "deviation_1m_m": self.roughness.deviation,
+            "source": self.roughness.source,
+            "exponent_at_the_joint": _with_error(self.roughness.exponent),
             "exponent_of_the_spectrum": _with_error(self.spectral),
             "worst_pixel_mean_m": self.worst_mean,
             "ground": _curves_json(self.ground),
             "dtm": _curves_json(self.dtm) if self.dtm else None,
-            "dtm_state": self.state.as_json() if self.state else None,
+            "dtm_state": self.dtm_state,
         }
 
 
@@ -159,24 +116,28 @@ def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
         site: the place.
         ground: the whole of it or a window.
     """
-    found = site.roughness
-    dtm, spectral = None, None
+    dtm, spectral, state = None, None, None
     if site.dtm is not None:
         posting = site.dtm.posting
         dtm = _curves(site.dtm.heights, posting)
         band = (1.0 / (32.0 * posting), 1.0 / (5.0 * posting))
         exponent = spectral_exponent(dtm.wave_number, dtm.density, band)
         spectral = exponent if np.isfinite(exponent[0]) else None
+        off = scale_error(site.crs, site.size) if site.georeferenced else None
+        state = {
+            "samples": list(site.dtm.heights.shape),
+            "filled_samples": site.dtm.filled,
+            "repairs": list(site.dtm.repairs),
+            "planar_fraction": site.dtm.planar_fraction,
+            "scale_error_at_the_edge": off,
+        }
     return TerrainStatistics(
         ground=_curves(_centre(ground.elevation), ground.spacing),
         dtm=dtm,
-        hurst=found.hurst,
-        deviation=found.deviation,
-        source=found.source,
-        fitted=found.exponent,
+        roughness=site.roughness,
         spectral=spectral,
         worst_mean=worst_mean(site, ground),
-        state=DtmState.of(site),
+        dtm_state=state,
     )
 
 
@@ -184,12 +145,8 @@ def worst_mean(site: Site, ground: Heightfield) -> float | None:
     """Largest difference of the ground's mean over a pixel from the DTM's post [m]."""
     if site.dtm is None or 2.0 * site.spacing > site.dtm.posting:
         return None
-    first = (
-        round((ground.origin[0] - site.west) / site.spacing),
-        round((ground.origin[1] - site.south) / site.spacing),
-    )
-    rows, columns = ground.shape
-    nodes = Nodes(column=first[0], row=first[1], columns=columns, rows=rows)
+    (column, row), (rows, columns) = site.first_node(ground), ground.shape
+    nodes = Nodes(column=column, row=row, columns=columns, rows=rows)
     pixels = Pixels.under(site, nodes, 0)
     east, north = pixels.centres(site)
     wide, high = (0.5 * (n - 1) * ground.spacing for n in (columns, rows))
@@ -198,11 +155,11 @@ def worst_mean(site: Site, ground: Heightfield) -> float | None:
     inside &= np.abs(north - ground.origin[1] - high) < high - reach
     if not inside.any():
         return None
-    row, column = np.nonzero(inside)
     means = pixels.means(site, nodes, ground.elevation.astype(np.float64))[inside]
     means += site.datum_height + site.slope[0] * east[inside] + site.slope[1] * north[inside]
     tilt = _tilt(site, pixels, nodes)[inside]
-    posts = site.dtm.heights[row + pixels.row, column + pixels.column]
+    down, across = np.nonzero(inside)
+    posts = site.dtm.heights[down + pixels.row, across + pixels.column]
     return float(np.abs(means - tilt - posts).max())
 
 
@@ -210,15 +167,9 @@ def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
     """What the ground's slope adds to a mean over cells that a pixel's edge cuts unevenly [m]."""
     assert site.dtm is not None
     per_row, per_column = (np.asarray(g) for g in np.gradient(site.dtm.heights))
-    rows, columns = (
-        np.clip(first + np.arange(count), 0, length - 1)
-        for first, count, length in zip(
-            (pixels.row, pixels.column),
-            (pixels.rows, pixels.columns),
-            site.dtm.heights.shape,
-            strict=True,
-        )
-    )
+    last_row, last_column = np.array(site.dtm.heights.shape) - 1
+    rows = np.clip(pixels.row + np.arange(pixels.rows), 0, last_row)
+    columns = np.clip(pixels.column + np.arange(pixels.columns), 0, last_column)
     across, down = per_column[np.ix_(rows, columns)], per_row[np.ix_(rows, columns)]
     frame = np.array(PixelFrame.of(site).per_metre)
     total = np.zeros((pixels.rows, pixels.columns))
@@ -239,8 +190,7 @@ def _slope_shares(gradients: NDArray[Any], per_degree: int) -> NDArray[np.float6
     bins = np.minimum(near, count - 1)
     bins -= gradients < edges[bins]
     bins += gradients >= edges[bins + 1]
-    shares: NDArray[np.float64] = np.bincount(bins, minlength=count) / gradients.size
-    return shares
+    return np.asarray(np.bincount(bins, minlength=count) / gradients.size)
 
 
 def _centre(elevation: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -252,10 +202,8 @@ def _centre(elevation: NDArray[np.float32]) -> NDArray[np.float64]:
 def _curves(heights: NDArray[np.float64], spacing: float) -> Curves:
     number, density = radial_spectrum(heights, spacing)
     baseline, deviation = structure_function(heights, spacing)
-    east, north = (
-        np.diff(heights, axis=1)[:-1] / spacing,
-        np.diff(heights, axis=0)[:, :-1] / spacing,
-    )
+    east = np.diff(heights, axis=1)[:-1] / spacing
+    north = np.diff(heights, axis=0)[:, :-1] / spacing
     return Curves(
         spacing=spacing,
         wave_number=number,
