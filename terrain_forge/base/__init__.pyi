@@ -35,7 +35,9 @@ from .progress import Progress as Progress
 from .progress import Stopwatch as Stopwatch
 from .progress import silent as silent
 from .records import Record as Record
+from .records import Rows as Rows
 from .records import from_plain as from_plain
+from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .registry import load_plugin as load_plugin
 from .registry import parts as parts

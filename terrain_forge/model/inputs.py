@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record
+from terrain_forge.base import Record, shaped
 from terrain_forge.model.mesh import Mesh
 
 
@@ -15,7 +15,7 @@ from terrain_forge.model.mesh import Mesh
 class DtmPatch(Record):
     """Heights of a DTM over a site and its context, holes filled, in the source's grid."""
 
-    heights: NDArray[np.float64]
+    heights: NDArray[np.float64] = field(metadata=shaped("rows", "columns"))
     """Heights above the body's datum [m], shape [rows, columns], in the source's row order."""
     to_pixel: tuple[float, ...]
     """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
@@ -34,9 +34,6 @@ class DtmPatch(Record):
     """Part of the samples in and around the site that lie in exact planes, as triangles that fill
     gaps of stereo images do, 0 to 1."""
 
-    def __post_init__(self) -> None:
-        self.freeze("heights", np.float64, ("rows", "columns"))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Image(Record):
@@ -44,11 +41,8 @@ class Image(Record):
 
     path: str
     """As the recipe writes it."""
-    values: NDArray[np.float64]
+    values: NDArray[np.float64] = field(metadata=shaped("rows", "columns"))
     """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
-
-    def __post_init__(self) -> None:
-        self.freeze("values", np.float64, ("rows", "columns"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +51,9 @@ class Orthoimage(Record):
 
     path: str
     """As the recipe writes it."""
-    albedo: NDArray[np.float32]
+    albedo: NDArray[np.float32] = field(
+        metadata=shaped("rows", "columns", "bands", dtype=np.float32)
+    )
     """Linear, in the source's row order, shape [rows, columns, 1 | 3]: one band tells brightness
     over its mean on the site, three bands tell colour, 0 to 1."""
     to_pixel: tuple[float, ...]
@@ -67,9 +63,6 @@ class Orthoimage(Record):
     """WKT of the source's CRS; empty where x, y are the site's own metres."""
     wrap: tuple[float, float]
     """Period of x where a meridian has several x (0 where not), and the x around which they are."""
-
-    def __post_init__(self) -> None:
-        self.freeze("albedo", np.float32, ("rows", "columns", "bands"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

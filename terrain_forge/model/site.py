@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record
+from terrain_forge.base import Record, shaped
 from terrain_forge.model.body import Body
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
@@ -63,13 +63,11 @@ class Roughness(Record):
     error."""
     resolved: int = 1
     """Shortest baseline that the DTM resolves [posts]."""
-    local: NDArray[np.float32] | None = None
+    local: NDArray[np.float32] | None = field(
+        default=None, metadata=shaped("rows", "columns", dtype=np.float32)
+    )
     """RMS deviation at 1 m around each post of the DTM [m], shape [rows, columns] of the patch;
     None where nothing local is known."""
-
-    def __post_init__(self) -> None:
-        if self.local is not None:
-            self.freeze("local", np.float32, ("rows", "columns"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, shaped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,13 +18,13 @@ class Camera(Record):
     parallel ray leaves position + x·right + y·down along `forward`.
     """
 
-    position: Array
+    position: Array = field(metadata=shaped(3))
     """The pinhole, or the middle of the plane that parallel rays start from [m], shape [3]."""
-    forward: Array
+    forward: Array = field(metadata=shaped(3))
     """Unit vector of the line of sight, shape [3]."""
-    right: Array
+    right: Array = field(metadata=shaped(3))
     """One pixel to the right: at unit distance for a pinhole, else [m], shape [3]."""
-    down: Array
+    down: Array = field(metadata=shaped(3))
     """One pixel downwards, like `right`, shape [3]."""
     width: int
     """Columns of pixels."""
@@ -32,10 +32,6 @@ class Camera(Record):
     """Rows of pixels."""
     pinhole: bool
     """Whether all rays leave one point."""
-
-    def __post_init__(self) -> None:
-        for name in ("position", "forward", "right", "down"):
-            self.freeze(name, np.float64, (3,))
 
     def rays(self) -> tuple[Array, Array]:
         """Origins and directions through all pixels, row by row, shape [height · width, 3]."""

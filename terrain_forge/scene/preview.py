@@ -94,7 +94,9 @@ def choose_view(world: World, scene: RayScene, *, width: int, height: int) -> Ca
     distance = hits.distance.reshape(len(views), -1).astype(np.float64)
     shape = (len(views), _SKETCH[1], _SKETCH[0])
     scores = _rock_score(hits.rock.reshape(shape)) + _depth_score(distance)
-    scores += _sun_score(np.array([yaw for _, yaw in views]), world.lighting.sun_azimuth)
+    # The Sun from the side, rather behind the camera than in front of it.
+    away = np.array([yaw for _, yaw in views]) - (0.5 * np.pi - world.lighting.sun_azimuth)
+    scores += 0.5 * np.abs(np.sin(away)) - 0.5 * np.maximum(np.cos(away), 0.0)
     scores += _path_score(world, sketches)
     return _camera(world, *views[int(np.argmax(scores))], width, height)
 
@@ -143,12 +145,6 @@ def _depth_score(distance: Array) -> Array:
     far = np.where(seen, np.minimum(distance, 80.0), 0.0).max(axis=1)
     crowded = np.maximum(2.2 - nearest, 0.0)
     return np.asarray(0.01 * far - 2.0 * np.abs(sky - 0.22) - crowded)
-
-
-def _sun_score(yaw: Array, sun_azimuth: float) -> Array:
-    """The Sun from the side, rather behind the camera than in front of it."""
-    away = yaw - (0.5 * np.pi - sun_azimuth)
-    return np.asarray(0.5 * np.abs(np.sin(away)) - 0.5 * np.maximum(np.cos(away), 0.0))
 
 
 def _path_score(world: World, cameras: list[Camera]) -> Array:

@@ -197,10 +197,8 @@ def _paint(  # type: ignore[no-untyped-def]
             west, east = max(column + i - cells, 0), min(column + i + cells, last_column)
             here = np.float64(elevation[row + j, column + i])
             w, e = np.float64(elevation[row + j, west]), np.float64(elevation[row + j, east])
-            s, n = (
-                np.float64(elevation[south, column + i]),
-                np.float64(elevation[north, column + i]),
-            )
+            s = np.float64(elevation[south, column + i])
+            n = np.float64(elevation[north, column + i])
             slope_x = (e - w) / ((east - west) * spacing)
             slope_y = (n - s) / ((north - south) * spacing)
             hollow = (0.25 * (w + e + s + n) - here) / (cells * spacing)

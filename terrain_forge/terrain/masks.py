@@ -140,30 +140,25 @@ def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> 
             reaches `Mask.reach` around it, or to the site's edge.
     """
     weight = np.ones_like(elevation)
+    east, north = site.axes(window)
     if mask.height is not None:
         band = mask.height
         weight *= _within(elevation, band.above_m, band.below_m, band.fade_m)
     if mask.slope is not None:
         weight *= _slope_weight(mask.slope, elevation, site.spacing)
     if mask.image is not None:
-        weight *= image_weight(site.image(mask.image), site=site, window=window)
+        values = site.image(mask.image)
+        rows, columns = values.shape
+        across = _between((east - site.west) / site.size[0] * (columns - 1), columns)
+        down = _between((north - site.south) / site.size[1] * (rows - 1), rows)
+        weight *= bilinear(values, across, down)
     if mask.route is not None:
         near = mask.route
         lines = [route.position for route in site.routes if near.path in (None, route.name)]
         farthest = max(near.beyond_m or 0.0, (near.within_m or 0.0) + near.fade_m) + site.spacing
-        east, north = site.axes(window)
         away = route_distance(lines, east=east, north=north, farthest=farthest)
         weight *= _within(away, near.beyond_m, near.within_m, near.fade_m)
     return 1.0 - weight if mask.invert else weight
-
-
-def image_weight(values: Array, *, site: Site, window: Window) -> Array:
-    """An image over the whole site at the window's nodes, bilinear, shape [rows, columns]."""
-    east, north = site.axes(window)
-    rows, columns = values.shape
-    across = _between((east - site.west) / site.size[0] * (columns - 1), columns)
-    down = _between((north - site.south) / site.size[1] * (rows - 1), rows)
-    return bilinear(values, across, down)
 
 
 def fade(value: Array, start: float, end: float) -> Array:

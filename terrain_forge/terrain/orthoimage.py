@@ -96,29 +96,27 @@ def orthoimage_albedo(picture: Orthoimage, *, site: Site, window: Window) -> Arr
 
 def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
     """Where the whole picture lies; nothing of it is read yet."""
-    nothing = np.zeros((1, 1, 1), np.float32)
+    crs, wrap = "", (0.0, 0.0)
     if dataset.crs is None or dataset.transform.is_identity:
         across, down = dataset.width / site.size[0], -dataset.height / site.size[1]
         to_pixel = (across, 0.0, 0.5 * dataset.width - 0.5, 0.0, down, 0.5 * dataset.height - 0.5)
-        return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs="", wrap=(0.0, 0.0))
-    if not site.georeferenced:
-        raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
-    crs = dataset.crs.to_wkt()
-    if abs(ellipsoid(crs)[0] / site.body.mean_radius - 1.0) > 0.05:
-        raise DataError(
-            f"{image} lies on a body of {ellipsoid(crs)[0] / 1e3:.0f} km radius, {site.body.name} "
-            f"has {site.body.mean_radius / 1e3:.0f} km",
-            key=_KEY,
-        )
-    a, b, c, d, e, f = (~dataset.transform)[:6]
-    middle = dataset.transform * (0.5 * dataset.width, 0.5 * dataset.height)
-    return Orthoimage(
-        path=name,
-        albedo=nothing,
-        to_pixel=(a, b, c - 0.5, d, e, f - 0.5),
-        crs=crs,
-        wrap=wrap_around(crs, site.crs, middle[0]),
-    )
+    else:
+        if not site.georeferenced:
+            raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
+        crs, own = dataset.crs.to_wkt(), site.body.mean_radius
+        radius, _ = ellipsoid(crs)
+        if abs(radius / own - 1.0) > 0.05:
+            raise DataError(
+                f"{image} lies on a body of {radius / 1e3:.0f} km radius, {site.body.name} has "
+                f"{own / 1e3:.0f} km",
+                key=_KEY,
+            )
+        a, b, c, d, e, f = (~dataset.transform)[:6]
+        to_pixel = (a, b, c - 0.5, d, e, f - 0.5)
+        middle = dataset.transform * (0.5 * dataset.width, 0.5 * dataset.height)
+        wrap = wrap_around(crs, site.crs, middle[0])
+    nothing = np.zeros((1, 1, 1), np.float32)
+    return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs=crs, wrap=wrap)
 
 
 def _sample(picture: Orthoimage, site: Site) -> tuple[Array, Array]:

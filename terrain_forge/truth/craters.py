@@ -36,7 +36,8 @@ def write_craters(world: World, truth: Path) -> list[Path]:
         return []
     table, counts = truth / "craters.csv", truth / "crater_counts.json"
     write_crater_table(world, made, table)
-    report = {"format": 1, "layers": crater_counts(world)}
+    layers = [_counts(world, layer, found) for layer, found in made]
+    report = {"format": 1, "layers": layers}
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False)
     counts.write_text(text + "\n", encoding="utf-8", newline="\n")
     return [table, counts]
@@ -53,11 +54,6 @@ def craters_of(world: World) -> list[tuple[CraterLayer, Craters]]:
             craters = craters.select(touching)
             made.append((layer, craters.select(np.lexsort((craters.id, -craters.diameter)))))
     return made
-
-
-def crater_counts(world: World) -> list[dict[str, Any]]:
-    """For each layer: its craters in the window, counted and tested against its law."""
-    return [_counts(world, layer, found) for layer, found in craters_of(world)]
 
 
 def write_crater_table(world: World, made: list[tuple[CraterLayer, Craters]], path: Path) -> None:

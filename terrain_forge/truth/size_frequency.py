@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, portable
-from terrain_forge.model import Mesh, RockLibrary, RockPrototype, World
+from terrain_forge.model import Mesh, RockLibrary, World
 from terrain_forge.rocks import find_overlaps
 from terrain_forge.truth.counts import ExpectedCounts, Sample
 from terrain_forge.truth.rasters import rock_rasters
@@ -272,7 +272,20 @@ def shape_figures(library: RockLibrary) -> dict[str, Any]:
       any side, over the mean axis;
     - `watertight`: whether all its meshes and collision parts are closed and face outward.
     """
-    shapes = [_shape(prototype) for prototype in library.prototypes]
+    shapes = [
+        {
+            "family": prototype.family,
+            "axes": np.ptp(prototype.meshes[0].vertices, axis=0).tolist(),
+            "faces": [len(mesh.faces) for mesh in prototype.meshes],
+            "collision_parts": len(prototype.hulls),
+            "collision_vertices": sum(len(hull.vertices) for hull in prototype.hulls),
+            "hull_excess": prototype.hull_excess,
+            "hull_distance": prototype.hull_distance,
+            "outline_errors": list(prototype.outline_errors),
+            "watertight": all(map(is_closed, (*prototype.meshes, *prototype.hulls))),
+        }
+        for prototype in library.prototypes
+    ]
     return {
         "count": len(shapes),
         "watertight": sum(shape["watertight"] for shape in shapes),
@@ -282,20 +295,6 @@ def shape_figures(library: RockLibrary) -> dict[str, Any]:
             (error for shape in shapes for error in shape["outline_errors"]), default=0.0
         ),
         "shapes": shapes,
-    }
-
-
-def _shape(prototype: RockPrototype) -> dict[str, Any]:
-    return {
-        "family": prototype.family,
-        "axes": np.ptp(prototype.meshes[0].vertices, axis=0).tolist(),
-        "faces": [len(mesh.faces) for mesh in prototype.meshes],
-        "collision_parts": len(prototype.hulls),
-        "collision_vertices": sum(len(hull.vertices) for hull in prototype.hulls),
-        "hull_excess": prototype.hull_excess,
-        "hull_distance": prototype.hull_distance,
-        "outline_errors": list(prototype.outline_errors),
-        "watertight": all(map(is_closed, (*prototype.meshes, *prototype.hulls))),
     }
 
 

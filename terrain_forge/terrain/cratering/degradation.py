@@ -93,22 +93,17 @@ def worn_shapes() -> WornShapes:
     waves = j0(zeros[:, None] * x / _DOMAIN)
     values = np.stack([np.einsum("tk,kx->tx", decay * one, waves) for one in series], axis=-1)
     values[0] = shapes(x).T
-    reach = _reach(values, x)
-    share = np.clip((reach[:, None] - x) / (0.15 * reach[:, None]), 0.0, 1.0)
-    values[1:] *= (share * share * (3.0 - 2.0 * share))[1:, :, None]
-    values.setflags(write=False)
-    return WornShapes(values, reach)
-
-
-def _reach(values: Array, x: Array) -> Array:
-    """Where the height of a deep crater falls below what is visible, for each row."""
-    usual = np.array([FT_DEPTH, 0.5 * FT_RIM, 0.5 * FT_RIM])
+    usual = np.array([FT_DEPTH, 0.5 * FT_RIM, 0.5 * FT_RIM])  # of a deep crater
     seen = np.abs(portable.product(values, usual)) > _VISIBLE
     last = x.size - 1 - np.argmax(seen[:, ::-1], axis=1)
     # The part towards the end is faded out, which must not touch what is visible.
     reach = np.minimum(x[last] / 0.85, REACH)
     reach[0] = EJECTA_FADE[1]
-    return np.asarray(np.maximum.accumulate(reach))
+    reach = np.maximum.accumulate(reach)
+    share = np.clip((reach[:, None] - x) / (0.15 * reach[:, None]), 0.0, 1.0)
+    values[1:] *= (share * share * (3.0 - 2.0 * share))[1:, :, None]
+    values.setflags(write=False)
+    return WornShapes(values, reach)
 
 
 def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from terrain_forge.base import Array, portable
-from terrain_forge.model import Body, CraterConstants
+from terrain_forge.model import Body
 
 RIM_SHARE = 0.5
 """Largest part of a rim's height that its ejecta make up; the rest is uplift."""
@@ -48,20 +48,15 @@ def fresh_shapes(
     kilometres = diameter / 1000.0
     pike = 0.196 * portable.power(kilometres, 0.010)
     given = np.nan if depth_to_diameter is None else depth_to_diameter
-    usual = _depth_to_diameter(diameter, body.craters)
+    classes = np.searchsorted(body.craters.depth_steps, diameter, side="right")
+    usual = np.array(body.craters.depth_ratios)[classes]
+    if body.craters.depth_power is not None:
+        factor, exponent = body.craters.depth_power
+        usual = np.minimum(usual, factor * portable.power(kilometres, exponent))
     depth = np.where(np.isnan(given), usual, given) * diameter
     rim = depth * (0.036 * portable.power(kilometres, 0.014)) / pike
     blanket = np.minimum(ejecta_thickness(0.5 * diameter), RIM_SHARE * rim)
     return FreshShapes(depth=depth, rim=rim, ejecta=blanket if ejecta else np.zeros_like(blanket))
-
-
-def _depth_to_diameter(diameter: Array, of_body: CraterConstants) -> Array:
-    classes = np.searchsorted(of_body.depth_steps, diameter, side="right")
-    ratio: Array = np.array(of_body.depth_ratios)[classes]
-    if of_body.depth_power is None:
-        return ratio
-    factor, exponent = of_body.depth_power
-    return np.minimum(ratio, factor * portable.power(diameter / 1000.0, exponent))
 
 
 def ejecta_thickness(radius: Array) -> Array:

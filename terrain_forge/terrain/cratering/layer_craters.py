@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,9 +47,9 @@ def make_craters(spec: CraterLayer, *, site: Site, area: Rectangle) -> Craters:
     if spec.file is not None:
         table = site.table(spec.file)
         parts.append(_listed(table, spec, site=site, key=np.uint64(mix(key, 1))))
-    names = [field.name for field in fields(Craters)]
-    both = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    craters = Craters(**both).sorted()
+    craters = parts[0].joined(*parts[1:])
+    # Of one age the smaller first, since a large one would have erased it; addresses settle ties.
+    craters = craters.select(np.lexsort((craters.id, craters.diameter, craters.age)))
     reach = np.maximum(craters.reach, 0.5 * craters.diameter)
     return craters.select(rectangle_distance(craters.xy, area) < reach)
 

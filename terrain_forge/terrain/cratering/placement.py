@@ -54,7 +54,16 @@ def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> 
         key: Address of the population.
         area: The ground that is asked about [m].
     """
-    drawn = [_draw_octave(population, *octave, key=key, area=area) for octave in population.octaves]
+    drawn, table = [], population.table
+    for octave, low, high in population.octaves:
+        side = _CELL * 2.0**octave
+        reach = 0.5 * REACH * min(high, population.diameters[1])
+        grown = np.add(area, (-reach, -reach, reach, reach))
+        first, last = (np.floor(end / side).astype(np.int64) for end in (grown[:2], grown[2:]))
+        most, least = population.number(np.array([low, high]))
+        address = np.uint64(mix(key, zigzag(octave)))
+        ids, xy, numbers = _place_octave(address, first, last, side, most, least, table.number)
+        drawn.append((ids, xy, *_sizes(numbers, *table)))
     ids, xy, diameter, part = (np.concatenate(column) for column in zip(*drawn, strict=True))
     chronology, age = population.chronology, population.production.age_ga
     gathered = _uniforms(ids, _AGE) * part * float(chronology.number(age))
@@ -63,28 +72,6 @@ def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> 
     kept = rectangle_distance(xy, area) < 0.5 * REACH * diameter
     kept &= (diameter >= smallest) & (diameter <= largest)
     return Drawn(id=ids[kept], xy=xy[kept], diameter=diameter[kept], age=ages[kept])
-
-
-def _draw_octave(
-    population: Population,
-    octave: int,
-    low: float,
-    high: float,
-    *,
-    key: np.uint64,
-    area: Rectangle,
-) -> tuple[NDArray[np.uint64], Array, Array, Array]:
-    """Addresses, places, diameters and parts that are left of an octave's craters."""
-    side = _CELL * 2.0**octave
-    reach = 0.5 * REACH * min(high, population.diameters[1])
-    grown = np.add(area, (-reach, -reach, reach, reach))
-    first, last = (np.floor(corner / side).astype(np.int64) for corner in (grown[:2], grown[2:]))
-    most, least = population.number(np.array([low, high]))
-    table = population.table
-    ids, xy, numbers = _place_octave(
-        np.uint64(mix(key, zigzag(octave))), first, last, side, most, least, table.number
-    )
-    return ids, xy, *_sizes(numbers, *table)
 
 
 def expected_craters(population: Population, area: Rectangle) -> float:

@@ -134,8 +134,9 @@ def _add_craters(  # type: ignore[no-untyped-def]
                             continue
                         away = np.sqrt(square) / radius[n]
                         own = _height(table, worn, n, away)
-                        for e in range(erasers):
-                            own *= 1.0 - share_left[e] * _smaller(size[n] - size_left[e])
+                        for e in range(erasers):  # by how many octaves it is the larger one
+                            larger = size[n] - size_left[e]
+                            own *= 1.0 - share_left[e] * min(max(0.5 - 0.5 * larger, 0.0), 1.0)
                         height += own
                         erased = _within(away)
                         if erased > 0.0:
@@ -164,9 +165,3 @@ def _within(away):  # type: ignore[no-untyped-def]
     start, end = ERASED
     share = min(max((end - away) / (end - start), 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
-
-
-@inner
-def _smaller(octaves):  # type: ignore[no-untyped-def]
-    """How far a crater is erased by one that it is larger than by some octaves."""
-    return min(max(0.5 - 0.5 * octaves, 0.0), 1.0)

@@ -87,19 +87,19 @@ class CraterLayer(Layer):
         bright = self.ejecta and site.body.craters.bright_ejecta
         if not bright or self.ejecta_contrast == 0.0:
             return None
-        east, north = site.axes(window)
-        craters = make_craters(self, site=site, area=_area(east, north))
+        craters, east, north = self._craters(site, window)
         return ejecta_brightness(craters, east=east, north=north, contrast=self.ejecta_contrast)
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Relief of all craters that reach into the window."""
-        east, north = site.axes(window)
-        craters = make_craters(self, site=site, area=_area(east, north))
+        craters, east, north = self._craters(site, window)
         return crater_relief(craters, east=east, north=north)
 
-
-def _area(east: Array, north: Array) -> tuple[float, float, float, float]:
-    return float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
+    def _craters(self, site: Site, window: Window) -> tuple[Craters, Array, Array]:
+        """Those that reach into a window, whose columns and rows lie there."""
+        east, north = site.axes(window)
+        area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
+        return make_craters(self, site=site, area=area), east, north
 
 
 def ejecta_brightness(craters: Craters, *, east: Array, north: Array, contrast: float) -> Array:
