@@ -47,33 +47,25 @@ def _each(
     return found.reshape(even[0].shape)[()]
 
 
-def _exp(x: float) -> float:
-    try:
-        return math.exp(x)
-    except OverflowError:
-        return math.inf
+def _safe(function: Callable[..., float], at_zero: float) -> Callable[..., float]:
+    """A function that is infinite where it overflows, and NaN where it has no value but at 0."""
+
+    def safe(x: float, *more: float) -> float:
+        try:
+            return function(x, *more)
+        except OverflowError:
+            return math.inf
+        except ValueError:
+            return at_zero if x == 0.0 else math.nan
+
+    return safe
 
 
-def _log(x: float) -> float:
-    if x > 0.0:
-        return math.log(x)
-    return -math.inf if x == 0.0 else math.nan
-
-
-def _power(x: float, exponent: float) -> float:
-    try:
-        return math.pow(x, exponent)
-    except OverflowError:
-        return math.inf
-    except ValueError:
-        return math.inf if x == 0.0 else math.nan
-
-
-exp = partial(_each, math.exp, otherwise=_exp)
+exp = partial(_each, math.exp, otherwise=_safe(math.exp, 1.0))
 """E to the power of x; infinite where that is too large."""
 expm1 = partial(_each, math.expm1)
 """E to the power of x, minus 1, exact near 0."""
-log = partial(_each, math.log, otherwise=_log)
+log = partial(_each, math.log, otherwise=_safe(math.log, -math.inf))
 """Natural logarithm; minus infinity at 0, NaN below."""
 log1p = partial(_each, math.log1p)
 """Natural logarithm of 1 + x, exact near 0."""
@@ -81,7 +73,7 @@ log2 = partial(_each, math.log2)
 """Logarithm to the base of 2, of numbers above 0."""
 log10 = partial(_each, math.log10)
 """Logarithm to the base of 10, of numbers above 0."""
-power = partial(_each, math.pow, otherwise=_power)
+power = partial(_each, math.pow, otherwise=_safe(math.pow, math.inf))
 """X to a power, for x of at least 0; infinite at 0 with an exponent below 0."""
 cbrt = partial(_each, math.cbrt)
 """Cube root."""
@@ -147,25 +139,15 @@ def solve(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def inverse(a: ArrayLike) -> Array:
-    """Inverse of a small matrix, shape [n, n].
-
-    Raises:
-        ValueError: if it is singular.
-    """
+    """Inverse of a small matrix, shape [n, n]; raises a ValueError if it is singular."""
     return solve(a, np.eye(len(np.asarray(a))))
 
 
 def eigh(matrix: ArrayLike) -> tuple[Array, Array]:
-    """Eigenvalues of symmetric 3 × 3 matrices, ascending, and unit eigenvectors as columns.
+    """Eigenvalues of symmetric matrices, ascending, and unit eigenvectors as columns.
 
-    Jacobi's rotations (Golub & Van Loan, Matrix Computations, 8.5). Of each eigenvector the
-    component of the largest magnitude is positive.
-
-    Args:
-        matrix: shape [..., 3, 3].
-
-    Returns:
-        Shapes [..., 3] and [..., 3, 3].
+    Of shape [..., 3, 3], by Jacobi's rotations (Golub & Van Loan, Matrix Computations, 8.5). Of
+    each eigenvector the component of the largest magnitude is positive.
     """
     a = np.array(matrix, np.float64)
     shape = a.shape

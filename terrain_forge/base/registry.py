@@ -55,11 +55,9 @@ def parts(
 ) -> tuple[type[_Part], ...]:
     """All installed subclasses of a base class, in the order of their names.
 
-    Args:
-        base: the base class; subclasses tell themselves apart by their class attribute `kind`.
-        folder: our package, each of whose modules defines some.
-        group: entry points that name modules of other packages. Ours keep their kinds.
-        taken: kinds that are ours, though no module of the folder has them.
+    They tell themselves apart by their class attribute `kind`. Modules of our package `folder` and
+    those that entry points of a group name define some; ours keep their kinds, `taken` are ours
+    though no module has them.
     """
 
     def wanted(member: object) -> bool:
@@ -74,13 +72,7 @@ def parts(
 
 
 def values(base: type[_Part], folder: str, group: str) -> tuple[_Part, ...]:
-    """All installed values of a class, each with a `name`, in the order of these.
-
-    Args:
-        base: the class.
-        folder: our package, each of whose modules defines some.
-        group: entry points that name modules of other packages. Ours keep their names.
-    """
+    """All installed values of a class, found as by `parts`, in the order of their `name`."""
     members = _members(folder, group, base, lambda member: isinstance(member, base))
     found = _first_of_each(group, "name", [(one.name, one, module) for one, module in members])
     return tuple(found[name] for name in sorted(found))

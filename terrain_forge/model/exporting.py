@@ -117,16 +117,10 @@ def exporter(name: str) -> Exporter:
 
 
 def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:
-    """Let an exporter refuse a world of that size before it is made, if it knows a limit.
-
-    Args:
-        exporter: The exporter.
-        options: Its options.
-        nodes: Nodes of the ground.
-        rocks: Expected number of rocks.
+    """Let an exporter refuse a world of so many nodes and rocks before it is made.
 
     Raises:
-        ExportError: if the format cannot hold such a world.
+        ExportError: if the format is known not to hold such a world.
     """
     check = getattr(exporter, "check_capacity", None)
     if check is not None:

@@ -75,10 +75,7 @@ def prepare_tracks(scene: RayScene) -> Tracks:
 def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Light:
     """Sun and sky, exposed so that level sunlit ground shows in its own colour.
 
-    Args:
-        subject: what is lit.
-        lighting: Sun and sky; need not be the subject's own.
-        facing: cosine of the angle that level ground is seen under.
+    `facing` is the cosine of the angle that level ground is seen under.
     """
     sky = np.asarray(lighting.sky_rgb, dtype=np.float64)
     radius = 0.5 * subject.sun_diameter

@@ -47,15 +47,10 @@ class Camera(Record):
 def pinhole_camera(
     *, position: Array, yaw: float, pitch: float, field_of_view: float, width: int, height: int
 ) -> Camera:
-    """A level pinhole camera.
+    """A level pinhole camera at a position in the world frame [m].
 
-    Args:
-        position: the pinhole in the world frame [m], shape [3].
-        yaw: direction of view, counter-clockwise from east [rad].
-        pitch: downwards from the horizontal [rad].
-        field_of_view: across the width [rad].
-        width: columns of pixels.
-        height: rows of pixels.
+    It looks towards `yaw`, counter-clockwise from east, and `pitch`, downwards from the horizontal,
+    and sees `field_of_view` across its width [rad].
     """
     pixel = 2.0 * np.tan(0.5 * field_of_view) / width
     level = np.array([np.cos(yaw), np.sin(yaw), 0.0])
@@ -75,15 +70,7 @@ def pinhole_camera(
 def map_camera(
     *, middle: tuple[float, float], top: float, pixel: float, width: int, height: int
 ) -> Camera:
-    """Parallel rays straight down, north up.
-
-    Args:
-        middle: east and north coordinate of the picture's middle [m].
-        top: height that the rays start from [m].
-        pixel: size of a pixel on the ground [m].
-        width: columns of pixels.
-        height: rows of pixels.
-    """
+    """Parallel rays straight down from a height `top` [m], north up, a `pixel` in metres."""
     return Camera(
         position=np.array([*middle, top]),
         forward=np.array([0.0, 0.0, -1.0]),

@@ -181,12 +181,10 @@ class EmbreeScene:
         which: NDArray[np.int32],
         transforms: NDArray[np.float32],
     ) -> None:
-        """Add copies of committed scenes.
+        """Add copies of committed scenes, which are kept until this one is released.
 
-        Args:
-            scenes: what is copied; kept until this scene is released.
-            which: index into `scenes` of each copy, shape [copies].
-            transforms: to this scene's frame, shape [copies, 3, 4].
+        `which` has each copy's index into them, `transforms` lead to this scene's frame, shape
+        [copies, 3, 4].
         """
         if len(which) == 1:  # Embree then takes the first scene, whatever the index says
             scenes, which = [scenes[int(which[0])]], np.zeros(1, np.int32)

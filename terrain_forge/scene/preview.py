@@ -36,14 +36,9 @@ def render_preview(world: World, *, width: int = 1280, height: int = 720) -> NDA
 
 
 def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
-    """The world from above, north up, lit from the north-west.
+    """The world from above, north up, lit from the north-west, sRGB, shape [height, width, 3].
 
-    Args:
-        world: what is shown.
-        size: pixels along the longer side.
-
-    Returns:
-        sRGB, shape [height, width, 3].
+    Its longer side has `size` pixels.
 
     Raises:
         TerrainForgeError: where Embree is missing.

@@ -24,7 +24,7 @@ from terrain_forge.terrain.detail import DetailSpec, ground_detail
 from terrain_forge.terrain.ground import STRIP
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.masks import mask_weight, stencil_cells
-from terrain_forge.terrain.noise import fbm
+from terrain_forge.terrain.noise import octaves
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
 
 if TYPE_CHECKING:
@@ -33,7 +33,8 @@ else:
     SoilName = Literal[tuple(soil.name for body in BODIES.values() for soil in body.soils)]
 
 _STENCIL_M = 1.0
-_MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN = 23.0, 7, 0.68
+_WAVELENGTHS = 23.0 * 0.5 ** np.arange(7.0)
+_AMPLITUDES = 0.68 ** np.arange(7.0)
 _STEPS = 4096
 _ENCODED = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
 """sRGB bytes of linear light, which is spaced by its square root as sRGB nearly is."""
@@ -91,15 +92,10 @@ def colour_ground(
 
     Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is
     addressed by position mottles all of it, so that nothing repeats. Layers brighten it, as fresh
-    ejecta do.
+    ejecta do; their masks are taken on the finished ground.
 
-    Args:
-        site: the place.
-        window: what is coloured.
-        ground: heights of at least the window. A node has the same colour in every window if this
-            reaches `stencil_reach` beyond the window, or to the site's edge.
-        spec: the recipe's wishes.
-        layers: the layers that shaped the ground; their masks are taken on the finished ground.
+    A node has the same colour in every window if the ground reaches `stencil_reach` beyond the
+    window, or to the site's edge.
     """
     rgb = np.empty((window.rows + 1, window.columns + 1, 3), np.uint8)
     key = stage_key(site.seed, "appearance")
@@ -113,7 +109,7 @@ def colour_ground(
             *_first_node(site, strip, ground),
             stencil_cells(_STENCIL_M, site.spacing),
             site.spacing,
-            fbm(key, east, north, _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN),
+            octaves(key, east=east, north=north, wavelengths=_WAVELENGTHS, amplitudes=_AMPLITUDES),
             _base(site, strip, spec),
             _brightness(site, strip, ground, layers),
             spec.variation,
@@ -126,10 +122,7 @@ def colour_ground(
 def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
     """What the window's ground and the site's rocks look like, as the recipe wants it.
 
-    Args:
-        site: the place.
-        window: what is coloured.
-        ground: heights of at least the window, and `stencil_reach` around it within the site.
+    The ground reaches `stencil_reach` around the window, within the site.
     """
     terrain = site.recipe.terrain
     spec = terrain.appearance

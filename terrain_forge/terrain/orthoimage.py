@@ -47,11 +47,7 @@ class OrthoimageSpec(Spec):
 def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path) -> Orthoimage:
     """The piece of the picture that a site needs, averaged where it is finer than the grid.
 
-    Args:
-        spec: the recipe's wish.
-        name: how the world calls the file.
-        site: the place.
-        folder: what the recipe's paths are relative to.
+    The world calls the file by `name`; the recipe's paths are relative to `folder`.
 
     Raises:
         DataError: if the file is no raster, lies on another body or does not show the

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import portable
+from terrain_forge.base import Array, portable
 from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
 from terrain_forge.model import Heightfield, Roughness, Site
-from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
 
 _PER_DEGREE = 100
 _MOST = 2048
@@ -30,7 +29,7 @@ class SlopeStatistics:
     """Slope of the steepest triangle [deg]."""
     rms_deg: float
     """Root mean square of the gradient, as an angle [deg]."""
-    shares: NDArray[np.float64]
+    shares: Array
     """Part of the ground in each degree of slope, shape [90]."""
 
 
@@ -60,15 +59,15 @@ class Curves:
 
     spacing: float
     """Distance of the samples [m]."""
-    wave_number: NDArray[np.float64]
+    wave_number: Array
     """Wave numbers [1/m]."""
-    density: NDArray[np.float64]
+    density: Array
     """Power spectral density in two dimensions [m⁴]."""
-    baseline: NDArray[np.float64]
+    baseline: Array
     """Baselines [m]."""
-    deviation: NDArray[np.float64]
+    deviation: Array
     """RMS height difference over each baseline [m]."""
-    slope_shares: NDArray[np.float64]
+    slope_shares: Array
     """Part of the ground in each degree of slope between neighbouring samples, shape [90]."""
 
 
@@ -112,9 +111,7 @@ class TerrainStatistics:
 def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
     """Spectrum, structure function and slopes of a ground and of the DTM below it.
 
-    Args:
-        site: the place.
-        ground: the whole of it or a window.
+    The ground is the whole of it or a window.
     """
     dtm, spectral, state = None, None, None
     if site.dtm is not None:
@@ -165,7 +162,7 @@ def worst_mean(site: Site, ground: Heightfield) -> float | None:
     return float(np.abs(means - tilt - posts).max())
 
 
-def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
+def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> Array:
     """What the ground's slope adds to a mean over cells that a pixel's edge cuts unevenly [m]."""
     assert site.dtm is not None
     per_row, per_column = (np.asarray(g) for g in np.gradient(site.dtm.heights))
@@ -182,7 +179,7 @@ def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
     return total
 
 
-def _slope_shares(gradients: NDArray[Any], per_degree: int) -> NDArray[np.float64]:
+def _slope_shares(gradients: NDArray[Any], per_degree: int) -> Array:
     """Parts of the ground with slopes in bins from 0 to 90 degrees, from its rises per metre."""
     count = 90 * per_degree
     edges = portable.tan(np.radians(np.arange(count + 1) / per_degree)).astype(gradients.dtype)
@@ -195,7 +192,7 @@ def _slope_shares(gradients: NDArray[Any], per_degree: int) -> NDArray[np.float6
     return np.asarray(np.bincount(bins, minlength=count) / gradients.size)
 
 
-def _curves(heights: NDArray[np.float64], spacing: float) -> Curves:
+def _curves(heights: Array, spacing: float) -> Curves:
     number, density = radial_spectrum(heights, spacing)
     baseline, deviation = structure_function(heights, spacing)
     east = np.diff(heights, axis=1)[:-1] / spacing
@@ -223,3 +220,77 @@ def _curves_json(curves: Curves) -> dict[str, Any]:
 
 def _with_error(value: tuple[float, float] | None) -> dict[str, float] | None:
     return {"value": value[0], "standard_error": value[1]} if value else None
+
+
+def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Array, Array]:
+    """Wave numbers [1/m] and power spectral density [m⁴] of a grid of heights [m].
+
+    Two-sided, in two dimensions, averaged over directions in rings that are equally wide in the
+    logarithm; empty ones are left out, and there are none of 6 samples a side or less. The best
+    plane is taken off and a Hann window laid over, normalised so that the density's integral over
+    the plane of wave numbers is the variance.
+    """
+    rows, columns = heights.shape
+    low, high = 3.0 / (min(rows, columns) * spacing), 0.5 / spacing
+    if low >= high:
+        return np.empty(0), np.empty(0)
+    window = np.hanning(rows)[:, None] * np.hanning(columns)[None, :]
+    window /= np.sqrt(np.mean(window**2))
+    power = np.abs(np.fft.rfft2((heights - best_plane(heights)) * window)) ** 2
+    power *= spacing**2 / heights.size
+    north, east = np.fft.fftfreq(rows, spacing), np.fft.rfftfreq(columns, spacing)
+    number = np.hypot(north[:, None], east[None, :])
+    ring = np.digitize(number.ravel(), portable.geomspace(low, high, bins + 1)) - 1
+    kept = (ring >= 0) & (ring < bins)
+    count = np.bincount(ring[kept], minlength=bins)
+    full = count > 0
+    sums = [
+        np.bincount(ring[kept], values.ravel()[kept], minlength=bins)[full] / count[full]
+        for values in (number, power)
+    ]
+    return sums[0], sums[1]
+
+
+def structure_function(heights: Array, spacing: float) -> tuple[Array, Array]:
+    """Baselines up to a quarter of a grid of heights [m], and RMS deviations ν(L) over them [m].
+
+    Both directions together; Shepard et al. 2001, doi:10.1029/2000JE001429.
+    """
+    longest = max(min(heights.shape) // 4, 1)
+    lags = np.unique(portable.geomspace(1, longest, 18).round().astype(int))
+    return lags * spacing, np.array([rms_deviation(heights, int(lag)) for lag in lags])
+
+
+def rms_deviation(heights: Array, lag: int) -> float:
+    """RMS height difference of samples `lag` apart along rows and along columns [m]."""
+    east = heights[:, lag:] - heights[:, :-lag]
+    north = heights[lag:] - heights[:-lag]
+    return float(np.sqrt(0.5 * (np.mean(east**2) + np.mean(north**2))))
+
+
+def spectral_exponent(
+    number: Array, density: Array, band: tuple[float, float]
+) -> tuple[float, float]:
+    """Hurst exponent of a spectrum A·k^-(2H+2) over a band of wave numbers, and its standard error.
+
+    NaN where fewer than three rings lie in the band.
+    """
+    inside = (number >= band[0]) & (number <= band[1]) & (density > 0.0)
+    if inside.sum() < 3:
+        return float("nan"), float("nan")
+    x, y = portable.log(number[inside]), portable.log(density[inside])
+    x = x - x.mean()
+    slope = float(np.sum(x * y) / np.sum(x**2))
+    rest = y - y.mean() - slope * x
+    error = np.sqrt(np.sum(rest**2) / max(inside.sum() - 2, 1) / np.sum(x**2))
+    return -0.5 * slope - 1.0, float(0.5 * error)
+
+
+def best_plane(heights: Array) -> Array:
+    """The plane of least squares through a grid of heights [m]."""
+    rows, columns = heights.shape
+    x = np.linspace(-1.0, 1.0, columns)[None, :]
+    y = np.linspace(-1.0, 1.0, rows)[:, None]
+    across = np.mean(heights * x) / np.mean(x**2)
+    along = np.mean(heights * y) / np.mean(y**2)
+    return np.asarray(heights.mean() + across * x + along * y)

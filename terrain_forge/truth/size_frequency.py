@@ -214,21 +214,12 @@ def _verification(
     }
 
 
-def _expected_above(
-    wanted: Sequence[ExpectedCounts], at: Array
-) -> tuple[Array, Array, Array, Array]:
+def _expected_above(wanted: Sequence[ExpectedCounts], at: Array) -> list[Array]:
     """Expected number above diameters and its variance, then summed πD²/4 [m²] and its variance."""
-    parts = [
-        (
-            part.number_above(at),
-            part.number_variance_above(at),
-            part.area_above(at),
-            part.area_variance_above(at),
-        )
-        for part in wanted
-    ]
-    one, two, three, four = (np.sum(values, axis=0) for values in zip(*parts, strict=True))
-    return one, two, three, four
+    kind = ExpectedCounts
+    numbers = kind.number_above, kind.number_variance_above
+    areas = kind.area_above, kind.area_variance_above
+    return [np.sum([one(part, at) for part in wanted], axis=0) for one in (*numbers, *areas)]
 
 
 def _curve(

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
-from terrain_forge.model import Trajectory, World, merge
+from terrain_forge.model import World, merge
 from terrain_forge.paths import (
     IMPASSABLE,
     UNKNOWN,
-    Surroundings,
     Traversability,
     survey_path,
     traversability,
 )
-from terrain_forge.writers import Column, write_geotiff, write_table
+from terrain_forge.truth.tables import columns_of
+from terrain_forge.writers import write_geotiff, write_table
 
 OCCUPIED, FREE = 0.65, 0.196
 """Thresholds of darkness as map_saver writes them: above the first a cell is occupied, below the
@@ -116,22 +116,18 @@ def write_surroundings(world: World, field: Traversability, folder: Path) -> lis
     files = []
     for path in world.trajectories:
         met = survey_path(path, ground=world.ground, obstacles=field.obstacles, rover=world.rover)
+        place = path.position[met.sample, :2]
+        column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
+        figures = {
+            "time_s": path.time[met.sample],
+            "x_m": place[:, 0],
+            "y_m": place[:, 1],
+            "tilt_deg": np.degrees(met.tilt),
+            "step_m": met.step,
+            "clearance_m": field.clearance[row, column],
+            "gap_m": met.gap,
+            "cost": field.cost[row, column],
+        }
         files.append(folder / f"{path.name}.csv")
-        write_table(files[-1], _columns(path, met, field))
+        write_table(files[-1], columns_of(tuple(figures), figures.values(), "%.4f"))
     return files
-
-
-def _columns(path: Trajectory, met: Surroundings, field: Traversability) -> list[Column]:
-    place = path.position[met.sample, :2]
-    column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
-    figures = {
-        "time_s": path.time[met.sample],
-        "x_m": place[:, 0],
-        "y_m": place[:, 1],
-        "tilt_deg": np.degrees(met.tilt),
-        "step_m": met.step,
-        "clearance_m": field.clearance[row, column],
-        "gap_m": met.gap,
-        "cost": field.cost[row, column],
-    }
-    return [Column(name=name, values=values, form="%.4f") for name, values in figures.items()]

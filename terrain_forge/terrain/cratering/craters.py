@@ -44,22 +44,22 @@ class Craters(Rows):
     @property
     def reach(self) -> Array:
         """Where a crater ends [m], 0 for one that is gone, shape [craters]."""
-        shapes = worn_shapes()
+        _, reach = worn_shapes()
         row, _ = table_place(self.wear)
-        ends = np.maximum(shapes.reach[row], shapes.reach[row + 1])
+        ends = np.maximum(reach[row], reach[row + 1])
         return np.asarray(np.where(self.wear < 1.0, 0.5 * self.diameter * ends, 0.0))
 
     @property
     def depth(self) -> Array:
         """Depth as it is now, highest to lowest point of its own profile [m], shape [craters]."""
         row, share = table_place(self.wear)
-        depth = _relief(worn_shapes().values, row, share, self.weights)
+        depth = _relief(worn_shapes()[0], row, share, self.weights)
         return np.asarray(np.where(self.wear < 1.0, depth, 0.0))
 
     def profile(self, number: int, distance: Array) -> Array:
         """Height [m] above the ground around of one crater at distances from its centre [m]."""
         row, share = table_place(self.wear[number : number + 1])
-        table = worn_shapes().values
+        table, _ = worn_shapes()
         between = (1.0 - share[0]) * table[row[0]] + share[0] * table[row[0] + 1]
         heights = portable.product(between, self.weights[number])
         x = np.asarray(distance) / (0.5 * self.diameter[number])

@@ -1,4 +1,4 @@
-"""The radial profile of a crater, a sum of three shapes that wear down independently.
+"""Craters fresh and worn: a profile is a sum of three shapes that wear down independently.
 
 With x the distance from the centre in radii, h the rim's height, d the depth and T the thickness of
 the ejecta at the crest: z = h - d A(x) within the crest, and (h - T) B(x) + T C(x) outside. A and B
@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from terrain_forge.base import Array, portable
+from terrain_forge.model import Body
 
 CREST = 0.98
 """Distance of the rim's crest [radii]."""
@@ -31,6 +32,8 @@ _FLOOR = 0.2
 _EDGE = 1.5
 _INNER = (-0.228809953, 0.227533882, 0.083116795, -0.039499407)
 _OUTER = (0.188253307, -0.187050452, 0.01844746, 0.01505647)
+RIM_SHARE = 0.5
+"""Largest part of a rim's height that its ejecta make up; the rest is uplift."""
 
 REACH = 5.0
 """Farthest distance at which a crater of any age shows [radii]."""
@@ -65,18 +68,12 @@ def shapes(x: Array) -> Array:
     return np.stack([-cavity, uplift, ejecta])
 
 
-class WornShapes(NamedTuple):
-    """Diffused shapes."""
-
-    values: Array
-    """The three shapes at √τ = row / (rows - 1) and x = column · STEP, shape [rows, columns, 3]."""
-    reach: Array
-    """Where a crater ends at the row's age [radii], shape [rows]."""
-
-
 @cache
-def worn_shapes() -> WornShapes:
-    """The table of diffused shapes, by a Fourier-Bessel series on a disc of 8 radii.
+def worn_shapes() -> tuple[Array, Array]:
+    """The table of diffused shapes, and where a crater ends at each row's age [radii].
+
+    The three shapes at √τ = row / (rows - 1) and x = column · STEP, shape [rows, columns, 3], by a
+    Fourier-Bessel series on a disc of 8 radii.
 
     Summed without threads, so that its bits are the same everywhere.
     """
@@ -103,7 +100,7 @@ def worn_shapes() -> WornShapes:
     share = np.clip((reach[:, None] - x) / (0.15 * reach[:, None]), 0.0, 1.0)
     values[1:] *= (share * share * (3.0 - 2.0 * share))[1:, :, None]
     values.setflags(write=False)
-    return WornShapes(values, reach)
+    return values, reach
 
 
 def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:
@@ -112,10 +109,7 @@ def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:
     Up to 125 m as in synthterrain (NASA Ames, after C. Fassett), which holds small lunar craters at
     their equilibrium; 5.5 from 1 km on, the mean of the last 3·10⁹ years (Fassett & Thomson 2014);
     a power law between. Craters of other bodies wear by other means: there, it is an assumption.
-
-    Args:
-        diameter: diameters [m].
-        constant: one figure for all sizes, instead.
+    A `constant` holds for all sizes instead.
     """
     diameter = np.asarray(diameter, np.float64)
     if constant is not None:
@@ -133,3 +127,51 @@ def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:
         ],
         5.5,
     )
+
+
+class FreshShapes(NamedTuple):
+    """Measures of fresh craters, one each."""
+
+    depth: Array
+    """Floor below the rim's crest [m], shape [craters]."""
+    rim: Array
+    """Height of the crest above the ground around [m], shape [craters]."""
+    ejecta: Array
+    """Thickness of the ejecta at the crest [m], shape [craters]."""
+
+
+def fresh_shapes(
+    diameter: Array,
+    *,
+    body: Body,
+    depth_to_diameter: Array | float | None = None,
+    ejecta: bool = True,
+) -> FreshShapes:
+    """Measures of fresh simple craters of diameters [m], with or without an ejecta blanket.
+
+    Depths are those of the body, or `depth_to_diameter` of all or of each, where that is not NaN.
+    Rims are as high a part of the depth as the Moon's are by Pike 1977: depth 0.196 D^1.010, rim
+    0.036 D^1.014, km.
+    """
+    diameter = np.asarray(diameter, np.float64)
+    kilometres = diameter / 1000.0
+    pike = 0.196 * portable.power(kilometres, 0.010)
+    given = np.nan if depth_to_diameter is None else depth_to_diameter
+    classes = np.searchsorted(body.craters.depth_steps, diameter, side="right")
+    usual = np.array(body.craters.depth_ratios)[classes]
+    if body.craters.depth_power is not None:
+        factor, exponent = body.craters.depth_power
+        usual = np.minimum(usual, factor * portable.power(kilometres, exponent))
+    depth = np.where(np.isnan(given), usual, given) * diameter
+    rim = depth * (0.036 * portable.power(kilometres, 0.014)) / pike
+    blanket = np.minimum(ejecta_thickness(0.5 * diameter), RIM_SHARE * rim)
+    return FreshShapes(depth=depth, rim=rim, ejecta=blanket if ejecta else np.zeros_like(blanket))
+
+
+def ejecta_thickness(radius: Array) -> Array:
+    """Ejecta at the rim of a crater of a radius [m]: 0.14 R^0.74 [m].
+
+    McGetchin et al. 1973, doi:10.1016/0012-821X(73)90162-3, for large craters: below a radius of
+    about 16 m it is more than the whole rim.
+    """
+    return np.asarray(0.14 * portable.power(radius, 0.74))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from terrain_forge.base import Array, kernel, mix, rectangle_distance, stage_key
+from terrain_forge.base import Array, mix, rectangle_distance, stage_key
 from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.terrain.cratering.degradation import diffusivity
-from terrain_forge.terrain.cratering.fresh import fresh_shapes
+from terrain_forge.terrain.cratering.degradation import diffusivity, fresh_shapes
 from terrain_forge.terrain.cratering.placement import Drawn, Rectangle, draw_craters
-from terrain_forge.terrain.cratering.population import Population, largest_expected
+from terrain_forge.terrain.cratering.population import Population
 
 if TYPE_CHECKING:
     from terrain_forge.terrain.layers.craters import CraterLayer
@@ -23,6 +23,8 @@ FEWEST_NODES = 4.0
 """Spacings that the smallest crater must be wide."""
 UNRESOLVED = 5.0
 """Postings of a DTM up to which it does not show craters itself."""
+_ALL = (0.01, 1e5)
+"""Diameters [m] among which the largest is looked for."""
 NOT_GIVEN = -1.0
 """What a list holds for a crater whose depth it does not give."""
 
@@ -31,11 +33,6 @@ def make_craters(spec: CraterLayer, *, site: Site, area: Rectangle) -> Craters:
     """All craters of a layer that reach into an area of the site, the youngest first.
 
     Those that are worn away are among them, where their rim was in the area.
-
-    Args:
-        spec: The layer.
-        site: The site, which holds the layer's list.
-        area: West, south, east, north [m].
     """
     key = stage_key(site.seed, f"terrain/{spec.name}")
     parts = []
@@ -65,17 +62,19 @@ def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
         smallest = FEWEST_NODES * site.spacing
     if largest is None and site.dtm is not None:
         largest = UNRESOLVED * site.dtm.posting
-    if largest is None:
-        area = site.size[0] * site.size[1]
-        expected = largest_expected(spec.production, site.body, equilibrium, area)
-        largest = min(expected, of_body.largest_simple)
-    return Population(
+    drawn = Population(
         body=site.body,
         production=spec.production,
         equilibrium=equilibrium,
-        diameters=(smallest, largest),
+        diameters=(smallest, largest or _ALL[1]),
         diffusivity=spec.diffusivity_m2_per_myr,
     )
+    if largest is not None:
+        return drawn
+    # What one crater of the area is expected to reach.
+    table, area = replace(drawn, diameters=_ALL).table, site.size[0] * site.size[1]
+    expected = float(table.diameter[np.argmax(table.number * area < 1.0)])
+    return replace(drawn, diameters=(smallest, min(expected, of_body.largest_simple)))
 
 
 def listed_places(table: Table, *, site: Site) -> Array:
@@ -94,7 +93,7 @@ def _listed(table: Table, spec: CraterLayer, *, site: Site, key: np.uint64) -> C
         return table.column(name) if name in table.columns else np.full(rows, otherwise)
 
     given = Drawn(
-        id=_addresses(key, rows),
+        id=np.array([mix(key, n) for n in range(rows)], np.uint64),
         xy=listed_places(table, site=site),
         diameter=table.column("diameter_m"),
         age=column("age_ga", 0.0),
@@ -121,11 +120,3 @@ def _shaped(drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array, listed
         fresh_ejecta=fresh.ejecta,
         wear=kappa * 1000.0 * drawn.age / drawn.diameter**2,
     )
-
-
-@kernel
-def _addresses(key, count):  # type: ignore[no-untyped-def]
-    found = np.empty(count, dtype=np.uint64)
-    for n in range(count):
-        found[n] = mix(key, n)
-    return found

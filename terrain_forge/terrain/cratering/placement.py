@@ -47,13 +47,7 @@ class Drawn(NamedTuple):
 
 
 def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> Drawn:
-    """All craters of a population that may show in an area, whatever their age.
-
-    Args:
-        population: How many of which size.
-        key: Address of the population.
-        area: The ground that is asked about [m].
-    """
+    """All craters of a population with an address that may show in an area, whatever their age."""
     drawn, table = [], population.table
     for octave, low, high in population.octaves:
         side = _CELL * 2.0**octave

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, portable
+from terrain_forge.base import Array, PowerPieces, portable
 from terrain_forge.model import Body, Chronology
 from terrain_forge.terrain.cratering.degradation import diffusivity
 from terrain_forge.terrain.cratering.production import Counted, CraterProduction
@@ -25,41 +25,33 @@ Equilibrium = Literal["trask", "hartmann", "viper", "minton", "gault", "none"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limit:
-    """N(≥D) = number · D^-exponent, in up to two ranges of diameters."""
+class Limit(PowerPieces):
+    """N(≥D) in up to two ranges of diameters, each as if it went on to 1 m."""
 
-    numbers: tuple[float, ...]
-    """N(≥1 m) of each range, continued to it [1/m²]."""
-    exponents: tuple[float, ...]
-    """Exponent of each range."""
-    border: float = np.inf
+    border: float
     """Largest diameter [m] of the first range."""
 
-    def number(self, diameter: Array) -> Array:
-        """N(≥D) on a square metre [1/m²]."""
-        row = self._row(diameter)
-        falling = portable.power(diameter, -np.array(self.exponents)[row])
-        return np.asarray(np.array(self.numbers)[row] * falling)
-
-    def slope(self, diameter: Array) -> Array:
-        """-d ln N / d ln D."""
-        return np.asarray(np.array(self.exponents)[self._row(diameter)])
-
-    def _row(self, diameter: Array) -> NDArray[np.intp]:
+    def row(self, diameter: Array) -> NDArray[np.intp]:
+        """The range of each diameter."""
         return (np.asarray(diameter) > self.border).astype(np.intp)
+
+
+def _limit(numbers: list[float], exponents: list[float], border: float = np.inf) -> Limit:
+    one, at_1_m, falling = (np.array(v) for v in (np.ones(len(numbers)), numbers, exponents))
+    return Limit(diameters=one, numbers=at_1_m, exponents=falling, border=border)
 
 
 LIMITS: dict[str, Limit] = {
     # Trask 1966 (JPL TR 32-800); as an upper limit also in NASA's SLS-SPEC-159 (DSNE).
-    "trask": Limit(numbers=(10.0**-1.1,), exponents=(2.0,)),
+    "trask": _limit([10.0**-1.1], [2.0]),
     # Hartmann 1984, Icarus 60, 56, on a km², D in km.
-    "hartmann": Limit(numbers=(10.0**-1.14 * 1e-6 * 1000.0**1.83,), exponents=(1.83,)),
+    "hartmann": _limit([10.0**-1.14 * 1e-6 * 1000.0**1.83], [1.83]),
     # The VIPER rover's environment specification, on a km², D in m (as in synthterrain).
-    "viper": Limit(numbers=(29174e-6, 156228e-6), exponents=(1.92, 2.389), border=80.0),
+    "viper": _limit([29174e-6, 156228e-6], [1.92, 2.389], border=80.0),
     # Minton et al. 2019, doi:10.1016/j.icarus.2019.02.021, lunar maria.
-    "minton": Limit(numbers=(0.0336,), exponents=(2.0,)),
+    "minton": _limit([0.0336], [2.0]),
     # Gault 1970, doi:10.1029/RS005i002p00273: geometric saturation, never reached.
-    "gault": Limit(numbers=(1.54,), exponents=(2.0,)),
+    "gault": _limit([1.54], [2.0]),
 }
 """Limits of the number of craters. They were counted on the Moon."""
 
@@ -149,14 +141,3 @@ class Population:
         smallest, largest = portable.log2(self.diameters)
         first, last = int(np.floor(smallest)), int(np.ceil(largest))
         return [(n, 2.0**n, 2.0 ** (n + 1)) for n in reversed(range(first, last))]
-
-
-def largest_expected(
-    production: CraterProduction, body: Body, equilibrium: str, area: float
-) -> float:
-    """Diameter [m] that one crater of an area [m²] is expected to reach."""
-    diameters = (0.01, 1e5)
-    table = Population(
-        production=production, body=body, equilibrium=equilibrium, diameters=diameters
-    ).table
-    return float(table.diameter[np.argmax(table.number * area < 1.0)])

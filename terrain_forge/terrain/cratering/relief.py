@@ -28,14 +28,7 @@ _TILE = 16
 
 
 def crater_relief(craters: Craters, *, east: Array, north: Array) -> Array:
-    """Relief [m] of craters at the nodes of a grid, shape [north, east].
-
-    Args:
-        craters: The craters, the youngest first; others than those that reach the grid do not
-            matter.
-        east: Coordinates of the columns [m], evenly spaced.
-        north: Coordinates of the rows [m], evenly spaced.
-    """
+    """Relief [m] of craters, the youngest first, at evenly spaced nodes, shape [north, east]."""
     relief = np.zeros((len(north), len(east)))
     reach = craters.reach
     seen = reach > 0.0
@@ -53,7 +46,7 @@ def crater_relief(craters: Craters, *, east: Array, north: Array) -> Array:
             row,
             np.hstack([craters.weights * (1.0 - share[:, None]), craters.weights * share[:, None]]),
         ),
-        worn_shapes().values,
+        worn_shapes()[0],
         east,
         north,
         relief,

@@ -134,12 +134,8 @@ class Ripples(Layer):
     ) -> Array:
         """Heights about a mean of zero at the nodes of a grid [m], shape [north, east].
 
-        Args:
-            key: what the pattern hangs on.
-            east: coordinates of the columns [m].
-            north: coordinates of the rows [m].
-            spacing: distance of the nodes [m], the same to the bit in every window.
-            height: from trough to crest at each node [m], shape [north, east]; 0 for none.
+        They reach `height` from trough to crest, which is 0 where there are none. `spacing` is the
+        same to the bit in every window.
         """
         towards = np.radians(self.wind_from_deg + 180.0)
         pattern = key, (float(np.sin(towards)), float(np.cos(towards))), self.wavelength_m
@@ -158,13 +154,7 @@ class Ripples(Layer):
 
 
 def steepest_lee(*, ratio: float, stoss: float, sharpness: float) -> float:
-    """Slope of the steepest part of the lee side [rad].
-
-    Args:
-        ratio: height over wavelength.
-        stoss: part of the wavelength that rises.
-        sharpness: of the crest, 0 to 1.
-    """
+    """Slope of the steepest part of the lee side [rad]; `ratio` is height over wavelength."""
     away = np.linspace(0.0, np.pi, 181)
     fall = (1.0 - sharpness) * np.sin(away) + sharpness * np.cos(0.5 * away)
     return float(portable.arctan(0.5 * np.pi * fall.max() * ratio / (1.0 - stoss)))
