@@ -157,11 +157,8 @@ def _check_engine() -> None:
     start, towards = np.array([[0.2, 0.2, 5.0]], np.float32), np.array([[0, 0, -1]], np.float32)
     turns = np.broadcast_to(np.eye(3), (2, 3, 3)).copy()
     turns.setflags(write=False)  # as those of scenes are: one kernel serves both
-    distance, normal, rock = (
-        np.empty(1, np.float32),
-        np.empty((1, 3), np.float32),
-        np.empty(1, "i4"),
-    )
+    distance, normal = np.empty(1, np.float32), np.empty((1, 3), np.float32)
+    rock = np.empty(1, np.int32)
     given = whole.handle, INCOHERENT, start, towards, turns, packets.packet_memory()
     packets.cast_packets(0, 1, *given, distance, normal, rock)
     found = [float(distance[0]), int(rock[0]), *normal[0].tolist()]

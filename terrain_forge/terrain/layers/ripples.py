@@ -122,10 +122,11 @@ class Ripples(Layer):
         """Crests and troughs about the ground so far."""
         rise = steepness(elevation, stencil_cells(self.wavelength_m, site.spacing), site.spacing)
         full, none = (float(portable.tan(np.radians(angle))) for angle in self.slope_deg)
-        height = self.height * fade(rise, full, none)
+        factor = fade(rise, full, none)  # less on steep and on rocky ground
         if self.rock_cover is not None:
             cover = site.recipe.rocks.expected_cover(site, window)
-            height = height * fade(cover, *self.rock_cover)
+            factor = factor * fade(cover, *self.rock_cover)
+        height = self.height * factor
         key = stage_key(site.seed, f"terrain/{self.name}")
         return self.bedforms(key, *site.axes(window), spacing=site.spacing, height=height)
 
