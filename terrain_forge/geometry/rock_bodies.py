@@ -15,10 +15,7 @@ def inertias(field: RockField, library: RockLibrary) -> Array:
     """
     of_shape = np.array([prototype.inertia for prototype in library.prototypes])
     density = field.mass / field.volume
-    result: Array = (
-        of_shape[field.prototype] * (density * portable.power(field.scale, 5.0))[:, None, None]
-    )
-    return result
+    return of_shape[field.prototype] * (density * portable.power(field.scale, 5.0))[:, None, None]
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:

@@ -24,8 +24,7 @@ def rock_texture(world: World, population: int) -> NDArray[np.uint8]:
 
 def mean_rock_colour(world: World, population: int) -> Array:
     """The texture's mean as linear colour, 0 to 1, shape [3]: for rocks that show no texture."""
-    result: Array = float(world.library.texture.mean()) / 255.0 * _linear(world, population)
-    return result
+    return float(world.library.texture.mean()) / 255.0 * _linear(world, population)
 
 
 def mean_rock_srgb(world: World, population: int) -> list[float]:

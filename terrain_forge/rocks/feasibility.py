@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from math import exp, pi
 
 import numpy as np
 
 from terrain_forge.base import Key, RecipeError, portable
 from terrain_forge.model import Table
-from terrain_forge.rocks.arrangement import (
-    FARTHEST,
-    INTERIOR,
-    RIM_FALL,
-    AroundCraters,
-    Crater,
-)
+from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
@@ -47,18 +40,16 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
             populations or rocks, too much cover, or rocks kept out of everywhere.
     """
     _check_names(rocks)
-    if not rocks.library.family_names() and (rocks.populations or rocks.lists):
+    if rocks.groups and not rocks.library.family_names():
         raise RecipeError("0 shapes and no meshes: rocks need a shape", key=("rocks", "library"))
     for number, population in enumerate(rocks.populations):
         key = ("rocks", "populations", number)
         _check_sizes(population, size, key)
-        _check_touch(population, key)
-        _check_burial(population, key)
-        _check_families(population, rocks.library, key)
-        _check_craters(population, size, key)
+        _check_dynamic(population, (*key, "dynamic_m"))
+        _check_group(population, rocks.library, key)
+        _check_craters(population, size, (*key, "arrangement", "craters"))
     for number, listed in enumerate(rocks.lists):
-        _check_burial(listed, ("rocks", "lists", number))
-        _check_families(listed, rocks.library, ("rocks", "lists", number))
+        _check_group(listed, rocks.library, ("rocks", "lists", number))
     check_cover(rocks.populations)
     _check_exclusion_zones(rocks.exclusion_zones, size)
 
@@ -69,14 +60,14 @@ def expected_count(population: PopulationSpec, size: Size) -> float:
     Density images, slope limits, corridors and exclusion zones, which thin them out, are left
     aside, and so is that craters lie partly outside or in one another.
     """
-    area = size[0] * size[1]
-    law, (smallest, largest) = population.size_frequency, population.diameters
+    smallest, largest = population.diameters
     if not isinstance(population.arrangement, AroundCraters):
-        return area * float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+        return size[0] * size[1] * population.density(smallest, largest)
+    law = population.size_frequency
     craters = population.arrangement.craters
     ends = np.clip([crater.largest_rock_m for crater in craters], smallest, largest)
     number = law.cumulative_number(smallest) - law.cumulative_number(ends)
-    return float(portable.product(number, [_effective_area(crater) for crater in craters]))
+    return float(portable.product(number, [crater.effective_area for crater in craters]))
 
 
 def check_lists(rocks: RocksSpec, lists: tuple[Table, ...], *, size: Size) -> None:
@@ -107,35 +98,39 @@ def largest_rock(rocks: RocksSpec, lists: tuple[Table, ...] = ()) -> float:
     return max([*scattered, *listed], default=0.0)
 
 
-def _effective_area(crater: Crater) -> float:
-    """Integral of a crater's weight over endless ground [m²].
-
-    π R² (i + 2 ∫ x exp((1 - x) / s) dx from the rim to f radii), with s the range of the fall.
-    """
-    falling = (1.0 + RIM_FALL) - (FARTHEST + RIM_FALL) * exp((1.0 - FARTHEST) / RIM_FALL)
-    radius = 0.5 * crater.diameter_m
-    return crater.strength * pi * radius**2 * (INTERIOR + 2.0 * RIM_FALL * falling)
-
-
 def _check_names(rocks: RocksSpec) -> None:
-    groups = len(rocks.populations) + len(rocks.lists)
-    if groups > MAX_POPULATIONS:
+    count, part = len(rocks.groups), "lists" if rocks.lists else "populations"
+    if count > MAX_POPULATIONS:
         raise RecipeError(
-            f"{groups} populations and lists, at most {MAX_POPULATIONS}", key=("rocks",)
+            f"{count} populations and lists, at most {MAX_POPULATIONS}", key=("rocks",)
         )
-    names = [*(p.name for p in rocks.populations), *(p.name for p in rocks.lists)]
-    for name, times in Counter(names).items():
+    for name, times in Counter(group.name for group in rocks.groups).items():
         if times > 1:
-            part, noun = "populations", "populations"
-            if rocks.lists:
-                part, noun = "lists", "populations or lists"
+            noun = "populations or lists" if rocks.lists else part
             raise RecipeError(f"{times} {noun} are called {name!r}", key=("rocks", part))
 
 
 def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
-    population.size_frequency.check((*key, "size_frequency"))
-    key = (*key, "diameter_m")
-    _check_range(population, size, key)
+    law = population.size_frequency
+    law.check((*key, "size_frequency"))
+    (low, high), key = population.diameters, (*key, "diameter_m")
+    if law.kind == "table" and law.smallest_known is not None and low < law.smallest_known:
+        raise RecipeError(f"from {low:g} m, the table begins at {law.smallest_known:g} m", key=key)
+    # A range that nothing is expected in ends where it begins: see `with_diameters`.
+    if high < low or high == low < largest_diameter(law, size[0] * size[1]):
+        raise RecipeError(
+            f"smallest {low:g} m, largest {high:g} m: the largest must be larger", key=key
+        )
+    limit = 0.5 * min(size)
+    if isinstance(population.arrangement, AroundCraters):
+        craters = population.arrangement.craters
+        high = min(high, max((crater.largest_rock_m for crater in craters), default=low))
+    if max(low, high) > limit:
+        raise RecipeError(
+            f"rocks of up to {max(low, high):.3g} m, at most half the site's shorter side, "
+            f"{limit:g} m: give the largest diameter, or a smaller one",
+            key=key,
+        )
     count = expected_count(population, size)
     if count > 0.9 * MAX_ROCKS:
         raise RecipeError(
@@ -145,32 +140,11 @@ def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
         )
 
 
-def _check_range(population: PopulationSpec, size: Size, key: Key) -> None:
-    (low, high), law = population.diameters, population.size_frequency
-    if law.kind == "table" and law.smallest_known is not None and low < law.smallest_known:
-        raise RecipeError(f"from {low:g} m, the table begins at {law.smallest_known:g} m", key=key)
-    # A range that nothing is expected in ends where it begins: see `with_diameters`.
-    if high < low or high == low < largest_diameter(law, size[0] * size[1]):
-        raise RecipeError(
-            f"smallest {low:g} m, largest {high:g} m: the largest must be larger", key=key
-        )
-    most, limit = high, 0.5 * min(size)
-    if isinstance(population.arrangement, AroundCraters):
-        craters = population.arrangement.craters
-        most = min(most, max((crater.largest_rock_m for crater in craters), default=low))
-    if max(low, most) > limit:
-        raise RecipeError(
-            f"rocks of up to {max(low, most):.3g} m, at most half the site's shorter side, "
-            f"{limit:g} m: give the largest diameter, or a smaller one",
-            key=key,
-        )
-
-
-def _check_touch(population: PopulationSpec, key: Key) -> None:
+def _check_dynamic(population: PopulationSpec, key: Key) -> None:
     """Refuse dynamic rocks that are none of the population's, or that cannot be touched."""
     if population.dynamic_m is None:
         return
-    (low, high), key = population.dynamic_m, (*key, "dynamic_m")
+    low, high = population.dynamic_m
     if high <= low:
         raise RecipeError(f"from {low:g} to {high:g} m: the smaller one comes first", key=key)
     smallest, largest = population.diameters
@@ -185,16 +159,14 @@ def _check_touch(population: PopulationSpec, key: Key) -> None:
         )
 
 
-def _check_burial(rocks: PopulationSpec | RockListSpec, key: Key) -> None:
+def _check_group(rocks: PopulationSpec | RockListSpec, library: LibrarySpec, key: Key) -> None:
+    """Refuse a range of burial that ends before it begins, and families without a shape."""
     shallow, deep = rocks.buried_fraction
     if deep < shallow:
         raise RecipeError(
             f"from {shallow:g} to {deep:g}: the smaller one comes first",
             key=(*key, "buried_fraction"),
         )
-
-
-def _check_families(rocks: PopulationSpec | RockListSpec, library: LibrarySpec, key: Key) -> None:
     known = library.family_names()
     for number, family in enumerate(rocks.families or ()):
         if family not in known:
@@ -209,7 +181,6 @@ def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
     arrangement = population.arrangement
     if not isinstance(arrangement, AroundCraters) or arrangement.layer is not None:
         return  # a layer's craters are not known yet
-    key = (*key, "arrangement", "craters")
     craters = arrangement.craters
     if not any(_on_site(c.centre_m, 0.5 * FARTHEST * c.diameter_m, size) for c in craters):
         east, north = craters[0].centre_m

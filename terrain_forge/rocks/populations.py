@@ -108,6 +108,25 @@ class PopulationSpec(Spec):
             raise ValueError(f"{self.name!r} needs both diameters: see with_diameters")
         return smallest, largest
 
+    @property
+    def dynamic_diameters(self) -> tuple[float, float] | None:
+        """Smallest and largest diameter [m] of its dynamic rocks; None where all are static."""
+        if self.dynamic_m is None:
+            return None
+        return max(self.diameters[0], self.dynamic_m[0]), min(self.diameters[1], self.dynamic_m[1])
+
+    def density(self, smallest: float, largest: float) -> float:
+        """Rocks between two diameters [m] on a square metre, by the law [1/m²]."""
+        law = self.size_frequency
+        return float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+
+    @property
+    def cover(self) -> float:
+        """Part of the ground that the rocks cover, by the law."""
+        smallest, largest = self.diameters
+        law = self.size_frequency
+        return float(law.cumulative_area(smallest) - law.cumulative_area(largest))
+
 
 @dataclass(frozen=True, kw_only=True)
 class RockListSpec(Spec):

@@ -9,7 +9,7 @@ the plane has the wanted exposed diameter exactly.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ from terrain_forge.rocks.embedding.exposure import (
     exposure,
     upright_width,
 )
-from terrain_forge.rocks.embedding.footprint import fits, footprint
+from terrain_forge.rocks.embedding.footprint import fits, footprints
 from terrain_forge.rocks.embedding.lattice import Lattice, height, lattice, onto
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
@@ -68,7 +68,7 @@ def embed(
     rocks = _Rocks(
         scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
     )
-    lying = _embed(rocks, shapes, grid, MAX_BURIED)
+    lying = _embed(rocks, np.arange(len(scattered)), shapes, grid, MAX_BURIED)
     _sink_deeper(lying, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
@@ -141,11 +141,15 @@ def _foot(mesh: Mesh) -> Array:
     return foot
 
 
-def _embed(rocks: _Rocks, shapes: _Shapes, ground: Lattice, deepest: float) -> _Embedded:
-    """How rocks lie; daylight buries none deeper than to a part of its extent."""
-    count = len(rocks.yaw)
+def _embed(
+    rocks: _Rocks, rows: NDArray[np.int64], shapes: _Shapes, ground: Lattice, deepest: float
+) -> _Embedded:
+    """How some of the rocks lie; daylight buries none deeper than to a part of its extent."""
+    count = len(rows)
     lying = _Embedded(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
-    over_chunks(_embed_some, count, rocks, shapes.exposure, shapes.foot, ground, deepest, lying)
+    over_chunks(
+        _embed_some, count, rocks, rows, shapes.exposure, shapes.foot, ground, deepest, lying
+    )
     return lying
 
 
@@ -157,12 +161,8 @@ def _sink_deeper(
     Few rocks on the roughest ground need it. They grow, since less of them is exposed.
     """
     rows = np.flatnonzero(lying.buried >= MAX_BURIED)
-    short = _Rocks(**{name: _part(column, rows) for name, column in rocks._asdict().items()})
-    deeper = _embed(short, shapes, ground, DEEPEST)
-    supports = {
-        n: footprint(library.prototypes[n].meshes[0])
-        for n in np.unique(rocks.prototype[rows]).tolist()
-    }
+    deeper = _embed(rocks, rows, shapes, ground, DEEPEST)
+    supports = footprints(library, rocks.prototype[rows])
     for n, row in enumerate(rows.tolist()):
         prototype = library.prototypes[rocks.prototype[row]]
         turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
@@ -175,32 +175,26 @@ def _sink_deeper(
                 column[row] = values[n]
 
 
-def _part(column: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-    """Rows of a column, as read-only as it is: for another type the kernel is compiled again."""
-    part = column[rows]
-    part.flags.writeable = column.flags.writeable
-    return part
-
-
 @kernel
-def _embed_some(first, last, rocks, exposure, foot, ground, deepest, lying):  # type: ignore[no-untyped-def]
-    diameter, prototype = rocks.diameter, rocks.prototype
+def _embed_some(first, last, rocks, rows, exposure, foot, ground, deepest, lying):  # type: ignore[no-untyped-def]
     for n in range(first, last):
-        p, x, y = prototype[n], rocks.xy[n, 0], rocks.xy[n, 1]
+        rock = rows[n]
+        p, diameter, yaw = rocks.prototype[rock], rocks.diameter[rock], rocks.yaw[rock]
+        x, y = rocks.xy[rock, 0], rocks.xy[rock, 1]
         low, span = exposure.low[p], exposure.span[p]
-        plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter[n], ground.spacing))
+        plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter, ground.spacing))
         upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
-        turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[n])
+        turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, yaw)
         rotation = rotation_matrix(turn)
-        burial = rocks.buried[n]
-        size = diameter[n] / upright_width(exposure, p, low + burial * span)
+        burial = rocks.buried[rock]
+        size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
             needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
             deeper = min((needed - low) / span, deepest)
             sinks = deeper > burial + _NEGLIGIBLE
             burial = max(burial, deeper)
             level = low + burial * span
-            size = diameter[n] / exposed_width(exposure, p, rotation, level)
+            size = diameter / exposed_width(exposure, p, rotation, level)
             if not sinks:
                 break
         for k in range(4):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, portable
-from terrain_forge.model import Mesh
+from terrain_forge.model import Mesh, RockLibrary
 from terrain_forge.rocks.embedding.hull import convex_hull, farthest
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
@@ -54,6 +55,12 @@ def footprint(mesh: Mesh) -> Array:
     """
     _, _, support = _sweep(mesh.vertices.copy(), edges(mesh))
     return np.asarray(support * _BOUND_MARGIN)
+
+
+def footprints(library: RockLibrary, prototypes: NDArray[np.integer]) -> dict[int, Array]:
+    """Footprints of those of a library's prototypes that some rocks have, by their index."""
+    chosen = np.unique(prototypes).tolist()
+    return {n: footprint(library.prototypes[n].meshes[0]) for n in chosen}
 
 
 def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:

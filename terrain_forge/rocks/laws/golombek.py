@@ -104,16 +104,12 @@ class Golombek(SizeLaw):
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D) = k exp(-q D)."""
-        area: Array = self.abundance * portable.exp(-self.q * np.asarray(diameter, np.float64))
-        return area
+        return self.abundance * portable.exp(-self.q * np.asarray(diameter, np.float64))
 
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(4 k q / π) - q D - 2 log D."""
         d, q = np.asarray(diameter, np.float64), self.q
-        density: Array = (
-            portable.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * portable.log(d)
-        )
-        return density
+        return portable.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * portable.log(d)
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """(π k q / 4 area) (G(a) - G(b)), G(D) = exp(-q D) (D² / q + 2 D / q² + 2 / q³)."""
@@ -135,10 +131,7 @@ class Golombek(SizeLaw):
 
     def check(self, key: Key) -> None:
         """Refuse a law without or with two of k, cover and site, or a cover beyond the family."""
-        given = [name for name in ("k", "cover", "site") if getattr(self, name) is not None]
-        if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise RecipeError(f"golombek needs one of k, cover and site, found {found}", key=key)
+        self.require_one(key, "one of k, cover and site", ("k",), ("cover",), ("site",))
         decays = [name for name in ("q_of_k", "q_per_m") if getattr(self, name) is not None]
         if self.site and decays:
             raise RecipeError("a site has its own q, leave it out", key=(*key, decays[0]))
@@ -165,7 +158,7 @@ class Golombek(SizeLaw):
     @property
     def _decay(self) -> tuple[float, float]:
         if self.preset:
-            return self.preset.decay
+            return DECAYS[self.preset.body.name]
         return DECAYS[self.q_of_k] if self.q_of_k else USUAL
 
     def _k_of_cover(self, cover: CoverAbove) -> float:

@@ -97,7 +97,12 @@ def draw_class(
         words(found.address, SIZE), size_class.smallest, size_class.largest
     )
     if intensity.thins(size_class.population):
-        kept = _thinned(size_class, region, found, diameter, intensity)
+        # A share is kept that is the weight of the place over its bound.
+        bound: Array | float = 1.0
+        if size_class.bounds is not None:
+            bound = region.cut(size_class.bounds).ravel()[found.cell]
+        likely = weights(intensity, size_class.population, found.xy, diameter)
+        kept = draw(found.address, KEEP) * bound < likely
         found, diameter = found.of(kept), diameter[kept]
     shapes = shapes_of(population.families, library, ("rocks", "populations"))
     shallow, deep = population.buried_fraction
@@ -159,26 +164,9 @@ def _in_clusters(
     return found.of(np.argsort(found.cell, kind="stable"))
 
 
-def _thinned(
-    size_class: SizeClass,
-    region: Region,
-    found: _Unthinned,
-    diameter: Array,
-    intensity: Intensity,
-) -> NDArray[np.bool_]:
-    """Which candidates are kept: a share that is the weight of their place over its bound."""
-    kept = weights(intensity, size_class.population, found.xy, diameter)
-    bound: Array | float = 1.0
-    if size_class.bounds is not None:
-        bound = region.cut(size_class.bounds).ravel()[found.cell]
-    result: NDArray[np.bool_] = draw(found.address, KEEP) * bound < kept
-    return result
-
-
 def _before(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Sum of all counts before each, of the same shape."""
-    sums: NDArray[np.int64] = np.cumsum(counts.ravel()).reshape(counts.shape) - counts
-    return sums
+    return np.cumsum(counts.ravel()).reshape(counts.shape) - counts
 
 
 def _numbered(first: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -182,14 +182,22 @@ def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
     return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
 
 
+@inner
+def is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
+    """Whether a place lies in a corridor or exclusion zone; `limit` as of `search_radius`."""
+    away = distances(strips, x, y, limit)
+    for s in range(len(away)):
+        if away[s] < strips.half_width[s]:
+            return True
+    return False
+
+
 @kernel
 def _inside(strips, xy):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
     limit = search_radius(strips, 0.0)
     for n in range(len(xy)):
-        away = distances(strips, xy[n, 0], xy[n, 1], limit)
-        for c in range(len(away)):
-            inside[n] |= away[c] < strips.half_width[c]
+        inside[n] = is_kept_free(strips, xy[n, 0], xy[n, 1], limit)
     return inside
 
 

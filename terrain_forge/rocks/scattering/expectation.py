@@ -110,13 +110,11 @@ def expected_cover(populations: tuple[PopulationSpec, ...], site: Site, window: 
     populations = tuple(replace(p, max_slope_deg=None) for p in populations)
     intensity = make_intensity(populations, site)
     for number, population in enumerate(populations):
-        law = population.size_frequency
-        smallest, largest = population.diameters
-        share = float(law.cumulative_area(smallest) - law.cumulative_area(largest))
+        share: Array | float = 1.0
         if intensity.thins(number):
-            cover += share * weights(intensity, number, places, np.full(len(places), smallest))
-        else:
-            cover += share
+            smallest = np.full(len(places), population.diameters[0])
+            share = weights(intensity, number, places, smallest)
+        cover += population.cover * share
     return cover.reshape(len(north), len(east))
 
 

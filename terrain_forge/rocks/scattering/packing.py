@@ -91,11 +91,7 @@ def _crowds(populations: Populations) -> Iterator[tuple[float, Array, str, Key]]
     With how many times denser than its law each population lies there, in words where that is, and
     the recipe's key.
     """
-    key, covers = ("rocks", "populations"), []
-    for population in populations:
-        smallest, largest = population.diameters
-        law = population.size_frequency
-        covers.append(float(law.cumulative_area(smallest) - law.cumulative_area(largest)))
+    key, covers = ("rocks", "populations"), [population.cover for population in populations]
     yield sum(covers), np.ones(len(covers)), "", key
     for number, population in enumerate(populations):
         factors = np.ones(len(covers))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import RecipeError, inner, kernel
+from terrain_forge.base import RecipeError, kernel
 from terrain_forge.model import Site
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scattering.corridor import corridors, distances, search_radius
+from terrain_forge.rocks.scattering.corridor import corridors, is_kept_free, search_radius
 from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, weight
 
 
@@ -53,26 +53,12 @@ def _has_place(intensity, population, strips, diameter):  # type: ignore[no-unty
     """
     west, south, east, north = intensity.bounds
     limit = search_radius(strips, 0.0)
-    rows, columns = (
-        round((north - south) / intensity.spacing),
-        round((east - west) / intensity.spacing),
-    )
-    for j in range(rows):
-        for i in range(columns):
+    for j in range(round((north - south) / intensity.spacing)):
+        for i in range(round((east - west) / intensity.spacing)):
             for part in range(2):
                 x = west + (i + (2 - part) / 3) * intensity.spacing
                 y = south + (j + (1 + part) / 3) * intensity.spacing
                 if weight(intensity, population, x, y, diameter) > 0.0:
-                    if not _is_kept_free(strips, x, y, limit):
+                    if not is_kept_free(strips, x, y, limit):
                         return True
-    return False
-
-
-@inner
-def _is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
-    """Whether a place lies in a corridor or exclusion zone."""
-    away = distances(strips, x, y, limit)
-    for s in range(len(away)):
-        if away[s] < strips.half_width[s]:
-            return True
     return False

@@ -126,6 +126,7 @@ def scatter(
     lost = (rocks.state == UNPLACED) & (_distance(drawn.xy, area) == 0.0)
     kept = np.flatnonzero((rocks.state == PLACED) & (_distance(xy, area) <= radius))
     kept = kept[np.argsort(drawn.id[kept])]
+    smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists))
     return Scattered(
         populations=(*(p.name for p in populations), *(spec.name for spec in lists)),
         id=drawn.id[kept].astype(np.int32),
@@ -136,11 +137,8 @@ def scatter(
         buried=drawn.buried[kept],
         diameter=drawn.diameter[kept],
         dynamic=drawn.dynamic[kept],
-        collides=_solid(drawn, populations, lists)[kept],
-        unplaced=tuple(
-            int(np.count_nonzero(lost & (drawn.population == n)))
-            for n in range(len(populations) + len(lists))
-        ),
+        collides=(drawn.dynamic | (drawn.diameter >= smallest[drawn.population]))[kept],
+        unplaced=tuple(np.bincount(drawn.population[lost], minlength=len(smallest)).tolist()),
     )
 
 
@@ -158,9 +156,8 @@ def rock_margin(
     """
     diameters = [0.0]
     for population in populations:
-        _, largest = population.diameters
-        dynamic = min(largest, (population.dynamic_m or (0.0, 0.0))[1])
-        diameters.append(max(largest, DYNAMIC_SPACE * dynamic))
+        _, dynamic = population.dynamic_diameters or (0.0, 0.0)
+        diameters += [population.diameters[1], DYNAMIC_SPACE * dynamic]
     for spec in lists:
         diameters.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
     reach = max(prototype.reach for prototype in library.prototypes)
@@ -242,10 +239,9 @@ def _layout(
     """The cells that matter, class by class, with the rocks in each of them."""
     sizes = np.array([0, *map(len, counts)])
     split = np.array([c.split for c in cells], np.int64)
-    region = [(r.column, r.row, r.columns, r.rows) for r in needed]
     return Layout(
         bounds=np.array(site.bounds),
-        region=np.array(region, np.int64).reshape(-1, 4),
+        region=np.array(needed, np.int64).reshape(-1, 4),
         side=np.array([c.side for c in cells], np.float64).reshape(-1, 2),
         radius=np.array([c.radius for c in cells], np.float64),
         first_cell=np.cumsum(sizes)[:-1],
@@ -255,15 +251,6 @@ def _layout(
         population=np.array(population, np.int64),
         local=np.array([c.local for c in cells], np.bool_),
     )
-
-
-def _solid(
-    drawn: Candidates, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
-) -> NDArray[np.bool_]:
-    """Which rocks can be touched."""
-    smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists), np.float64)
-    collides: NDArray[np.bool_] = drawn.dynamic | (drawn.diameter >= smallest[drawn.population])
-    return collides
 
 
 def _distance(xy: Array, area: Rectangle) -> Array:

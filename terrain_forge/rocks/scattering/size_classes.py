@@ -92,8 +92,7 @@ def shapes_of(
 def is_dynamic(population: PopulationSpec, diameter: Array) -> NDArray[np.bool_]:
     """Which diameters [m] are those of dynamic rocks."""
     smallest, largest = population.dynamic_m or (np.inf, np.inf)
-    dynamic: NDArray[np.bool_] = (diameter >= smallest) & (diameter <= largest)
-    return dynamic
+    return (diameter >= smallest) & (diameter <= largest)
 
 
 def _octaves(
@@ -104,31 +103,50 @@ def _octaves(
     intensity: Intensity,
 ) -> list[SizeClass]:
     """The classes of one population, smallest first."""
-    where = ("rocks", "populations", index)
+    where, arrangement = ("rocks", "populations", index), population.arrangement
     shapes = shapes_of(population.families, library, where)
     reach = max(library.prototypes[shape].reach for shape in shapes)
     low, last = population.diameters
     last = min(last, intensity.largest_rock(index))
+    dynamic_low, dynamic_high = population.dynamic_m or (np.inf, np.inf)
     key = stage_key(site.seed, f"rocks/{population.name}")
     parents = None
-    if isinstance(population.arrangement, Clustered):
-        parents = clusters.parents(population.arrangement, site=site, key=key, where=where)
+    if isinstance(arrangement, Clustered):
+        parents = clusters.parents(arrangement, site=site, key=key, where=where)
     next_id = index * MAX_ROCKS
     found: list[SizeClass] = []
     while low < last:
-        sizes = low, min(2.0 * low, last)
-        cells = _cells(site, population, sizes, reach, local=intensity.thins(index))
-        bounds = None
-        if intensity.around[index]:
-            bounds = _bounds(intensity, index, low, cells)
+        high = min(2.0 * low, last)
+        density = population.density(low, high)
+        space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
+        cells = divide(
+            site,
+            density=density * max(crowding(arrangement), 1.0),
+            diameter=high,
+            radius=reach * high * space,
+            local=intensity.thins(index) or parents is not None,
+        )
+        bounds = _bounds(intensity, index, low, cells) if intensity.around[index] else None
+        most = density * (1.0 if bounds is None else float(bounds.max()))
+        if most * cells.area > _MAX_ROCKS_PER_CELL:
+            raise RecipeError(
+                f"{population.name}: {most:.3g} rocks of {low:.3g} to {high:.3g} m on a square "
+                "metre: so many cannot be packed without overlap",
+                key=where,
+            )
         class_key = np.uint64(mix(key, len(found)))
-        counts = _counts(population, sizes, class_key, cells, bounds, parents, where)
+        if parents is not None and isinstance(arrangement, Clustered):
+            mean = density / arrangement.clusters_per_m2
+            counts = clusters.numbers(parents.address, class_key, mean)
+        else:
+            means = np.full((cells.rows, cells.columns), density * cells.side[0] * cells.side[1])
+            counts = cell_counts(class_key, means if bounds is None else means * bounds)
         found.append(
             SizeClass(
                 population=index,
                 key=class_key,
-                smallest=sizes[0],
-                largest=sizes[1],
+                smallest=low,
+                largest=high,
                 cells=cells,
                 bounds=bounds,
                 parents=parents,
@@ -136,7 +154,7 @@ def _octaves(
                 first_id=next_id,
             )
         )
-        next_id, low = next_id + int(counts.sum()), sizes[1]
+        next_id, low = next_id + int(counts.sum()), high
     if next_id > (index + 1) * MAX_ROCKS:
         raise RecipeError(
             f"{population.name}: {next_id - index * MAX_ROCKS} rocks, at most {MAX_ROCKS}: "
@@ -156,51 +174,3 @@ def _bounds(intensity: Intensity, index: int, smallest: float, cells: Cells) -> 
     fine = crater_bounds(intensity, index, smallest, columns, rows)
     bounds: Array = fine.reshape(cells.rows, parts, cells.columns, parts).max(axis=(1, 3))
     return bounds
-
-
-def _cells(
-    site: Site, population: PopulationSpec, sizes: tuple[float, float], reach: float, *, local: bool
-) -> Cells:
-    low, high = sizes
-    dynamic_low, dynamic_high = population.dynamic_m or (np.inf, np.inf)
-    space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
-    return divide(
-        site,
-        density=_density(population, sizes) * max(crowding(population.arrangement), 1.0),
-        diameter=high,
-        radius=reach * high * space,
-        local=local or isinstance(population.arrangement, Clustered),
-    )
-
-
-def _counts(
-    population: PopulationSpec,
-    sizes: tuple[float, float],
-    key: np.uint64,
-    cells: Cells,
-    bounds: Array | None,
-    parents: Parents | None,
-    where: tuple[str | int, ...],
-) -> NDArray[np.int64]:
-    """Poisson numbers of rocks of a class in each cell, or of each parent."""
-    density, arrangement = _density(population, sizes), population.arrangement
-    most = density * (1.0 if bounds is None else float(bounds.max()))
-    if most * cells.area > _MAX_ROCKS_PER_CELL:
-        raise RecipeError(
-            f"{population.name}: {most:.3g} rocks of {sizes[0]:.3g} to {sizes[1]:.3g} m on a "
-            "square metre: so many cannot be packed without overlap",
-            key=where,
-        )
-    if parents is not None and isinstance(arrangement, Clustered):
-        mean = density / arrangement.clusters_per_m2
-        counts: NDArray[np.int64] = clusters.numbers(parents.address, key, mean)
-        return counts
-    means = np.full((cells.rows, cells.columns), density * cells.side[0] * cells.side[1])
-    counts = cell_counts(key, means if bounds is None else means * bounds)
-    return counts
-
-
-def _density(population: PopulationSpec, sizes: tuple[float, float]) -> float:
-    """Rocks between two diameters [m] on a square metre, by the law [1/m²]."""
-    law = population.size_frequency
-    return float(law.cumulative_number(sizes[0]) - law.cumulative_number(sizes[1]))

@@ -56,8 +56,7 @@ def flat_area(intensity: Intensity, population: int, window: Window) -> float:
 def _largest_corner(values: Array) -> Array:
     """Largest of the values at each cell's four nodes, shape [rows, columns]."""
     pairs = np.maximum(values[1:], values[:-1])
-    largest: Array = np.maximum(pairs[:, 1:], pairs[:, :-1])
-    return largest
+    return np.maximum(pairs[:, 1:], pairs[:, :-1])
 
 
 def _rise_of_triangles(elevation: Array, spacing: float) -> Array:
