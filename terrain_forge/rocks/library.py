@@ -99,14 +99,10 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     files = {mesh.path: mesh.mesh for mesh in custom}
     with ThreadPoolExecutor(get_num_threads()) as threads:
         prototypes = [*threads.map(made, range(spec.shapes))]
-    prototypes += [_own_prototype(own, files[own.file], spec) for own in spec.meshes]
+    for own in spec.meshes:
+        laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
+        prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))
     return RockLibrary(prototypes=tuple(prototypes), seed=spec.seed, texture=rock_texture())
-
-
-def _own_prototype(own: MeshSpec, mesh: Mesh, spec: LibrarySpec) -> RockPrototype:
-    """The prototype of a shape that the user brings."""
-    meshes = lay_as_it_is(levels_of_detail(mesh), upright=own.keep_up)
-    return _prototype(own.family_name, meshes, spec, name=own.file)
 
 
 def _prototype(
@@ -121,6 +117,11 @@ def _prototype(
         distance=spec.hull_distance,
         name=name,
     )
+    # No outline differs by more, from any side, than the surfaces do: their Hausdorff distance.
+    errors = [
+        hausdorff_distance(mesh, shape, tolerance=_OUTLINE_TOLERANCE) + _OUTLINE_TOLERANCE
+        for mesh in meshes[1:]
+    ]
     reach, rise = bounds(shape)
     return RockPrototype(
         family=family,
@@ -131,56 +132,37 @@ def _prototype(
         hull_excess=collision.excess,
         hull_distance=collision.distance,
         uvs=tuple(box_projection(mesh) for mesh in meshes),
-        outline_errors=(0.0, *(_outline_error(mesh, shape) for mesh in meshes[1:])),
+        outline_errors=(0.0, *errors),
         reach=reach,
         rise=rise,
     )
 
 
-def _outline_error(mesh: Mesh, shape: Mesh) -> float:
-    """How far the outline of a mesh is off the shape's from any side, at most [m].
-
-    No outline differs by more than the surfaces do, whose Hausdorff distance this is.
-    """
-    return hausdorff_distance(mesh, shape, tolerance=_OUTLINE_TOLERANCE) + _OUTLINE_TOLERANCE
-
-
-def lay_down(meshes: tuple[Mesh, ...], axes: Array) -> tuple[Mesh, ...]:
+def lay_down(
+    meshes: tuple[Mesh, ...], axes: Array | None = None, *, upright: bool = False
+) -> tuple[Mesh, ...]:
     """Turn a rock onto its most stable side and give it its extents.
 
     The first mesh decides: z is up when it lies on the facet of its hull over which its centre of
     mass is lowest (which always projects into that facet), x is its longer horizontal principal
-    axis. Stretching along these axes to the extents `axes` [m] leaves that facet level and the
-    centre of mass above it. Coarser meshes are grown to the volume of the first, all about its
-    centre of mass, which becomes the origin.
-    """
-    solid = mass_properties(meshes[0])
-    rotation = lying_axes(meshes[0].vertices - solid.centre, solid.inertia)
-    turned = [projections(mesh.vertices - solid.centre, rotation) for mesh in meshes]
-    stretch = axes / np.ptp(turned[0], axis=0)
-    return _same_volume([vertices * stretch for vertices in turned], meshes)
-
-
-def lay_as_it_is(meshes: tuple[Mesh, ...], *, upright: bool) -> tuple[Mesh, ...]:
-    """Lay a rock down without stretching it: its mean axis becomes 1 m, the rest as `lay_down`.
+    axis. Stretching along these axes to the extents `axes` leaves that facet level and the centre
+    of mass above it. Coarser meshes are grown to the volume of the first, all about its centre of
+    mass, which becomes the origin.
 
     Args:
         meshes: The levels of detail, finest first.
-        upright: Whether z stays up; else the rock is turned onto its most stable side.
+        axes: The extents [m]; by default those of the mesh, scaled to a mean axis of 1 m.
+        upright: Whether the rock stays as it is, whatever its most stable side.
     """
     solid = mass_properties(meshes[0])
-    centred = meshes[0].vertices - solid.centre
-    rotation = np.eye(3) if upright else lying_axes(centred, solid.inertia)
-    extents = np.ptp(projections(centred, rotation), axis=0)
-    return _same_volume(
-        [projections(mesh.vertices - solid.centre, rotation) / extents.mean() for mesh in meshes],
-        meshes,
-    )
-
-
-def _same_volume(vertices: list[Array], meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
-    """Meshes with new vertices, the coarser ones grown about the origin to the first's volume."""
-    laid = [mesh.replace(vertices=v) for mesh, v in zip(meshes, vertices, strict=True)]
+    centred = [mesh.vertices - solid.centre for mesh in meshes]
+    rotation = np.eye(3) if upright else lying_axes(centred[0], solid.inertia)
+    turned = [projections(vertices, rotation) for vertices in centred]
+    extents = np.ptp(turned[0], axis=0)
+    laid = [
+        mesh.replace(vertices=v / extents.mean() if axes is None else v * (axes / extents))
+        for mesh, v in zip(meshes, turned, strict=True)
+    ]
     volumes = [mass_properties(mesh).volume for mesh in laid]
     return tuple(
         mesh.replace(vertices=mesh.vertices * portable.cbrt(volumes[0] / volume))

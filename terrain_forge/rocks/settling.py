@@ -29,7 +29,7 @@ from terrain_forge.base import Array, matrix_from_quaternion, portable
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
 from terrain_forge.rocks.embedding.dynamic import DynamicContact, dynamic_contact
 from terrain_forge.rocks.embedding.embed import embed
-from terrain_forge.rocks.embedding.footprint import fits, footprint
+from terrain_forge.rocks.embedding.footprint import fits, footprints
 from terrain_forge.rocks.embedding.hull import mean_width
 from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
 from terrain_forge.rocks.scattering.scatter import Scattered
@@ -107,16 +107,12 @@ def settle(
         The same rocks; of those that are `dynamic`, pose and size are the settled ones.
     """
     wanted = np.flatnonzero(rocks.dynamic)
-    grid = lattice(ground)
-    supports = {
-        n: footprint(library.prototypes[n].meshes[0])
-        for n in np.unique(rocks.prototype[wanted]).tolist()
-    }
+    grid, supports = lattice(ground), footprints(library, rocks.prototype[wanted])
 
-    def settled(row: int) -> _Settled | None:
-        prototype = int(rocks.prototype[row])
-        shape, support = library.prototypes[prototype], supports[prototype]
-        return _settled(DynamicRock.of(rocks, row, shape, support, gravity), grid)
+    def settled(row: int) -> tuple[Pose, float] | None:
+        n = int(rocks.prototype[row])
+        rock = DynamicRock.of(rocks, row, library.prototypes[n], supports[n], gravity)
+        return _settled(rock, grid)
 
     found = []
     with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -162,7 +158,7 @@ class DynamicRock(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """A rock on its piece of ground, in that piece's coordinates."""
+    """How a rock lies, on its piece of ground in that piece's coordinates."""
 
     position: Array
     """Centre of mass [m], shape [3]."""
@@ -172,39 +168,32 @@ class Pose(NamedTuple):
     """Size in units of the prototype."""
 
 
-class _Settled(NamedTuple):
-    """A rock that has come to rest."""
+def _settled(rock: DynamicRock, grid: Lattice) -> tuple[Pose, float] | None:
+    """The pose in the world in which a rock stays on its own, with its exact diameter.
 
-    pose: Pose
-    """How it lies on its piece of ground."""
-    place: Array
-    """Where the origin of that piece is in the world frame [m], shape [3]."""
-    height: float
-    """Top of the rock above the ground's tangent plane [m]."""
-
-
-def _settled(rock: DynamicRock, grid: Lattice) -> _Settled | None:
-    """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
+    And its top above the ground's tangent plane [m]; None if it finds no such pose.
+    """
     reach = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=reach + grid.spacing)
     pose = _upright(rock, ground, rock.position - place)
     for _ in range(_TESTS):
-        pose = _sized(rock, ground, _come_to_rest(rock, ground, pose))
+        model, data = simulation(rock, ground, pose)
+        _calm(rock, model, data)
+        pose = _sized(rock, ground, _moved(pose, data))
         height = _top(rock, ground, pose)
         # No rock stands higher than its rise, which keeps corridors clear.
         if not _in_its_space(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
             return None
         after = after_test(rock, ground, pose)
         if stays_put(rock, pose, after):
-            return _Settled(pose=pose, place=place, height=height)
+            return pose._replace(position=pose.position + place), height
         pose = after
     return None
 
 
 def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     """The rock upright on its tangent plane, none of it below the ground."""
-    turn = matrix_from_quaternion(rock.quaternion)
-    turned = portable.product(rock.prototype.meshes[0].vertices, turn.T)
+    turned = _turned(rock, rock.quaternion)
     scale = rock.diameter / float(mean_width(turned[:, :2].copy()))
     corners = position + scale * turned
     sunk = float((_height(ground, corners) - corners[:, 2]).max())
@@ -212,14 +201,18 @@ def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     return Pose(position=raised, quaternion=rock.quaternion, scale=scale)
 
 
+def _turned(rock: DynamicRock, quaternion: Array) -> Array:
+    """Vertices of a rock's prototype, turned, shape [vertices, 3]."""
+    return portable.product(rock.prototype.meshes[0].vertices, matrix_from_quaternion(quaternion).T)
+
+
 def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     """The rock with its exact diameter, grown from the ground under its centre of mass.
 
     A rock at rest has the centre of what carries it there.
     """
-    turn = matrix_from_quaternion(pose.quaternion)
-    plan = portable.product(rock.prototype.meshes[0].vertices, turn[:2].T)
-    scale = rock.diameter / float(mean_width(plan))
+    plan = _turned(rock, pose.quaternion)[:, :2]
+    scale = rock.diameter / float(mean_width(plan.copy()))
     floor = float(_height(ground, pose.position[None])[0])
     raised = floor + (pose.position[2] - floor) * scale / pose.scale
     return pose._replace(position=np.array([*pose.position[:2], raised]), scale=scale)
@@ -231,10 +224,7 @@ def _in_its_space(rock: DynamicRock, pose: Pose, place: Array) -> bool:
     It must also be within its prototype's reach of where it now is, which windows go by.
     """
     reach = rock.prototype.reach
-    turned = portable.product(
-        rock.prototype.meshes[0].vertices, matrix_from_quaternion(pose.quaternion)[:2].T
-    )
-    plan = pose.scale / rock.diameter * turned
+    plan = pose.scale / rock.diameter * _turned(rock, pose.quaternion)[:, :2]
     moved = (pose.position + place - rock.position)[:2] / rock.diameter
     yaw = 2.0 * math.atan2(rock.quaternion[3], rock.quaternion[0])
     space = DYNAMIC_SPACE * rock.support
@@ -247,13 +237,6 @@ def stays_put(rock: DynamicRock, before: Pose, after: Pose) -> bool:
     shift = portable.norm(after.position - before.position)
     cosine = min(abs(float(portable.product(after.quaternion, before.quaternion))), 1.0)
     return bool(shift <= _SHIFT * rock.diameter and 2.0 * portable.arccos(cosine) <= _TURN)
-
-
-def _come_to_rest(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
-    """Let a rock go from standstill, damped, until it hardly moves."""
-    model, data = simulation(rock, ground, pose)
-    _calm(rock, model, data)
-    return _moved(pose, data)
 
 
 def _moved(pose: Pose, data: Any) -> Pose:
@@ -283,9 +266,11 @@ def after_test(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     model, data = simulation(rock, ground, pose)
     steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
     for direction in range(_DIRECTIONS):
-        model.opt.gravity = _leaning(rock.gravity, _LEAN, 2.0 * np.pi * direction / _DIRECTIONS)
+        level, towards = np.sin(_LEAN), 2.0 * np.pi * direction / _DIRECTIONS
+        down = level * np.cos(towards), level * np.sin(towards), -np.cos(_LEAN)
+        model.opt.gravity = rock.gravity * np.array(down)
         mujoco.mj_step(model, data, nstep=steps)
-    model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
+    model.opt.gravity = 0.0, 0.0, -rock.gravity
     _calm(rock, model, data)
     leaned = _moved(pose, data)
     if not stays_put(rock, pose, leaned):
@@ -296,12 +281,6 @@ def after_test(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
         data.qvel[3:] = spin * np.sqrt(rock.gravity / rock.diameter) * upward
         mujoco.mj_step(model, data, nstep=round(_FREE_TIME / TIMESTEP))
     return _moved(pose, data)
-
-
-def _leaning(gravity: float, lean: float, towards: float) -> Array:
-    """Gravity [m/s²] that leans out of the vertical, both angles in rad, shape [3]."""
-    level = np.sin(lean)
-    return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
 
 
 def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any, Any]:
@@ -382,7 +361,10 @@ def _top(rock: DynamicRock, ground: Heightfield, pose: Pose) -> float:
 
 
 def _with_poses(
-    rocks: RockField, library: RockLibrary, rows: NDArray[np.intp], outcomes: list[_Settled | None]
+    rocks: RockField,
+    library: RockLibrary,
+    rows: NDArray[np.intp],
+    outcomes: list[tuple[Pose, float] | None],
 ) -> RockField:
     """The rocks with the poses that were found; those without one are fixed."""
     columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
@@ -391,10 +373,10 @@ def _with_poses(
         new["dynamic"][row] = found is not None
         if found is None:
             continue
-        volume = library.prototypes[rocks.prototype[row]].volume * found.pose.scale**3
-        new["position"][row] = found.pose.position + found.place
-        new["quaternion"][row] = found.pose.quaternion
-        new["scale"][row], new["height"][row] = found.pose.scale, found.height
+        pose, new["height"][row] = found
+        volume = library.prototypes[rocks.prototype[row]].volume * pose.scale**3
+        for name, value in pose._asdict().items():
+            new[name][row] = value
         new["buried_fraction"][row] = 0.0
         new["mass"][row] *= volume / rocks.volume[row]
         new["volume"][row] = volume

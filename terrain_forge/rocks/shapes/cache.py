@@ -14,7 +14,7 @@ import zlib
 from dataclasses import asdict
 from functools import cache
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from logging import getLogger
 from pathlib import Path
 from typing import Any
@@ -63,21 +63,15 @@ def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
 def cache_folder() -> Path | None:
     """Where libraries are kept; None where they are not."""
     chosen = os.environ.get(_VARIABLE)
-    if chosen is not None:
-        return None if chosen in ("", "off") else _at_home(Path(chosen))
+    if chosen in ("", "off"):
+        return None
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
+        if chosen is not None:
+            return Path(chosen).expanduser()
         return Path(base or Path.home() / ".cache") / "terrain-forge"
     except RuntimeError:  # no home folder
         return None
-
-
-def _at_home(folder: Path) -> Path:
-    """A folder whose `~` is the user's home, which no shell has replaced."""
-    try:
-        return folder.expanduser()
-    except RuntimeError:  # no home folder
-        return folder
 
 
 def library_key(spec: LibrarySpec, custom: tuple[CustomMesh, ...]) -> str:
@@ -101,14 +95,7 @@ def _origin() -> str:
     sources += [package / "base" / f"{name}.py" for name in ("geometry", "heap", "seeds")]
     sources += [package / "model" / "mesh.py"]
     code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
-    return "\n".join([code, platform.machine(), *(f"{n} {_version(n)}" for n in _MAKERS)])
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "none"
+    return "\n".join([code, platform.machine(), *(f"{n} {version(n)}" for n in _MAKERS)])
 
 
 def _read(file: Path) -> RockLibrary | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,48 +55,29 @@ def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
     again, until it is as fine as the one before. A needle is simplified as a shorter one, since
     few vertices along it leave none but slender triangles.
     """
-    slenderness = _slenderness(mesh.vertices)
-    if slenderness is None:
+    centred = mesh.vertices - mesh.vertices.mean(axis=0)
+    spreads, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centred, centred))
+    shorter = _SLENDER * float(np.sqrt(spreads[1] / spreads[2]))
+    if shorter >= 1.0:
         return _levels(mesh)
-    squeeze, stretch = (np.eye(3) + factor * slenderness.along for factor in slenderness.factors)
+    along = np.outer(axes[:, 2], axes[:, 2])  # projects onto the long axis
+    squeeze, stretch = (np.eye(3) + (times - 1.0) * along for times in (shorter, 1.0 / shorter))
     short = mesh.replace(vertices=projections(mesh.vertices, squeeze))
     return tuple(
         level.replace(vertices=projections(level.vertices, stretch)) for level in _levels(short)
     )
 
 
-class _Slenderness(NamedTuple):
-    """How a needle is made shorter, and long again."""
-
-    along: Array
-    """Projection onto its long axis, shape [3, 3]."""
-    factors: tuple[float, float]
-    """What to add of that projection to shorten it, and to undo that."""
-
-
-def _slenderness(vertices: Array) -> _Slenderness | None:
-    """How to shorten a body that is longer than `_SLENDER` times its width; None if it is not."""
-    centred = vertices - vertices.mean(axis=0)
-    spreads, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centred, centred))
-    shorter = _SLENDER * float(np.sqrt(spreads[1] / spreads[2]))
-    if shorter >= 1.0:
-        return None
-    along = np.outer(axes[:, 2], axes[:, 2])
-    return _Slenderness(along, (shorter - 1.0, 1.0 / shorter - 1.0))
-
-
 def _levels(mesh: Mesh) -> tuple[Mesh, ...]:
-    meshes: list[Mesh] = []
-    finer = mesh
-    for wanted in (MOST_VERTICES // TIMES_FEWER**level for level in range(LEVELS)):
-        count = wanted
+    meshes = [mesh]
+    for level in range(LEVELS):
+        finer, count = meshes[-1], MOST_VERTICES // TIMES_FEWER**level
         found = simplify(finer, count)
         while found is not finer and cuts_itself(found):
             count = (3 * count) // 2
-            found = finer if count >= len(finer.vertices) else simplify(finer, count)
+            found = simplify(finer, count)
         meshes.append(found)
-        finer = found
-    return tuple(meshes)
+    return tuple(meshes[1:])
 
 
 def convex_faces(points: Array) -> NDArray[np.int32]:
@@ -111,11 +91,6 @@ def convex_faces(points: Array) -> NDArray[np.int32]:
     faces = np.asarray(ConvexHull(points).simplices, dtype=np.int32)
     if len(faces) != 2 * len(points) - 4:
         raise ArithmeticError(f"{len(points)} points give a hull of {len(faces)} faces")
-    return outward(points, faces)
-
-
-def outward(points: Array, faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Faces of a star-shaped body around the origin, turned counter-clockwise from outside."""
     a, b, c = (points[faces[:, n]] for n in range(3))
     inward = np.einsum("ij,ij->i", np.cross(a, b), c) < 0
     return np.where(inward[:, None], faces[:, ::-1], faces)

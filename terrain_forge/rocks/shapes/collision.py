@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,10 +35,6 @@ class CollisionShape(Record):
     distance: float
     """Hausdorff distance between the union's surface and the rock's [m], to 1 mm."""
 
-    def fits(self, *, excess: float, distance: float) -> bool:
-        """Whether both errors are within their limits."""
-        return self.excess <= excess and self.distance <= distance
-
 
 def collision_parts(
     meshes: tuple[Mesh, ...], *, vertices: int, excess: float, distance: float, name: str
@@ -57,17 +54,17 @@ def collision_parts(
     Raises:
         RecipeError: if no decomposition is so close.
     """
-    shape = meshes[0]
-    hull = certify((collision_hull(shape, vertices=vertices),), shape)
-    if hull.fits(excess=excess, distance=distance):
-        return hull
-    best = hull
-    for level, concavity in ATTEMPTS:
-        mesh = meshes[min(level, len(meshes) - 1)]
-        found = certify(_decompose(mesh, vertices=vertices, concavity=concavity), shape)
-        if found.fits(excess=excess, distance=distance):
-            return found
-        best = min(best, found, key=lambda one: max(one.excess / excess, one.distance / distance))
+    tried: list[CollisionShape] = []
+    for attempt in (None, *ATTEMPTS):
+        if attempt is None:
+            parts: tuple[Mesh, ...] = (collision_hull(meshes[0], vertices=vertices),)
+        else:
+            mesh = meshes[min(attempt[0], len(meshes) - 1)]
+            parts = _decompose(mesh, vertices=vertices, concavity=attempt[1])
+        tried.append(certify(parts, meshes[0]))
+        if tried[-1].excess <= excess and tried[-1].distance <= distance:
+            return tried[-1]
+    best = min(tried, key=lambda one: max(one.excess / excess, one.distance / distance))
     raise RecipeError(
         f"{name}: its convex parts come to {best.excess:.3f} of excess volume (wanted "
         f"{excess:g}) and {best.distance:.3f} mean axes of distance (wanted {distance:g}): "
@@ -87,16 +84,20 @@ def certify(parts: tuple[Mesh, ...], shape: Mesh) -> CollisionShape:
     )
 
 
+def manifold(mesh: Mesh) -> Any:
+    """A closed mesh as manifold3d has it."""
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64)))
+
+
 def unite(meshes: tuple[Mesh, ...]) -> Mesh:
     """The union of closed meshes."""
     if len(meshes) == 1:
         return meshes[0]
-    from manifold3d import Manifold, Mesh64, OpType
+    from manifold3d import Manifold, OpType
 
-    bodies = [
-        Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64))) for mesh in meshes
-    ]
-    united = Manifold.batch_boolean(bodies, OpType.Add).to_mesh64()
+    united = Manifold.batch_boolean([*map(manifold, meshes)], OpType.Add).to_mesh64()
     return Mesh(vertices=united.vert_properties[:, :3], faces=united.tri_verts)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, Key
 from terrain_forge.model import Mesh
+from terrain_forge.rocks.shapes.collision import manifold, unite
 from terrain_forge.rocks.shapes.mesh_file import Refused, load_mesh
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.solid import signed_volume
@@ -90,53 +90,51 @@ def _orient(faces: Faces) -> tuple[Faces, list[str]]:
     if uses.max() > 2:
         raise Refused(f"{int((uses > 2).sum())} edges belong to more than two faces")
     order = np.argsort(edge.ravel(), kind="stable")
-    pairs = [tuple(order[n : n + 2]) for n in np.cumsum([0, *uses[:-1]])[uses == 2]]
-    neighbours: list[list[tuple[int, bool]]] = [[] for _ in faces]
-    for one, other in pairs:
-        against = bool(edges[one, 0] == edges[other, 1])
-        neighbours[one // 3].append((int(other) // 3, against))
-        neighbours[other // 3].append((int(one) // 3, against))
-    turned = np.full(len(faces), -1)
-    for start in range(len(faces)):
-        if turned[start] >= 0:
-            continue
-        turned[start], queue = 0, deque([start])
-        while queue:
-            face = queue.popleft()
-            for other, against in neighbours[face]:
-                wanted = turned[face] if against else 1 - turned[face]
-                if turned[other] < 0:
-                    turned[other] = wanted
-                    queue.append(other)
-                elif turned[other] != wanted:
-                    raise Refused("has no inside: its faces cannot all look outward")
-    result = np.where(turned[:, None] == 1, faces[:, ::-1], faces)
-    few = min(int(turned.sum()), int((1 - turned).sum()))
-    return result, [f"{few} faces turned to agree with their neighbours"] if few else []
+    first = np.cumsum([0, *uses[:-1]])[uses == 2]
+    one, other = order[first], order[first + 1]
+    # Each face is there twice, as it is and turned; each is linked to what agrees with it.
+    turn = np.where(edges[one, 0] == edges[other, 1], 0, len(faces))
+    one, other = one // 3, other // 3
+    starts, ends = [one, one + len(faces)], [other + turn, other + len(faces) - turn]
+    label = _connected(np.concatenate(starts), np.concatenate(ends), 2 * len(faces))
+    as_is, reverse = label.reshape(2, -1)
+    if (as_is == reverse).any():
+        raise Refused("has no inside: its faces cannot all look outward")
+    turned = as_is > reverse  # parts are numbered by their first face, which stays as it is
+    few = min(int(turned.sum()), int((~turned).sum()))
+    repairs = [f"{few} faces turned to agree with their neighbours"] if few else []
+    return np.where(turned[:, None], faces[:, ::-1], faces), repairs
+
+
+def _connected(starts: NDArray[np.int64], ends: NDArray[np.int64], count: int) -> Faces:
+    """Number of the connected part of a graph that each of its nodes belongs to."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(starts)), (starts, ends)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
 def _fill_holes(points: Array, faces: Faces) -> tuple[Array, Faces, list[str]]:
     """Fill the holes that are small and of few edges by fans around their middles."""
     whole, total = _area(points, faces), 0.0
-    new_points, new_faces, holes = [points], [faces], 0
+    new_points, new_faces = [points], [faces]
     for loop in _hole_edges(faces):
         if len(loop) > WIDEST_HOLE:
             raise Refused(
                 f"is open: a hole of {len(loop)} edges, at most {WIDEST_HOLE} can be filled"
             )
-        middle = points[loop].mean(axis=0)[None]
-        rim, ends = np.array(loop), np.roll(loop, -1)
-        area = _area(points - middle, np.stack([rim, ends], axis=1)) / whole
+        new_points.append(points[loop].mean(axis=0)[None])
+        middle = np.full(len(loop), len(points) + len(new_faces) - 1)
+        new_faces.append(np.stack([loop, np.roll(loop, -1), middle], axis=1))
+        area = _area(np.concatenate(new_points), new_faces[-1]) / whole
         total += area
         if area > LARGEST_HOLE or total > ALL_HOLES:
             raise Refused(
                 f"is open: holes of {total:.1%} of its area, at most {LARGEST_HOLE:.0%} each and "
                 f"{ALL_HOLES:.0%} together can be filled"
             )
-        new_points.append(middle)
-        new_faces.append(np.stack([rim, ends, np.full(len(rim), len(points) + holes)], axis=1))
-        holes += 1
-    repairs = [f"{holes} small holes filled"] if holes else []
+    repairs = [f"{len(new_faces) - 1} small holes filled"] if len(new_faces) > 1 else []
     return np.concatenate(new_points), np.concatenate(new_faces), repairs
 
 
@@ -159,27 +157,19 @@ def _hole_edges(faces: Faces) -> list[list[int]]:
 
 
 def _area(points: Array, faces: Faces) -> float:
-    """Area of triangles; of those between sides and the origin where `faces` are pairs [m²]."""
-    if faces.shape[1] == 2:
-        normals = np.cross(points[faces[:, 0]], points[faces[:, 1]])
-    else:
-        a, b, c = (points[faces[:, corner]] for corner in range(3))
-        normals = np.cross(b - a, c - a)
-    return float(0.5 * np.linalg.norm(normals, axis=1).sum())
+    """Area of triangles [m²]."""
+    a, b, c = (points[faces[:, corner]] for corner in range(3))
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
 def _require_fans(faces: Faces) -> None:
     """Refuse a closed mesh of which two parts meet in one vertex alone."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     # Each corner of a face, and the one at the same vertex in the next face around it.
     corner = np.arange(3 * len(faces)).reshape(-1, 3)
     leaving = dict(zip(map(tuple, _edges(faces).tolist()), corner.ravel().tolist(), strict=True))
     into = [(b, a) for a, b in _edges(faces[:, [2, 0, 1]]).tolist()]
     following = [leaving[edge] for edge in into]
-    links = coo_array((np.ones(corner.size), (corner.ravel(), following)), shape=(corner.size,) * 2)
-    fans, _ = connected_components(links, directed=False)
+    fans = _connected(corner.ravel(), np.array(following), corner.size).max() + 1
     pinched = fans - len(np.unique(faces))
     if pinched:
         raise Refused(f"parts of it meet in a single corner, at {pinched} places: let them overlap")
@@ -187,21 +177,14 @@ def _require_fans(faces: Faces) -> None:
 
 def _unite_bodies(points: Array, faces: Faces) -> tuple[Mesh, list[str]]:
     """One closed body whose faces look outward."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    links = _edges(faces).T
-    graph = coo_array((np.ones(links.shape[1]), tuple(links)), shape=(len(points),) * 2)
-    _, label = connected_components(graph, directed=False)
-    found = [
-        _sound(_compact(points, faces[label[faces[:, 0]] == number]))
-        for number in np.unique(label[faces[:, 0]])
-    ]
+    starts, ends = _edges(faces).T
+    part = _connected(starts, ends, len(points))[faces[:, 0]]
+    found = [_sound(_compact(points, faces[part == number])) for number in np.unique(part)]
     found.sort(key=lambda body: -body[1])
     bodies, repairs, cavities, inside_out = [], [], 0, False
     for body, _, inward in found:
-        around = any(_within(body, other) for other, _, turned in found if turned != inward)
-        if around:
+        others = (manifold(other) for other, _, turned in found if turned != inward)
+        if any((manifold(body) - other).is_empty() for other in others):  # wholly within it
             cavities += 1
             continue
         inside_out = inside_out or inward
@@ -226,31 +209,16 @@ def _sound(body: Mesh) -> tuple[Mesh, float, bool]:
     return body.replace(faces=body.faces[:, ::-1]) if inward else body, abs(volume), inward
 
 
-def _within(body: Mesh, other: Mesh) -> bool:
-    """Whether a body lies wholly within another one."""
-    from manifold3d import Manifold, Mesh64
-
-    one, around = (
-        Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64)))
-        for mesh in (body, other)
-    )
-    return bool((one - around).is_empty())
-
-
 def _compact(points: Array, faces: Faces) -> Mesh:
     used, index = np.unique(faces, return_inverse=True)
     return Mesh(vertices=points[used], faces=index.reshape(faces.shape).astype(np.int32))
 
 
 def _union(bodies: list[Mesh]) -> Mesh:
-    from terrain_forge.rocks.shapes.collision import unite
-
     mesh = unite(tuple(bodies))
     points, faces, _ = _clean(mesh.vertices, mesh.faces.astype(np.int64))
     _, uses = np.unique(np.sort(_edges(faces), axis=1), axis=0, return_counts=True)
-    from manifold3d import Manifold, Mesh64
-
-    apart = len(Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64))).decompose())
+    apart = len(manifold(mesh).decompose())
     if apart > 1:
         raise Refused(f"holds {apart} bodies that do not overlap: a rock is one body")
     if (uses != 2).any():
