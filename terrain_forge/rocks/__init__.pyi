@@ -15,6 +15,7 @@ from .embedding.outline import edges as edges
 from .embedding.outline import exposed_points as exposed_points
 from .embedding.outline import extent as extent
 from .feasibility import check_lists as check_lists
+from .feasibility import check_packing as check_packing
 from .feasibility import check_rocks as check_rocks
 from .feasibility import expected_count as expected_count
 from .feasibility import largest_rock as largest_rock
@@ -43,7 +44,6 @@ from .scattering.layer_craters import with_layer_craters as with_layer_craters
 from .scattering.listed import check_list as check_list
 from .scattering.overlap import find_overlaps as find_overlaps
 from .scattering.overlap import overlapping_pairs as overlapping_pairs
-from .scattering.packing import check_packing as check_packing
 from .scattering.places import require_place as require_place
 from .scattering.scatter import Scattered as Scattered
 from .scattering.scatter import rock_margin as rock_margin

@@ -19,8 +19,13 @@ from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, Clustered, Crater
 from terrain_forge.rocks.scattering.cells import Rectangle
 from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
-from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, weights
-from terrain_forge.rocks.scattering.slopes import flat_area, with_slopes
+from terrain_forge.rocks.scattering.intensity import (
+    Intensity,
+    flat_area,
+    make_intensity,
+    weights,
+    with_slopes,
+)
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec

@@ -30,12 +30,11 @@ from terrain_forge.rocks.scattering import placement
 from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, join
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
-from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity
+from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, with_slopes
 from terrain_forge.rocks.scattering.listed import by_octave, draw_list
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
 from terrain_forge.rocks.scattering.places import require_place
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
-from terrain_forge.rocks.scattering.slopes import with_slopes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,16 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, DataError, Key
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.collision import manifold, unite
-from terrain_forge.rocks.shapes.mesh_file import Refused, load_mesh
 from terrain_forge.rocks.shapes.self_intersection import cuts_itself
+from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import signed_volume
 
 Faces = NDArray[np.int64]
 
+FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf")
+"""Endings of the files that are read."""
+MOST_FACES = 200_000
+"""Faces of a file, at most; a rock's own mesh has a hundredth of them."""
 WIDEST_HOLE = 12
 """Edges around a hole that is filled, at most."""
 LARGEST_HOLE = 0.02
@@ -23,8 +28,14 @@ LARGEST_HOLE = 0.02
 ALL_HOLES = 0.05
 """Part of a mesh's area that all its holes together may have, at most."""
 
+_Y_UP = (".glb", ".gltf")
+_COARSEST = 1 / 16  # of an edge of middling length: steps of the coordinates
 _SAME_PLACE = 1e-7  # of the largest extent
 _FLATTEST = 1e-5  # volume over the cube of the largest extent, thickness over width
+
+
+class Refused(Exception):
+    """Why a mesh cannot be a rock."""
 
 
 def read_rock_mesh(path: Path, *, key: Key) -> tuple[Mesh, tuple[str, ...]]:
@@ -43,7 +54,7 @@ def read_rock_mesh(path: Path, *, key: Key) -> tuple[Mesh, tuple[str, ...]]:
         DataError: for a file that is missing, unreadable or no closed body, with the reason.
     """
     try:
-        points, faces, notes = load_mesh(path)
+        points, faces, notes = _load(path)
         points, faces, cleaned = _clean(points, faces)
         faces, turned = _orient(faces)
         points, faces, filled = _fill_holes(points, faces)
@@ -52,6 +63,100 @@ def read_rock_mesh(path: Path, *, key: Key) -> tuple[Mesh, tuple[str, ...]]:
     except Refused as refused:
         raise DataError(f"{path.name}: {refused}", key=key) from None
     return mesh, (*notes, *cleaned, *turned, *filled, *united)
+
+
+def _load(path: Path) -> tuple[Array, Faces, list[str]]:
+    """Vertices and faces of all that a file holds, and what is to be said of it.
+
+    Its middle becomes the origin, since sums over coordinates of a map would lose their digits.
+    """
+    kind = path.suffix.lower()
+    if kind not in FORMATS:
+        raise Refused(f"not a mesh that can be read; allowed: {', '.join(FORMATS)}")
+    if not path.is_file():
+        raise Refused("no such file")
+    unreadable = f"is no readable {kind[1:].upper()}: truncated or of another format"
+    notes = _obj_notes(path, unreadable) if kind == ".obj" else []
+    import trimesh
+
+    try:
+        loaded: Any = trimesh.load(path, process=False)
+        points, faces, textured = _joined(loaded)
+    except Refused:
+        raise
+    except Exception:  # trimesh's readers raise whatever they stumble over
+        raise Refused(unreadable) from None
+    if not len(faces):
+        raise Refused(f"holds no faces, or {unreadable}")
+    if len(faces) > MOST_FACES:
+        raise Refused(f"{len(faces)} faces, at most {MOST_FACES}: simplify it first")
+    if faces.min() < 0 or faces.max() >= len(points):
+        raise Refused(unreadable)
+    used = points[np.unique(faces)]
+    points = points - 0.5 * (used.min(axis=0) + used.max(axis=0))
+    if kind in _Y_UP:
+        points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+    return points, faces, [*notes, *(["its texture is not used"] if textured else [])]
+
+
+def _joined(loaded: Any) -> tuple[Array, Faces, bool]:
+    """Vertices and faces of everything in a file, and whether it has a texture."""
+    parts = [(np.eye(4), loaded)]
+    if hasattr(loaded, "geometry"):
+        nodes = [loaded.graph[node] for node in loaded.graph.nodes_geometry]
+        parts = [(transform, loaded.geometry[name]) for transform, name in nodes]
+    parts = [(transform, part) for transform, part in parts if hasattr(part, "faces")]
+    points, faces, first, textured = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0, False
+    for transform, part in parts:
+        own, corners = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+        _require_digits(own, corners)
+        points.append(projections(own, transform[:3, :3]) + transform[:3, 3])
+        faces.append(corners + first)
+        first += len(own)
+        textured = textured or getattr(part.visual, "kind", None) == "texture"
+    return np.concatenate(points), np.concatenate(faces), textured
+
+
+def _require_digits(points: Array, faces: Faces) -> None:
+    """Refuse coordinates that are not finite, or whose digits single precision has cut off."""
+    if not np.isfinite(points).all():
+        raise Refused("holds coordinates that are not finite")
+    if not len(faces) or not np.array_equal(points, points.astype(np.float32)):
+        return
+    largest = float(np.abs(points).max())
+    step = float(np.spacing(np.float32(largest)))
+    sides = np.linalg.norm(points[faces] - points[np.roll(faces, 1, axis=1)], axis=2)
+    edge = float(np.median(sides))
+    if step > _COARSEST * edge > 0.0:
+        raise Refused(
+            f"coordinates of about {largest:.1g} m in single precision leave only steps of "
+            f"{step:.2g} m, its edges are of {edge:.2g} m: move it to its origin, then save it"
+        )
+
+
+def _obj_notes(path: Path, unreadable: str) -> list[str]:
+    """What is to be said of an OBJ file's text; refuses short lines and faces without vertices."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    vertices, largest = 0, 0
+    for line in text.replace("\\\n", " ").splitlines():
+        kind, *words = line.split("#")[0].split() or [""]
+        if kind not in ("v", "f"):
+            continue
+        if len(words) < 3:
+            raise Refused(unreadable)
+        vertices += kind == "v"
+        try:
+            numbers = [float(word.split("/")[0]) for word in words]
+        except ValueError:
+            raise Refused(unreadable) from None
+        if kind == "f":
+            largest = max(largest, int(max(numbers)))
+            if -min(numbers) > vertices or 0 in numbers:
+                raise Refused(unreadable)
+    if largest > vertices:
+        raise Refused(f"is truncated: faces name {largest} vertices, it holds {vertices}")
+    cut = text.rstrip(" ") and not text.endswith("\n")
+    return ["its last line has no end: it may be truncated"] if cut else []
 
 
 def _clean(points: Array, faces: Faces) -> tuple[Array, Faces, list[str]]:
