@@ -171,14 +171,9 @@ def lay_down(
 
 
 def lying_axes(vertices: Array, inertia: Array) -> Array:
-    """Axes of a rock that lies on its most stable side: x long and level, z up.
+    """Axes, as rows, of a rock that lies on its most stable side: x long and level, z up.
 
-    Args:
-        vertices: Corners relative to the centre of mass, shape [vertices, 3].
-        inertia: Inertia tensor about the centre of mass, shape [3, 3].
-
-    Returns:
-        The axes as rows, a rotation matrix, shape [3, 3].
+    Vertices and inertia are relative to its centre of mass.
     """
     from scipy.spatial import ConvexHull
 

@@ -64,7 +64,10 @@ def embed(
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
-    shapes, grid = _shapes(library), lattice(ground)
+    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
+    longest = max(map(len, feet))
+    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
+    shapes, grid = _Shapes(exposure(library), np.array(padded)), lattice(ground)
     rocks = _Rocks(
         scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
     )
@@ -122,13 +125,6 @@ class _Embedded(NamedTuple):
     """Top above the tangent plane [m], shape [rocks]."""
     buried: Array
     """Part of the extent below the tangent plane, shape [rocks]."""
-
-
-def _shapes(library: RockLibrary) -> _Shapes:
-    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
-    longest = max(map(len, feet))
-    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
-    return _Shapes(exposure(library), np.array(padded))
 
 
 def _foot(mesh: Mesh) -> Array:

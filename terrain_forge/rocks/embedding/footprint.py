@@ -66,12 +66,7 @@ def footprints(library: RockLibrary, prototypes: NDArray[np.integer]) -> dict[in
 def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
     """Whether points of a rock lie within its footprint and within its reach.
 
-    Args:
-        plan: East and north of the points, over the diameter, shape [points, 2]; the footprint's
-            origin is at (0, 0).
-        yaw: Turn of the footprint [rad].
-        support: The footprint, as `footprint` has it.
-        reach: Largest distance of a point from (0, 0), over the diameter.
+    Points and reach are over the diameter, from the origin of the footprint, which has the yaw.
     """
     angles = yaw + 2.0 * np.pi * np.arange(FOOTPRINT_DIRECTIONS) / FOOTPRINT_DIRECTIONS
     along = (portable.product(plan, np.stack([np.cos(angles), np.sin(angles)]))).max(axis=0)
@@ -94,7 +89,7 @@ def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
             rise = max(rise, (high - level) / np.cos(_tilt(step)) / diameter)
             smallest[step] = diameter if burial == 0 else min(smallest[step], diameter)
     for step in range(_BOUND_LEANS):
-        hull = _plan_hull(vertices, _leaning(step))
+        hull = convex_hull(vertices @ _leaning(step)[:2].T)
         reach = max(reach, np.sqrt(farthest(hull, 0.0, 0.0)[1]) / smallest[step])
         for d in range(FOOTPRINT_DIRECTIONS):
             angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS
@@ -130,9 +125,3 @@ def _waterline(vertices, edges, level):  # type: ignore[no-untyped-def]
             kept[count, 0], kept[count, 1] = a, b
             count += 1
     return kept[:count]
-
-
-@inner
-def _plan_hull(vertices, rotation):  # type: ignore[no-untyped-def]
-    """Convex hull, in plan, of all vertices of a turned mesh."""
-    return convex_hull(vertices @ rotation[:2].T)

@@ -35,10 +35,7 @@ def lattice(ground: Heightfield) -> Lattice:
 def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfield, Array]:
     """A square of the ground around a point, in coordinates of its own.
 
-    Args:
-        grid: The ground.
-        centre: East and north of a point [m], shape [2].
-        half_width: How far around the point the piece goes at least, as far as the ground goes [m].
+    It goes `half_width` [m] around it at least, as far as the ground goes.
 
     Returns:
         The piece, relative to a place near the point; that place's east, north and height [m],

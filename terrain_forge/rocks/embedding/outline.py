@@ -29,11 +29,7 @@ def edges(mesh: Mesh) -> NDArray[np.int32]:
 
 @kernel
 def embedding_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
-    """The rotation that turns by `yaw` [rad] about z, then leans z the short way to a unit normal.
-
-    Returns:
-        Quaternion (w, x, y, z).
-    """
+    """The quaternion that turns by `yaw` [rad] about z, then leans z to a unit normal."""
     w = np.sqrt(0.5 * (1.0 + up))
     x, y = -0.5 * north / w, 0.5 * east / w
     cos, sin = np.cos(0.5 * yaw), np.sin(0.5 * yaw)

@@ -124,11 +124,7 @@ def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
 
     An amplitude follows from the shape in closed form, since the expected number equals the counted
     one; so one parameter is searched: on a grid of its logarithm first, then around the best.
-
-    Args:
-        count: the rocks, at least one.
-        fit: the family, `golombek`, `power_law` or `exponential`.
-        decay: the `q_of_k` of a `golombek` law; `free` fits q as well as k.
+    `decay` is the `q_of_k` of a `golombek` law; `free` fits q as well as k.
     """
     from scipy.optimize import minimize_scalar
 

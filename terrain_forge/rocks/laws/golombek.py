@@ -175,11 +175,7 @@ class Golombek(SizeLaw):
 
 
 def decay_of(body: Body, key: Key) -> str:
-    """The `q_of_k` of a body.
-
-    Raises:
-        RecipeError: if no q(k) was fitted to its rocks.
-    """
+    """The `q_of_k` of a body; refuses one to whose rocks no q(k) was fitted."""
     if body.rock_decay is None:
         raise RecipeError(
             f"no q(k) was fitted to rocks of {body.name.capitalize()}: give q_per_m, or take that "

@@ -82,12 +82,11 @@ def expected(
     intensity = make_intensity((population,), site)
     intensity = with_slopes(intensity, site=site, area=area, ground=ground)
     if isinstance(population.arrangement, AroundCraters):
-        parts = [
-            (_around(crater, population, intensity, site, area), crater.largest_rock_m)
-            for crater in population.arrangement.craters
-        ]
-        limited = tuple((held, min(limit, largest)) for held, limit in parts if held > 0.0)
-        return Expectation(parts=limited, area_variance=0.0)
+        craters = population.arrangement.craters
+        areas = [_around(crater, population, intensity, site, area) for crater in craters]
+        limits = [min(crater.largest_rock_m, largest) for crater in craters]
+        parts = tuple(part for part in zip(areas, limits, strict=True) if part[0] > 0.0)
+        return Expectation(parts=parts, area_variance=0.0)
     covered = corridor_area(site, window)
     held = window.columns * window.rows * site.spacing**2 - covered
     if intensity.limits_slope and covered == 0.0 and population.density_image is None:

@@ -106,13 +106,8 @@ def with_slopes(
 
     What counts is the strictest measure: the rise per metre of a triangle of the surface is its
     own, or that of its cell's steepest node by central differences (over two cells; one-sided at
-    the site's border) where that is more.
-
-    Args:
-        intensity: The weights.
-        site: The site, whose layers shape the ground where it is not given.
-        area: Where slopes are needed.
-        ground: Ground that is known already; used where it holds the area and a node around.
+    the site's border) where that is more. Ground that is known is used where it holds the area and
+    a node around; else the site's layers shape it.
     """
     if not intensity.limits_slope:
         return intensity
@@ -290,10 +285,8 @@ def _pixel(intensity, population, x, y):  # type: ignore[no-untyped-def]
 def _rise(intensity, x, y):  # type: ignore[no-untyped-def]
     """Rise per metre of the ground at a place: that of its triangle."""
     rows, columns, _ = intensity.steepness.shape
-    u, v = (
-        (x - intensity.bounds[0]) / intensity.spacing,
-        (y - intensity.bounds[1]) / intensity.spacing,
-    )
+    u = (x - intensity.bounds[0]) / intensity.spacing
+    v = (y - intensity.bounds[1]) / intensity.spacing
     column, row = int(np.floor(u)), int(np.floor(v))
     i = min(max(column - intensity.steepness_window[0], 0), columns - 1)
     j = min(max(row - intensity.steepness_window[1], 0), rows - 1)

@@ -52,15 +52,7 @@ def draw_list(
 ) -> Candidates:
     """The rocks of a list; what its table does not give is drawn as for other rocks.
 
-    Args:
-        spec: The list.
-        index: Its index among all populations; lists come last.
-        number: Its number among the recipe's lists.
-        site: The site, which holds its table.
-        library: The shapes.
-
-    Raises:
-        RecipeError: if the library has no shape of a wanted family.
+    `index` is the list's among all populations, of which lists come last, `number` its own.
     """
     table = site.table(spec.file)
     count = len(table.values)
@@ -98,14 +90,8 @@ def by_octave(
         part = Candidates(*(column[octave == n] for column in drawn))
         radius = float((reach[part.prototype] * part.diameter).max())
         bins = min(len(part.id) ** 0.5, min(site.size) / (2.0 * radius))
-        cells = Cells(
-            radius=radius,
-            columns=1,
-            rows=1,
-            side=site.size,
-            split=max(int(bins), 1),
-        )
-        found.append((part, cells))
+        split = max(int(bins), 1)
+        found.append((part, Cells(radius=radius, columns=1, rows=1, side=site.size, split=split)))
     return found
 
 

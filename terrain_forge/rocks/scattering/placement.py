@@ -75,12 +75,7 @@ def place(
 ) -> None:
     """Find a place for every rock, in the order of the classes; changes `rocks`.
 
-    Args:
-        layout: The classes' cells.
-        rocks: The rocks at their first places.
-        footprints: The prototypes' support functions, shape [prototypes, directions].
-        strips: What tall rocks keep off.
-        intensity: Where else rocks may not go.
+    `footprints` are the prototypes' support functions, shape [prototypes, directions].
     """
     for c, (column, row, columns, rows) in enumerate(layout.region.tolist()):
         if layout.population[c] < 0:

@@ -185,9 +185,10 @@ def _draw(
     ]
     cells = [*(cells for _, cells in listed), *(c.cells for c in classes)]
     needed = regions(cells, area, site)
-    intensity = with_slopes(
-        intensity, site=site, area=_hull(area, cells, needed, site), ground=ground
-    )
+    areas = [area, *(region.rectangle(c, site) for c, region in zip(cells, needed, strict=True))]
+    (west, south), (east, north) = np.min(areas, axis=0)[:2], np.max(areas, axis=0)[2:]
+    around = float(west), float(south), float(east), float(north)
+    intensity = with_slopes(intensity, site=site, area=around, ground=ground)
     parts = [(rocks, np.array([len(rocks.id)])) for rocks, _ in listed] + [
         draw_class(
             size_class,
@@ -202,13 +203,6 @@ def _draw(
     population = [-1] * len(listed) + [c.population for c in classes]
     layout = _layout(site, cells, needed, population, [counts for _, counts in parts])
     return join([rocks for rocks, _ in parts]), layout, intensity
-
-
-def _hull(area: Rectangle, cells: list[Cells], needed: list[Region], site: Site) -> Rectangle:
-    """The rectangle [m] that holds an area and all cells that matter."""
-    areas = [area, *(region.rectangle(c, site) for c, region in zip(cells, needed, strict=True))]
-    lows, highs = np.min(areas, axis=0)[:2], np.max(areas, axis=0)[2:]
-    return (*lows.tolist(), *highs.tolist())
 
 
 def _at_first_places(drawn: Candidates, layout: Layout, library: RockLibrary) -> Rocks:

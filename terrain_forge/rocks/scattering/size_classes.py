@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, RecipeError, mix, stage_key
+from terrain_forge.base import Array, Key, RecipeError, mix, stage_key
 from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered, crowding
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
@@ -70,13 +70,9 @@ def size_classes(
 
 
 def shapes_of(
-    families: tuple[str, ...] | None, library: RockLibrary, where: tuple[str | int, ...]
+    families: tuple[str, ...] | None, library: RockLibrary, where: Key
 ) -> NDArray[np.int64]:
-    """Indices of the library's shapes that belong to some families, or of all of them.
-
-    Raises:
-        RecipeError: if the library has no shape of a family.
-    """
+    """Indices of the library's shapes that belong to some families, or of all of them."""
     there = [prototype.family for prototype in library.prototypes]
     for family in families or ():
         if family not in there:
@@ -117,30 +113,17 @@ def _octaves(
     found: list[SizeClass] = []
     while low < last:
         high = min(2.0 * low, last)
-        density = population.density(low, high)
         space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
         cells = divide(
             site,
-            density=density * max(crowding(arrangement), 1.0),
+            density=population.density(low, high) * max(crowding(arrangement), 1.0),
             diameter=high,
             radius=reach * high * space,
             local=intensity.thins(index) or parents is not None,
         )
         bounds = _bounds(intensity, index, low, cells) if intensity.around[index] else None
-        most = density * (1.0 if bounds is None else float(bounds.max()))
-        if most * cells.area > _MAX_ROCKS_PER_CELL:
-            raise RecipeError(
-                f"{population.name}: {most:.3g} rocks of {low:.3g} to {high:.3g} m on a square "
-                "metre: so many cannot be packed without overlap",
-                key=where,
-            )
         class_key = np.uint64(mix(key, len(found)))
-        if parents is not None and isinstance(arrangement, Clustered):
-            mean = density / arrangement.clusters_per_m2
-            counts = clusters.numbers(parents.address, class_key, mean)
-        else:
-            means = np.full((cells.rows, cells.columns), density * cells.side[0] * cells.side[1])
-            counts = cell_counts(class_key, means if bounds is None else means * bounds)
+        counts = _counts(population, (low, high), class_key, cells, bounds, parents, where)
         found.append(
             SizeClass(
                 population=index,
@@ -162,6 +145,33 @@ def _octaves(
             key=where,
         )
     return found
+
+
+def _counts(
+    population: PopulationSpec,
+    sizes: tuple[float, float],
+    key: np.uint64,
+    cells: Cells,
+    bounds: Array | None,
+    parents: Parents | None,
+    where: Key,
+) -> NDArray[np.int64]:
+    """Poisson numbers of rocks of a class in each cell, or of each parent."""
+    density, arrangement = population.density(*sizes), population.arrangement
+    most = density * (1.0 if bounds is None else float(bounds.max()))
+    if most * cells.area > _MAX_ROCKS_PER_CELL:
+        raise RecipeError(
+            f"{population.name}: {most:.3g} rocks of {sizes[0]:.3g} to {sizes[1]:.3g} m on a "
+            "square metre: so many cannot be packed without overlap",
+            key=where,
+        )
+    if parents is not None and isinstance(arrangement, Clustered):
+        mean = density / arrangement.clusters_per_m2
+        counts: NDArray[np.int64] = clusters.numbers(parents.address, key, mean)
+        return counts
+    means = np.full((cells.rows, cells.columns), density * cells.side[0] * cells.side[1])
+    counts = cell_counts(key, means if bounds is None else means * bounds)
+    return counts
 
 
 def _bounds(intensity: Intensity, index: int, smallest: float, cells: Cells) -> Array:

@@ -126,12 +126,8 @@ def store(file: Path, library: RockLibrary) -> None:
             new = Path(folder) / file.name
             np.savez(new, allow_pickle=False, plain=text, **arrays)  # type: ignore[arg-type]
             new.replace(file)
-        _drop_oldest(file.parent)
+        kept = sorted(file.parent.glob("rocks-*.npz"), key=lambda one: one.stat().st_mtime)
+        for old in kept[:-MOST_FILES]:
+            old.unlink(missing_ok=True)
     except OSError as error:
         logger.info("rock cache: %s cannot be written (%s)", file, error)
-
-
-def _drop_oldest(folder: Path) -> None:
-    files = sorted(folder.glob("rocks-*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
-    for file in files[MOST_FILES:]:
-        file.unlink(missing_ok=True)

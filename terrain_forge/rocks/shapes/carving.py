@@ -81,11 +81,7 @@ def _levels(mesh: Mesh) -> tuple[Mesh, ...]:
 
 
 def convex_faces(points: Array) -> NDArray[np.int32]:
-    """Outward triangles of the convex hull of points around the origin, all of them corners.
-
-    Raises:
-        ArithmeticError: if some point is not a corner of the hull.
-    """
+    """Outward triangles of the convex hull of points around the origin, all of them corners."""
     from scipy.spatial import ConvexHull
 
     faces = np.asarray(ConvexHull(points).simplices, dtype=np.int32)
@@ -97,18 +93,13 @@ def convex_faces(points: Array) -> NDArray[np.int32]:
 
 
 def supporting(
-    points: Array, views: Array, count: int, *, first: Sequence[int] = ()
+    points: Array, views: Array, count: int, *, first: Sequence[int]
 ) -> NDArray[np.intp]:
     """Indices of `count` points whose extent along all `views` comes nearest to that of all points.
 
     Greedy: `first` and the ends of the three axes, then time and again the outermost point of the
     view that is worst off. Fewer where fewer reach the full extent in every view.
-
-    Args:
-        points: Positions, shape [points, 3].
-        views: Directions; a longer one counts for more, shape [views, 3].
-        count: Number of points wanted.
-        first: Indices of points that must be among them.
+    A longer view counts for more.
     """
     heights = projections(views, points)
     best, full = heights.argmax(axis=1), heights.max(axis=1)

@@ -49,10 +49,7 @@ def collision_parts(
         vertices: Largest number of corners of a part, at least 6.
         excess: Largest excess of volume, as a fraction.
         distance: Largest Hausdorff distance [m].
-        name: What the rock is called in an error.
-
-    Raises:
-        RecipeError: if no decomposition is so close.
+        name: What the rock is called where no decomposition is so close, which is refused.
     """
     tried: list[CollisionShape] = []
     for attempt in (None, *ATTEMPTS):
@@ -129,11 +126,7 @@ def collision_hull(mesh: Mesh, *, vertices: int) -> Mesh:
     The corners are those of the mesh that its extent in all directions needs most, upward and
     downward ones first. Each is then moved out by half of what the mesh still juts out of the worst
     face around it, so that the error is spread to both sides; but none goes below the facet on
-    which the mesh rests, so that the hull rests on it too.
-
-    Args:
-        mesh: A closed mesh around the origin.
-        vertices: Largest number of corners, at least 6.
+    which the mesh rests, so that the hull rests on it too. The mesh is around the origin.
     """
     from scipy.spatial import ConvexHull
 

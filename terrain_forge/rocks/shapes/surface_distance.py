@@ -18,14 +18,12 @@ def hausdorff_distance(one: Mesh, other: Mesh, *, tolerance: float = 1e-3) -> fl
     face is cut in four only while that is more than what was found already. The true distance
     exceeds the result by at most `tolerance` [m].
     """
-    corners = [_from_west_to_east(mesh.vertices[mesh.faces]) for mesh in (one, other)]
+    corners = [mesh.vertices[mesh.faces] for mesh in (one, other)]
+    orders = [np.argsort(triangles.mean(axis=1)[:, 0], kind="stable") for triangles in corners]
+    corners = [triangles[order] for triangles, order in zip(corners, orders, strict=True)]
     balls = [_balls(triangles) for triangles in corners]
     found = _farthest(corners[0], corners[1], balls[1], 0.0, tolerance)
     return float(_farthest(corners[1], corners[0], balls[0], found, tolerance))
-
-
-def _from_west_to_east(triangles: Array) -> Array:
-    return np.array(triangles[np.argsort(triangles.mean(axis=1)[:, 0], kind="stable")])
 
 
 def _balls(triangles: Array) -> Array:
