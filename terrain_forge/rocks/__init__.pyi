@@ -41,7 +41,6 @@ from .scattering.expectation import expected as expected
 from .scattering.intensity import make_intensity as make_intensity
 from .scattering.intensity import weights as weights
 from .scattering.layer_craters import with_layer_craters as with_layer_craters
-from .scattering.listed import check_list as check_list
 from .scattering.overlap import find_overlaps as find_overlaps
 from .scattering.overlap import overlapping_pairs as overlapping_pairs
 from .scattering.places import require_place as require_place

@@ -67,7 +67,10 @@ def add_rock(
         (0 <= prototype <= last, f"prototype {prototype}: the library's shapes are 0 to {last}"),
         (0.0 < diameter < np.inf, f"diameter {diameter:g} m: must be above 0"),
         (np.isfinite(yaw), f"yaw {yaw:g} rad: must be finite"),
-        (density is None or 0.0 < density < np.inf, f"density {density} kg/m³: must be above 0"),
+        (
+            density is None or 0.0 < density < np.inf,
+            f"density {density or 0.0:g} kg/m³: must be above 0",
+        ),
         (
             0.0 <= buried_fraction <= MAX_BURIED,
             f"buried fraction {buried_fraction:g}: 0 to {MAX_BURIED:g} is allowed",

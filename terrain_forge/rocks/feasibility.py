@@ -18,7 +18,7 @@ from math import exp, pi
 
 import numpy as np
 
-from terrain_forge.base import Array, Key, RecipeError, portable
+from terrain_forge.base import Array, DataError, Key, RecipeError, portable
 from terrain_forge.model import RockLibrary, Table
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, crowding
 from terrain_forge.rocks.embedding.footprint import footprint
@@ -32,7 +32,6 @@ from terrain_forge.rocks.populations import (
     RocksSpec,
     largest_diameter,
 )
-from terrain_forge.rocks.scattering.listed import check_list
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, is_dynamic, shapes_of
 
 LEAST_CHANCE = exp(-3.0)
@@ -44,6 +43,11 @@ populations together, 0.015 % at most were unplaced at this chance, 0.07 % at ex
 exp(-4)."""
 MAX_COVER = 0.4
 """Part of the ground that all rocks may cover, whatever their sizes: more was not tried."""
+
+SMALLEST_LISTED = 1e-3
+"""Diameter of the smallest rock that a list may give [m]."""
+DEEPEST_LISTED = 0.5
+"""Largest buried part that a list may give."""
 
 _ALWAYS_FITS = 0.05
 _STEPS = 64
@@ -112,11 +116,29 @@ def check_lists(rocks: RocksSpec, lists: tuple[Table, ...], *, size: Size) -> No
         size: the site, east and north [m].
 
     Raises:
-        DataError: for the first that is wrong.
+        DataError: names the first rock that is wrong, counted from 1, and what is allowed.
     """
-    shapes = rocks.library.shapes + len(rocks.library.meshes)
+    limits = {
+        "x_m": (-0.5 * size[0], 0.5 * size[0]),
+        "y_m": (-0.5 * size[1], 0.5 * size[1]),
+        "diameter_m": (SMALLEST_LISTED, 0.5 * min(size)),
+        "yaw_deg": (-360.0, 360.0),
+        "buried_fraction": (0.0, DEEPEST_LISTED),
+        "prototype": (0.0, rocks.library.shapes + len(rocks.library.meshes) - 1.0),
+    }
     for number, table in enumerate(lists):
-        check_list(table, size=size, shapes=shapes, key=("rocks", "lists", number, "file"))
+        for name in table.columns:
+            (low, high), values = limits[name], table.column(name)
+            good, allowed = (values >= low) & (values <= high), f"{low:g} to {high:g}"
+            if name == "prototype" and good.all():
+                good, allowed = values == np.floor(values), "whole numbers"
+            if not good.all():
+                row = int(np.argmin(good))
+                raise DataError(
+                    f"{table.path}: {name} of rock {row + 1} is {values[row]:g}, allowed: "
+                    f"{allowed}",
+                    key=("rocks", "lists", number, "file"),
+                )
 
 
 def largest_rock(rocks: RocksSpec, lists: tuple[Table, ...] = ()) -> float:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
-from terrain_forge.rocks.embedding.dynamic import DynamicContact, dynamic_contact
+from terrain_forge.rocks.embedding.dynamic import dynamic_contact
 from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.embedding.footprint import fits, footprints
 from terrain_forge.rocks.embedding.hull import mean_width
@@ -146,15 +146,9 @@ class DynamicRock(NamedTuple):
         cls, rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
     ) -> DynamicRock:
         """One of some embedded rocks."""
-        return cls(
-            prototype=prototype,
-            diameter=float(rocks.diameter[row]),
-            density=float(rocks.mass[row] / rocks.volume[row]),
-            position=rocks.position[row],
-            quaternion=rocks.quaternion[row],
-            support=support,
-            gravity=gravity,
-        )
+        density = float(rocks.mass[row] / rocks.volume[row])
+        pose = rocks.position[row], rocks.quaternion[row]
+        return cls(prototype, float(rocks.diameter[row]), density, *pose, support, gravity)
 
 
 class Pose(NamedTuple):
@@ -294,7 +288,8 @@ def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any,
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = contact.impratio
-    _add_ground(spec, ground, contact)
+    touch = {"friction": contact.friction, "solref": contact.solref}
+    _add_ground(spec, ground, touch)
     body = spec.worldbody.add_body(pos=pose.position, quat=pose.quaternion)
     mass = rock.density * rock.prototype.volume * pose.scale**3
     inertia = rock.density * rock.prototype.inertia * pose.scale**5
@@ -302,26 +297,22 @@ def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any,
     body.fullinertia = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     body.add_freejoint()
     for n, hull in enumerate(rock.prototype.hulls):
-        spec.add_mesh(
-            name=f"hull_{n}",
-            uservert=pose.scale * hull.vertices.ravel(),
-            userface=hull.faces.ravel(),
-        )
+        vertices, faces = pose.scale * hull.vertices.ravel(), hull.faces.ravel()
+        spec.add_mesh(name=f"hull_{n}", uservert=vertices, userface=faces)
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=f"hull_{n}",
             contype=1,
             conaffinity=0,
             condim=_CONDIM,
-            friction=contact.friction,
-            solref=contact.solref,
+            **touch,
         )
     model = spec.compile()
     model.dof_damping[:] = _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
     return model, mujoco.MjData(model)
 
 
-def _add_ground(spec: Any, ground: Heightfield, contact: DynamicContact) -> None:
+def _add_ground(spec: Any, ground: Heightfield, touch: dict[str, Any]) -> None:
     import mujoco
 
     west, south, east, north = ground.bounds
@@ -339,8 +330,7 @@ def _add_ground(spec: Any, ground: Heightfield, contact: DynamicContact) -> None
         pos=((west + east) / 2, (south + north) / 2, lowest),
         contype=0,
         conaffinity=1,
-        friction=contact.friction,
-        solref=contact.solref,
+        **touch,
     )
 
 

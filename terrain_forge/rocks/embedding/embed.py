@@ -67,7 +67,7 @@ def embed(
     feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
     longest = max(map(len, feet))
     padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
-    shapes, grid = _Shapes(exposure(library), np.array(padded)), lattice(ground)
+    shapes, grid = (exposure(library), np.array(padded)), lattice(ground)
     rocks = _Rocks(
         scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
     )
@@ -91,15 +91,6 @@ def embed(
         dynamic=scattered.dynamic,
         collides=scattered.collides,
     )
-
-
-class _Shapes(NamedTuple):
-    """What embedding needs to know of the prototypes."""
-
-    exposure: Exposure
-    """Their exposed diameters."""
-    foot: Array
-    """Points that must be below the ground, shape [prototypes, points, 3]."""
 
 
 class _Rocks(NamedTuple):
@@ -137,15 +128,17 @@ def _foot(mesh: Mesh) -> Array:
     return foot
 
 
+_Shapes = tuple[Exposure, Array]
+"""Exposed diameters of the prototypes, and points of each that must be below the ground."""
+
+
 def _embed(
     rocks: _Rocks, rows: NDArray[np.int64], shapes: _Shapes, ground: Lattice, deepest: float
 ) -> _Embedded:
     """How some of the rocks lie; daylight buries none deeper than to a part of its extent."""
     count = len(rows)
     lying = _Embedded(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
-    over_chunks(
-        _embed_some, count, rocks, rows, shapes.exposure, shapes.foot, ground, deepest, lying
-    )
+    over_chunks(_embed_some, count, rocks, rows, shapes, ground, deepest, lying)
     return lying
 
 
@@ -172,7 +165,8 @@ def _sink_deeper(
 
 
 @kernel
-def _embed_some(first, last, rocks, rows, exposure, foot, ground, deepest, lying):  # type: ignore[no-untyped-def]
+def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # type: ignore[no-untyped-def]
+    exposure, foot = shapes
     for n in range(first, last):
         rock = rows[n]
         p, diameter, yaw = rocks.prototype[rock], rocks.diameter[rock], rocks.yaw[rock]

@@ -79,10 +79,19 @@ class Golombek(SizeLaw):
     @property
     def abundance(self) -> float:
         """Rock abundance k, however it is given."""
+        from scipy.special import lambertw
+
         if self.preset:
             return self.preset.k
         if self.cover:
-            return self._k_of_cover(self.cover)
+            fraction, above = self.cover.fraction, self.cover.above_m
+            if self.q_per_m:
+                return float(fraction * portable.exp(self.q_per_m * above))
+            # The k of F = k exp(-(a + b / k) D): b D / k = W(b D exp(-a D) / F), Lambert's W.
+            constant, slope = self._decay
+            w = float(lambertw(slope * above * portable.exp(-constant * above) / fraction).real)
+            # k = b D / W(x) in a form that holds for D = 0 too: 1 / W(x) = exp(W(x)) / x.
+            return float(fraction * portable.exp(constant * above + w))
         if self.k is None:
             raise RecipeError("golombek needs one of k, cover and site")
         return self.k
@@ -160,18 +169,6 @@ class Golombek(SizeLaw):
         if self.preset:
             return DECAYS[self.preset.body.name]
         return DECAYS[self.q_of_k] if self.q_of_k else USUAL
-
-    def _k_of_cover(self, cover: CoverAbove) -> float:
-        """The k of F = k exp(-(a + b / k) D): b D / k = W(b D exp(-a D) / F), Lambert's W."""
-        from scipy.special import lambertw
-
-        if self.q_per_m:
-            return float(cover.fraction * portable.exp(self.q_per_m * cover.above_m))
-        constant, slope = self._decay
-        argument = slope * cover.above_m * portable.exp(-constant * cover.above_m) / cover.fraction
-        # k = b D / W(x) in a form that holds for D = 0 too: 1 / W(x) = exp(W(x)) / x.
-        w = float(lambertw(argument).real)
-        return float(cover.fraction * portable.exp(constant * cover.above_m + w))
 
 
 def decay_of(body: Body, key: Key) -> str:

@@ -24,11 +24,7 @@ def cell_counts(key, means):  # type: ignore[no-untyped-def]
 @kernel
 def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
     """Hashed addresses of the rocks of a region of cells that begins at (column, row)."""
-    count = 0
-    for j in range(counts.shape[0]):
-        for i in range(counts.shape[1]):
-            count += counts[j, i]
-    found = np.empty(count, dtype=np.uint64)
+    found = np.empty(counts.sum(), dtype=np.uint64)
     n = 0
     for j in range(counts.shape[0]):
         for i in range(counts.shape[1]):

@@ -60,20 +60,15 @@ def exclusion_zones(
         routes: all routes of the site.
         rover: who drives them.
     """
-    own = [
-        ExclusionZone(centre=circle.centre_m, radius=circle.radius_m, clearance=circle.clearance_m)
-        for circle in exclusion_zones
-    ]
-    starts = [
-        ExclusionZone(
-            centre=(float(route.position[0, 0]), float(route.position[0, 1])),
-            radius=0.5 * hypot(rover.length, rover.width),
-            clearance=0.0,
-        )
-        for route in routes
-        if route.corridor_width == 0.0
-    ]
-    return (*own, *starts)
+    circles = [(one.centre_m, one.radius_m, one.clearance_m) for one in exclusion_zones]
+    for route in routes:
+        if route.corridor_width == 0.0:
+            east, north = route.position[0].tolist()
+            circles.append(((east, north), 0.5 * hypot(rover.length, rover.width), 0.0))
+    return tuple(
+        ExclusionZone(centre=centre, radius=radius, clearance=clearance)
+        for centre, radius, clearance in circles
+    )
 
 
 def corridors(site: Site) -> Corridors:

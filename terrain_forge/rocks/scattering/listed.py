@@ -4,47 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Key, Mask, portable, stage_key
+from terrain_forge.base import Array, portable, stage_key
 from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.populations import MAX_ROCKS, RockListSpec
 from terrain_forge.rocks.scattering.addresses import BURIED, PROTOTYPE, YAW, addresses, draw
 from terrain_forge.rocks.scattering.candidates import Candidates
 from terrain_forge.rocks.scattering.cells import Cells
 from terrain_forge.rocks.scattering.size_classes import shapes_of
-
-SMALLEST = 1e-3
-"""Diameter of the smallest rock that a list may give [m]."""
-DEEPEST = 0.5
-"""Largest buried part that a list may give."""
-
-
-def check_list(table: Table, *, size: tuple[float, float], shapes: int, key: Key) -> None:
-    """Refuse listed rocks that cannot lie on a site.
-
-    Args:
-        table: the list.
-        size: the site, east and north [m].
-        shapes: how many shapes the library has.
-        key: where in the recipe the file is named.
-
-    Raises:
-        DataError: names the first rock that is wrong, counted from 1, and what is allowed.
-    """
-    limits = {
-        "x_m": (-0.5 * size[0], 0.5 * size[0]),
-        "y_m": (-0.5 * size[1], 0.5 * size[1]),
-        "diameter_m": (SMALLEST, 0.5 * min(size)),
-        "yaw_deg": (-360.0, 360.0),
-        "buried_fraction": (0.0, DEEPEST),
-        "prototype": (0.0, shapes - 1.0),
-    }
-    for name in table.columns:
-        low, high = limits[name]
-        values = table.column(name)
-        _require((values >= low) & (values <= high), table, name, f"{low:g} to {high:g}", key)
-    if "prototype" in table.columns:
-        values = table.column("prototype")
-        _require(values == np.floor(values), table, "prototype", "whole numbers", key)
 
 
 def draw_list(
@@ -98,12 +64,3 @@ def by_octave(
 def _column(table: Table, name: str) -> Array | None:
     """A table's column, or None where it has none of that name."""
     return table.column(name) if name in table.columns else None
-
-
-def _require(good: Mask, table: Table, name: str, allowed: str, key: Key) -> None:
-    if not good.all():
-        row = int(np.argmin(good))
-        value = float(table.column(name)[row])
-        raise DataError(
-            f"{table.path}: {name} of rock {row + 1} is {value:g}, allowed: {allowed}", key=key
-        )

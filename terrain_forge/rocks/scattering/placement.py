@@ -221,8 +221,11 @@ def _is_free(layout, rocks, footprints, c, x, y, rock):  # type: ignore[no-untyp
             for n in range(j * columns + i0, j * columns + i1):
                 near = rocks.first_in_bin[layout.first_bin[other] + n]
                 while near >= 0:
-                    if _overlap(rocks, footprints, rock, near, x, y):
-                        return False
+                    dx, dy = rocks.circle[near, 0] - x, rocks.circle[near, 1] - y
+                    apart = rocks.circle[near, 2] + rocks.circle[rock, 2]
+                    if dx * dx + dy * dy < apart * apart:
+                        if not _separate(rocks, footprints, rock, near, dx, dy):
+                            return False
                     near = rocks.next_in_bin[near]
     return True
 
@@ -237,15 +240,6 @@ def _bins(layout, rocks, c, axis, place, rock):  # type: ignore[no-untyped-def]
     first = int(np.floor((place - reach - layout.bounds[axis]) * per_metre)) - skipped
     last = int(np.floor((place + reach - layout.bounds[axis]) * per_metre)) - skipped
     return max(first, 0), min(last + 1, layout.region[c, axis + 2] * split)
-
-
-@inlined
-def _overlap(rocks, footprints, rock, near, x, y):  # type: ignore[no-untyped-def]
-    dx, dy = rocks.circle[near, 0] - x, rocks.circle[near, 1] - y
-    apart = rocks.circle[near, 2] + rocks.circle[rock, 2]
-    if dx * dx + dy * dy >= apart * apart:
-        return False
-    return not _separate(rocks, footprints, rock, near, dx, dy)
 
 
 @inner

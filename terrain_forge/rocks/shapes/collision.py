@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array, RecipeError, Record, fibonacci_sphere
+from terrain_forge.base import Array, RecipeError, fibonacci_sphere
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.carving import convex_faces, supporting
 from terrain_forge.rocks.shapes.shapes import projections
@@ -24,8 +23,7 @@ _GROWTH = 1.003  # of parts about their middles
 ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05), (0, 0.025))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CollisionShape(Record):
+class CollisionShape(NamedTuple):
     """Convex parts and how well they stand for a rock."""
 
     parts: tuple[Mesh, ...]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array
 from terrain_forge.model import Mesh
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MassProperties(Record):
+class MassProperties(NamedTuple):
     """Mass properties of a homogeneous solid of density 1 kg/m³."""
 
     volume: float
@@ -20,10 +19,6 @@ class MassProperties(Record):
     """Centre of mass [m], shape [3]."""
     inertia: Array
     """Inertia tensor about the centre of mass [kg m²], shape [3, 3]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("centre", np.float64, (3,))
-        self.freeze("inertia", np.float64, (3, 3))
 
 
 def signed_volume(mesh: Mesh) -> float:
