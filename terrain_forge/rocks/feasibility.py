@@ -312,11 +312,7 @@ def check_packing(populations: Populations, size: Size, library: Callable[[], Ro
 
 
 def _crowds(populations: Populations) -> Iterator[tuple[float, Array, str, Key]]:
-    """Cover of the ground on the whole, then where each population is densest.
-
-    With how many times denser than its law each population lies there, in words where that is, and
-    the recipe's key.
-    """
+    """Cover on the whole, then where each population is densest; densities over the laws; where."""
     key, covers = ("rocks", "populations"), [population.cover for population in populations]
     yield sum(covers), np.ones(len(covers)), "", key
     for number, population in enumerate(populations):

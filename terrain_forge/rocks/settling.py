@@ -201,10 +201,7 @@ def _turned(rock: DynamicRock, quaternion: Array) -> Array:
 
 
 def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
-    """The rock with its exact diameter, grown from the ground under its centre of mass.
-
-    A rock at rest has the centre of what carries it there.
-    """
+    """The rock with its exact diameter, grown from the ground under its centre of mass."""
     plan = _turned(rock, pose.quaternion)[:, :2]
     scale = rock.diameter / float(mean_width(plan.copy()))
     floor = float(_height(ground, pose.position[None])[0])
@@ -213,10 +210,7 @@ def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
 
 
 def _in_its_space(rock: DynamicRock, pose: Pose, place: Array) -> bool:
-    """Whether a rock, seen from above, is within the area that was kept free for it.
-
-    It must also be within its prototype's reach of where it now is, which windows go by.
-    """
+    """Whether a rock is within the area that was kept free for it, and its reach of its place."""
     reach = rock.prototype.reach
     plan = pose.scale / rock.diameter * _turned(rock, pose.quaternion)[:, :2]
     moved = (pose.position + place - rock.position)[:2] / rock.diameter

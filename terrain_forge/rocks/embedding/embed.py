@@ -9,7 +9,7 @@ the plane has the wanted exposed diameter exactly.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,21 +75,17 @@ def embed(
     _sink_deeper(lying, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
+    names = ("populations", "id", "population", "prototype", "diameter", "dynamic", "collides")
+    same: dict[str, Any] = {name: getattr(scattered, name) for name in names}
     return RockField(
-        populations=scattered.populations,
-        id=scattered.id,
-        population=scattered.population,
-        prototype=scattered.prototype,
+        **same,
         position=np.column_stack([scattered.xy, lying.z]),
         quaternion=lying.quaternion,
         scale=lying.scale,
-        diameter=scattered.diameter,
         height=lying.height,
         buried_fraction=lying.buried,
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
-        dynamic=scattered.dynamic,
-        collides=scattered.collides,
     )
 
 

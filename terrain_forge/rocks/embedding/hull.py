@@ -100,10 +100,7 @@ def _turn(points, a, b, c):  # type: ignore[no-untyped-def]
 
 @inner
 def _outside_octagon(points):  # type: ignore[no-untyped-def]
-    """The points that are not strictly inside the octagon of the extremes in eight directions.
-
-    Most points of a rock are, and need no sorting (Akl & Toussaint 1978).
-    """
+    """The points, to be sorted, not inside the octagon of extremes (Akl & Toussaint 1978)."""
     sides = _octagon(points)
     kept = np.empty((len(points), 2))
     size = 0

@@ -162,10 +162,7 @@ def _parameters(family: _Family, count: RockCount, log_shape: float) -> dict[str
 def _standard_errors(
     family: _Family, count: RockCount, parameters: dict[str, float]
 ) -> list[float] | list[None]:
-    """Standard errors from the curvature of log L in the parameters' logarithms.
-
-    None for each where the curvature leaves a direction open.
-    """
+    """Standard errors from the curvature of log L in logarithms; None where it is open."""
     names, centre = list(parameters), portable.log(list(parameters.values()))
     size = len(names)
 
@@ -173,17 +170,12 @@ def _standard_errors(
         values = portable.exp(centre + offset)
         return count.log_likelihood(family.make(**dict(zip(names, values.tolist(), strict=True))))
 
+    def curvature(a: Array, b: Array) -> float:
+        mixed = log_likelihood(a - b) - log_likelihood(a + b)
+        return (mixed + log_likelihood(b - a) - log_likelihood(-a - b)) / (4.0 * _STEP**2)
+
     steps = _STEP * np.eye(size)
-    information = np.array(
-        [
-            [
-                -log_likelihood(a + b) + log_likelihood(a - b) + log_likelihood(b - a)
-                - log_likelihood(-a - b)
-                for b in steps
-            ]
-            for a in steps
-        ]
-    ) / (4.0 * _STEP**2)  # fmt: skip
+    information = np.array([[curvature(a, b) for b in steps] for a in steps])
     if not np.isfinite(information).all():
         return [None] * size
     curvatures = np.linalg.eigvalsh(information)

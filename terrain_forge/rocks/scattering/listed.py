@@ -15,9 +15,10 @@ from terrain_forge.rocks.scattering.size_classes import shapes_of
 
 def draw_list(
     spec: RockListSpec, *, index: int, number: int, site: Site, library: RockLibrary
-) -> Candidates:
+) -> list[tuple[Candidates, Cells]]:
     """The rocks of a list; what its table does not give is drawn as for other rocks.
 
+    They come in octaves of diameter, each with one cell, so that near ones are found fast.
     `index` is the list's among all populations, of which lists come last, `number` its own.
     """
     table = site.table(spec.file)
@@ -30,7 +31,7 @@ def draw_list(
         prototype = shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
     yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
     shallow, deep = spec.buried_fraction
-    return Candidates(
+    drawn = Candidates(
         id=index * MAX_ROCKS + np.arange(count),
         population=np.full(count, index),
         address=address,
@@ -41,15 +42,7 @@ def draw_list(
         buried=shallow + (deep - shallow) * draw(address, BURIED) if buried is None else buried,
         dynamic=np.zeros(count, np.bool_),
     )
-
-
-def by_octave(
-    drawn: Candidates, *, site: Site, library: RockLibrary
-) -> list[tuple[Candidates, Cells]]:
-    """Listed rocks in octaves of diameter, each with one cell, so that near ones are found fast."""
-    if len(drawn.id) == 0:
-        return []
-    octave = np.floor(portable.log2(drawn.diameter / drawn.diameter.min()))
+    octave = np.floor(portable.log2(drawn.diameter / drawn.diameter.min(initial=np.inf)))
     reach = np.array([prototype.reach for prototype in library.prototypes])
     found = []
     for n in np.unique(octave)[::-1]:

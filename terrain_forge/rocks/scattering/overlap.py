@@ -93,10 +93,7 @@ class _Rocks(NamedTuple):
 
 @kernel
 def _circles(centre, radius, pairs):  # type: ignore[no-untyped-def]
-    """Number of pairs of circles that meet, as many as `pairs` holds written into it.
-
-    Circles ascend by their western edge.
-    """
+    """Number of pairs of circles, west to east, that meet; `pairs` takes as many as it holds."""
     count = 0
     for i in range(len(radius)):
         east = centre[i, 0] + radius[i]

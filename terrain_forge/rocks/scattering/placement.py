@@ -276,10 +276,7 @@ def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def
 
 @inlined
 def _keeps_off(strips, home, x, y, radius, limit, height):  # type: ignore[no-untyped-def]
-    """Whether a place is on the same side of every corridor's border as the first choice was.
-
-    A rock above the corridor's clearance must keep off with all of its circle.
-    """
+    """Whether a place is on its side of every corridor, with all of its circle if it is high."""
     if len(home) == 0:
         return True
     away = distances(strips, x, y, limit)

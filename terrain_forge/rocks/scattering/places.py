@@ -47,10 +47,7 @@ def require_place(
 
 @kernel
 def _has_place(intensity, population, strips, diameter):  # type: ignore[no-untyped-def]
-    """Whether rocks of a diameter [m] can lie anywhere on the site, outside corridors `strips`.
-
-    Looks at the middle of each triangle of the surface.
-    """
+    """Whether rocks of a diameter [m] can lie in the middle of any triangle of the surface."""
     west, south, east, north = intensity.bounds
     limit = search_radius(strips, 0.0)
     for j in range(round((north - south) / intensity.spacing)):

@@ -18,6 +18,7 @@ and a window is computed from itself and a margin.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, jo
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
 from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, with_slopes
-from terrain_forge.rocks.scattering.listed import by_octave, draw_list
+from terrain_forge.rocks.scattering.listed import draw_list
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
 from terrain_forge.rocks.scattering.places import require_place
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
@@ -126,16 +127,12 @@ def scatter(
     kept = np.flatnonzero((rocks.state == PLACED) & (_distance(xy, area) <= radius))
     kept = kept[np.argsort(drawn.id[kept])]
     smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists))
+    names = ("id", "population", "prototype", "yaw", "buried", "diameter", "dynamic")
+    columns: dict[str, Any] = {name: getattr(drawn, name)[kept] for name in names}
     return Scattered(
+        **columns,
         populations=(*(p.name for p in populations), *(spec.name for spec in lists)),
-        id=drawn.id[kept].astype(np.int32),
-        population=drawn.population[kept].astype(np.int32),
-        prototype=drawn.prototype[kept].astype(np.int32),
         xy=xy[kept],
-        yaw=drawn.yaw[kept],
-        buried=drawn.buried[kept],
-        diameter=drawn.diameter[kept],
-        dynamic=drawn.dynamic[kept],
         collides=(drawn.dynamic | (drawn.diameter >= smallest[drawn.population]))[kept],
         unplaced=tuple(np.bincount(drawn.population[lost], minlength=len(smallest)).tolist()),
     )
@@ -177,10 +174,8 @@ def _draw(
     listed = [
         part
         for n, spec in enumerate(lists)
-        for part in by_octave(
-            draw_list(spec, index=len(populations) + n, number=n, site=site, library=library),
-            site=site,
-            library=library,
+        for part in draw_list(
+            spec, index=len(populations) + n, number=n, site=site, library=library
         )
     ]
     cells = [*(cells for _, cells in listed), *(c.cells for c in classes)]

@@ -106,12 +106,11 @@ def _read(file: Path) -> RockLibrary | None:
         library = from_plain(plain["library"], arrays)
         if isinstance(library, RockLibrary) and library.content_hash == plain["content_hash"]:
             return library
+        logger.info("rock cache: %s does not hold what it should", file)
     except FileNotFoundError:
-        return None
+        pass
     except _BROKEN as error:
         logger.info("rock cache: %s cannot be read (%s)", file, error)
-        return None
-    logger.info("rock cache: %s does not hold what it should", file)
     return None
 
 
