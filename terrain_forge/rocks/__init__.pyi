@@ -39,11 +39,11 @@ from .scattering.corridor import in_corridor as in_corridor
 from .scattering.expectation import Expectation as Expectation
 from .scattering.expectation import expected as expected
 from .scattering.intensity import make_intensity as make_intensity
+from .scattering.intensity import require_place as require_place
 from .scattering.intensity import weights as weights
 from .scattering.layer_craters import with_layer_craters as with_layer_craters
 from .scattering.overlap import find_overlaps as find_overlaps
 from .scattering.overlap import overlapping_pairs as overlapping_pairs
-from .scattering.places import require_place as require_place
 from .scattering.scatter import Scattered as Scattered
 from .scattering.scatter import rock_margin as rock_margin
 from .scattering.scatter import scatter as scatter

@@ -19,8 +19,7 @@ from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
 from terrain_forge.rocks.shapes.families import FAMILIES, Family
 from terrain_forge.rocks.shapes.shapes import projections
-from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
 from terrain_forge.rocks.shapes.texture import box_projection, rock_texture
 
 _OUTLINE_TOLERANCE = 2e-3  # of a mean axis

@@ -23,15 +23,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_num_threads
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
 from terrain_forge.rocks.embedding.dynamic import dynamic_contact
-from terrain_forge.rocks.embedding.embed import embed
+from terrain_forge.rocks.embedding.embed import Lattice, embed, lattice, piece
 from terrain_forge.rocks.embedding.footprint import fits, footprints
-from terrain_forge.rocks.embedding.hull import mean_width
-from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
+from terrain_forge.rocks.embedding.outline import mean_width
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 
@@ -120,7 +118,19 @@ def settle(
             found.append(outcome)
             if progress and len(found) % 16 == 0:
                 progress(len(found) / len(wanted))
-    return _with_poses(rocks, library, wanted, found)
+    columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
+    new = {name: getattr(rocks, name).copy() for name in (*columns, "dynamic")}
+    for row, outcome in zip(wanted.tolist(), found, strict=True):
+        new["dynamic"][row] = outcome is not None
+        if outcome is None:
+            continue
+        pose, new["height"][row] = outcome
+        for name, value in pose._asdict().items():
+            new[name][row] = value
+        new["buried_fraction"][row] = 0.0
+        new["volume"][row] = library.prototypes[rocks.prototype[row]].volume * pose.scale**3
+        new["mass"][row] *= new["volume"][row] / rocks.volume[row]
+    return rocks.replace(**new)
 
 
 class DynamicRock(NamedTuple):
@@ -342,26 +352,3 @@ def _top(rock: DynamicRock, ground: Heightfield, pose: Pose) -> float:
     turned = portable.product(vertices, matrix_from_quaternion(pose.quaternion).T)
     above = pose.position[2] - float(_height(ground, pose.position[None])[0])
     return float((portable.product(turned, normal)).max() / normal[2] + above)
-
-
-def _with_poses(
-    rocks: RockField,
-    library: RockLibrary,
-    rows: NDArray[np.intp],
-    outcomes: list[tuple[Pose, float] | None],
-) -> RockField:
-    """The rocks with the poses that were found; those without one are fixed."""
-    columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
-    new = {name: getattr(rocks, name).copy() for name in (*columns, "dynamic")}
-    for row, found in zip(rows.tolist(), outcomes, strict=True):
-        new["dynamic"][row] = found is not None
-        if found is None:
-            continue
-        pose, new["height"][row] = found
-        volume = library.prototypes[rocks.prototype[row]].volume * pose.scale**3
-        for name, value in pose._asdict().items():
-            new[name][row] = value
-        new["buried_fraction"][row] = 0.0
-        new["mass"][row] *= volume / rocks.volume[row]
-        new["volume"][row] = volume
-    return rocks.replace(**new)

@@ -24,7 +24,6 @@ from terrain_forge.rocks.embedding.exposure import (
     upright_width,
 )
 from terrain_forge.rocks.embedding.footprint import fits, footprints
-from terrain_forge.rocks.embedding.lattice import Lattice, height, lattice, onto
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
@@ -87,6 +86,50 @@ def embed(
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
     )
+
+
+class Lattice(NamedTuple):
+    """A grid of ground, placed on the lattice of its site, whichever window it was made for."""
+
+    elevation: NDArray[np.float32]
+    """Heights of the nodes [m], rows run north, shape [rows, columns]."""
+    spacing: float
+    """Distance of neighbouring nodes [m]."""
+    fraction: Array
+    """Where the lattice's nodes lie, east and north, in parts of a cell, shape [2]."""
+    corner: NDArray[np.int64]
+    """Whole cells from the site's origin to the south-western node, shape [2]."""
+
+
+def lattice(ground: Heightfield) -> Lattice:
+    """The ground on the lattice of its site."""
+    # In cells, and rounded, the origin of every window of a site has the same fraction of a cell.
+    origin = np.round(np.array(ground.origin) / ground.spacing, 6)
+    corner = np.floor(origin)
+    return Lattice(ground.elevation, ground.spacing, origin - corner, corner.astype(np.int64))
+
+
+def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfield, Array]:
+    """A square of the ground around a point, in coordinates of its own.
+
+    It goes `half_width` [m] around it at least, as far as the ground goes.
+
+    Returns:
+        The piece, relative to a place near the point; that place's east, north and height [m],
+        shape [3]. Both are the same, bit for bit, whatever part of the site the ground is.
+    """
+    cell = np.floor(centre / grid.spacing - grid.fraction).astype(np.int64)
+    around = int(np.ceil(half_width / grid.spacing))
+    rows, columns = grid.elevation.shape
+    last = np.array([columns - 1, rows - 1])
+    low = np.clip(cell - around - grid.corner, 0, last - 1)
+    high = np.clip(cell + 1 + around - grid.corner, 1, last)
+    nodes = grid.elevation[low[1] : high[1] + 1, low[0] : high[0] + 1]
+    base = float(nodes.min())
+    west, south = ((low + grid.corner - cell) * grid.spacing).tolist()
+    place = np.array([*((cell + grid.fraction) * grid.spacing), base])
+    relative = (nodes.astype(np.float64) - base).astype(np.float32)
+    return Heightfield(elevation=relative, spacing=grid.spacing, origin=(west, south)), place
 
 
 class _Rocks(NamedTuple):
@@ -231,3 +274,30 @@ def _covering(ground, foot, rotation, size, x, y, plane, upright):  # type: igno
         gap -= height(ground, east, north)
         level = max(level, foot[n, 2] + gap * upright / size)
     return level
+
+
+@inner
+def onto(grid, x, y):  # type: ignore[no-untyped-def]
+    """The nearest point of the grid's rectangle [m]."""
+    rows, columns = grid.elevation.shape
+    west, south = grid.corner[0] + grid.fraction[0], grid.corner[1] + grid.fraction[1]
+    east, north = west + (columns - 1), south + (rows - 1)
+    x, y = max(x, west * grid.spacing), max(y, south * grid.spacing)
+    return min(x, east * grid.spacing), min(y, north * grid.spacing)
+
+
+@inner
+def height(grid, x, y):  # type: ignore[no-untyped-def]
+    """Height [m] of the triangulated ground, cells cut from south-west to north-east."""
+    elevation = grid.elevation
+    rows, columns = elevation.shape
+    u, v = x / grid.spacing - grid.fraction[0], y / grid.spacing - grid.fraction[1]
+    i = min(max(int(np.floor(u)) - grid.corner[0], 0), columns - 2)
+    j = min(max(int(np.floor(v)) - grid.corner[1], 0), rows - 2)
+    u, v = u - (i + grid.corner[0]), v - (j + grid.corner[1])
+    sw, ne = np.float64(elevation[j, i]), np.float64(elevation[j + 1, i + 1])
+    if u >= v:
+        se = np.float64(elevation[j, i + 1])
+        return sw + u * (se - sw) + v * (ne - se)
+    nw = np.float64(elevation[j + 1, i])
+    return sw + v * (nw - sw) + u * (ne - nw)

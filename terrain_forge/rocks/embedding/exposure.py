@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel
 from terrain_forge.model import RockLibrary, RockPrototype
-from terrain_forge.rocks.embedding.hull import mean_width
-from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter
+from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter, mean_width
 
 DEEPEST = 0.9
 """Largest part of a rock's extent below its tangent plane that exposures are known for."""

@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, portable
 from terrain_forge.model import Mesh, RockLibrary
-from terrain_forge.rocks.embedding.hull import convex_hull, farthest
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
+    convex_hull,
     edges,
     embedding_rotation,
     exposed_diameter,
     extent,
+    farthest,
     rotation_matrix,
 )
 

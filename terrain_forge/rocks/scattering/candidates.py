@@ -11,7 +11,7 @@ from terrain_forge.base import Array
 from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scattering.addresses import (
+from terrain_forge.rocks.scattering.cells import (
     BURIED,
     EAST,
     KEEP,
@@ -19,11 +19,11 @@ from terrain_forge.rocks.scattering.addresses import (
     PROTOTYPE,
     SIZE,
     YAW,
+    Region,
     addresses,
     draw,
     words,
 )
-from terrain_forge.rocks.scattering.cells import Region
 from terrain_forge.rocks.scattering.clusters import TRUNCATION, Parents, offspring
 from terrain_forge.rocks.scattering.intensity import Intensity, weights
 from terrain_forge.rocks.scattering.size_classes import SizeClass, is_dynamic, shapes_of
@@ -61,18 +61,9 @@ def join(parts: list[Candidates]) -> Candidates:
     return Candidates(whole, whole, address, np.zeros((0, 2)), real, whole, real, real, dynamic)
 
 
-class _Unthinned(NamedTuple):
-    """Rocks of a class before thinning, ordered by cell and id."""
-
-    id: NDArray[np.int64]
-    address: NDArray[np.uint64]
-    xy: Array
-    cell: NDArray[np.int64]
-    """Cell within the region, counted row by row."""
-
-    def of(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _Unthinned:
-        """Those of a mask or of an index array."""
-        return _Unthinned(self.id[rows], self.address[rows], self.xy[rows], self.cell[rows])
+_Unthinned = tuple[NDArray[np.int64], NDArray[np.uint64], Array, NDArray[np.int64]]
+"""Id, address, place [m] and cell within the region, counted row by row, of rocks of a class before
+thinning, ordered by cell and id."""
 
 
 def draw_class(
@@ -90,36 +81,39 @@ def draw_class(
         The rocks; their number in each cell of the region, row by row.
     """
     if size_class.parents is None:
-        found = _in_cells(size_class, region, site)
+        ids, address, xy, cell = _in_cells(size_class, region, site)
     else:
-        found = _in_clusters(size_class, size_class.parents, region, population, site)
+        ids, address, xy, cell = _in_clusters(
+            size_class, size_class.parents, region, population, site
+        )
     diameter = population.size_frequency.sample(
-        words(found.address, SIZE), size_class.smallest, size_class.largest
+        words(address, SIZE), size_class.smallest, size_class.largest
     )
     if intensity.thins(size_class.population):
         # A share is kept that is the weight of the place over its bound.
         bound: Array | float = 1.0
         if size_class.bounds is not None:
-            bound = region.cut(size_class.bounds).ravel()[found.cell]
-        likely = weights(intensity, size_class.population, found.xy, diameter)
-        kept = draw(found.address, KEEP) * bound < likely
-        found, diameter = found.of(kept), diameter[kept]
+            bound = region.cut(size_class.bounds).ravel()[cell]
+        likely = weights(intensity, size_class.population, xy, diameter)
+        kept = draw(address, KEEP) * bound < likely
+        ids, address, xy, cell = ids[kept], address[kept], xy[kept], cell[kept]
+        diameter = diameter[kept]
     shapes = shapes_of(population.families, library, ("rocks", "populations"))
     shallow, deep = population.buried_fraction
     dynamic = is_dynamic(population, diameter)
-    buried = shallow + (deep - shallow) * draw(found.address, BURIED)
+    buried = shallow + (deep - shallow) * draw(address, BURIED)
     drawn = Candidates(
-        id=found.id,
-        population=np.full(len(found.id), size_class.population),
-        address=found.address,
-        xy=found.xy,
+        id=ids,
+        population=np.full(len(ids), size_class.population),
+        address=address,
+        xy=xy,
         diameter=diameter,
-        prototype=shapes[(draw(found.address, PROTOTYPE) * len(shapes)).astype(np.int64)],
-        yaw=2.0 * np.pi * draw(found.address, YAW),
+        prototype=shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)],
+        yaw=2.0 * np.pi * draw(address, YAW),
         buried=np.where(dynamic, 0.0, buried),
         dynamic=dynamic,
     )
-    return drawn, np.bincount(found.cell, minlength=region.columns * region.rows)
+    return drawn, np.bincount(cell, minlength=region.columns * region.rows)
 
 
 def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
@@ -130,12 +124,8 @@ def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
     first_id = size_class.first_id + _before(size_class.counts)
     x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
     y = site.south + (region.row + rows + draw(address, NORTH)) * cells.side[1]
-    return _Unthinned(
-        id=_numbered(region.cut(first_id), counts),
-        address=address,
-        xy=np.column_stack([x, y]),
-        cell=rows * region.columns + columns,
-    )
+    ids = _numbered(region.cut(first_id), counts)
+    return ids, address, np.column_stack([x, y]), rows * region.columns + columns
 
 
 def _in_clusters(
@@ -160,8 +150,9 @@ def _in_clusters(
     column, row = (cells.of(xy, site) - (region.column, region.row)).T
     inside = (column >= 0) & (column < region.columns) & (row >= 0) & (row < region.rows)
     inside &= np.all(np.abs(xy) <= (-site.west, -site.south), axis=1)
-    found = _Unthinned(ids, address, xy, row * region.columns + column).of(inside)
-    return found.of(np.argsort(found.cell, kind="stable"))
+    cell, kept = row * region.columns + column, np.flatnonzero(inside)
+    kept = kept[np.argsort(cell[kept], kind="stable")]
+    return ids[kept], address[kept], xy[kept], cell[kept]
 
 
 def _before(counts: NDArray[np.int64]) -> NDArray[np.int64]:

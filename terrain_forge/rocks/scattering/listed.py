@@ -7,9 +7,8 @@ import numpy as np
 from terrain_forge.base import Array, portable, stage_key
 from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.populations import MAX_ROCKS, RockListSpec
-from terrain_forge.rocks.scattering.addresses import BURIED, PROTOTYPE, YAW, addresses, draw
 from terrain_forge.rocks.scattering.candidates import Candidates
-from terrain_forge.rocks.scattering.cells import Cells
+from terrain_forge.rocks.scattering.cells import BURIED, PROTOTYPE, YAW, Cells, addresses, draw
 from terrain_forge.rocks.scattering.size_classes import shapes_of
 
 

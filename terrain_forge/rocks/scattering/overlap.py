@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, over_chunks
 from terrain_forge.model import RockField, RockLibrary, World, merge, rotations
-from terrain_forge.rocks.embedding.hull import convex_hull
+from terrain_forge.rocks.embedding.outline import convex_hull
 
 
 class Overlaps(NamedTuple):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, inner, kernel, mix, over_chunks, uniform
 from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS
-from terrain_forge.rocks.scattering.addresses import RETRY
+from terrain_forge.rocks.scattering.cells import RETRY
 from terrain_forge.rocks.scattering.corridor import Corridors, distances, search_radius
 from terrain_forge.rocks.scattering.intensity import Intensity, weight
 

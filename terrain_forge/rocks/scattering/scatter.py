@@ -31,10 +31,14 @@ from terrain_forge.rocks.scattering import placement
 from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, join
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
-from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, with_slopes
+from terrain_forge.rocks.scattering.intensity import (
+    Intensity,
+    make_intensity,
+    require_place,
+    with_slopes,
+)
 from terrain_forge.rocks.scattering.listed import draw_list
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
-from terrain_forge.rocks.scattering.places import require_place
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
 
 

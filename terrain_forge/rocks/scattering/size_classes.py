@@ -12,8 +12,7 @@ from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered, crowding
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
 from terrain_forge.rocks.scattering import clusters
-from terrain_forge.rocks.scattering.addresses import cell_counts
-from terrain_forge.rocks.scattering.cells import Cells, divide
+from terrain_forge.rocks.scattering.cells import Cells, cell_counts, divide
 from terrain_forge.rocks.scattering.clusters import Parents
 from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
 

@@ -91,7 +91,7 @@ def _origin() -> str:
     shapes = Path(__file__).parent
     rocks, package = shapes.parents[:2]
     sources = [*sorted(shapes.glob("*.py")), rocks / "library.py"]
-    sources += [rocks / "embedding" / f"{name}.py" for name in ("footprint", "hull", "outline")]
+    sources += [rocks / "embedding" / f"{name}.py" for name in ("footprint", "outline")]
     sources += [package / "base" / f"{name}.py" for name in ("geometry", "heap", "seeds")]
     sources += [package / "model" / "mesh.py"]
     code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()

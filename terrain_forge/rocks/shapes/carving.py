@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere
 from terrain_forge.model import Mesh
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
 from terrain_forge.rocks.shapes.simplification import simplify
+from terrain_forge.rocks.shapes.solid import cuts_itself
 
 LEVELS = 3
 """Levels of detail of a rock."""

@@ -10,8 +10,7 @@ from terrain_forge.base import Array, RecipeError, fibonacci_sphere
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.carving import convex_faces, supporting
 from terrain_forge.rocks.shapes.shapes import projections
-from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
 
 _VIEWS = 800
 _LEVEL = 1e-9  # of a mean axis: corners of the facet on which the rock rests

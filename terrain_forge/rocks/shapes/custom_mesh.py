@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, DataError, Key
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.collision import manifold, unite
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import projections
-from terrain_forge.rocks.shapes.solid import signed_volume
+from terrain_forge.rocks.shapes.solid import cuts_itself, signed_volume
 
 Faces = NDArray[np.int64]
 
@@ -284,8 +283,18 @@ def _unite_bodies(points: Array, faces: Faces) -> tuple[Mesh, list[str]]:
     """One closed body whose faces look outward."""
     starts, ends = _edges(faces).T
     part = _connected(starts, ends, len(points))[faces[:, 0]]
-    found = [_sound(_compact(points, faces[part == number])) for number in np.unique(part)]
-    found.sort(key=lambda body: -body[1])
+    found = []
+    for number in np.unique(part):
+        body = _compact(points, faces[part == number])
+        volume = signed_volume(body)
+        if abs(volume) <= _FLATTEST * np.ptp(body.vertices, axis=0).max() ** 3:
+            raise Refused("encloses no volume")
+        if cuts_itself(body):
+            raise Refused("its surface cuts itself")
+        if volume < 0.0:
+            body = body.replace(faces=body.faces[:, ::-1])
+        found.append((body, abs(volume), volume < 0.0))
+    found.sort(key=lambda one: -one[1])
     bodies, repairs, cavities, inside_out = [], [], 0, False
     for body, _, inward in found:
         others = (manifold(other) for other, _, turned in found if turned != inward)
@@ -301,17 +310,6 @@ def _unite_bodies(points: Array, faces: Faces) -> tuple[Mesh, list[str]]:
     if len(bodies) == 1:
         return bodies[0], repairs
     return _union(bodies), [*repairs, f"{len(bodies)} bodies united"]
-
-
-def _sound(body: Mesh) -> tuple[Mesh, float, bool]:
-    """A closed body turned to look outward, its volume [m³], and whether it looked inward."""
-    volume = signed_volume(body)
-    if abs(volume) <= _FLATTEST * np.ptp(body.vertices, axis=0).max() ** 3:
-        raise Refused("encloses no volume")
-    if cuts_itself(body):
-        raise Refused("its surface cuts itself")
-    inward = volume < 0.0
-    return body.replace(faces=body.faces[:, ::-1]) if inward else body, abs(volume), inward
 
 
 def _compact(points: Array, faces: Faces) -> Mesh:

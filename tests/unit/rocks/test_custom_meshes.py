@@ -19,8 +19,7 @@ from terrain_forge.rocks import (
 from terrain_forge.rocks.library import MeshSpec
 from terrain_forge.rocks.shapes.cache import library_key, store
 from terrain_forge.rocks.shapes.carving import levels_of_detail
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
-from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.solid import cuts_itself, mass_properties
 
 KEY = ("rocks", "library", "meshes", 0, "file")
 

@@ -16,7 +16,7 @@ from terrain_forge.rocks.laws.fitting import fit_law
 from terrain_forge.rocks.laws.golombek import CoverAbove
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.rocks.populations import largest_diameter
-from terrain_forge.rocks.scattering.addresses import words
+from terrain_forge.rocks.scattering.cells import words
 
 ALPHA = 0.001
 # A table whose pieces fall as D^-2.5, D^-2 (where the cover needs a logarithm) and D^-4.2.
