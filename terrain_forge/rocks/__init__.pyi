@@ -28,6 +28,8 @@ from .laws.power_law import PowerLaw as PowerLaw
 from .laws.tabulated import Tabulated as Tabulated
 from .library import LibrarySpec as LibrarySpec
 from .library import MeshSpec as MeshSpec
+from .library import cache_folder as cache_folder
+from .library import find_library as find_library
 from .library import make_library as make_library
 from .populations import ExclusionSpec as ExclusionSpec
 from .populations import PopulationSpec as PopulationSpec
@@ -49,8 +51,6 @@ from .scattering.scatter import rock_margin as rock_margin
 from .scattering.scatter import scatter as scatter
 from .settling import place_rocks as place_rocks
 from .settling import settle as settle
-from .shapes.cache import cache_folder as cache_folder
-from .shapes.cache import find_library as find_library
 from .shapes.contact_sheet import SIZES as SIZES
 from .shapes.contact_sheet import render_contact_sheet as render_contact_sheet
 from .shapes.custom_mesh import read_rock_mesh as read_rock_mesh

@@ -163,8 +163,7 @@ def _foot(mesh: Mesh) -> Array:
     level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
     ends = ends[(ends[:, 0, 2] < level) != (ends[:, 1, 2] < level)]
     part = (level - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
-    foot: Array = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
-    return foot
+    return np.asarray(ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0]))
 
 
 _Shapes = tuple[Exposure, Array]

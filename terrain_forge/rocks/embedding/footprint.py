@@ -33,12 +33,9 @@ def bounds(mesh: Mesh) -> tuple[float, float]:
     """Reach and rise of a prototype over all the ways in which it may come to rest.
 
     Sweeps the tilt of the ground (0 to `MAX_TILT`), the rock's yaw on it and its burial (0 to
-    `MAX_BURIED`), with a margin of 4 % for what lies between the samples.
-
-    Returns:
-        Reach: largest horizontal distance of any vertex, buried or not, from the mesh's origin;
-        rise: largest vertical distance of a vertex above the tangent plane; both over the exposed
-        diameter.
+    `MAX_BURIED`), with a margin of 4 % for what lies between the samples. Reach is the largest
+    horizontal distance of any vertex, buried or not, from the mesh's origin, rise the largest
+    vertical one above the tangent plane; both over the exposed diameter.
     """
     reach, rise, _ = _sweep(mesh.vertices.copy(), edges(mesh))
     return float(reach) * _BOUND_MARGIN, float(rise) * _BOUND_MARGIN
@@ -48,11 +45,8 @@ def footprint(mesh: Mesh) -> Array:
     """Support function of the plan area that holds a rock however it comes to rest.
 
     Over the same tilts and burials as `bounds` and with the same margin: how far the rock, buried
-    parts too, reaches from its origin along each of `FOOTPRINT_DIRECTIONS` directions.
-
-    Returns:
-        Distances over the exposed diameter, along directions counter-clockwise from where the yaw
-        turns the prototype's x axis, shape [directions].
+    parts too, reaches from its origin over its diameter, along `FOOTPRINT_DIRECTIONS` directions
+    counter-clockwise from where the yaw turns the prototype's x axis, shape [directions].
     """
     _, _, support = _sweep(mesh.vertices.copy(), edges(mesh))
     return np.asarray(support * _BOUND_MARGIN)

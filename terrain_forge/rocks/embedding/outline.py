@@ -19,8 +19,6 @@ MAX_TILT = np.radians(40.0)
 MAX_BURIED = 0.6
 """Largest part of a rock's extent that embedding buries, but for a few where more fits."""
 
-_DIRECTIONS = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-1.0, 1.0)])
-
 
 def edges(mesh: Mesh) -> NDArray[np.int32]:
     """Edges of a closed mesh, each once, as pairs of vertex indices, shape [edges, 2]."""
@@ -108,12 +106,7 @@ def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-unt
 @kernel
 def convex_hull(points):  # type: ignore[no-untyped-def]
     """Convex hull of points in the plane, counter-clockwise, shape [corners, 2] (Andrew 1979)."""
-    kept = _sorted(_outside_octagon(points))
-    count = len(kept)
-    if count == 0:  # all points are one
-        hull = np.empty((1, 2))
-        hull[0, 0], hull[0, 1] = points[0, 0], points[0, 1]
-        return hull
+    kept, count = _sorted(points.copy()), len(points)
     chain = np.empty(2 * count + 1, dtype=np.int64)
     size = 0
     for sweep in range(2):
@@ -192,46 +185,6 @@ def _turn(points, a, b, c):  # type: ignore[no-untyped-def]
     """Twice the area of the triangle a, b, c: positive for a turn to the left."""
     ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     return ux * (points[c, 1] - points[a, 1]) - uy * (points[c, 0] - points[a, 0])
-
-
-@inner
-def _outside_octagon(points):  # type: ignore[no-untyped-def]
-    """The points, to be sorted, not inside the octagon of extremes (Akl & Toussaint 1978)."""
-    sides = _octagon(points)
-    kept = np.empty((len(points), 2))
-    size = 0
-    for n in range(len(points)):
-        x, y = points[n, 0], points[n, 1]
-        inside = True
-        for k in range(8):
-            inside = inside and sides[k, 0] * x + sides[k, 1] * y < sides[k, 2]
-        if not inside:
-            kept[size, 0], kept[size, 1] = x, y
-            size += 1
-    return kept[:size]
-
-
-@inner
-def _octagon(points):  # type: ignore[no-untyped-def]
-    """Sides as a x + b y < c inside; c is infinite where two corners are one point."""
-    best = np.zeros(8, dtype=np.int64)
-    for k in range(4):
-        a, b = _DIRECTIONS[k, 0], _DIRECTIONS[k, 1]
-        low, high = np.inf, -np.inf
-        for n in range(len(points)):
-            along = a * points[n, 0] + b * points[n, 1]
-            if along > high:
-                high, best[k] = along, n
-            if along < low:
-                low, best[k + 4] = along, n
-    sides = np.empty((8, 3))
-    for k in range(8):
-        p, q = best[k], best[(k + 1) & 7]
-        x, y = points[p, 0], points[p, 1]
-        sides[k, 0], sides[k, 1] = points[q, 1] - y, x - points[q, 0]
-        same = x == points[q, 0] and y == points[q, 1]
-        sides[k, 2] = np.inf if same else sides[k, 0] * x + sides[k, 1] * y
-    return sides
 
 
 @inner

@@ -136,8 +136,15 @@ class Counts(SizeLaw):
             raise RecipeError(f"q_of_k is golombek's, the fit is {self.fit}", key=(*key, "q_of_k"))
         if self.file:
             return
-        if self.bins:
-            self._check_bins(self.bins, (*key, "bins"))
+        ordered = sorted((low, high or np.inf) for low, high, _ in self.bins or ())
+        for low, high in ordered:
+            if high <= low:
+                text = f"a bin from {low:g} to {high:g} m: low comes first"
+                raise RecipeError(text, key=(*key, "bins"))
+        for (low, high), (following, _) in pairwise(ordered):
+            if high > following * (1.0 + 1e-9):
+                text = f"the bin from {low:g} to {high:g} m overlaps that from {following:g} m"
+                raise RecipeError(text, key=(*key, "bins"))
         if self.count.rocks < LEAST_COUNTED:
             raise RecipeError(
                 f"{self.count.rocks} rocks above {self.count.smallest:g} m, at least "
@@ -157,17 +164,6 @@ class Counts(SizeLaw):
             "parameters": {name: one._asdict() for name, one in self.fitted.parameters.items()},
             "goodness": goodness(self.count, self.fitted),
         }
-
-    def _check_bins(self, bins: tuple[Bin, ...], key: Key) -> None:
-        ordered = sorted((low, high or np.inf) for low, high, _ in bins)
-        for low, high in ordered:
-            if high <= low:
-                raise RecipeError(f"a bin from {low:g} to {high:g} m: low comes first", key=key)
-        for (low, high), (next_low, _) in pairwise(ordered):
-            if high > next_low * (1.0 + 1e-9):
-                raise RecipeError(
-                    f"the bin from {low:g} to {high:g} m overlaps that from {next_low:g} m", key=key
-                )
 
     def _check_fit(self, key: Key) -> None:
         """Refuse a fit that the count does not determine, or that ends beyond the law's family."""

@@ -53,8 +53,7 @@ class Exponential(SizeLaw):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] by inversion of the truncated law."""
-        diameters: Array = _sample(hashes, smallest, largest, self.decay_per_m)
-        return diameters
+        return np.asarray(_sample(hashes, smallest, largest, self.decay_per_m))
 
 
 @kernel

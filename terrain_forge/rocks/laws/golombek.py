@@ -108,8 +108,7 @@ class Golombek(SizeLaw):
         from scipy.special import exp1
 
         d, k, q = np.asarray(diameter, np.float64), self.abundance, self.q
-        number: Array = 4.0 * k * q / np.pi * (portable.exp(-q * d) / d - q * exp1(q * d))
-        return number
+        return np.asarray(4.0 * k * q / np.pi * (portable.exp(-q * d) / d - q * exp1(q * d)))
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D) = k exp(-q D)."""
@@ -129,8 +128,7 @@ class Golombek(SizeLaw):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] of density exp(-q D) / D², exactly: proposed by 1 / D², thinned by exp."""
-        diameters: Array = _sample(hashes, smallest, largest, self.q)
-        return diameters
+        return np.asarray(_sample(hashes, smallest, largest, self.q))
 
     def on(self, body: Body, key: Key = ()) -> Golombek:
         """The law with the body's q(k), unless it has a q of its own."""

@@ -69,8 +69,7 @@ class PowerLaw(SizeLaw):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] by inversion of the truncated law."""
-        diameters: Array = _sample(hashes, smallest, largest, self.coefficients[1])
-        return diameters
+        return np.asarray(_sample(hashes, smallest, largest, self.coefficients[1]))
 
     def check(self, key: Key) -> None:
         """Refuse a law without its numbers, or with a site besides."""

@@ -1,4 +1,7 @@
-"""What chance gives the rocks, by address: first places, sizes, shapes, yaws and burials."""
+"""Rocks at their first places: what chance gives them, by address, and what the user lists.
+
+Listed rocks are placed as they are listed, before all others, and never moved.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
-from terrain_forge.model import RockLibrary, Site
+from terrain_forge.base import Array, portable, stage_key
+from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering.cells import (
     BURIED,
     EAST,
@@ -19,6 +22,7 @@ from terrain_forge.rocks.scattering.cells import (
     PROTOTYPE,
     SIZE,
     YAW,
+    Cells,
     Region,
     addresses,
     draw,
@@ -30,26 +34,18 @@ from terrain_forge.rocks.scattering.size_classes import SizeClass, is_dynamic, s
 
 
 class Candidates(NamedTuple):
-    """Rocks at their first places, ordered by class, cell and id; shapes begin with [rocks]."""
+    """Rocks at their first places, ordered by class, cell and id: columns as of `Scattered`."""
 
     id: NDArray[np.int64]
-    """Id."""
     population: NDArray[np.int64]
-    """Index of the population."""
     address: NDArray[np.uint64]
-    """Hashed address."""
+    """Hashed address, shape [rocks]."""
     xy: Array
-    """East and north [m], shape [rocks, 2]."""
     diameter: Array
-    """Exposed plan diameter [m]."""
     prototype: NDArray[np.int64]
-    """Index into the library."""
     yaw: Array
-    """Turn about the ground's normal [rad]."""
     buried: Array
-    """Part of the rock's extent below the ground."""
     dynamic: NDArray[np.bool_]
-    """Whether it can be pushed."""
 
 
 def join(parts: list[Candidates]) -> Candidates:
@@ -75,11 +71,7 @@ def draw_class(
     site: Site,
     intensity: Intensity,
 ) -> tuple[Candidates, NDArray[np.int64]]:
-    """The rocks of a class whose first place lies in a region, and how many each cell has.
-
-    Returns:
-        The rocks; their number in each cell of the region, row by row.
-    """
+    """The rocks of a class whose first place lies in a region; their number in each cell of it."""
     if size_class.parents is None:
         ids, address, xy, cell = _in_cells(size_class, region, site)
     else:
@@ -164,3 +156,49 @@ def _numbered(first: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np
     """`first` and the numbers that follow, as many as `counts` says, one list after the other."""
     shift = first.ravel() - _before(counts).ravel()
     return np.repeat(shift, counts.ravel()) + np.arange(int(counts.sum()))
+
+
+def draw_list(
+    spec: RockListSpec, *, index: int, number: int, site: Site, library: RockLibrary
+) -> list[tuple[Candidates, Cells]]:
+    """The rocks of a list; what its table does not give is drawn as for other rocks.
+
+    They come in octaves of diameter, each with one cell, so that near ones are found fast.
+    `index` is the list's among all populations, of which lists come last, `number` its own.
+    """
+    table = site.table(spec.file)
+    count = len(table.values)
+    key = stage_key(site.seed, f"rocks/{spec.name}")
+    address = addresses(key, 0, 0, np.array([[count]]))
+    shapes = shapes_of(spec.families, library, ("rocks", "lists", number))
+    prototype = _column(table, "prototype")
+    if prototype is None:
+        prototype = shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
+    yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
+    shallow, deep = spec.buried_fraction
+    drawn = Candidates(
+        id=index * MAX_ROCKS + np.arange(count),
+        population=np.full(count, index),
+        address=address,
+        xy=np.column_stack([table.column("x_m"), table.column("y_m")]),
+        diameter=table.column("diameter_m"),
+        prototype=prototype.astype(np.int64),
+        yaw=2.0 * np.pi * draw(address, YAW) if yaw is None else np.radians(yaw),
+        buried=shallow + (deep - shallow) * draw(address, BURIED) if buried is None else buried,
+        dynamic=np.zeros(count, np.bool_),
+    )
+    octave = np.floor(portable.log2(drawn.diameter / drawn.diameter.min(initial=np.inf)))
+    reach = np.array([prototype.reach for prototype in library.prototypes])
+    found = []
+    for n in np.unique(octave)[::-1]:
+        part = Candidates(*(column[octave == n] for column in drawn))
+        radius = float((reach[part.prototype] * part.diameter).max())
+        bins = min(len(part.id) ** 0.5, min(site.size) / (2.0 * radius))
+        split = max(int(bins), 1)
+        found.append((part, Cells(radius=radius, columns=1, rows=1, side=site.size, split=split)))
+    return found
+
+
+def _column(table: Table, name: str) -> Array | None:
+    """A table's column, or None where it has none of that name."""
+    return table.column(name) if name in table.columns else None

@@ -28,7 +28,7 @@ from terrain_forge.model import Heightfield, RockLibrary, Site, Window
 from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering import placement
-from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, join
+from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, draw_list, join
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
 from terrain_forge.rocks.scattering.intensity import (
@@ -37,7 +37,6 @@ from terrain_forge.rocks.scattering.intensity import (
     require_place,
     with_slopes,
 )
-from terrain_forge.rocks.scattering.listed import draw_list
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
 

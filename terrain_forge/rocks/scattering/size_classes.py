@@ -181,5 +181,4 @@ def _bounds(intensity: Intensity, index: int, smallest: float, cells: Cells) -> 
     parts = int(np.clip(_BOUNDED_PARTS // max(cells.columns, cells.rows), 1, _MOST_PARTS))
     rows, columns = cells.rows * parts, cells.columns * parts
     fine = crater_bounds(intensity, index, smallest, columns, rows)
-    bounds: Array = fine.reshape(cells.rows, parts, cells.columns, parts).max(axis=(1, 3))
-    return bounds
+    return np.asarray(fine.reshape(cells.rows, parts, cells.columns, parts).max(axis=(1, 3)))

@@ -174,13 +174,11 @@ def _axes(random: Generator, *, flatness: tuple[float, float]) -> Array:
     breadth = float(np.clip(random.normal(0.75, 0.11), 0.5, 1.0))
     height = float(np.clip(random.normal(*flatness), 0.2, breadth))
     axes = np.array([1.0, breadth, height])
-    result: Array = axes / axes.mean()
-    return result
+    return np.asarray(axes / axes.mean())
 
 
 def _unit(vectors: Array) -> Array:
-    result: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return result
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _joints(random: Generator) -> Array:

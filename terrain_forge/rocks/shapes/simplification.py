@@ -21,11 +21,8 @@ _TURN = 0.2  # least cosine between a face before and after
 def simplify(mesh: Mesh, vertices: int, *, star_shaped: bool = False) -> Mesh:
     """A mesh of about `vertices` vertices that keeps the shape, the edges and the topology.
 
-    Args:
-        mesh: A closed mesh.
-        vertices: Number of vertices wanted; more stay where no further edge can collapse.
-        star_shaped: Every face is seen from inside from the origin and must stay so, which rules
-            out that the surface cuts itself.
+    More stay where no further edge can collapse. Every face of a closed mesh that is `star_shaped`
+    is seen from inside from the origin and stays so, which rules out that the surface cuts itself.
     """
     if len(mesh.vertices) <= vertices:
         return mesh
