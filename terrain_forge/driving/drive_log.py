@@ -37,7 +37,7 @@ class Look:
     time: float
     position: Array
     quaternion: Array
-    offset: float
+    cross_track: float
     heading_error: float
     tilt: float
     progress: float
@@ -75,42 +75,32 @@ class Watch:
             if self.looks:
                 return
             raise SimulationError(f"the drive of {self.trajectory.name!r} cannot start: {fault}")
-        self.looks.append(self._look(vehicle, pursuit))
-        for name, (force, by_body) in vehicle.rock_forces().items():
-            self._touch(name, force, by_body)
-        self.completed = pursuit.progress >= pursuit.path.length - ARRIVAL
-        self.reason = "arrived" if self.completed else self._trouble(pursuit)
-
-    def _look(self, vehicle: Vehicle, pursuit: PurePursuit) -> Look:
-        wheels = vehicle.wheel_states()
-        return Look(
+        look = Look(
             time=len(self.looks) * self.tick,
             position=vehicle.position,
             quaternion=vehicle.quaternion,
-            offset=pursuit.offset,
+            cross_track=pursuit.offset,
             heading_error=pursuit.heading_error,
             tilt=math.acos(min(max(vehicle.rotation[2, 2], -1.0), 1.0)),
             progress=pursuit.progress,
             saturated=vehicle.saturated_steps,
-            wheel_rate=wheels.rate,
-            wheel_torque=wheels.torque,
-            wheel_slip=wheels.slip,
-            wheel_moves=wheels.moves,
+            **vehicle.wheel_states(),
             joint_angle=vehicle.joint_angles,
         )
-
-    def _touch(self, name: str, force: float, by_body: bool) -> None:
-        look, before = self.looks[-1], self.contacts.get(name)
+        self.looks.append(look)
         east, north = look.position[:2].tolist()
-        first = before or RockContact(
-            rock=name, time=look.time, position=(east, north), force=0.0, duration=0.0,
-            by_body=False,
-        )  # fmt: skip
-        self.contacts[name] = first.replace(
-            force=max(first.force, force),
-            duration=first.duration + self.tick,
-            by_body=first.by_body or by_body,
-        )
+        for name, (force, by_body) in vehicle.rock_forces().items():
+            first = self.contacts.get(name) or RockContact(
+                rock=name, time=look.time, position=(east, north), force=0.0, duration=0.0,
+                by_body=False,
+            )  # fmt: skip
+            self.contacts[name] = first.replace(
+                force=max(first.force, force),
+                duration=first.duration + self.tick,
+                by_body=first.by_body or by_body,
+            )
+        self.completed = pursuit.progress >= pursuit.path.length - ARRIVAL
+        self.reason = "arrived" if self.completed else self._trouble(pursuit)
 
     def _trouble(self, pursuit: PurePursuit) -> str:
         """Why the drive must end before its time; empty if it need not."""
@@ -121,20 +111,15 @@ class Watch:
             return f"tipped over {where}"
         if abs(pursuit.offset) > _OFF_PATH_FACTOR * self.spec.cross_track_m:
             return f"left the path by {abs(pursuit.offset):.3g} m {where}{self._causes()}"
-        if self._is_stuck(pursuit.path.speed):
-            return f"stuck {where}{self._causes()}"
+        window = round(_STUCK_TIME / self.tick)
+        if len(self.looks) > window:  # which must bring it on, as its speed would, or round
+            then, wanted = self.looks[-1 - window], pursuit.path.speed * _STUCK_TIME
+            turned = abs(now.heading_error - then.heading_error) > _STUCK_ANGLE
+            if now.progress - then.progress < _STUCK_PART * wanted and not turned:
+                return f"stuck {where}{self._causes()}"
         if now.time > self.spec.time_factor * duration + _STUCK_TIME:
             return f"out of time {where}"
         return ""
-
-    def _is_stuck(self, speed: float) -> bool:
-        """Whether ten seconds brought the rover neither on, as its speed would, nor round."""
-        window = round(_STUCK_TIME / self.tick)
-        if len(self.looks) <= window:
-            return False
-        then, now = self.looks[-1 - window], self.looks[-1]
-        turned = abs(now.heading_error - then.heading_error) > _STUCK_ANGLE
-        return now.progress - then.progress < _STUCK_PART * speed * _STUCK_TIME and not turned
 
     def _causes(self) -> str:
         """What held the rover in the last ten seconds, as far as it can be told."""
@@ -147,10 +132,9 @@ class Watch:
         slip = np.median([look.wheel_slip.mean() for look in self.looks[-window:]])
         if slip > _STRAINED:
             reasons.append(f"wheels slip by {slip:.0%}")
-        held = [c.rock for c in self.contacts.values() if c.time + c.duration > begin.time]
-        recent = [name for name in held if self.contacts[name].by_body]
-        if recent:
-            reasons.append(f"its body against {', '.join(recent[:3])}")
+        touched = [c for c in self.contacts.values() if c.time + c.duration > begin.time]
+        if held := [contact.rock for contact in touched if contact.by_body]:
+            reasons.append(f"its body against {', '.join(held[:3])}")
         return f": {', '.join(reasons)}" if reasons else ""
 
     def result(self, vehicle: Vehicle, pursuit: PurePursuit, *, skid_gain: float) -> DriveResult:
@@ -158,24 +142,18 @@ class Watch:
         every = max(round(1.0 / LOG_RATE / self.tick), 1)
         count = len(self.looks)
         kept = [self.looks[n] for n in np.unique(np.r_[np.arange(0, count, every), count - 1])]
-        path = pursuit.path
-        position = np.array([look.position for look in kept])
-        columns = ("wheel_rate", "wheel_torque", "wheel_slip", "wheel_moves", "joint_angle")
+        path, columns = pursuit.path, vars(kept[0]).keys() - {"progress", "saturated"}
+        poses = {name: np.array([getattr(look, name) for look in kept]) for name in columns}
         return DriveResult(
+            **poses,
             path=self.trajectory.name,
             completed=self.completed,
             reason=self.reason,
             planned_time=float(self.trajectory.time[-1] - self.trajectory.time[0]),
             planned_distance=path.length,
             progress=min(pursuit.progress, path.length),
-            distance=float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum()),
-            time=np.array([look.time for look in kept]),
-            position=position,
-            quaternion=np.array([look.quaternion for look in kept]),
-            cross_track=np.array([look.offset for look in kept]),
-            heading_error=np.array([look.heading_error for look in kept]),
-            tilt=np.array([look.tilt for look in kept]),
-            largest_cross_track=max(abs(look.offset) for look in self.looks),
+            distance=float(np.linalg.norm(np.diff(poses["position"], axis=0), axis=1).sum()),
+            largest_cross_track=max(abs(look.cross_track) for look in self.looks),
             largest_tilt=max(look.tilt for look in self.looks),
             wheels=tuple(wheel.link for wheel in vehicle.rover.wheels),
             joints=vehicle.joints,
@@ -184,5 +162,4 @@ class Watch:
             skid_gain=skid_gain,
             energy=vehicle.audit.balance(),
             rock_contacts=tuple(self.contacts.values()),
-            **{name: np.array([getattr(look, name) for look in kept]) for name in columns},
         )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, SimulationError, load_model, quaternion_from_rpy
+from terrain_forge.base import SimulationError, load_model, quaternion_from_rpy
 from terrain_forge.driving.controller import (
     PurePursuit,
     SkidGain,
@@ -18,14 +18,11 @@ from terrain_forge.driving.controller import (
     wheel_rates,
     wheels_turn_rate,
 )
-from terrain_forge.driving.drive_log import ARRIVAL, Watch
+from terrain_forge.driving.drive_log import Watch
 from terrain_forge.driving.planar_path import PlanarPath
 from terrain_forge.driving.result import DriveResult
 from terrain_forge.model import Rover, Trajectory
 from terrain_forge.recipe import DriveSpec
-
-__all__ = ["ARRIVAL", "CONTROL_RATE", "DriveResult", "drive", "load_scene"]
-
 
 CONTROL_RATE = 50.0
 """Commands, and looks at the state, per second [Hz]; as near as whole time steps come."""
@@ -74,7 +71,9 @@ def drive(
     watch = Watch(trajectory=trajectory, spec=spec, tick=steps * model.opt.timestep)
     rates = np.zeros(len(rover.wheels))
     while not watch.reason:
-        speed, turn_rate = pursuit.command(vehicle.position[:2], _yaw(vehicle.rotation))
+        turn = vehicle.rotation
+        yaw = math.atan2(turn[1, 0], turn[0, 0])
+        speed, turn_rate = pursuit.command(vehicle.position[:2], yaw)
         watch.look(vehicle, pursuit)
         if progress and len(watch.looks) % 250 == 0:
             progress(pursuit.progress / pursuit.path.length)
@@ -84,7 +83,3 @@ def drive(
         turned = wheels_turn_rate(rover, vehicle.wheel_rates)
         skid.note(wheels=turned, rover=vehicle.turn_rate, time=watch.tick)
     return watch.result(vehicle, pursuit, skid_gain=skid.value)
-
-
-def _yaw(rotation: Array) -> float:
-    return math.atan2(rotation[1, 0], rotation[0, 0])

@@ -3,7 +3,10 @@
 from .curves import Curve as Curve
 from .curves import trace_polyline as trace_polyline
 from .curves import trace_spline as trace_spline
+from .files import columns as columns
+from .files import pose_columns as pose_columns
 from .files import write_trajectories as write_trajectories
+from .files import write_tum as write_tum
 from .interpolation import ANGLE_LIMIT as ANGLE_LIMIT
 from .interpolation import POSITION_LIMIT as POSITION_LIMIT
 from .interpolation import Deviation as Deviation

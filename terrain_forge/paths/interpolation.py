@@ -86,24 +86,22 @@ def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array
     """
     steps = 1
     times = np.asarray(trajectory.time)
-    while steps < _MOST_STEPS and not _enough(trajectory, times, places_between):
+    while steps < _MOST_STEPS:
+        poses = trajectory.at(times)
+        found = deviation(
+            trajectory,
+            times=times,
+            position=poses.position,
+            quaternion=poses.quaternion,
+            places_between=places_between,
+        )
+        if found.within(_MARGIN):
+            break
         steps *= 2
         parts = np.arange(steps) / steps
         between = trajectory.time[:-1, None] + np.diff(trajectory.time)[:, None] * parts
         times = np.append(between.reshape(-1), trajectory.time[-1])
     return times
-
-
-def _enough(trajectory: Trajectory, times: Array, places_between: Interpolation) -> bool:
-    poses = trajectory.at(times)
-    found = deviation(
-        trajectory,
-        times=times,
-        position=poses.position,
-        quaternion=poses.quaternion,
-        places_between=places_between,
-    )
-    return found.within(_MARGIN)
 
 
 def straight_places(times: Array, position: Array, asked: Array) -> Array:
@@ -141,12 +139,8 @@ def turns_between(times: Array, quaternion: Array, asked: Array) -> Array:
     """Quaternions between samples, turning at constant rate the short way, shape [asked, 4]."""
     first, part = _steps(times, asked)
     begin, end = quaternion[first], quaternion[first + 1]
-    cosine = np.sum(begin * end, axis=1)
-    end = np.where(cosine[:, None] < 0.0, -end, end)
-    angle = (
-        portable.arctan2(np.linalg.norm(begin - end, axis=1), np.linalg.norm(begin + end, axis=1))
-        * 2
-    )
+    end = np.where(np.sum(begin * end, axis=1)[:, None] < 0.0, -end, end)
+    angle = 0.5 * angles_between(begin, end)
     still = angle < 1e-9
     sine = np.sin(np.where(still, 1.0, angle))
     one = np.where(still, 1.0 - part, np.sin((1.0 - part) * angle) / sine)

@@ -64,13 +64,15 @@ class Obstacles(Record):
     def __len__(self) -> int:
         return len(self.id)
 
+    def describe(self, number: int) -> str:
+        """A rock, its place and its height in words."""
+        (x, y), height = self.centre[number], self.height[number]
+        return f"rock {self.id[number]} at ({x:.2f}, {y:.2f}) m, {height:.2f} m high"
+
     def distances(self, point: Array) -> Array:
         """Distance of a point, shape [2], to each outline [m], negative within it."""
-        offset = np.asarray(point, np.float64) - self.centre
-        result: Array = np.max(
-            portable.product(offset, UNITS) - self.support, axis=1, initial=-np.inf
-        )
-        return result
+        reach = portable.product(np.asarray(point, np.float64) - self.centre, UNITS)
+        return np.asarray(np.max(reach - self.support, axis=1, initial=-np.inf))
 
     def gaps(self, number: int, position: Array, heading: Array, rover: Rover) -> Array:
         """Gap between one outline and the rover's own rectangle at poses [m], shape [poses].
@@ -88,10 +90,8 @@ class Obstacles(Record):
         turned = np.subtract.outer(heading, _ANGLES)
         along, across = np.abs(np.cos(turned)), np.abs(np.sin(turned))
         reach = 0.5 * (rover.length * along + rover.width * across)
-        result: Array = np.max(
-            portable.product(offset, UNITS) - reach - self.support[number], axis=1
-        )
-        return result
+        gaps = portable.product(offset, UNITS) - reach - self.support[number]
+        return np.asarray(np.max(gaps, axis=1))
 
     def beside(
         self, position: Array, heading: Array, rover: Rover, farthest: float

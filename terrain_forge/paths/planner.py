@@ -116,11 +116,9 @@ def blocked_by(field: Traversability, place: Place, needed: float) -> str:
     away = np.minimum(*(field.obstacles.distances(point) for point in (np.array(place), node)))
     if len(away) and away.min() < needed:
         n = int(np.argmin(away))
-        x, y = field.obstacles.centre[n]
         gap = f"{away[n]:.2f} m from" if away[n] > 0.0 else "inside"
         return (
-            f"{gap} rock {field.obstacles.id[n]} at ({x:.2f}, {y:.2f}) m, "
-            f"{field.obstacles.height[n]:.2f} m high; the rover needs {needed:.2f} m beside rocks "
+            f"{gap} {field.obstacles.describe(n)}; the rover needs {needed:.2f} m beside rocks "
             f"above {field.highest_step:.2f} m"
         )
     if field.clearance[row, column] < needed:
@@ -163,16 +161,13 @@ def _grid_path(
     stride = max(math.ceil(max(weight.shape) / MOST_NODES), 1)
     while True:
         coarse = _coarsened(weight, stride)
-        start, goal = (_coarse_node(field.node(place), coarse.shape, stride) for place in ends)
+        last = np.array(coarse.shape) - 1
+        nodes = np.rint(np.array([field.node(place) for place in ends]) / stride).astype(int)
+        (start, goal) = map(tuple, np.minimum(nodes, last).tolist())
         path = cheapest_path(coarse, start=start, goal=goal)
         if len(path.nodes) or stride == 1:
             return path, stride
         stride = max(stride // 2, 1)
-
-
-def _coarse_node(node: tuple[int, int], shape: tuple[int, ...], stride: int) -> tuple[int, int]:
-    row, column = (min(round(n / stride), size - 1) for n, size in zip(node, shape, strict=True))
-    return row, column
 
 
 def _coarsened(weight: Weight, stride: int) -> Weight:
@@ -205,23 +200,18 @@ def _curve(
     if len(line) == 2:
         line = np.stack([line[0], line.mean(axis=0), line[1]])
         fixed = np.array([False, False, True])
+    stays = np.append(0, np.flatnonzero(fixed))
     for every in KNOTS:
-        curve = trace_spline(line[_knots(fixed, every)], closed=False, key=key)
+        # Every so manieth point, those that stay, and none close to these.
+        chosen = np.arange(len(line)) % every == 0
+        for n in stays.tolist():
+            chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
+        chosen[stays] = True
+        curve = trace_spline(line[chosen], closed=False, key=key)
         touched = first_touch(curve, field.obstacles, rover)
         if not touched:
             break
     return curve, touched
-
-
-def _knots(fixed: NDArray[np.bool_], every: int) -> NDArray[np.intp]:
-    """Every so manieth point, those that are fixed, and none close to these."""
-    chosen = np.zeros(len(fixed), np.bool_)
-    chosen[::every] = True
-    stays = np.append(0, np.flatnonzero(fixed))
-    for n in stays.tolist():
-        chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
-    chosen[stays] = True
-    return np.flatnonzero(chosen)
 
 
 def first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
@@ -230,7 +220,5 @@ def first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
     for n, poses, gaps in obstacles.beside(curve.position, curve.heading, rover, 0.0):
         at = int(poses[np.argmax(gaps < 0.0)])
         if gaps.min() < 0.0 and at < first:
-            (x, y), high = obstacles.centre[n], obstacles.height[n]
-            first = at
-            found = f"rock {obstacles.id[n]} at ({x:.2f}, {y:.2f}) m, {high:.2f} m high"
+            first, found = at, obstacles.describe(n)
     return found

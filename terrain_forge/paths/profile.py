@@ -37,22 +37,17 @@ def stretches(route: Route) -> tuple[Stretch, ...]:
     found: list[Stretch] = []
     point, clock = 0, 0.0
     for first, last in [*route.turns.tolist(), (len(route.position) - 1, -1)]:
-        if first > point:
-            length = float(route.distance[first] - route.distance[point])
-            duration = _driving_time(length, route.speed, route.acceleration)
-            found.append(
-                Stretch(first=point, last=first, begin=clock, duration=duration, turning=False)
-            )
-            clock += duration
-        if last > first:
-            angle = abs(float(route.heading[last] - route.heading[first]))
-            # A turn of this time that begins and ends smoothly reaches the turn rate half-way.
-            duration = 1.5 * angle / route.turn_rate
-            found.append(
-                Stretch(first=first, last=last, begin=clock, duration=duration, turning=True)
-            )
-            clock += duration
-            point = last
+        length = float(route.distance[first] - route.distance[point])
+        driving = _driving_time(length, route.speed, route.acceleration)
+        # A turn of this time that begins and ends smoothly reaches the turn rate half-way.
+        turning = 1.5 * abs(float(route.heading[last] - route.heading[first])) / route.turn_rate
+        drive, turn = (point, first, driving, False), (first, last, turning, True)
+        for a, b, takes, turns in (drive, turn):
+            if b > a:
+                part = Stretch(first=a, last=b, begin=clock, duration=takes, turning=turns)
+                found.append(part)
+                clock = part.end
+        point = last
     return tuple(found)
 
 
@@ -78,7 +73,10 @@ def pose_at(route: Route, time: Array) -> tuple[Array, Array]:
         since = time[asked] - part.begin
         points = slice(part.first, part.last + 1)
         if part.turning:
-            at, along = _turned(since / part.duration), _shares(route.heading[points])
+            share = np.clip(since / part.duration, 0.0, 1.0)
+            at = share * share * (3.0 - 2.0 * share)  # smooth at both ends
+            heading = route.heading[points]
+            along = (heading - heading[0]) / (heading[-1] - heading[0])
         else:
             length = float(route.distance[part.last] - route.distance[part.first])
             at = _driven(since, length, route.speed, route.acceleration)
@@ -115,16 +113,4 @@ def _driven(time: Array, length: float, speed: float, acceleration: float) -> Ar
     even = np.clip(time - ramp, 0.0, whole - 2.0 * ramp)
     braking = 0.5 * acceleration * (ramp**2 - rest**2)
     result: Array = 0.5 * acceleration * begun**2 + top * even + braking
-    return result
-
-
-def _turned(share: Array) -> Array:
-    """Share of the angle after a share of the time: smooth at both ends."""
-    share = np.clip(share, 0.0, 1.0)
-    result: Array = share * share * (3.0 - 2.0 * share)
-    return result
-
-
-def _shares(heading: Array) -> Array:
-    result: Array = (heading - heading[0]) / (heading[-1] - heading[0])
     return result

@@ -98,11 +98,10 @@ def require_free_start(
     position, heading = trajectory.position[:1, :2], trajectory.rpy[:1, 2]
     for number, _, gaps in obstacles.beside(position, heading, rover, 0.0):
         if gaps[0] < 0.0:
-            (x, y), (east, north) = position[0], obstacles.centre[number]
+            x, y = position[0]
             raise RecipeError(
-                f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within rock "
-                f"{obstacles.id[number]} at ({east:.2f}, {north:.2f}) m, "
-                f"{obstacles.height[number]:.2f} m high; rocks.exclusion_zones keeps a circle free",
+                f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within "
+                f"{obstacles.describe(number)}; rocks.exclusion_zones keeps a circle free",
                 key=(*key, "route"),
             )
 
@@ -115,5 +114,5 @@ def _steps(position: Array, heading: Array, ground: Heightfield, rover: Rover) -
     north = position[:, 1:] + np.outer(sin, x) + np.outer(cos, y)
     column = np.rint((east - ground.origin[0]) / ground.spacing).astype(np.int64)
     row = np.rint((north - ground.origin[1]) / ground.spacing).astype(np.int64)
-    largest: Array = steps_at(ground.elevation, row, column, wheel_reach(rover, ground.spacing))
-    return largest
+    reach = wheel_reach(rover, ground.spacing)
+    return np.asarray(steps_at(ground.elevation, row, column, reach))

@@ -6,7 +6,7 @@ import numpy as np
 
 from terrain_forge.base import Array, portable, rpy_from_matrix, stage_key, uniforms
 from terrain_forge.model import Heightfield, Route, Rover, Trajectory
-from terrain_forge.paths.profile import Stretch, attitude_at, duration, pose_at, stretches
+from terrain_forge.paths.profile import attitude_at, duration, pose_at, stretches
 from terrain_forge.paths.spec import PathSpec
 
 _FOOTPRINT = 5
@@ -33,7 +33,8 @@ def make_trajectory(
     if attitude is not None:
         height, rpy[:, :2] = attitude[:, 0], attitude[:, 1:]
     rpy += _shake(spec, steps, seed)
-    turns = [(part.begin, part.end) for part in _spot_turns(route)]
+    parts = stretches(route) if route.time is None else ()
+    turns = [(part.begin, part.end) for part in parts if part.turning]
     return Trajectory(
         name=route.name,
         time=time,
@@ -42,12 +43,6 @@ def make_trajectory(
         closed=route.closed,
         spot_turns=np.reshape(turns, (-1, 2)) / clock,
     )
-
-
-def _spot_turns(route: Route) -> list[Stretch]:
-    if route.time is not None:
-        return []
-    return [part for part in stretches(route) if part.turning]
 
 
 def stand(
