@@ -40,15 +40,14 @@ class SkidGain:
     0.1 rad/s does. (The reverse fit, wheels over rover, would take the noise for skill.)
     """
 
-    def __init__(self, first: float = SKID_GAIN) -> None:
-        self._first = first
+    def __init__(self) -> None:
         self._product = self._square = 0.0
 
     @property
     def value(self) -> float:
         """Turn rate of the wheels over that of the rover."""
         weight = _PRIOR_RATE**2
-        part = (self._product + weight / self._first) / (self._square + weight)
+        part = (self._product + weight / SKID_GAIN) / (self._square + weight)
         return 1.0 / min(max(part, 1.0 / _HIGHEST_GAIN), 1.0 / _LOWEST_GAIN)
 
     def note(self, *, wheels: float, rover: float, time: float) -> None:
@@ -118,15 +117,10 @@ def lookahead_of(rover: Rover) -> float:
 
 
 def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = SKID_GAIN) -> Array:
-    """Rates of the rover's wheels [rad/s] for a speed and a turn rate, shape [wheels].
+    """Rates of the rover's wheels for a speed [m/s] and a turn rate [rad/s], shape [wheels].
 
-    Slowed together where the fastest would exceed the rover's speed limit.
-
-    Args:
-        rover: the rover.
-        speed: wanted speed [m/s].
-        turn_rate: wanted turn rate, left positive [rad/s].
-        gain: turn rate of the wheels over that of the rover, which skids.
+    Slowed together where the fastest would exceed the rover's speed limit. The gain is the turn
+    rate of the wheels over that of the rover, which skids.
     """
     sides = np.array([wheel.centre[1] for wheel in rover.wheels])
     radii = np.array([wheel.radius for wheel in rover.wheels])

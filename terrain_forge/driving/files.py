@@ -157,14 +157,7 @@ def write_starts_figure(world: World, result: StartsResult, path: Path) -> Path:
 
 
 def _draw_ground(axes: Axes, world: World, *, touched: Collection[str], around: Array) -> None:
-    """Draw the shaded ground and the rocks that a map of this size can show.
-
-    Args:
-        axes: where to draw.
-        world: the world.
-        touched: names of rocks that are shown in the colour of hits.
-        around: points that the map shows, with a margin [m], shape [points, 2].
-    """
+    """Draw the shaded ground around points [m] and the rocks that a map of this size can show."""
     ground = world.ground
     step = -(-max(ground.shape) // _MAP_NODES)
     heights = ground.elevation[::step, ::step].astype(np.float64)

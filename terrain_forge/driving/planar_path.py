@@ -51,14 +51,13 @@ class PlanarPath(Record):
         turning = np.diff(trajectory.spot_turns, axis=1).sum()
         duration = float(trajectory.time[-1] - trajectory.time[0] - turning)
         turned = np.interp(trajectory.spot_turns[:, 0], trajectory.time, along)
-        corners = np.union1d(turned, _sharp_bends(points[moved], along[moved]))
+        points, along = points[moved], along[moved]
+        heading = portable.arctan2(*np.diff(points, axis=0).T[::-1])
+        bends = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi) > CORNER
+        corners = np.union1d(turned, along[1:-1][bends])
         inner = (corners > 1e-6) & (corners < along[-1] - 1e-6)
-        return PlanarPath(
-            position=points[moved],
-            distance=along[moved],
-            speed=float(along[-1]) / duration,
-            corners=corners[inner],
-        )
+        speed = float(along[-1]) / duration
+        return PlanarPath(position=points, distance=along, speed=speed, corners=corners[inner])
 
     @property
     def length(self) -> float:
@@ -123,10 +122,3 @@ class PlanarPath(Record):
 def wrap(angle: float) -> float:
     """The angle in (-π, π] [rad]."""
     return math.pi - (math.pi - angle) % (2 * math.pi)
-
-
-def _sharp_bends(points: Array, along: Array) -> Array:
-    """Lengths along a polyline at which it bends sharply [m], shape [bends]."""
-    heading = portable.arctan2(*np.diff(points, axis=0).T[::-1])
-    turns = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
-    return np.asarray(along[1:-1][turns > CORNER])

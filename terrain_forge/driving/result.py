@@ -151,14 +151,10 @@ class DriveResult(Record):
 
 
 def longitudinal_slip(rim: Array, speed: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Slip of wheels and whether they move fast enough to have one.
+    """Slip of wheels and whether they move fast enough to have one, from rims and centres [m/s].
 
     (ωr - v) over the larger of |ωr| and |v|, positive where the rim is faster than the ground
     (Ishigami et al. 2007, doi:10.1002/rob.20187).
-
-    Args:
-        rim: ωr, positive forwards [m/s], shape [...].
-        speed: speed v of the wheels' centres along their rolling direction [m/s], same shape.
     """
     faster = np.maximum(np.abs(rim), np.abs(speed))
     moves = faster >= MOVING

@@ -35,12 +35,7 @@ class EnergyAudit:
     """
 
     def __init__(self, *, reference: float, energy: float) -> None:
-        """Begin.
-
-        Args:
-            reference: energy that lifts the rover by a wheel's radius on Earth [J].
-            energy: mechanical energy at the start [J].
-        """
+        """Begin with the energy that lifts the rover by a wheel's radius on Earth, and its own."""
         self.limit = TOLERANCE * reference
         """Largest rise that passes [J]."""
         self._start = self._energy = energy
@@ -113,7 +108,11 @@ class Vehicle:
             )
         self._stiffness = model.actuator_gainprm[self._motors, 0]
         self._damping = -model.actuator_biasprm[self._motors, 2]
-        self._rocks = rock_names(model)
+        names = [model.geom(n).name for n in range(model.ngeom)]
+        # The rock that each geom is part of, `rock_<id>`; empty for other geoms.
+        self._rocks = [
+            "_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names
+        ]
         self._is_rock = np.array([bool(name) for name in self._rocks])
         self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
         self._is_wheel = np.isin(model.geom_bodyid, self._wheel_bodies)
@@ -132,10 +131,6 @@ class Vehicle:
 
     def set_down(self, position: Array, quaternion: Array) -> None:
         """Put base_link at a pose, raise it until it is free, let it settle with wheels locked.
-
-        Args:
-            position: origin of base_link [m], shape [3].
-            quaternion: its rotation (w, x, y, z), shape [4].
 
         Raises:
             SimulationError: if it is not free within 0.3 m above, or does not stay there.
@@ -305,9 +300,3 @@ def _cross(one: Array, other: Array) -> Array:
 
 def _place(position: Array) -> str:
     return "({:.2f}, {:.2f}, {:.2f}) m".format(*position)
-
-
-def rock_names(model: Any) -> list[str]:
-    """The rock that each geom is part of, `rock_<id>`; empty for other geoms."""
-    names = [model.geom(n).name for n in range(model.ngeom)]
-    return ["_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names]

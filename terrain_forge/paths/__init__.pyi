@@ -23,7 +23,6 @@ from .plan import overhang as overhang
 from .plan import plan_route as plan_route
 from .plan import require_inside as require_inside
 from .planner import plan_path as plan_path
-from .profile import duration as duration
 from .recorded import read_recorded as read_recorded
 from .routes import make_trajectories as make_trajectories
 from .routes import plan_routes as plan_routes
@@ -44,6 +43,7 @@ from .surroundings import FARTHEST as FARTHEST
 from .surroundings import Surroundings as Surroundings
 from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
+from .trajectory import duration as duration
 from .trajectory import make_trajectory as make_trajectory
 from .traversability_field import IMPASSABLE as IMPASSABLE
 from .traversability_field import UNKNOWN as UNKNOWN

@@ -72,13 +72,9 @@ def trace(
     *,
     samples: int,
 ) -> Curve:
-    """A parametric curve as dense points.
+    """A parametric curve and its derivative as dense points, between the parameter's two ends.
 
-    Args:
-        curve: Points [m], shape [n, 2], of parameters, shape [n].
-        tangent: Derivative of `curve` by the parameter.
-        ends: First and last parameter.
-        samples: Number of parameters from which the length is first measured.
+    Its length is first measured from so many samples.
     """
     fine = np.linspace(*ends, samples + 1)
     rough = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])

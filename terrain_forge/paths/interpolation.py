@@ -75,8 +75,7 @@ def deviation(
 
 def times_between(times: Array) -> Array:
     """Some times within each step between samples [s]."""
-    between: Array = (times[:-1, None] + np.diff(times)[:, None] * _FRACTIONS).reshape(-1)
-    return between
+    return np.asarray(times[:-1, None] + np.diff(times)[:, None] * _FRACTIONS).reshape(-1)
 
 
 def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array:
@@ -131,8 +130,7 @@ def spline_places(times: Array, position: Array, asked: Array) -> Array:
     rest = 1.0 - part
     begin = rest**2 * ((1.0 + 2.0 * part) * position[first] + part * tangents[first])
     end = part**2 * ((1.0 + 2.0 * rest) * position[first + 1] - rest * tangents[first + 1])
-    result: Array = begin + end
-    return result
+    return np.asarray(begin + end)
 
 
 def turns_between(times: Array, quaternion: Array, asked: Array) -> Array:
@@ -145,16 +143,14 @@ def turns_between(times: Array, quaternion: Array, asked: Array) -> Array:
     sine = np.sin(np.where(still, 1.0, angle))
     one = np.where(still, 1.0 - part, np.sin((1.0 - part) * angle) / sine)
     other = np.where(still, part, np.sin(part * angle) / sine)
-    result: Array = one[:, None] * begin + other[:, None] * end
-    return result
+    return np.asarray(one[:, None] * begin + other[:, None] * end)
 
 
 def angles_between(one: Array, other: Array) -> Array:
     """Angles of the turns between quaternions, shape [n, 4] each [rad]."""
     near = np.where(np.sum(one * other, axis=1)[:, None] < 0.0, -other, other)
-    half = portable.arctan2(np.linalg.norm(one - near, axis=1), np.linalg.norm(one + near, axis=1))
-    result: Array = 4.0 * half
-    return result
+    apart, along = (np.linalg.norm(v, axis=1) for v in (one - near, one + near))
+    return np.asarray(4.0 * portable.arctan2(apart, along))
 
 
 def _steps(times: Array, asked: Array) -> tuple[NDArray[np.intp], Array]:

@@ -34,15 +34,11 @@ class GridPath(NamedTuple):
 def cheapest_path(
     weight: NDArray[np.float32], *, start: tuple[int, int], goal: tuple[int, int]
 ) -> GridPath:
-    """The cheapest path between two nodes of a grid in 16 directions.
+    """The cheapest path between two nodes, each a row and a column of a grid, in 16 directions.
 
     A step costs its length times the mean weight of the nodes that it joins and, for a knight's
-    step, of the two between them. No step leads over or diagonally past a node of infinite weight.
-
-    Args:
-        weight: At least 1, infinite where there is no passing, shape [rows, columns].
-        start: Row and column.
-        goal: Row and column.
+    step, of the two between them. No step leads over or diagonally past a node of infinite weight;
+    other weights are at least 1.
     """
     columns = weight.shape[1]
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]

@@ -75,16 +75,11 @@ class Obstacles(Record):
         return np.asarray(np.max(reach - self.support, axis=1, initial=-np.inf))
 
     def gaps(self, number: int, position: Array, heading: Array, rover: Rover) -> Array:
-        """Gap between one outline and the rover's own rectangle at poses [m], shape [poses].
+        """Gaps between one outline and the rover's own rectangle at poses [m], shape [poses].
 
-        By separating axes in the outline's directions: negative where they overlap, too small by
-        at most 3 % of the rover's half diagonal near its corners.
-
-        Args:
-            number: which obstacle.
-            position: east and north of base_link [m], shape [poses, 2].
-            heading: counter-clockwise from east [rad], shape [poses].
-            rover: gives length and width over its wheels.
+        Positions are those of base_link [m], shape [poses, 2]. By separating axes in the outline's
+        directions: negative where they overlap, too small by at most 3 % of the rover's half
+        diagonal near its corners.
         """
         offset = position - self.centre[number]
         turned = np.subtract.outer(heading, _ANGLES)
@@ -98,11 +93,7 @@ class Obstacles(Record):
     ) -> Iterator[tuple[int, NDArray[np.intp], Array]]:
         """Obstacles near a track: which, the poses near it, and the rover's gaps to it there [m].
 
-        Args:
-            position: east and north of base_link [m], shape [poses, 2].
-            heading: counter-clockwise from east [rad], shape [poses].
-            rover: who drives.
-            farthest: gap up to which poses are near [m].
+        Positions of base_link [m], shape [poses, 2], are near up to a gap of `farthest` [m].
         """
         from scipy.spatial import cKDTree
 

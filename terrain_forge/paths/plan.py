@@ -60,14 +60,9 @@ def as_route(
     corridor: tuple[float, float] = (0.0, 0.0),
     key: Key = ("paths",),
 ) -> Route:
-    """A curve as the route of a path.
+    """A curve as the route of a path, with the recorded times of its points [s], if there are any.
 
-    Args:
-        curve: where it goes.
-        spec: the path as the recipe has it.
-        time: recorded times of the curve's points [s].
-        corridor: width [m], 0 for none, and clearance [m] of its strip without rocks.
-        key: where the route stands in the recipe.
+    The corridor is the width [m], 0 for none, and the clearance [m] of its strip without rocks.
 
     Raises:
         DataError: if a recorded path does not move at all.

@@ -56,9 +56,7 @@ def plan_path(
             for the rover where it turns.
     """
     key = (*key, "route")
-    stops = [("start_m", route.start_m), *(("via_m", place) for place in route.via_m)]
-    stops.append(("goal_m", route.goal_m))
-    needed = field.half_width + route.margin_m
+    needed, stops = field.half_width + route.margin_m, route.stops
     turning = max(needed, half_diagonal(rover))
     for name, place in stops:
         reason = blocked_by(field, place, needed if name == "via_m" else turning)
@@ -79,7 +77,7 @@ def plan_path(
 
 
 def _line(
-    field: Traversability, stops: list[Stop], needed: float, key: Key
+    field: Traversability, stops: tuple[Stop, ...], needed: float, key: Key
 ) -> tuple[Array, NDArray[np.bool_]]:
     """A line through all stops, east and north [m], and which of its points are stops."""
     weight = node_weights(field, needed)
@@ -94,12 +92,7 @@ def _line(
 
 
 def node_weights(field: Traversability, needed: float) -> Weight:
-    """Cost of a metre at each node, from 1; infinite where the rover's centre must not be.
-
-    Args:
-        field: What ground and rocks mean to the rover.
-        needed: Least clearance [m].
-    """
+    """Cost of a metre at each node, from 1; infinite where less clearance is than needed [m]."""
     passable = (field.cost >= 0.0) & (field.cost < IMPASSABLE) & (field.clearance >= needed)
     weight = np.where(passable, 1.0 + DISLIKE * field.cost**2, np.inf)
     return weight.astype(np.float32)

@@ -85,7 +85,7 @@ def follow(spec: Recorded, poses: RecordedPoses, *, key: Key) -> tuple[Curve, Ar
 
     Raises:
         DataError: if the recorded timing or attitude is wanted and there is none, or nothing moves.
-        RecipeError: if the curve turns back on itself, or a attitude is wanted without its times.
+        RecipeError: if the curve turns back on itself, or an attitude is wanted without its times.
     """
     stands = spec.attitude == "recorded"
     if stands and spec.timing != "recorded":

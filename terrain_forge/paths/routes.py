@@ -18,11 +18,10 @@ from terrain_forge.model import (
 )
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.planner import plan_path
-from terrain_forge.paths.profile import duration
 from terrain_forge.paths.recorded import read_recorded
 from terrain_forge.paths.spec import Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
-from terrain_forge.paths.trajectory import make_trajectory
+from terrain_forge.paths.trajectory import duration, make_trajectory
 from terrain_forge.paths.traversability_field import traversability
 from terrain_forge.rovers import require_ground
 

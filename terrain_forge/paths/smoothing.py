@@ -22,13 +22,7 @@ _DEARER = 3.0
 def straighten(weight: Weight, nodes: NDArray[np.int64], *, step: float) -> Array:
     """A line of straight legs from the first to the last of some nodes, where they cost no more.
 
-    Args:
-        weight: As for `cheapest_path`, shape [rows, columns].
-        nodes: Rows and columns of a path over them, shape [nodes, 2].
-        step: Distance of the line's points [cells].
-
-    Returns:
-        Columns and rows, shape [points, 2].
+    Nodes are rows and columns, the line's points columns and rows, `step` apart [cells].
     """
     line = np.asarray(nodes[:, ::-1], np.float64)
     corners = line[_shortcuts(weight, line)]
@@ -41,13 +35,7 @@ def straighten(weight: Weight, nodes: NDArray[np.int64], *, step: float) -> Arra
 
 
 def bend(weight: Weight, line: Array, fixed: NDArray[np.bool_]) -> Array:
-    """The line without kinks, nowhere barred.
-
-    Args:
-        weight: As for `cheapest_path`, shape [rows, columns].
-        line: Columns and rows, shape [points, 2].
-        fixed: Which points stay where they are, as both ends do, shape [points].
-    """
+    """The line of columns and rows without kinks, nowhere barred; fixed points and ends stay."""
     smooth = np.array(line, np.float64)
     _bend(weight, smooth, fixed, _ROUNDS)
     return smooth

@@ -132,10 +132,11 @@ def wheel_reach(rover: Rover, spacing: float) -> int:
 def _clearance(
     ground: Heightfield, step: Grid, obstacles: Obstacles, limit: float, farthest: float
 ) -> Grid:
+    from scipy.ndimage import distance_transform_edt
+
     clearance, spacing = np.full(ground.shape, farthest, np.float32), ground.spacing
     if bool(np.any(step > limit)):
-        reach = math.ceil(farthest / spacing)
-        over_chunks(_nearest_step, len(step), step, limit, reach, spacing, clearance)
+        np.minimum(clearance, distance_transform_edt(step <= limit) * spacing, out=clearance)
     centre, support = _columns_and_rows(obstacles.centre, ground), obstacles.support / spacing
     _stamp_obstacles(clearance, centre, support, UNITS, farthest / spacing, spacing)
     return clearance
@@ -233,30 +234,6 @@ def steps_at(elevation, row, column, lag):  # type: ignore[no-untyped-def]
             if 2 * lag <= min(j, i, rows - 1 - j, columns - 1 - i):
                 largest[n] = max(largest[n], _step(elevation, j, i, lag))
     return largest
-
-
-@kernel
-def _nearest_step(first, last, step, limit, reach, spacing, clearance):  # type: ignore[no-untyped-def]
-    """Lower `clearance` [m] to the distance of the nearest node whose step exceeds the limit."""
-    rows, columns = step.shape
-    low, high = max(first - reach, 0), min(last + reach, rows)
-    beside = np.full((high - low, columns), reach + 1, np.int32)
-    for j in range(high - low):
-        away = reach + 1
-        for i in range(columns):
-            away = 0 if step[low + j, i] > limit else min(away + 1, reach + 1)
-            beside[j, i] = away
-        away = reach + 1
-        for i in range(columns - 1, -1, -1):
-            away = 0 if step[low + j, i] > limit else min(away + 1, reach + 1)
-            beside[j, i] = min(beside[j, i], away)
-    for j in range(first, last):
-        for i in range(columns):
-            best = (reach + 1) ** 2
-            for k in range(max(j - reach, 0), min(j + reach + 1, rows)):
-                across = beside[k - low, i]
-                best = min(best, across * across + (k - j) ** 2)
-            clearance[j, i] = min(clearance[j, i], np.sqrt(best) * spacing)
 
 
 @kernel

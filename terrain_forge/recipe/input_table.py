@@ -14,11 +14,7 @@ from terrain_forge.model import Table
 def read_table(file: str, folder: Path, mark: InputFile, *, key: Key) -> Table:
     """The numbers of a CSV file whose first line names the columns; lines after # are skipped.
 
-    Args:
-        file: path as the recipe writes it.
-        folder: what it is relative to.
-        mark: which columns it may have, and how many rows.
-        key: where in the recipe the file is named.
+    The mark tells which columns it may have, and how many rows.
 
     Raises:
         DataError: if it is no such table; says in which line.

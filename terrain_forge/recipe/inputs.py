@@ -189,30 +189,24 @@ class InputFiles:
     ) -> tuple[tuple[str, str], ...]:
         """`fingerprint` of every file, by its portable name.
 
-        A label's image counts as an input, and so do files that the rover's own file includes; they
-        are named by their place beside it.
-
-        Args:
-            patch: the samples that were read of the DTM.
-            rover_files: the rover's file, then those that were read for it.
+        A label's image counts as an input, and so do files that the rover's own file includes,
+        which come after it in `rover_files`; they are named by their place beside it.
         """
-        used = patch.heights.tobytes() if patch is not None else b""
+        heights = patch.heights.tobytes() if patch is not None else b""
         files, beside = [], []
         for one in self.found:
-            path, name = self.folder / one.path, self.names[one.path]
-            is_dtm = one.mark.kind == "dtm"
-            others = files_of_raster(path) if is_dtm else []
-            if one.mark.kind == "rover":
-                others = [*rover_files[1:]]
-            if one.mark.kind != "folder":
-                files.append((name, path, is_dtm))
-            for other in others:
+            path, name, kind = self.folder / one.path, self.names[one.path], one.mark.kind
+            others = files_of_raster(path) if kind == "dtm" else rover_files[1:]
+            used = heights if kind == "dtm" else b""
+            if kind != "folder":
+                files.append((name, path, used))
+            for other in others if kind in ("dtm", "rover") else ():
                 place = Path(name).parent / os.path.relpath(other, path.parent)
-                beside.append((os.path.normpath(place), other, is_dtm))
+                beside.append((os.path.normpath(place), other, used))
         hashes: dict[str, str] = {}
-        for name, path, is_dtm in (*files, *beside):
+        for name, path, used in (*files, *beside):
             if name not in hashes:
-                hashes[name] = fingerprint(path, used=used if is_dtm else b"")
+                hashes[name] = fingerprint(path, used=used)
         return tuple(hashes.items())
 
 
@@ -221,10 +215,6 @@ def fingerprint(path: Path, *, used: bytes = b"") -> str:
 
     The part is its size [bytes, decimal], 64 pieces of 1 MiB, evenly spread from its first byte to
     its last, and what was used of it: a DTM of 20 GB is as quickly told as one of 256 MB.
-
-    Args:
-        path: the file.
-        used: what was read of the file, as little-endian numbers.
     """
     size = path.stat().st_size
     if size <= WHOLE_BYTES:

@@ -8,9 +8,10 @@ from .consumer import read_probe as read_probe
 from .consumer import run as run
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
-from .names import is_ground as is_ground
-from .names import rock_of as rock_of
+from .inspection import read_json as read_json
 from .newton_reading import newton as newton
+from .outlines import ground_and_rocks as ground_and_rocks
+from .outlines import scene_parts as scene_parts
 from .outlines import split_merged as split_merged
 from .probe import read_answer as read_answer
 from .probe import resting_balls as resting_balls
@@ -18,11 +19,11 @@ from .reading import Body as Body
 from .reading import Reading as Reading
 from .reading import SolidsOfRocks as SolidsOfRocks
 from .reading import Track as Track
+from .reading import is_ground as is_ground
+from .reading import rock_of as rock_of
 from .sample import SETTLING as SETTLING
 from .sample import Sample as Sample
 from .sample import free_of_rocks as free_of_rocks
-from .scenes import ground_and_rocks as ground_and_rocks
-from .scenes import scene_parts as scene_parts
 from .surface_mesh import heights_on as heights_on
 from .surface_mesh import highest_on as highest_on
 from .surface_mesh import read_mesh as read_mesh

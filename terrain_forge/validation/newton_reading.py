@@ -25,37 +25,35 @@ def newton(file: str, *, rock_error: float = 0.0, gravity_kept: bool = True) -> 
         rock_error: How far the format's rocks may be off, besides what the options allow.
         gravity_kept: Whether Newton takes gravity from such a file.
     """
-
-    def read(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
-        reading = _read(sample, folder / file, scratch)
-        return replace(
-            reading,
-            gravity=reading.gravity if gravity_kept else None,
-            rock_error=rock_error + getattr(options, "outline_error", 0.0),
-        )
-
-    return Consumer(name="Newton", read=read)
-
-
-def _read(sample: Sample, world: Path, scratch: Path) -> Reading:
-    """A file as Newton's importer has it, with balls that come to rest in its solver."""
-    python = python_with("newton", VARIABLE)
-    with tempfile.TemporaryDirectory(dir=scratch) as temporary:
-        binary, answer = Path(temporary) / "meshes.bin", Path(temporary) / "answer.txt"
-        order = {
-            "world": str(world.absolute()),
-            "binary": str(binary),
-            "answer": str(answer),
-            "balls": sample.balls.start.tolist(),
-            "radius": sample.balls.radius,
-            "seconds": SETTLING,
-        }
-        command: list[str | Path] = [python, "-c", read_probe(__file__, "newton_probe.py")]
-        run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
-        reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
     reasons = {
         "path": "Newton imports no motion",
         "findings": "Newton has no validator",
         "gravity": "Newton takes none from MJCF",
     }
-    return replace(reading, tracks=None, seen=None, findings=None, reasons=reasons)
+
+    def read(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
+        python, world = python_with("newton", VARIABLE), folder / file
+        with tempfile.TemporaryDirectory(dir=scratch) as temporary:
+            binary, answer = Path(temporary) / "meshes.bin", Path(temporary) / "answer.txt"
+            order = {
+                "world": str(world.absolute()),
+                "binary": str(binary),
+                "answer": str(answer),
+                "balls": sample.balls.start.tolist(),
+                "radius": sample.balls.radius,
+                "seconds": SETTLING,
+            }
+            command: list[str | Path] = [python, "-c", read_probe(__file__, "newton_probe.py")]
+            run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
+            reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
+        return replace(
+            reading,
+            gravity=reading.gravity if gravity_kept else None,
+            rock_error=rock_error + getattr(options, "outline_error", 0.0),
+            tracks=None,
+            seen=None,
+            findings=None,
+            reasons=reasons,
+        )
+
+    return Consumer(name="Newton", read=read)

@@ -1,13 +1,16 @@
-"""How far rocks are off in an export: the furthest points of each, seen along nine directions."""
+"""The rocks of an export, told from its ground, and how far off they are along nine directions."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion
 from terrain_forge.model import Mesh
-from terrain_forge.validation.reading import MERGED, SolidsOfRocks
+from terrain_forge.validation.reading import MERGED, SolidsOfRocks, is_ground, rock_of
 from terrain_forge.validation.sample import Sample
 
 _TURNS = np.arange(8) * np.pi / 4
@@ -27,7 +30,8 @@ def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
     nearer; one that is merged with others is the nearest solid there. NaN along directions in
     which the ground hides the rock, infinite where there is no such rock.
     """
-    found = _supports(solids)
+    found = np.full((len(solids.rock), len(DIRECTIONS)), -np.inf)
+    np.maximum.at(found, solids.solid, solids.vertices @ DIRECTIONS.T)
     named = {rock: number for number, rock in enumerate(solids.rock) if rock != MERGED}
     merged = np.flatnonzero(np.array(solids.rock) == MERGED)
     centre = 0.5 * (found[:, [0, 2]] - found[:, [4, 6]])[merged]
@@ -41,13 +45,6 @@ def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
             candidates = merged[apart <= sample.reach[place]]
         errors[place] = _nearest(sample, row, found[candidates])
     return errors
-
-
-def _supports(solids: SolidsOfRocks) -> Array:
-    """How far each solid reaches along each direction [m], shape [solids, 9]."""
-    furthest = np.full((len(solids.rock), len(DIRECTIONS)), -np.inf)
-    np.maximum.at(furthest, solids.solid, solids.vertices @ DIRECTIONS.T)
-    return furthest
 
 
 def _nearest(sample: Sample, row: int, candidates: Array) -> Array:
@@ -83,6 +80,34 @@ def _forms(sample: Sample, row: int) -> list[tuple[Array, NDArray[np.bool_]]]:
         counts[-1] = True
         forms.append((along.max(axis=0), counts))
     return forms
+
+
+def scene_parts(scene: Any) -> Iterator[tuple[str, Array, Any]]:
+    """Name, matrix and mesh of every node of a trimesh scene that has one."""
+    for node in scene.graph.nodes_geometry:
+        matrix, geometry = scene.graph[node]
+        yield str(node), matrix, scene.geometry[geometry]
+
+
+def ground_and_rocks(
+    sample: Sample, parts: Iterable[tuple[str, Array, Any]]
+) -> tuple[list[Mesh], SolidsOfRocks]:
+    """Ground and rocks of placed meshes: name, upper rows of a homogeneous matrix, and mesh."""
+    ground: list[Mesh] = []
+    solids = SolidsOfRocks(sample.rocks)
+    for name, matrix, mesh in parts:
+        rock = rock_of(name)
+        if rock is not None and not solids.wants(rock):
+            continue
+        vertices = mesh.vertices @ matrix[:, :3].T + matrix[:, 3]
+        if rock is not None:
+            solids.add(rock, vertices)
+        elif is_ground(name):
+            ground.append(Mesh(vertices=vertices, faces=mesh.faces))
+        else:
+            merged = split_merged(sample, Mesh(vertices=vertices, faces=mesh.faces))
+            solids.add_merged(*merged)
+    return ground, solids
 
 
 def split_merged(sample: Sample, mesh: Mesh) -> tuple[Array, NDArray[np.int64]]:

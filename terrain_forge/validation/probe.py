@@ -10,6 +10,7 @@ and `seen`.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,15 +18,8 @@ import numpy as np
 
 from terrain_forge.base import Array
 from terrain_forge.model import Mesh
-from terrain_forge.validation.names import is_ground, rock_of
-from terrain_forge.validation.outlines import split_merged
-from terrain_forge.validation.reading import (
-    Body,
-    Reading,
-    SolidsOfRocks,
-    Track,
-    placed,
-)
+from terrain_forge.validation.outlines import ground_and_rocks
+from terrain_forge.validation.reading import Body, Reading, Track, rock_of
 from terrain_forge.validation.sample import Sample
 
 
@@ -37,24 +31,32 @@ def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
         text: What the probe printed.
         binary: The file of its meshes; it may be missing where there are none.
     """
-    lines = [line.split("\t") for line in text.splitlines()]
-    facts: dict[str, list[list[str]]] = {}
-    for word, *parts in lines:
-        facts.setdefault(word, []).append(parts)
-    meshes = list(_meshes(facts.get("mesh", []), binary))
-    ground, solids = _shapes(sample, facts.get("shape", []), meshes)
-    gravity = facts.get("gravity")
+    facts = defaultdict[str, list[list[str]]](list)
+    for line in text.splitlines():
+        word, *parts = line.split("\t")
+        facts[word].append(parts)
+    meshes = list(_meshes(facts["mesh"], binary))
+    shapes = {
+        kind: (
+            (f"{name}/{model}", np.array(matrix, np.float64).reshape(3, 4), meshes[int(mesh)])
+            for found, model, name, mesh, *matrix in facts["shape"]
+            if found == kind
+        )
+        for kind in ("touched", "seen")
+    }
+    ground, touched = ground_and_rocks(sample, shapes["touched"])
+    gravity = facts["gravity"]
     return Reading(
-        consumer=", ".join(parts[0] for parts in facts.get("consumer", [])),
+        consumer=", ".join(parts[0] for parts in facts["consumer"]),
         ground=tuple(ground),
-        quantum=max(map(_quantum, facts.get("heightmap", [])), default=0.0),
-        touched=solids["touched"],
-        seen=solids["seen"],
+        quantum=max((float(span) / float(most) for span, most in facts["heightmap"]), default=0.0),
+        touched=touched,
+        seen=ground_and_rocks(sample, shapes["seen"])[1],
         gravity=float(gravity[0][2]) if gravity else None,
-        bodies=_bodies(facts.get("body", [])),
-        tracks=tuple(_tracks(facts.get("waypoint", []))),
+        bodies=_bodies(facts["body"]),
+        tracks=tuple(_tracks(facts["waypoint"])),
         balls=resting_balls(text),
-        findings=tuple(parts[0] for parts in facts.get("finding", [])),
+        findings=tuple(parts[0] for parts in facts["finding"]),
     )
 
 
@@ -62,12 +64,6 @@ def resting_balls(text: str) -> Array | None:
     """Where a probe's balls rest [m]; None where it let none down."""
     heights = [line.split("\t")[1] for line in text.splitlines() if line.startswith("ball\t")]
     return np.array(heights, np.float64) if heights else None
-
-
-def _quantum(heightmap: list[str]) -> float:
-    """The step of a heightmap's heights [m]."""
-    span, largest = map(float, heightmap)
-    return span / largest
 
 
 def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
@@ -83,29 +79,6 @@ def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
             faces=content[middle:end].view("<i4").reshape(-1, 3),
         )
         at = end
-
-
-def _shapes(
-    sample: Sample, shapes: list[list[str]], meshes: list[Mesh]
-) -> tuple[list[Mesh], dict[str, SolidsOfRocks]]:
-    """The ground's meshes as they are touched, and the rocks'."""
-    ground = []
-    solids = {kind: SolidsOfRocks(sample.rocks) for kind in ("touched", "seen")}
-    for kind, model, name, mesh, *matrix in shapes:
-        rock = rock_of(name, model)
-        if rock is not None and not solids[kind].wants(rock):
-            continue
-        shape = meshes[int(mesh)]
-        vertices = placed(shape.vertices, np.array(matrix, np.float64).reshape(3, 4))
-        if is_ground(name):
-            if kind == "touched":
-                ground.append(Mesh(vertices=vertices, faces=shape.faces))
-        elif rock is not None:
-            solids[kind].add(rock, vertices)
-        else:
-            merged = split_merged(sample, Mesh(vertices=vertices, faces=shape.faces))
-            solids[kind].add_merged(*merged)
-    return ground, solids
 
 
 def _bodies(lines: list[list[str]]) -> dict[int, Body]:

@@ -11,12 +11,9 @@ import numpy as np
 
 from terrain_forge.base import Array, quaternion_from_rpy
 from terrain_forge.validation.consumer import Consumer
+from terrain_forge.validation.measures import ASPECTS
 from terrain_forge.validation.reading import Reading, Track
 from terrain_forge.validation.sample import Sample
-
-_ASPECTS = (
-    *("findings", "ground", "rock tops", "rock outlines", "masses", "gravity", "frames", "balls"),
-)
 
 
 def read_paths(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
@@ -28,7 +25,7 @@ def read_paths(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
     return Reading(
         consumer="CSV and TUM",
         tracks=(*_csv_tracks(folder), *_tum_tracks(folder)),
-        reasons=dict.fromkeys(_ASPECTS, "a path is poses alone"),
+        reasons=dict.fromkeys(set(ASPECTS) - {"path"}, "a path is poses alone"),
     )
 
 

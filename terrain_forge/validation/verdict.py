@@ -71,7 +71,9 @@ def validate(
         progress: Told the share of the drive that is done, 0 to 1, and then that of the exports.
     """
     folder = directory / "validation"
-    _clear_exports(folder)
+    folder.mkdir(exist_ok=True)
+    for name in ("mjcf", "consumers"):  # which an earlier validation exported for itself
+        shutil.rmtree(folder / name, ignore_errors=True)
     built = BuiltFolder(
         world=world,
         directory=directory,
@@ -84,7 +86,10 @@ def validate(
     found = [c.replace(group=c.group or one.group) for one in made for c in _checks(one, built)]
     order = {group: place for place, group in enumerate(GROUPS)}
     checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
-    _clear_results(folder)
+    # An earlier validation's results go once there are new ones; other files stay.
+    for pattern in ("report.json", "terrain.png", "drive_*", "drives.*"):
+        for file in folder.glob(pattern):
+            file.unlink()
     files = _write(built, folder, checks, made)
     return ValidationResult(
         checks=checks,
@@ -106,13 +111,6 @@ def _checks(inspection: Inspection, built: BuiltFolder) -> list[Check]:
         return [failed(f"{inspection.kind}: check", f"cannot be made: {why}")]
 
 
-def _clear_exports(folder: Path) -> None:
-    """Remove what an earlier validation of ours exported for itself."""
-    folder.mkdir(exist_ok=True)
-    for name in ("mjcf", "consumers"):
-        shutil.rmtree(folder / name, ignore_errors=True)
-
-
 def _with_mjcf(
     world: World, directory: Path, exports: Sequence[Export], spec: ValidateSpec
 ) -> tuple[Export, ...]:
@@ -128,13 +126,6 @@ def _with_mjcf(
         plain = plain_options(options)
         others.append(Export(folder=mine, kind="mjcf", options=plain, losses=losses))
     return tuple(sorted(others, key=lambda export: export.folder))
-
-
-def _clear_results(folder: Path) -> None:
-    """Remove an earlier validation's results, once there are new ones; other files stay."""
-    for pattern in ("report.json", "terrain.png", "drive_*", "drives.*"):
-        for file in folder.glob(pattern):
-            file.unlink()
 
 
 def _write(

@@ -32,11 +32,6 @@ def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, A
     """Add the shown rocks; yields a node for each shape, level of detail and population.
 
     Rocks rise and sink with the coarser ground beneath them.
-
-    Args:
-        world: The world.
-        relief: The shown ground.
-        gltf: The asset.
     """
     rocks = shown_rocks(world.field)
     plan = rocks.position[:, :2]
@@ -64,8 +59,7 @@ def _levels(world: World, rocks: RockField) -> NDArray[np.int64]:
     wanted = np.full(len(rocks), 2)
     wanted[:_FINE], wanted[:_FINEST] = 1, 0
     coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
-    result: NDArray[np.int64] = np.minimum(wanted, coarsest[rocks.prototype])
-    return result
+    return np.asarray(np.minimum(wanted, coarsest[rocks.prototype]))
 
 
 def _add_look(world: World, population: int, gltf: Gltf) -> int:

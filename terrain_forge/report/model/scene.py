@@ -41,13 +41,8 @@ def page_model(
     """The GLB: ground of at most 257² nodes, the largest rocks, lines, the rover at its start.
 
     The children of its one root are named `ground`, `rocks`, `rover` and `lines`. The ground has
-    the picture, which is the first material; those of the overlays, which nothing wears, follow.
-
-    Args:
-        world: The world.
-        picture: The world from above, sRGB, north up, shape [height, width, 3].
-        overlays: What else the ground can be painted with.
-        lines: Paths and tracks, which are laid a little above the ground.
+    the picture, the world from above with north up, which is the first material; those of the
+    overlays, which nothing wears, follow. Lines are laid a little above the ground.
     """
     relief = coarsen(world.ground)
     with TemporaryDirectory() as folder, (Path(folder) / "arrays").open("w+b") as binary:

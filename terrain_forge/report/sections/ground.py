@@ -95,37 +95,24 @@ def _scales(built: Built) -> list[Block]:
 
 
 def dtm_part(terrain: dict[str, Any]) -> list[Block]:
-    """What a page says of a world's DTM; nothing of a flat site, or of one not validated.
-
-    Args:
-        terrain: The part `terrain` of validation/report.json.
-    """
+    """What the report's `terrain` says of a world's DTM; nothing of a flat site or without one."""
     state = terrain.get("dtm_state")
     if not state:
         return []
-    return [heading("The terrain model"), facts([*_state(state), *_detail(terrain)])]
-
-
-def _state(state: dict[str, Any]) -> list[tuple[str, Shown]]:
     rows, columns = state["samples"]
-    error = state["scale_error_at_the_edge"]
+    error, worst = state["scale_error_at_the_edge"], terrain["worst_pixel_mean_m"]
     lengths = "as given" if error is None else f"{1e6 * error:.2g} in a million off at the edge"
-    return [
+    listed: list[tuple[str, Shown]] = [
         ("Samples read", f"{columns} × {rows}"),
         ("Repairs", "; ".join(state["repairs"]) or "none"),
         ("In exact planes", f"{100.0 * state['planar_fraction']:.1f} % of the samples"),
         ("Lengths", lengths),
-    ]
-
-
-def _detail(terrain: dict[str, Any]) -> list[tuple[str, Shown]]:
-    worst = terrain["worst_pixel_mean_m"]
-    return [
         ("Exponent at the joint", _with_error(terrain["exponent_at_the_joint"])),
         ("Exponent of the spectrum", _with_error(terrain["exponent_of_the_spectrum"])),
         ("Exponent of the detail", f"{terrain['hurst']:.2f}"),
         ("Means over pixels", "–" if worst is None else f"{1000.0 * worst:.2g} mm off at most"),
     ]
+    return [heading("The terrain model"), facts(listed)]
 
 
 def _with_error(found: dict[str, float] | None) -> str:

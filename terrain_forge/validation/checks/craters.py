@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from terrain_forge.model import Check, at_least, at_most
-from terrain_forge.validation.inspection import BuiltFolder, Inspection
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
 
 LIMIT_Z = 3.29
 """Deviation of a number in standard deviations that 1 right world in 1000 exceeds."""
@@ -27,23 +26,15 @@ class Craters(Inspection):
 
 def crater_checks(directory: Path) -> list[Check]:
     """Number and sizes of each layer's random craters, as the built folder's truth has them."""
-    counts = directory / "truth" / "crater_counts.json"
-    if not counts.is_file():
-        return []
     checks = []
-    for layer in json.loads(counts.read_text(encoding="utf-8"))["layers"]:
+    for layer in read_json(directory / "truth" / "crater_counts.json").get("layers", ()):
         if "number" not in layer:
             continue
         title, number, sizes = f"craters {layer['name']}", layer["number"], layer["sizes"]
         if number["z"] is not None:
-            note = f"{number['found']} craters, {number['expected']:.1f} expected"
-            checks.append(
-                at_most(f"{title}: number, deviation", abs(number["z"]), LIMIT_Z, note=note)
-            )
+            note, off = f"{number['found']} craters, {number['expected']:.1f} expected", number["z"]
+            checks.append(at_most(f"{title}: number, deviation", abs(off), LIMIT_Z, note=note))
         if sizes is not None:
-            checks.append(
-                at_least(
-                    f"{title}: sizes, p-value", sizes["p_value"], LIMIT_P, note="Kolmogorov–Smirnov"
-                )
-            )
+            name, note = f"{title}: sizes, p-value", "Kolmogorov–Smirnov"
+            checks.append(at_least(name, sizes["p_value"], LIMIT_P, note=note))
     return checks

@@ -9,7 +9,6 @@ import numpy as np
 
 from terrain_forge.model import Check, Trajectory, World, at_most
 from terrain_forge.paths import FARTHEST, Planned, Surroundings, highest_step, survey_paths
-from terrain_forge.recipe import Recipe
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
 
 _MOST_NAMED = 3
@@ -41,19 +40,14 @@ def path_checks(world: World) -> tuple[list[Check], list[dict[str, Any]]]:
     The driven path and planned ones must keep the rover's limits. Others may be there for a camera
     or an actor alone: their figures have no limit.
     """
-    checks: list[Check] = []
-    figures = []
+    checks, figures, recipe = list[Check](), [], world.site.recipe
+    bound = {path.name for path in recipe.paths if isinstance(path.route, Planned)}
+    bound.add(recipe.driven_path or "")
     paths = {path.name: path for path in world.trajectories}
     for name, met in survey_paths(world).items():
-        checks += _checks(world, paths[name], met, bound=name in _bound(world.site.recipe))
+        checks += _checks(world, paths[name], met, bound=name in bound)
         figures.append(_figures(paths[name], met))
     return checks, figures
-
-
-def _bound(recipe: Recipe) -> set[str]:
-    """Names of the paths that the rover must be able to drive."""
-    planned = {path.name for path in recipe.paths if isinstance(path.route, Planned)}
-    return planned | {recipe.driven_path or ""}
 
 
 def _checks(world: World, path: Trajectory, met: Surroundings, *, bound: bool) -> list[Check]:

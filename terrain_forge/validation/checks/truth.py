@@ -32,19 +32,11 @@ class TopSurface(Inspection):
 
 
 def top_surface_checks(world: World, truth: Path, *, points: int) -> list[Check]:
-    """Compare surface_with_rocks.tif and rock_id.tif with vertical rays at random nodes.
+    """Compare surface_with_rocks.tif and rock_id.tif with vertical rays at so many random nodes.
 
     Half of the nodes are drawn from those with a rock on top. Rays meet the rocks' finest meshes
     and the triangulated ground in Embree, which shares nothing with the code that made the rasters.
-
-    Args:
-        world: The world.
-        truth: Its folder of truth.
-        points: How many nodes.
-
-    Returns:
-        The largest difference in height where both name the same rock, and at how many nodes they
-        do not; nothing where a raster is missing.
+    Heights are compared where both name the same rock. Nothing is found where a raster is missing.
     """
     files = truth / "surface_with_rocks.tif", truth / "rock_id.tif"
     if not all(file.is_file() for file in files):

@@ -12,8 +12,7 @@ from PIL import Image
 from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import SimulationError
-from terrain_forge.driving.film import write_end, write_film
-from terrain_forge.driving.rover_picture import link_poses, photograph
+from terrain_forge.driving.film import link_poses, photograph, write_end, write_film
 from terrain_forge.driving.starts import drive_from_many_starts, line_from_start, workers
 from terrain_forge.recipe import StartsSpec, ValidateSpec
 from terrain_forge.validation import validate

@@ -18,7 +18,7 @@ from terrain_forge.paths.files import write_trajectory
 from terrain_forge.truth import rock_rasters, write_truth
 from terrain_forge.truth.size_frequency import size_frequency
 from terrain_forge.truth.tables import geographic, write_rocks
-from terrain_forge.validation.checks.resting import foot_and_top, resting_checks
+from terrain_forge.validation.checks.rocks import foot_and_top, resting_checks
 from terrain_forge.validation.checks.truth import top_surface_checks
 from tests.helpers import worlds
 from tests.unit.truth.test_size_frequency_verification import population, rocks

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from terrain_forge.validation.checks.resting import resting_checks
+from terrain_forge.validation.checks.rocks import resting_checks
 from tests.helpers import worlds
 
 UP = np.array([0.0, 0.0, 3.0])
