@@ -1,7 +1,6 @@
 """Driving a rover over a world in MuJoCo."""
 
 from .controller import eased as eased
-from .drive_log import ARRIVAL as ARRIVAL
 from .files import stem as stem
 from .files import write_figure as write_figure
 from .files import write_starts_figure as write_starts_figure
@@ -10,6 +9,7 @@ from .files import write_tables as write_tables
 from .film import write_end as write_end
 from .film import write_film as write_film
 from .result import DriveResult as DriveResult
+from .simulation import ARRIVAL as ARRIVAL
 from .simulation import drive as drive
 from .simulation import load_scene as load_scene
 from .starts import StartsResult as StartsResult

@@ -51,7 +51,7 @@ def trace_spline(points: Array, *, closed: bool, key: Key) -> Curve:
     """
     from scipy.interpolate import CubicSpline
 
-    points = _closed(points) if closed else points
+    points = np.vstack([points, points[:1]]) if closed else points
     chords = _legs(points, closed, key)
     # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
     # doi:10.1016/0010-4485(89)90003-1).
@@ -98,7 +98,7 @@ def trace_polyline(points: Array, *, closed: bool, radius: float, key: Key) -> C
     Raises:
         RecipeError: if neighbouring points are the same, or an arc does not fit onto its legs.
     """
-    corners = _closed(points) if closed else np.asarray(points, np.float64)
+    corners = np.vstack([points, points[:1]]) if closed else points
     lengths = _legs(corners, closed, key)
     along = np.diff(corners, axis=0) / lengths[:, None]
     heading = portable.arctan2(along[:, 1], along[:, 0])
@@ -145,11 +145,6 @@ def _turn(begin: Array, heading: float, angle: float, radius: float) -> tuple[Ar
     side = np.copysign(radius, angle)
     centre = begin + side * np.array([-np.sin(heading), np.cos(heading)])
     return centre + side * np.stack([np.sin(headings), -np.cos(headings)], -1), headings
-
-
-def _closed(points: Array) -> Array:
-    points = np.asarray(points, np.float64)
-    return np.vstack([points, points[:1]])
 
 
 def _legs(points: Array, closed: bool, key: Key) -> Array:

@@ -41,10 +41,7 @@ class NamedShape(Spec):
     """Whether it ends where it begins."""
 
     def outline(self, key: Key) -> Curve:
-        """The curve around the origin, its x axis pointing east.
-
-        Args:
-            key: where the shape stands in the recipe.
+        """The curve around the origin, its x axis pointing east; the key is the shape's place.
 
         Raises:
             RecipeError: if length or size are too short for it.

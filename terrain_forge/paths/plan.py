@@ -131,10 +131,7 @@ def overhang(
 ) -> tuple[float, tuple[float, float]]:
     """How far a corner of the rover gets beyond bounds [m] (negative: stays within), and where.
 
-    Args:
-        route: where it drives.
-        bounds: west, south, east, north [m].
-        rover: who drives.
+    The bounds are the west, south, east and north [m].
     """
     forward = np.stack([np.cos(route.heading), np.sin(route.heading)], -1)
     left = np.stack([-forward[:, 1], forward[:, 0]], -1)

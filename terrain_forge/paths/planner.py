@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
-from terrain_forge.paths.lattice import GridPath, cheapest_path
+from terrain_forge.paths.lattice import GridPath, bend, cheapest_path, straighten
 from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.plan import as_route
-from terrain_forge.paths.smoothing import bend, straighten
 from terrain_forge.paths.spec import PathSpec, Planned
 from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traversability
 
@@ -44,12 +43,7 @@ def plan_path(
 ) -> Route:
     """The planned route of a path on a finished world.
 
-    Args:
-        spec: The path as the recipe has it.
-        route: Its start, its goal, and what it passes on the way.
-        field: What ground and rocks mean to the rover.
-        rover: Who drives.
-        key: Where the path stands in the recipe.
+    The field says what ground and rocks mean to the rover; the key is the path's in the recipe.
 
     Raises:
         RecipeError: if a place is blocked, by what; if there is no way; or if the way is too narrow

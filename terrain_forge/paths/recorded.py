@@ -49,10 +49,7 @@ class RecordedPoses:
 def read_recorded(spec: Recorded, folder: Path, *, key: Key) -> RecordedPoses:
     """The poses of a recipe's file, moved and turned to where the recipe wants them.
 
-    Args:
-        spec: The recipe's part.
-        folder: What the file is relative to.
-        key: Where in the recipe the file is named.
+    The file is relative to the folder; the key is where in the recipe it is named.
 
     Raises:
         DataError: if the file is missing, or no such path; says in which line.

@@ -33,12 +33,7 @@ MOST_SAMPLES = 2_000_000
 
 
 def plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]:
-    """The routes that are known before the ground.
-
-    Args:
-        recipe: what to make.
-        rover: who drives.
-        folder: what the recipe's paths are relative to.
+    """The routes that are known before the ground; the recipe names files relative to `folder`.
 
     Raises:
         RecipeError, DataError: for a route that cannot be driven or leaves the site.
@@ -68,17 +63,10 @@ def make_trajectories(
     library: RockLibrary,
     rover: Rover,
 ) -> tuple[Trajectory, ...]:
-    """The paths that lie wholly within a window, on its ground.
+    """The paths that lie wholly within a window, on its bare ground.
 
-    Planned ones depend on all of the ground and its rocks: only the whole site has them.
-
-    Args:
-        site: the place.
-        window: the part of it.
-        ground: the bare ground of the window.
-        rocks: its rocks, and those that reach into it.
-        library: their shapes.
-        rover: who drives.
+    Planned ones depend on all of the ground and its rocks: only the whole site has them. The rocks
+    are those of the window, and those that reach into it.
 
     Raises:
         RecipeError: if a planned path cannot be found, or the driven one starts within a rock.

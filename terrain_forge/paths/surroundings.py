@@ -45,14 +45,7 @@ class Surroundings(Record):
 def survey_path(
     trajectory: Trajectory, *, ground: Heightfield, obstacles: Obstacles, rover: Rover
 ) -> Surroundings:
-    """Look along a path that lies within the ground.
-
-    Args:
-        trajectory: The path.
-        ground: The bare ground.
-        obstacles: Rocks that the rover does not go over.
-        rover: Who drives.
-    """
+    """Look along a path that lies within the bare ground, beside what the rover cannot go over."""
     count = min(len(trajectory.time), MOST_POSES)
     sample = np.linspace(0, len(trajectory.time) - 1, count).astype(np.int64)
     position, heading = trajectory.position[sample, :2], trajectory.rpy[sample, 2]

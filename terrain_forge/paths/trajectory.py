@@ -34,9 +34,10 @@ def make_trajectory(
     moments = np.linspace(0.0, planned, steps + 1)
     place, heading = pose_at(route, moments)
     height, rpy = stand(ground, rover, place, heading)
-    attitude = attitude_at(route, moments)
-    if attitude is not None:
-        height, rpy[:, :2] = attitude[:, 0], attitude[:, 1:]
+    if route.time is not None and route.attitude is not None:
+        height, rpy[:, 0], rpy[:, 1] = (
+            np.interp(moments, route.time, column) for column in route.attitude.T
+        )
     rpy += _shake(spec, steps, seed)
     parts = stretches(route) if route.time is None else ()
     turns = [(part.begin, part.end) for part in parts if part.turning]
@@ -169,13 +170,6 @@ def pose_at(route: Route, time: Array) -> tuple[Array, Array]:
         for axis in range(3):
             values[asked, axis] = np.interp(at, along, columns[points, axis])
     return values[:, :2], values[:, 2]
-
-
-def attitude_at(route: Route, time: Array) -> Array | None:
-    """Recorded height [m], roll and pitch [rad] at times [s], shape [times, 3]; None without."""
-    if route.time is None or route.attitude is None:
-        return None
-    return np.stack([np.interp(time, route.time, column) for column in route.attitude.T], -1)
 
 
 def _driving_time(length: float, speed: float, acceleration: float) -> float:

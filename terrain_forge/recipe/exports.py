@@ -6,16 +6,13 @@ import json
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import exporter
+from terrain_forge.model import Exporter, exporter
 from terrain_forge.recipe.schema import Recipe
-
-if TYPE_CHECKING:
-    from terrain_forge.model import Exporter
 
 
 @dataclass(frozen=True, kw_only=True)

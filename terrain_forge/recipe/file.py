@@ -280,11 +280,9 @@ def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
 def _descend(schema: dict[str, Any], node: dict[str, Any], step: str | int) -> dict[str, Any]:
     node = _resolve(schema, node)
     if isinstance(step, int):
-        inner: dict[str, Any] = node.get("items", {})
-        return inner
+        return dict(node.get("items", {}))
     if step in node.get("properties", {}):
-        found: dict[str, Any] = node["properties"][step]
-        return found
+        return dict(node["properties"][step])
     for option in node.get("oneOf", []):  # a step into a union is the member's kind
         member = _resolve(schema, option)
         kind = member.get("properties", {}).get("kind", {})

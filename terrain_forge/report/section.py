@@ -63,8 +63,7 @@ class Built:
     @cached_property
     def recipe(self) -> Content:
         """The recipe as it was resolved."""
-        content: Content = json.loads(self.world.site.recipe_json)
-        return content
+        return dict(json.loads(self.world.site.recipe_json))
 
     def pictures(self, *names: str) -> list[Path]:
         """The validation's pictures whose names begin so, in the order of their names."""

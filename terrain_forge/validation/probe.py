@@ -24,13 +24,7 @@ from terrain_forge.validation.sample import Sample
 
 
 def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
-    """The reading that a probe's answer tells.
-
-    Args:
-        sample: What is looked at.
-        text: What the probe printed.
-        binary: The file of its meshes; it may be missing where there are none.
-    """
+    """The reading that a probe's printed answer tells; the file of its meshes may be missing."""
     facts = defaultdict[str, list[list[str]]](list)
     for line in text.splitlines():
         word, *parts = line.split("\t")

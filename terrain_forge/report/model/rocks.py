@@ -13,7 +13,7 @@ from terrain_forge.base import linear_from_srgb, xyzw
 from terrain_forge.geometry import rock_texture, surface
 from terrain_forge.model import RockField, World
 from terrain_forge.report.blocks import jpeg
-from terrain_forge.report.model.relief import Relief
+from terrain_forge.report.model.ground import Relief
 from terrain_forge.writers import Gltf
 
 INSTANCING = "EXT_mesh_gpu_instancing"

@@ -52,28 +52,23 @@ class Dynamic(Inspection):
     group = "rocks"
 
     def checks(self, built: BuiltFolder) -> list[Check]:
-        """One check, where the world has dynamic rocks."""
-        if built.mjcf is None or not built.world.field.dynamic.any():
+        """How many dynamic rocks stay where they lie, where the world has any."""
+        every = int(np.count_nonzero(built.world.field.dynamic))
+        if built.mjcf is None or not every:
             return []
-        return [dynamic_check(built.world, built.mjcf / "world.xml")]
-
-
-def dynamic_check(world: World, scene: Path) -> Check:
-    """How many dynamic rocks stay where they lie in an exported world.xml."""
-    title = f"rocks: dynamic ones that stay for {TIME:g} s"
-    try:
-        stay = watch(world, scene)
-    except SimulationError as error:
-        return failed(title, str(error))
-    count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
-    every = int(np.count_nonzero(world.field.dynamic))
-    worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
-    note = (
-        f"part of {count} of {every} within {MOST_SHIFT:.0%} of the diameter and "
-        f"{np.degrees(MOST_TURN):g} deg; {gone} do not stay; rock {stay.id[worst]} moves most, "
-        f"{stay.shift[worst]:.2%} and {np.degrees(stay.turn[worst]):.2g} deg"
-    )
-    return at_least(title, 1.0 - gone / count, STAYING, note=note)
+        title = f"rocks: dynamic ones that stay for {TIME:g} s"
+        try:
+            stay = watch(built.world, built.mjcf / "world.xml")
+        except SimulationError as error:
+            return [failed(title, str(error))]
+        count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
+        worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
+        note = (
+            f"part of {count} of {every} within {MOST_SHIFT:.0%} of the diameter and "
+            f"{np.degrees(MOST_TURN):g} deg; {gone} do not stay; rock {stay.id[worst]} moves most, "
+            f"{stay.shift[worst]:.2%} and {np.degrees(stay.turn[worst]):.2g} deg"
+        )
+        return [at_least(title, 1.0 - gone / count, STAYING, note=note)]
 
 
 def watch(world: World, scene: Path) -> Stay:

@@ -106,31 +106,29 @@ class Resting(Inspection):
     group = "rocks"
 
     def checks(self, built: BuiltFolder) -> list[Check]:
-        """Daylight and buried tops, where there are rocks."""
-        return resting_checks(built.world) if len(built.world.field) else []
+        """Daylight under static rocks, and tops below the ground, over a sample of the rocks.
 
-
-def resting_checks(world: World) -> list[Check]:
-    """Daylight under static rocks, and tops below the ground, over a sample of the rocks.
-
-    A rock shows no daylight where its foot, the cross-section at a twentieth of its extent, lies
-    below the ground all around.
-    """
-    static = world.field.select(~world.field.dynamic)
-    if len(static) > _ROCKS:
-        drawn = uniforms(stage_key(world.site.seed, "resting"), _ROCKS)
-        static = static.select(np.unique((drawn * len(static)).astype(np.intp)))
-    foot, top = np.zeros(len(static)), np.ones(len(static))
-    for number, prototype in enumerate(world.library.prototypes):
-        rows = np.flatnonzero(static.prototype == number)
-        foot[rows], top[rows] = foot_and_top(static.select(rows), prototype, world.ground)
-    limit = float(max(1, round(_LIMIT * len(static))))
-    return [
-        at_most("rocks: daylight beneath", float(np.count_nonzero(foot > _GAP)), limit,
-                note=f"of {len(static)}, by more than {_GAP:.0%} of the diameter"),
-        at_most("rocks: tops below the ground", float(np.count_nonzero(top <= 0.0)), 0.0,
-                note=f"of {len(static)}"),
-    ]  # fmt: skip
+        A rock shows no daylight where its foot, the cross-section at a twentieth of its extent,
+        lies below the ground all around.
+        """
+        world = built.world
+        if not len(world.field):
+            return []
+        static = world.field.select(~world.field.dynamic)
+        if len(static) > _ROCKS:
+            drawn = uniforms(stage_key(world.site.seed, "resting"), _ROCKS)
+            static = static.select(np.unique((drawn * len(static)).astype(np.intp)))
+        foot, top = np.zeros(len(static)), np.ones(len(static))
+        for number, prototype in enumerate(world.library.prototypes):
+            rows = np.flatnonzero(static.prototype == number)
+            foot[rows], top[rows] = foot_and_top(static.select(rows), prototype, world.ground)
+        limit = float(max(1, round(_LIMIT * len(static))))
+        return [
+            at_most("rocks: daylight beneath", float(np.count_nonzero(foot > _GAP)), limit,
+                    note=f"of {len(static)}, by more than {_GAP:.0%} of the diameter"),
+            at_most("rocks: tops below the ground", float(np.count_nonzero(top <= 0.0)), 0.0,
+                    note=f"of {len(static)}"),
+        ]  # fmt: skip
 
 
 def foot_and_top(

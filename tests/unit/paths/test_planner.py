@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,13 +15,12 @@ from terrain_forge import World, plan, realise
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Heightfield, Window
 from terrain_forge.paths import PathSpec, Planned, plan_path, planner, survey_paths, traversability
-from terrain_forge.paths.lattice import MOVES, cheapest_path
+from terrain_forge.paths.lattice import MOVES, bend, cheapest_path, straighten
 from terrain_forge.paths.obstacles import half_diagonal
 from terrain_forge.paths.planner import node_weights
-from terrain_forge.paths.smoothing import bend, straighten
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import find_rover
-from terrain_forge.validation.checks.paths import path_checks
+from terrain_forge.validation.checks.paths import Paths
 from tests.helpers import worlds
 from tests.unit.paths.test_traversability import RECIPE, ground
 
@@ -248,6 +248,11 @@ def test_rocks_stay_as_they_are_without_the_planned_path(world):
     recipe = planned_recipe()
     without = replace(recipe, paths=recipe.paths[1:])
     assert realise(plan(without)).field == world.field
+
+
+def path_checks(world):
+    paths = Paths()
+    return paths.checks(SimpleNamespace(world=world)), paths.report()["paths"]
 
 
 def test_the_planned_path_keeps_every_limit(world):
