@@ -108,17 +108,21 @@ class Vehicle:
             )
         self._stiffness = model.actuator_gainprm[self._motors, 0]
         self._damping = -model.actuator_biasprm[self._motors, 2]
+        self._mark_geoms()
+        # Stepping only what is awake, where MuJoCo can: rocks then cost next to nothing.
+        for flag in ("mjENBL_ENERGY", "mjENBL_SLEEP"):
+            model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, flag, 0))
+
+    def _mark_geoms(self) -> None:
+        """Tell rocks, `rock_<id>`, wheels and the rest of the rover from other geoms."""
+        model = self.model
         names = [model.geom(n).name for n in range(model.ngeom)]
-        # The rock that each geom is part of, `rock_<id>`; empty for other geoms.
         self._rocks = [
             "_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names
         ]
         self._is_rock = np.array([bool(name) for name in self._rocks])
         self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
         self._is_wheel = np.isin(model.geom_bodyid, self._wheel_bodies)
-        # Stepping only what is awake, where MuJoCo can: rocks then cost next to nothing.
-        for flag in ("mjENBL_ENERGY", "mjENBL_SLEEP"):
-            model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, flag, 0))
 
     def _find(self, kind: Any, name: str) -> int:
         index = mujoco.mj_name2id(self.model, kind, name)

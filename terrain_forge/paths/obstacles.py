@@ -105,6 +105,15 @@ class Obstacles(Record):
                 poses = np.array(near)
                 yield number, poses, self.gaps(number, position[poses], heading[poses], rover)
 
+    def first_touched(self, position: Array, heading: Array, rover: Rover) -> str:
+        """The obstacle that the rover touches first along a track, in words; empty for none."""
+        first, found = len(position), ""
+        for number, poses, gaps in self.beside(position, heading, rover, 0.0):
+            at = int(poses[np.argmax(gaps < 0.0)])
+            if gaps.min() < 0.0 and at < first:
+                first, found = at, self.describe(number)
+        return found
+
 
 def find_obstacles(rocks: RockField, library: RockLibrary, rover: Rover) -> Obstacles:
     """The rocks that stand higher above the ground than the rover goes over."""

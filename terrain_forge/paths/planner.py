@@ -13,7 +13,7 @@ from terrain_forge.base import Array, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
 from terrain_forge.paths.lattice import GridPath, bend, cheapest_path, straighten
-from terrain_forge.paths.obstacles import Obstacles, half_diagonal
+from terrain_forge.paths.obstacles import half_diagonal
 from terrain_forge.paths.plan import as_route
 from terrain_forge.paths.spec import PathSpec, Planned
 from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traversability
@@ -195,17 +195,7 @@ def _curve(
             chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
         chosen[stays] = True
         curve = trace_spline(line[chosen], closed=False, key=key)
-        touched = first_touch(curve, field.obstacles, rover)
+        touched = field.obstacles.first_touched(curve.position, curve.heading, rover)
         if not touched:
             break
     return curve, touched
-
-
-def first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
-    """The obstacle that the rover's rectangle touches first along a curve; empty for none."""
-    first, found = len(curve.position), ""
-    for n, poses, gaps in obstacles.beside(curve.position, curve.heading, rover, 0.0):
-        at = int(poses[np.argmax(gaps < 0.0)])
-        if gaps.min() < 0.0 and at < first:
-            first, found = at, obstacles.describe(n)
-    return found

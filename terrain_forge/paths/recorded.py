@@ -171,13 +171,12 @@ def _names(file: str, first: list[str], key: Key) -> list[str]:
         if twice:
             raise DataError(f"{file} has two columns for {twice}", key=key)
         return names
-    if len(first) == 2:
-        return ["x", "y"]
-    if len(first) == len(_TUM):
-        return list(_TUM)
-    raise DataError(
-        f"{file}: {len(first)} columns without names; 2 (x y) or 8 (TUM) need none", key=key
-    )
+    names = {2: ["x", "y"], 8: list(_TUM)}.get(len(first), [])
+    if not names:
+        raise DataError(
+            f"{file}: {len(first)} columns without names; 2 (x y) or 8 (TUM) need none", key=key
+        )
+    return names
 
 
 def _numbers(file: str, line: int, row: list[str], names: list[str], key: Key) -> list[float]:

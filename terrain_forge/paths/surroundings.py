@@ -87,16 +87,15 @@ def require_free_start(
     Raises:
         RecipeError: names the rock and its place.
     """
-    obstacles = find_obstacles(rocks, library, rover)
     position, heading = trajectory.position[:1, :2], trajectory.rpy[:1, 2]
-    for number, _, gaps in obstacles.beside(position, heading, rover, 0.0):
-        if gaps[0] < 0.0:
-            x, y = position[0]
-            raise RecipeError(
-                f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within "
-                f"{obstacles.describe(number)}; rocks.exclusion_zones keeps a circle free",
-                key=(*key, "route"),
-            )
+    touched = find_obstacles(rocks, library, rover).first_touched(position, heading, rover)
+    if touched:
+        x, y = position[0]
+        raise RecipeError(
+            f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within {touched}; "
+            "rocks.exclusion_zones keeps a circle free",
+            key=(*key, "route"),
+        )
 
 
 def _steps(position: Array, heading: Array, ground: Heightfield, rover: Rover) -> Array:

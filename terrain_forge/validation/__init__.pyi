@@ -9,10 +9,10 @@ from .consumer import run as run
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
 from .inspection import read_json as read_json
-from .newton_reading import newton as newton
 from .outlines import ground_and_rocks as ground_and_rocks
 from .outlines import scene_parts as scene_parts
 from .outlines import split_merged as split_merged
+from .probe import newton as newton
 from .probe import read_answer as read_answer
 from .probe import resting_balls as resting_balls
 from .reading import Body as Body

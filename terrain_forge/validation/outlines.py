@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion
-from terrain_forge.model import Mesh
+from terrain_forge.model import Heightfield, Mesh
 from terrain_forge.validation.reading import MERGED, SolidsOfRocks, is_ground, rock_of
 from terrain_forge.validation.sample import Sample
 
@@ -48,12 +48,19 @@ def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
 
 
 def _nearest(sample: Sample, row: int, candidates: Array) -> Array:
-    """Errors of the candidate that is least off, against the nearer of the rock's two forms."""
+    """Errors of the candidate that is least off, against a rock's shape or its convex parts."""
+    field = sample.world.field
+    prototype = sample.world.library.prototypes[field.prototype[row]]
+    turn = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
+    hulls = np.concatenate([hull.vertices for hull in prototype.hulls])
     best = np.full(len(DIRECTIONS), np.inf)
-    for wanted, counts in _forms(sample, row):
-        if not len(candidates):
-            continue
-        off = np.abs(candidates - wanted)
+    for vertices in (prototype.meshes[0].vertices, hulls) if len(candidates) else ():
+        points = vertices @ turn.T + field.position[row]
+        along = points @ DIRECTIONS.T
+        above = heights_above(sample.world.ground, points[along.argmax(axis=0)])
+        counts = above > _HIDDEN * field.diameter[row]
+        counts[-1] = True
+        off = np.abs(candidates - along.max(axis=0))
         off[:, ~counts] = np.nan
         worst = np.where(counts, off, 0.0).max(axis=1)
         least = int(worst.argmin())
@@ -62,24 +69,13 @@ def _nearest(sample: Sample, row: int, candidates: Array) -> Array:
     return best
 
 
-def _forms(sample: Sample, row: int) -> list[tuple[Array, NDArray[np.bool_]]]:
-    """Reach along each direction of a rock's shape and of its convex parts, and which count."""
-    field, ground = sample.world.field, sample.world.ground
-    prototype = sample.world.library.prototypes[field.prototype[row]]
-    turn = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
-    hulls = np.concatenate([hull.vertices for hull in prototype.hulls])
-    forms = []
-    for vertices in (prototype.meshes[0].vertices, hulls):
-        points = vertices @ turn.T + field.position[row]
-        along = points @ DIRECTIONS.T
-        ends = points[along.argmax(axis=0)]
-        inside = ground.covers(ends[:, 0], ends[:, 1])
-        counts = np.zeros(len(ends), np.bool_)
-        above = ends[inside, 2] - ground.height_at(ends[inside, 0], ends[inside, 1])
-        counts[inside] = above > _HIDDEN * field.diameter[row]
-        counts[-1] = True
-        forms.append((along.max(axis=0), counts))
-    return forms
+def heights_above(ground: Heightfield, points: Array) -> Array:
+    """Heights of points above the ground [m], NaN beside it; points have the shape [..., 3]."""
+    inside = ground.covers(points[..., 0], points[..., 1])
+    above = np.full(inside.shape, np.nan)
+    seen = points[inside]
+    above[inside] = seen[:, 2] - ground.height_at(seen[:, 0], seen[:, 1])
+    return above
 
 
 def scene_parts(scene: Any) -> Iterator[tuple[str, Array, Any]]:

@@ -1,4 +1,4 @@
-"""The answers of the small programs that run a consumer in a process of its own.
+"""The answers of the small programs that run a consumer in a process of its own, and Newton.
 
 A probe prints a line per fact, its parts split by tabs: `consumer` text; `finding` text; `gravity`
 x y z; `mesh` vertices faces, whose float64 positions and int32 corners follow each other in a
@@ -10,17 +10,22 @@ and `seen`.
 
 from __future__ import annotations
 
+import json
+import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from terrain_forge.base import Array
 from terrain_forge.model import Mesh
+from terrain_forge.validation.consumer import Consumer, python_with, read_probe, run
 from terrain_forge.validation.outlines import ground_and_rocks
 from terrain_forge.validation.reading import Body, Reading, Track, rock_of
-from terrain_forge.validation.sample import Sample
+from terrain_forge.validation.sample import SETTLING, Sample
 
 
 def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
@@ -90,3 +95,49 @@ def _tracks(lines: list[list[str]]) -> Iterator[Track]:
     for name in dict.fromkeys(line[0] for line in lines):
         rows = np.array([line[1:] for line in lines if line[0] == name], np.float64)
         yield Track(name=name, time=rows[:, 0], position=rows[:, 1:4], quaternion=rows[:, 4:])
+
+
+VARIABLE = "TERRAIN_FORGE_NEWTON_PYTHON"
+"""The environment variable that names a Python with Newton."""
+
+
+def newton(file: str, *, rock_error: float = 0.0, gravity_kept: bool = True) -> Consumer:
+    """Newton's importer of an export, and its solver.
+
+    Args:
+        file: Name of the MJCF or USD file in the export's folder.
+        rock_error: How far the format's rocks may be off, besides what the options allow.
+        gravity_kept: Whether Newton takes gravity from such a file.
+    """
+    reasons = {
+        "path": "Newton imports no motion",
+        "findings": "Newton has no validator",
+        "gravity": "Newton takes none from MJCF",
+    }
+
+    def read(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
+        python, world = python_with("newton", VARIABLE), folder / file
+        with tempfile.TemporaryDirectory(dir=scratch) as temporary:
+            binary, answer = Path(temporary) / "meshes.bin", Path(temporary) / "answer.txt"
+            order = {
+                "world": str(world.absolute()),
+                "binary": str(binary),
+                "answer": str(answer),
+                "balls": sample.balls.start.tolist(),
+                "radius": sample.balls.radius,
+                "seconds": SETTLING,
+            }
+            command: list[str | Path] = [python, "-c", read_probe(__file__, "newton_probe.py")]
+            run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
+            reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
+        return replace(
+            reading,
+            gravity=reading.gravity if gravity_kept else None,
+            rock_error=rock_error + getattr(options, "outline_error", 0.0),
+            tracks=None,
+            seen=None,
+            findings=None,
+            reasons=reasons,
+        )
+
+    return Consumer(name="Newton", read=read)

@@ -86,10 +86,6 @@ def validate(
     found = [c.replace(group=c.group or one.group) for one in made for c in _checks(one, built)]
     order = {group: place for place, group in enumerate(GROUPS)}
     checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
-    # An earlier validation's results go once there are new ones; other files stay.
-    for pattern in ("report.json", "terrain.png", "drive_*", "drives.*"):
-        for file in folder.glob(pattern):
-            file.unlink()
     files = _write(built, folder, checks, made)
     return ValidationResult(
         checks=checks,
@@ -131,9 +127,15 @@ def _with_mjcf(
 def _write(
     built: BuiltFolder, folder: Path, checks: tuple[Check, ...], made: list[Inspection]
 ) -> list[Path]:
-    """Write the report, the ground's statistics, and what else the checks have."""
+    """Write the report, the ground's statistics, and what else the checks have.
+
+    An earlier validation's results go now that there are new ones; other files stay.
+    """
     from terrain_forge.terrain import write_terrain_figure
 
+    for pattern in ("report.json", "terrain.png", "drive_*", "drives.*"):
+        for file in folder.glob(pattern):
+            file.unlink()
     statistics = terrain_statistics(site=built.world.site, ground=built.world.ground)
     passed = all(check.passed for check in checks)
     report = {

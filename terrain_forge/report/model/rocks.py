@@ -39,7 +39,8 @@ def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, A
     position = rocks.position + lift[:, None] * (0.0, 0.0, 1.0)
     prototypes = world.library.prototypes
     shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
-    look = cache(lambda population: _add_look(world, population, gltf))
+    names = world.field.populations
+    look = cache(lambda n: add_painted(gltf, names[n], jpeg(rock_texture(world, n)), tiles=True))
     kinds = np.stack([rocks.prototype, _levels(world, rocks), rocks.population], axis=-1)
     for prototype, level, population in np.unique(kinds, axis=0).tolist():
         rows = np.all(kinds == (prototype, level, population), axis=1)
@@ -62,16 +63,11 @@ def _levels(world: World, rocks: RockField) -> NDArray[np.int64]:
     return np.asarray(np.minimum(wanted, coarsest[rocks.prototype]))
 
 
-def _add_look(world: World, population: int, gltf: Gltf) -> int:
-    pixels = jpeg(rock_texture(world, population))
-    texture = gltf.add_texture(pixels, tiles=True, media_type="image/jpeg")
-    look = {
-        "baseColorTexture": {"index": texture},
-        "metallicFactor": 0.0,
-        "roughnessFactor": 1.0,
-    }
-    name = world.field.populations[population]
-    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look})
+def add_painted(gltf: Gltf, name: str, image: bytes, *, tiles: bool, **more: Any) -> int:
+    """Add a material that a JPEG covers."""
+    texture = gltf.add_texture(image, tiles=tiles, media_type="image/jpeg")
+    look = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look, **more})
 
 
 def picture_gain(picture: NDArray[np.uint8], world: World) -> float:

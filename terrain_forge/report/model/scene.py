@@ -17,7 +17,7 @@ from terrain_forge.model import World
 from terrain_forge.report.blocks import jpeg
 from terrain_forge.report.lines import Line
 from terrain_forge.report.model.ground import Overlay, Relief, coarsen
-from terrain_forge.report.model.rocks import INSTANCING, rock_nodes
+from terrain_forge.report.model.rocks import INSTANCING, add_painted, rock_nodes
 from terrain_forge.report.model.rover import rover_nodes
 from terrain_forge.writers import Gltf
 
@@ -48,7 +48,7 @@ def page_model(
         gltf = Gltf(binary)
         groups = {"ground": [_ground(gltf, relief, picture)]}
         for overlay in overlays:
-            _add_painted(gltf, overlay.name, overlay.pixels)
+            _paint(gltf, overlay.name, overlay.pixels)
         groups["rocks"] = list(rock_nodes(world, relief, gltf))
         groups["lines"] = [_line(gltf, relief, line) for line in lines]
         groups["rover"] = rover_nodes(world.rover, gltf)
@@ -82,17 +82,15 @@ def _ground(gltf: Gltf, relief: Relief, picture: NDArray[np.uint8]) -> dict[str,
     primitive = {
         "attributes": attributes,
         "indices": gltf.add_indices(grid_faces(*relief.unit.shape)),
-        "material": _add_painted(gltf, "Picture", picture),
+        "material": _paint(gltf, "Picture", picture),
     }
     return {"mesh": gltf.add("meshes", {"primitives": [primitive]})}
 
 
-def _add_painted(gltf: Gltf, name: str, pixels: NDArray[np.uint8]) -> int:
+def _paint(gltf: Gltf, name: str, pixels: NDArray[np.uint8]) -> int:
     """Add a material that shows an image as it is."""
-    texture = gltf.add_texture(jpeg(pixels, _QUALITY), tiles=False, media_type="image/jpeg")
-    look = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    unlit: dict[str, Any] = {"extensions": {_UNLIT: {}}}
-    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look, **unlit})
+    image = jpeg(pixels, _QUALITY)
+    return add_painted(gltf, name, image, tiles=False, extensions={_UNLIT: {}})
 
 
 def _line(gltf: Gltf, relief: Relief, line: Line) -> dict[str, Any]:

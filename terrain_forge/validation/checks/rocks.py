@@ -21,6 +21,7 @@ from terrain_forge.model import (
 from terrain_forge.rocks import FOOT, edges, find_overlaps
 from terrain_forge.truth import shape_figures
 from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
+from terrain_forge.validation.outlines import heights_above
 
 SIGNIFICANCE = 0.001
 """A correct sampler's rocks fall below this p-value once in a thousand worlds."""
@@ -149,19 +150,10 @@ def foot_and_top(
     outline = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
     loop = outline[ConvexHull(outline[:, :2]).vertices]  # hollows of the underside are hidden
     pose = rotations(field) * field.scale[:, None, None]
-    feet = _above(ground, np.einsum("nij,pj->npi", pose, loop) + field.position[:, None])
+    feet = heights_above(ground, np.einsum("nij,pj->npi", pose, loop) + field.position[:, None])
     upper = vertices[np.argsort(vertices[:, 2])[-_UPPER:]]
-    tops = _above(ground, np.einsum("nij,pj->npi", pose, upper) + field.position[:, None])
+    tops = heights_above(ground, np.einsum("nij,pj->npi", pose, upper) + field.position[:, None])
     return (
         np.nan_to_num(feet, nan=-np.inf).max(axis=1, initial=-np.inf) / field.diameter,
         np.nan_to_num(tops, nan=-np.inf).max(axis=1) / field.diameter,
     )
-
-
-def _above(ground: Heightfield, points: Array) -> Array:
-    """Height of points above the ground [m]; NaN beside it."""
-    inside = ground.covers(points[..., 0], points[..., 1])
-    above = np.full(inside.shape, np.nan)
-    seen = points[inside]
-    above[inside] = seen[:, 2] - ground.height_at(seen[:, 0], seen[:, 1])
-    return above

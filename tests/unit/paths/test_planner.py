@@ -16,7 +16,7 @@ from terrain_forge.base import RecipeError
 from terrain_forge.model import Heightfield, Window
 from terrain_forge.paths import PathSpec, Planned, plan_path, planner, survey_paths, traversability
 from terrain_forge.paths.lattice import MOVES, bend, cheapest_path, straighten
-from terrain_forge.paths.obstacles import half_diagonal
+from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.planner import node_weights
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import find_rover
@@ -160,7 +160,7 @@ def test_start_and_goal_on_one_node():
 def test_corners_that_would_touch_make_it_take_the_wider_way(monkeypatch):
     """As if all curves of the first line touched: the second has room to turn on the spot."""
     ends = (-10.0, -6.0), (10.0, 6.5)
-    judge, weigh = planner.first_touch, planner.node_weights
+    judge, weigh = Obstacles.first_touched, planner.node_weights
     answers, asked = iter(["rock 1"] * len(planner.KNOTS)), []
 
     def suspicious(*arguments):
@@ -170,13 +170,13 @@ def test_corners_that_would_touch_make_it_take_the_wider_way(monkeypatch):
         asked.append(needed)
         return weigh(field, needed)
 
-    monkeypatch.setattr(planner, "first_touch", suspicious)
+    monkeypatch.setattr(Obstacles, "first_touched", suspicious)
     monkeypatch.setattr(planner, "node_weights", watched)
     wide, field = find(FLAT, *ends, rocks=worlds.field(40), margin_m=0.0)
     assert asked == [field.half_width, half_diagonal(ROVER)]
     nearest = min(field.obstacles.distances(point).min() for point in wide.position[::5])
     assert nearest > half_diagonal(ROVER) - 0.5 * field.spacing
-    monkeypatch.setattr(planner, "first_touch", lambda *_: "rock 1 at its place")
+    monkeypatch.setattr(Obstacles, "first_touched", lambda *_: "rock 1 at its place")
     with pytest.raises(RecipeError, match="too narrow for the rover, which touches rock 1 at its"):
         find(FLAT, *ends, rocks=worlds.field(40), margin_m=0.0)
 
