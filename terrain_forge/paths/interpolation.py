@@ -56,12 +56,8 @@ def deviation(
 ) -> Deviation:
     """How far off a trajectory a consumer is between the samples that it was given.
 
-    Args:
-        trajectory: The path.
-        times: Times of the samples [s], ascending, shape [samples].
-        position: Places of the samples [m], shape [samples, 3].
-        quaternion: Orientations (w, x, y, z) of the samples, shape [samples, 4].
-        places_between: `spline_places` or `straight_places`.
+    Those are times [s], ascending, places [m] and orientations (w, x, y, z); the places between
+    them are `spline_places` or `straight_places`.
     """
     asked = times_between(times)
     wanted = trajectory.at(asked)
@@ -106,10 +102,7 @@ def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array
 def straight_places(times: Array, position: Array, asked: Array) -> Array:
     """Places on straight lines between samples, as USD draws them [m], shape [asked, 3].
 
-    Args:
-        times: Times of the samples [s], ascending, shape [samples].
-        position: Places of the samples [m], shape [samples, 3].
-        asked: Times within them [s], shape [asked].
+    Of samples' times [s], ascending, and places [m], shape [samples, 3], at times within them.
     """
     return np.stack([np.interp(asked, times, axis) for axis in position.T], axis=-1)
 

@@ -31,12 +31,8 @@ def plan_route(
 ) -> Route:
     """The route of a path that is known before the ground, its corridor resolved.
 
-    Args:
-        spec: the path as the recipe has it.
-        rover: who drives.
-        driven: whether the validation drives it, so that a corridor is the default.
-        recorded: the poses of its file, where it comes from one.
-        key: where the path stands in the recipe.
+    A corridor is the default where the validation drives it. A path from a file comes with the
+    poses of that; the key is where the path stands in the recipe.
 
     Raises:
         RecipeError: if two neighbouring points are the same, if the curve turns back on itself, or

@@ -127,8 +127,8 @@ def stretches(route: Route) -> tuple[Stretch, ...]:
         driving = _driving_time(length, route.speed, route.acceleration)
         # A turn of this time that begins and ends smoothly reaches the turn rate half-way.
         turning = 1.5 * abs(float(route.heading[last] - route.heading[first])) / route.turn_rate
-        drive, turn = (point, first, driving, False), (first, last, turning, True)
-        for a, b, takes, turns in (drive, turn):
+        pieces = (point, first, driving, False), (first, last, turning, True)
+        for a, b, takes, turns in pieces:
             if b > a:
                 part = Stretch(first=a, last=b, begin=clock, duration=takes, turning=turns)
                 found.append(part)

@@ -50,7 +50,7 @@ class Traversability(Record):
     """Step of ground and rocks [m], shape [rows, columns]."""
     clearance: Grid
     """Distance to the nearest rock or step that the rover does not go over [m], negative within a
-    rock, at most `farthest`, shape [rows, columns]."""
+    rock, at most twice what it needs to turn on the spot, shape [rows, columns]."""
     cost: Grid
     """0 for smooth level ground to `IMPASSABLE`, shape [rows, columns]."""
     obstacles: Obstacles
@@ -59,8 +59,6 @@ class Traversability(Record):
     """Height of steps and rocks that it still goes over [m]."""
     half_width: float
     """Half of the rover's width [m]: the clearance that its centre needs."""
-    farthest: float
-    """Largest clearance that is told [m]: twice what it needs to turn on the spot."""
     steepest: float
     """Slope that it may still be driven on [rad]."""
 
@@ -118,7 +116,6 @@ def traversability(
         obstacles=obstacles,
         highest_step=limit,
         half_width=0.5 * rover.width,
-        farthest=far,
         steepest=rover.tilt_limit,
     )
 
