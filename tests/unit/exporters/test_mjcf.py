@@ -13,10 +13,11 @@ from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.driving import Vehicle, rover_mass_check
+from terrain_forge.driving import Vehicle
 from terrain_forge.driving.controller import wheel_rates
 from terrain_forge.model import Export, Heightfield, Mesh
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.validation.checks.drives import rover_mass_check
 from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on
 from tests.helpers import worlds
