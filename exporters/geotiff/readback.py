@@ -56,7 +56,5 @@ def opening(folder: Path, options: Any) -> Opening:
     return Opening(title="Maps", commands=f"qgis {quote(folder.name)}/{options.products[0]}.tif")
 
 
-GDAL = Consumer(name="GDAL", read=read_geotiff)
-"""GDAL's reader of GeoTIFF."""
-CONSUMERS = (GDAL,)
+CONSUMERS = (Consumer(name="GDAL", read=read_geotiff),)
 """What reads these exports back."""

@@ -13,9 +13,7 @@ import numpy as np
 from terrain_forge.geometry import mean_rock_srgb, rock_texture
 from terrain_forge.model import World
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import encode_png
-
-from .xml import element
+from terrain_forge.writers import Lines, Value, element, encode_png
 
 SURFACE_PRIORITY, _DYNAMIC_PRIORITY = 2, 3
 """Priorities of contacts: above those that a rover's wheels may have."""
@@ -34,37 +32,38 @@ def sliding(coefficient: float) -> tuple[float, float, float]:
     return coefficient, 0.005, 0.0001
 
 
-def rock_materials(world: World, *, textured: bool) -> list[str]:
+def rock_materials(world: World, *, textured: bool) -> list[Lines]:
     """A material per population in the mean of its colours, and one that shows its texture."""
     looks = []
     for n in range(len(world.field.populations)):
         rgba = (*mean_rock_srgb(world, n), 1.0)
-        looks.append(element("material", [], name=f"rock_{n}", rgba=rgba, **_MATT))
+        looks.append(element("material", name=f"rock_{n}", rgba=rgba, **_MATT))
         if textured:
-            image = {"type": "2d", "file": _texture_file(n)}
+            image = {"type": "2d", "file": f"assets/rock_{n}.png"}
             looks.append(element("texture", name=f"shape_{n}", **image))
-            looks.append(element("material", [], name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
+            looks.append(element("material", name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
     return looks
 
 
 def texture_files(world: World) -> dict[str, bytes]:
     """The populations' textures by the names of their files."""
     populations = range(len(world.field.populations))
-    return {_texture_file(n): encode_png(rock_texture(world, n)) for n in populations}
+    return {f"assets/rock_{n}.png": encode_png(rock_texture(world, n)) for n in populations}
 
 
-def _texture_file(population: int) -> str:
-    """File of a population's texture."""
-    return f"assets/rock_{population}.png"
-
-
-def rock_classes(world: World, *, textured: bool, friction: float) -> list[str]:
+def rock_classes(world: World, *, textured: bool, friction: float) -> list[Lines]:
     """Default classes, so that a rock's line holds only what is its own.
 
     Per population `rock_<n>` is seen and touched, `seen_<n>` seen alone, `shape_<n>` too, with its
     texture; `hull` is touched alone, and so is `dynamic`, which also meets what is fixed.
     """
-    classes = [_class("hull", group=_HIDDEN_GROUP), _dynamic_class()]
+    contact = dynamic_contact(1.0)  # torsional and rolling friction grow with the rock
+    dynamic = {"contype": 1, "conaffinity": 1, "priority": _DYNAMIC_PRIORITY}
+    dynamic |= {"condim": contact.condim, "solref": np.array(contact.solref)}
+    classes = [
+        _class(name, group=_HIDDEN_GROUP, **own)
+        for name, own in (("hull", {}), ("dynamic", dynamic))
+    ]
     for n in range(len(world.field.populations)):
         picture = {"group": _PICTURE_GROUP, **_UNTOUCHABLE}
         classes.append(_class(f"rock_{n}", material=f"rock_{n}"))
@@ -72,22 +71,8 @@ def rock_classes(world: World, *, textured: bool, friction: float) -> list[str]:
         if textured:
             classes.append(_class(f"shape_{n}", material=f"shape_{n}", **picture))
     rock = element("geom", type="mesh", group=_ROCK_GROUP, friction=sliding(friction))
-    return [element("default", [rock, *classes], class_="rock")]
+    return [element("default", rock, *classes, class_="rock")]
 
 
-def _dynamic_class() -> str:
-    # Torsional and rolling friction grow with the rock and stand with each.
-    contact = dynamic_contact(1.0)
-    return _class(
-        "dynamic",
-        group=_HIDDEN_GROUP,
-        contype=1,
-        conaffinity=1,
-        priority=_DYNAMIC_PRIORITY,
-        condim=contact.condim,
-        solref=np.array(contact.solref),
-    )
-
-
-def _class(name: str, **attributes: str | float | np.ndarray) -> str:
-    return element("default", [element("geom", [], **attributes)], class_=name)
+def _class(name: str, **attributes: Value) -> Lines:
+    return element("default", element("geom", **attributes), class_=name)

@@ -216,9 +216,8 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-MUJOCO = Consumer(name="MuJoCo", read=read_mjcf, quick=True)
-"""MuJoCo's compiler, rays and solver."""
-NEWTON = newton("world.xml", rock_error=_SCALE_ERROR, gravity_kept=False)
-"""Newton's importer of MJCF, and its solver."""
-CONSUMERS = (MUJOCO, NEWTON)
+CONSUMERS = (
+    Consumer(name="MuJoCo", read=read_mjcf, quick=True),
+    newton("world.xml", rock_error=_SCALE_ERROR, gravity_kept=False),
+)
 """What reads these exports back."""

@@ -18,10 +18,9 @@ from terrain_forge.base import portable
 from terrain_forge.geometry import inertias, write_rock_shape
 from terrain_forge.model import RockField, RockLibrary, RockPrototype
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import rock_name, write_stl
+from terrain_forge.writers import Lines, element, numbers, rock_name, write_stl
 
 from .options import Options
-from .xml import element, numbers
 
 _LEVEL = 1
 """Level of detail that is drawn; MuJoCo holds a copy for each size."""
@@ -56,7 +55,7 @@ def has_own_shape(field: RockField, options: Options) -> NDArray[np.bool_]:
     return large | field.dynamic
 
 
-def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Options) -> list[str]:
+def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Options) -> Lines:
     """A mesh asset for each shape and hull in each size that occurs."""
     hulls, shapes = set[tuple[int, str]](), set[tuple[int, str]]()
     for field in fields:
@@ -101,7 +100,7 @@ def fixed_rocks(library: RockLibrary, field: RockField, options: Options) -> Ite
                 yield _geom(_hull_name(rock, h), kind, _hull_mesh(prototype, h, size), place)
 
 
-def dynamic_rocks(library: RockLibrary, field: RockField, options: Options) -> Iterator[str]:
+def dynamic_rocks(library: RockLibrary, field: RockField, options: Options) -> Iterator[Lines]:
     """A body `rock_<id>` for each dynamic rock, with its shape and its hulls."""
     field = field.select(field.dynamic)
     # MuJoCo wants xx yy zz xy xz yz.
@@ -115,13 +114,13 @@ def dynamic_rocks(library: RockLibrary, field: RockField, options: Options) -> I
         parts = [
             element("freejoint", name=name),
             element("inertial", pos=np.zeros(3), mass=field.mass[row], fullinertia=six[row]),
-            _geom(f"{name}_shape", look, _shape_mesh(prototype, shape_size)),
+            [_geom(f"{name}_shape", look, _shape_mesh(prototype, shape_size))],
         ]
         for part in range(len(library.prototypes[prototype].hulls)):
             mesh = _hull_mesh(prototype, part, hull_size)
-            parts.append(_geom(_hull_name(rock, part), "dynamic", mesh, touch))
+            parts.append([_geom(_hull_name(rock, part), "dynamic", mesh, touch)])
         place = {"pos": field.position[row], "quat": field.quaternion[row]}
-        yield element("body", parts, name=name, **place)
+        yield element("body", *parts, name=name, **place)
 
 
 def _geom(name: str, kind: str, mesh: str, more: str = "") -> str:

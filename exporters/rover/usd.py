@@ -10,8 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from terrain_forge.exporters.mjcf.rover import servo_gain
 from terrain_forge.exporters.usd.layer import gf_quaternion, new_stage, save
 from terrain_forge.exporters.usd.material import bind_friction, define_friction
-from terrain_forge.exporters.usd.rig import define_rig
-from terrain_forge.exporters.usd.solids import define_shape
+from terrain_forge.exporters.usd.rover import define_rig, define_shape
 
 from terrain_forge.base import Array, portable
 from terrain_forge.geometry import principal_axes
@@ -25,11 +24,7 @@ _X = np.array([1.0, 0.0, 0.0])
 def write_usd(path: Path, rover: Rover, *, name: str, friction: float) -> None:
     """Write a stage whose default prim /NAME is the rover, its bodies side by side below it.
 
-    Args:
-        path: The file.
-        rover: The rover.
-        name: Name of the prim.
-        friction: Coulomb friction of its colliders.
+    `friction` is that of its colliders (Coulomb).
     """
     stage = new_stage(path, name)
     root = stage.GetDefaultPrim()

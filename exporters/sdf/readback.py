@@ -337,9 +337,9 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-FILES = Consumer(name="files", read=read_files, quick=True, full=False)
-"""The files themselves."""
-GAZEBO = Consumer(name="Gazebo Fortress' libraries", read=read_sdf)
-"""The parser, mesh loaders and physics of Gazebo Fortress; gz-sim itself is not run."""
-CONSUMERS = (FILES, GAZEBO)
+CONSUMERS = (
+    Consumer(name="files", read=read_files, quick=True, full=False),
+    # Its parser, mesh loaders and physics; gz-sim itself is not run.
+    Consumer(name="Gazebo Fortress' libraries", read=read_sdf),
+)
 """What reads these exports back."""

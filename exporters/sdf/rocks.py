@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from terrain_forge.exporters.sdf import material
 
 from terrain_forge.base import rpy_from_quaternion
 from terrain_forge.geometry import (
@@ -17,24 +16,23 @@ from terrain_forge.geometry import (
     rock_texture,
     write_rock_shape,
 )
-from terrain_forge.model import Mesh, RockField, Tile, World, world_friction
+from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import rock_name, write_png, write_stl
+from terrain_forge.writers import Lines, element, numbers, rock_name, write_png, write_stl
 
-from .markup import Lines, element, numbers
-from .model import Model, mesh, surface
+from .model import TEXTURES, Model, inertial, mesh, plain, surface
 from .options import Options
-from .solids import inertial
 
 
-def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options) -> Lines:
+def write_tile(
+    tile: Tile, model: Model, friction: float, coarse: list[Mesh], options: Options
+) -> Lines:
     """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
     Among the merged rocks a mesh of `coarse` stands for each prototype.
     """
     whole = tile.whole
-    single = is_single(tile.field, options)
-    friction = world_friction(whole.site.body, options).rock
+    single = is_single(tile.field, options.individual_min_m)
     parts: list[Lines] = [
         _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
     ]
@@ -48,38 +46,32 @@ def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options
         if not unseen:
             touch = surface(friction)
             parts.append(element("collision", geometry, touch, name=f"{name}_collision"))
-        look = material.plain(mean_rock_srgb(whole, population))
+        look = plain(mean_rock_srgb(whole, population))
         parts.append(element("visual", geometry, look, name=f"{name}_visual"))
     return element("link", *parts, name=tile.name("rocks"))
 
 
-def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
-    """Which rocks are elements of their own: the large and the dynamic ones."""
-    large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
+def is_single(field: RockField, least: float) -> NDArray[np.bool_]:
+    """Which rocks are elements of their own: the dynamic ones and those of a diameter [m]."""
+    large: NDArray[np.bool_] = field.diameter >= least
     return large | field.dynamic
 
 
 def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
     """Write the model of the tiles' links, and the meshes and textures that single rocks share."""
-    single = world.field.select(is_single(world.field, options))
-    _write_shapes(world, model, np.unique(single.prototype).tolist())
+    single = world.field.select(is_single(world.field, options.individual_min_m))
+    for prototype in np.unique(single.prototype).tolist():
+        shape = world.library.prototypes[prototype]
+        write_rock_shape(model.path(_shape_file(prototype)), shape)
+        for part, hull in enumerate(shape.hulls):
+            path = model.path(_hull_file(prototype, part))
+            write_stl(path, vertices=hull.vertices, faces=hull.faces)
     populations = np.unique(single.population).tolist()
     for population in populations:
         image = rock_texture(world, population)
-        write_png(model.path(f"{material.TEXTURES}/{_texture_file(population)}"), image)
-    if model.flavour == "classic" and populations:
-        material.write_scripts(model, list(map(_texture_file, populations)), address="wrap")
+        write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
+    model.write_scripts(list(map(_texture_file, populations)), address="wrap")
     model.write(title=f"{world.site.name}: rocks", links=links)
-
-
-def _write_shapes(world: World, model: Model, prototypes: list[int]) -> None:
-    """Write the meshes that single rocks share: finest level of detail, and convex parts."""
-    for number in prototypes:
-        shape = world.library.prototypes[number]
-        write_rock_shape(model.path(_shape_file(number)), shape)
-        for part, hull in enumerate(shape.hulls):
-            path = model.path(_hull_file(number, part))
-            write_stl(path, vertices=hull.vertices, faces=hull.faces)
 
 
 def _single_rocks(world: World, rocks: RockField, model: Model, friction: float) -> Lines:
@@ -109,32 +101,25 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
     looks, tensors = _looks(model, field), inertias(field, world.library)
     models = []
     for row, rock in enumerate(field.id.tolist()):
-        touch = "".join(_contact(float(field.diameter[row])))
+        contact = dynamic_contact(float(field.diameter[row]))  # as it was settled
+        # SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
+        radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
+        touch = "".join(surface(contact.sliding, patch_radius=radius))
         shape, hulls = _meshes(world, field, row, model)
         parts = [f'<visual name="visual">{shape}{looks[field.population[row]]}</visual>']
         for part, hull in enumerate(hulls):
             parts.append(f'<collision name="collision_{part}">{hull}{touch}</collision>')
         mass = "".join(inertial(float(field.mass[row]), tensors[row]))
         link = element("link", [mass], parts, name="rock")
-        pose = element("pose", numbers(poses[row]))
+        pose = element("pose", poses[row])
         models.append(element("model", pose, link, name=rock_name(rock)))
     return models
-
-
-def _contact(diameter: float) -> Lines:
-    """Friction of a dynamic rock, as it was settled.
-
-    SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
-    """
-    contact = dynamic_contact(diameter)
-    radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
-    return surface(contact.sliding, patch_radius=radius)
 
 
 def _looks(model: Model, rocks: RockField) -> list[str]:
     """The material of each population's single rocks, as text."""
     populations = range(len(rocks.populations))
-    return ["".join(material.textured(model, _texture_file(number))) for number in populations]
+    return ["".join(model.textured(_texture_file(number))) for number in populations]
 
 
 def _meshes(world: World, rocks: RockField, row: int, model: Model) -> tuple[str, list[str]]:

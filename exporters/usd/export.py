@@ -22,11 +22,9 @@ from terrain_forge.model import ExportReport, Mesh, World
 
 from .ground import fresh_craters, write_detail, write_ground
 from .layer import ROOT, new_stage, save
-from .library import write_library
 from .options import Options
-from .replay import write_scene
-from .rig import rig_losses
-from .rocks import write_rocks, write_textures
+from .rocks import write_library, write_rocks, write_textures
+from .rover import rig_losses, write_scene
 
 _SKY_SHARE = 0.2
 """Irradiance of the sky over the Sun's, an even compromise between a dusty day and a clear one."""

@@ -119,8 +119,3 @@ def specify(
 ) -> None:
     """Give a prim an attribute with a value."""
     Sdf.AttributeSpec(prim, name, kind, variability).default = value
-
-
-def apply_schemas(prim: Sdf.PrimSpec, *names: str) -> None:
-    """Apply API schemas to a prim."""
-    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=list(names)))

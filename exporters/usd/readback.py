@@ -245,9 +245,5 @@ def opening(folder: Path, options: Any) -> Opening:
     return Opening(title="USD", commands=f"usdview {quote(folder.name)}/scene.usda   # {others}")
 
 
-OPENUSD = Consumer(name="OpenUSD", read=read_usd, quick=True)
-"""OpenUSD's composition and validators."""
-NEWTON = newton("world.usda")
-"""Newton's importer of USD, and its solver."""
-CONSUMERS = (OPENUSD, NEWTON)
+CONSUMERS = (Consumer(name="OpenUSD", read=read_usd, quick=True), newton("world.usda"))
 """What reads these exports back."""
