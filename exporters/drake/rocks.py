@@ -82,8 +82,16 @@ def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Option
     fixed = tile.field.select(~tile.field.dynamic)
     single = is_single(fixed, options.individual_min_m)
     friction = world_friction(tile.whole.site.body, options).rock
-    parts = [*_single_rocks(fixed.select(single), folder, friction)]
-    small, name = fixed.select(~single), tile.name("rocks")
+    large, small, name = fixed.select(single), fixed.select(~single), tile.name("rocks")
+    parts = []
+    poses = np.hstack([large.position, rpy_from_quaternion(large.quaternion)])
+    for row, rock in enumerate(map(rock_name, large.id.tolist())):
+        uri, scale = _shape_uri(large, row, folder), float(large.scale[row])
+        # The finest mesh, and a collision of it for what can be touched.
+        parts.append(visual(f"{rock}_visual", uri, pose=poses[row], scale=scale))
+        if large.collides[row]:
+            touch = collision(f"{rock}_collision", uri, friction, pose=poses[row], scale=scale)
+            parts.append(touch)
     for population, solid, rocks in grouped(small, small.collides):
         vertices, faces = merge_rocks(rocks, coarse, tile.whole.ground)
         if not len(faces):
@@ -122,17 +130,6 @@ def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Line
         mass = inertial(float(field.mass[row]), tensor)
         link = element("link", mass, look, *collisions, name="rock")
         yield element("model", element("pose", poses[row]), link, name=rock_name(field.id[row]))
-
-
-def _single_rocks(rocks: RockField, folder: Path, friction: float) -> Iterator[Lines]:
-    """A visual, and for what can be touched a collision, of each rock's finest mesh."""
-    poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)])
-    for row, identity in enumerate(rocks.id.tolist()):
-        uri, scale = _shape_uri(rocks, row, folder), float(rocks.scale[row])
-        name, pose = rock_name(identity), poses[row]
-        yield visual(f"{name}_visual", uri, pose=pose, scale=scale)
-        if rocks.collides[row]:
-            yield collision(f"{name}_collision", uri, friction, pose=pose, scale=scale)
 
 
 def _shape_uri(field: RockField, row: int, folder: Path) -> str:

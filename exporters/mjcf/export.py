@@ -9,22 +9,14 @@ import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import write_rover_meshes
-from terrain_forge.model import ExportReport, Friction, Tile, Trajectory, World, world_friction
+from terrain_forge.model import ExportReport, Tile, Trajectory, World, world_friction
 from terrain_forge.writers import Lines, element, file_name
 
 from .ground import ground_elements
 from .losses import list_losses, require_counts
-from .materials import (
-    SOLIMP,
-    SOLREF,
-    SURFACE_PRIORITY,
-    rock_classes,
-    rock_materials,
-    sliding,
-    texture_files,
-)
+from .materials import rock_materials, static_classes, texture_files
 from .options import Options
-from .rocks import dynamic_rocks, fixed_rocks, has_own_shape, mesh_assets, write_hulls, write_shapes
+from .rocks import dynamic_rocks, fixed_rocks, has_own_shape, mesh_assets, write_meshes
 from .rover import rover_body, rover_sections, simulation
 
 _LARGEST_FIELD = 4096
@@ -64,8 +56,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     for name, content in files.items():
         (directory / name).write_bytes(content)
     meshes = [
-        *write_hulls(world.library, directory),
-        *write_shapes(world.library, shapes, directory),
+        *write_meshes(world.library, shapes, directory),
         *(f"assets/{name}" for name in write_rover_meshes(world.rover, directory / "assets")),
     ]
     written = tuple(map(Path, (*files, *meshes)))
@@ -90,14 +81,13 @@ def _world(
         rocks += dynamic_rocks(world.library, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
-    friction = world_friction(world.site.body, options)
-    static = [*_static(friction), *rock_classes(world, textured=textured, friction=friction.rock)]
+    static = static_classes(world, world_friction(world.site.body, options), textured=textured)
     return element(
         "mujoco",
         *_settings(world, options, shown=_extent(world)),
         *_memory(world),
         element("statistic", center=centre, extent=_extent(world)),
-        element("default", element("default", *static, class_="static")),
+        element("default", static),
         element("asset", *assets, *looks, meshes),
         element("worldbody", _sun(world), *bodies, *rocks),
         model=world.site.name,
@@ -127,25 +117,6 @@ def _settings(world: World, options: Options, *, shown: float) -> list[Lines]:
     )
     gravity = world.site.body.gravity
     return [*simulation(gravity, timestep=options.timestep_s, sleep=options.sleep), visual]
-
-
-def _static(friction: Friction) -> list[Lines]:
-    """Defaults of ground and rocks: they meet what moves, never each other."""
-    contact = element(
-        "geom", contype=0, conaffinity=1, condim=3, priority=SURFACE_PRIORITY,
-        friction=sliding(friction.ground), solref=SOLREF, solimp=SOLIMP,
-    )  # fmt: skip
-    # Blocks are touched and hidden, the ground above them is seen and not touched.
-    fields = {
-        "ground": {"group": 0},
-        "ground_seen": {"group": 0, "contype": 0, "conaffinity": 0},
-        "ground_block": {"group": 4},
-    }
-    classes = [
-        element("default", element("geom", type="hfield", **own), class_=name)
-        for name, own in fields.items()
-    ]
-    return [contact, *classes]
 
 
 def _sun(world: World) -> Lines:

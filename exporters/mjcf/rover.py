@@ -132,25 +132,19 @@ def _actuators(rover: Rover) -> list[Lines]:
 def _sensors(rover: Rover) -> list[Lines]:
     """True pose and velocity of the root, inertial sensors, wheel and rocker rates."""
     root = rover.links[0].name
-    true = {"framepos": "position", "framequat": "orientation", "framelinvel": "velocity"}
-    pose = [
-        element(kind, name=f"{root}_{name}", objtype="xbody", objname=root)
-        for kind, name in true.items()
+    names = {"framepos": "position", "framequat": "orientation", "framelinvel": "velocity"}
+    true = {kind: f"{root}_{name}" for kind, name in names.items()}
+    told = [
+        *((kind, name, {"objtype": "xbody", "objname": root}) for kind, name in true.items()),
+        *((tag, f"{s.name}_{tag}", {"site": s.name}) for s in rover.sensors for tag in s.mjcf),
+        *(("jointvel", f"{w.link}_rate", {"joint": w.link}) for w in rover.wheels),
+        *(
+            ("jointpos", f"{link.name}_angle", {"joint": link.name})
+            for link in rover.links
+            if link.joint == "passive"
+        ),
     ]
-    inertial = [
-        element(tag, name=f"{sensor.name}_{tag}", site=sensor.name)
-        for sensor in rover.sensors
-        for tag in sensor.mjcf
-    ]
-    rates = [
-        element("jointvel", name=f"{wheel.link}_rate", joint=wheel.link) for wheel in rover.wheels
-    ]
-    angles = [
-        element("jointpos", name=f"{link.name}_angle", joint=link.name)
-        for link in rover.links
-        if link.joint == "passive"
-    ]
-    return pose + inertial + rates + angles
+    return [element(tag, name=name, **what) for tag, name, what in told]
 
 
 def rig_losses(rover: Rover, where: str = "") -> list[str]:

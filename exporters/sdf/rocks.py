@@ -81,13 +81,9 @@ def _single_rocks(world: World, rocks: RockField, model: Model, friction: float)
     looks = _looks(model, rocks)
     lines: Lines = []
     for row, pose in enumerate(poses):
-        name, place = rock_name(rocks.id[row]), f"<pose>{numbers(pose)}</pose>"
-        shape, hulls = _meshes(world, rocks, row, model)
-        look = f"{place}{shape}{looks[rocks.population[row]]}"
-        lines.append(f'<visual name="{name}_visual">{look}</visual>')
-        for part, hull in enumerate(hulls if rocks.collides[row] else ()):
-            body = f"{place}{hull}{touch}"
-            lines.append(f'<collision name="{name}_collision_{part}">{body}</collision>')
+        name, place = f"{rock_name(rocks.id[row])}_", f"<pose>{numbers(pose)}</pose>"
+        felt = touch if rocks.collides[row] else ""
+        lines += _parts(world, rocks, row, model, looks, felt, name=name, place=place)
     return lines
 
 
@@ -105,10 +101,7 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
         # SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
         radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
         touch = "".join(surface(contact.sliding, patch_radius=radius))
-        shape, hulls = _meshes(world, field, row, model)
-        parts = [f'<visual name="visual">{shape}{looks[field.population[row]]}</visual>']
-        for part, hull in enumerate(hulls):
-            parts.append(f'<collision name="collision_{part}">{hull}{touch}</collision>')
+        parts = _parts(world, field, row, model, looks, touch)
         mass = "".join(inertial(float(field.mass[row]), tensors[row]))
         link = element("link", [mass], parts, name="rock")
         pose = element("pose", poses[row])
@@ -116,26 +109,37 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
     return models
 
 
+def _parts(
+    world: World,
+    rocks: RockField,
+    row: int,
+    model: Model,
+    looks: list[str],
+    touch: str,
+    *,
+    name: str = "",
+    place: str = "",
+) -> Lines:
+    """The visual of a rock's shape and, where there is a touch, collisions of its convex parts."""
+    prototype, size = int(rocks.prototype[row]), f"{rocks.scale[row]:.9g}"
+
+    def geometry(file: str) -> str:
+        mesh = f"<uri>{model.uri(file)}</uri><scale>{size} {size} {size}</scale>"
+        return f"{place}<geometry><mesh>{mesh}</mesh></geometry>"
+
+    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]]}"
+    hulls = world.library.prototypes[prototype].hulls if touch else ()
+    return [f'<visual name="{name}visual">{look}</visual>'] + [
+        f'<collision name="{name}collision_{part}">{geometry(_hull_file(prototype, part))}{touch}'
+        "</collision>"
+        for part in range(len(hulls))
+    ]
+
+
 def _looks(model: Model, rocks: RockField) -> list[str]:
     """The material of each population's single rocks, as text."""
     populations = range(len(rocks.populations))
     return ["".join(model.textured(_texture_file(number))) for number in populations]
-
-
-def _meshes(world: World, rocks: RockField, row: int, model: Model) -> tuple[str, list[str]]:
-    """The geometries of a rock's shape and of its convex parts, as text."""
-    prototype, scale = int(rocks.prototype[row]), float(rocks.scale[row])
-    parts = range(len(world.library.prototypes[prototype].hulls))
-    hulls = [model.uri(_hull_file(prototype, part)) for part in parts]
-    shape = _scaled_mesh(model.uri(_shape_file(prototype)), scale)
-    return shape, [_scaled_mesh(hull, scale) for hull in hulls]
-
-
-def _scaled_mesh(uri: str, scale: float) -> str:
-    """The geometry of a mesh file in a size, as text."""
-    size = f"{scale:.9g}"
-    scaled = f"<uri>{uri}</uri><scale>{size} {size} {size}</scale>"
-    return f"<geometry><mesh>{scaled}</mesh></geometry>"
 
 
 def _shape_file(prototype: int) -> str:
