@@ -10,8 +10,8 @@ from terrain_forge.base import ExportError
 from terrain_forge.geometry import level_of_detail, merge_rocks
 from terrain_forge.model import RockField, World
 
+from ..sdf.rocks import is_single
 from .options import Options
-from .rocks import is_single
 
 SECONDS_PER_FACE, MB_PER_FACE = 20e-6, 1.6e-3
 """Time [s] and memory [MB] for each triangle that is rigid, from the file to a plant that is ready:
@@ -23,12 +23,12 @@ SECONDS_PER_BODY = 5e-3
 """Time per dynamic rock [s]."""
 MOST_SECONDS, MOST_MB = 300.0, 8192.0
 """What parsing may take."""
-_WORTH_SAYING = 20.0
+WORTH_SAYING = 20.0
 """From what on parsing is a loss to be told [s]."""
 _SAMPLE = 400
 """Merged rocks by which the faces of all are estimated: how much of each is above the ground."""
 _ALLOWED = f"at most {MOST_SECONDS:.0f} s and {MOST_MB / 1024:.0f} GB are allowed"
-_ADVICE = (
+ADVICE = (
     "a larger individual_min_m or outline_error, a smaller size_m or fewer dynamic rocks make it "
     "less"
 )
@@ -74,8 +74,7 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     ground = Load(faces=int(2 * nodes))
     if not ground.bearable:
         raise ExportError(
-            f"Drake's parser would take {ground.seconds:.0f} s and "
-            f"{MB_PER_FACE * ground.faces / 1024:.0f} GB for a ground of {nodes / 1e6:.1f} M nodes "
+            f"Drake's parser would load {ground} for a ground of {nodes / 1e6:.1f} M nodes "
             f"({_ALLOWED}); choose a smaller size_m or a larger spacing_m"
         )
     load = Load(faces=ground.faces, single=int(rocks))
@@ -87,34 +86,22 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         )
 
 
-def require_parsable(world: World, options: Options) -> None:
-    """Refuse a world over which Drake's parser would sit for long.
+def require_parsable(world: World, options: Options) -> Load:
+    """What Drake's parser takes for a world.
 
     Raises:
-        ExportError: if it would; says what to choose instead.
+        ExportError: if it would sit over it for long; says what to choose instead.
     """
-    load = parsing(world, options)
-    if not load.bearable:
-        raise ExportError(f"Drake's parser would load {load} ({_ALLOWED}); {_ADVICE}")
-
-
-def parsing_losses(world: World, options: Options) -> list[str]:
-    """What parsing takes, where that is much."""
-    load = parsing(world, options)
-    if load.seconds <= _WORTH_SAYING:
-        return []
-    return [f"Drake's parser loads {load}; {_ADVICE}."]
-
-
-def parsing(world: World, options: Options) -> Load:
-    """What Drake's parser takes for a world."""
     fixed = world.field.select(~world.field.dynamic)
-    large = is_single(fixed, options)
+    large = is_single(fixed, options.individual_min_m)
     faces = 2 * (world.ground.shape[0] - 1) * (world.ground.shape[1] - 1)
     finest = np.array([len(p.meshes[0].faces) for p in world.library.prototypes], np.int64)
     faces += int(finest[fixed.prototype[large & fixed.collides]].sum())
     faces += _merged_faces(world, fixed.select(~large & fixed.collides), options.outline_error)
-    return Load(faces=faces, single=int(large.sum()), dynamic=len(world.field) - len(fixed))
+    load = Load(faces=faces, single=int(large.sum()), dynamic=len(world.field) - len(fixed))
+    if not load.bearable:
+        raise ExportError(f"Drake's parser would load {load} ({_ALLOWED}); {ADVICE}")
+    return load
 
 
 def _merged_faces(world: World, rocks: RockField, tolerance: float) -> int:

@@ -45,9 +45,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     coarse = np.array([level_of_detail(shape, options.outline_error) for shape in shapes])
     with TemporaryFile(dir=directory) as binary:
         gltf = Gltf(binary)
-        paths = [_path_node(trajectory) for trajectory in world.trajectories]
-        for number, trajectory in enumerate(world.trajectories):
-            _animate(trajectory, gltf, node=1 + number)
+        paths = [
+            _moving_node(trajectory, gltf, node=1 + number)
+            for number, trajectory in enumerate(world.trajectories)
+        ]
         tiles = _tiles(world, gltf, coarse, options)
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
@@ -59,7 +60,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             "rotation": _Z_UP_TO_Y_UP,
             "children": list(range(1, 1 + len(fixed) + len(single))),
         }
-        light = _sun_light(world.lighting, options)
+        # In lux on a surface that faces the light.
+        lux = options.sun_lux or world.lighting.irradiance * _SUNLIGHT_EFFICACY
+        light = {"type": "directional", "name": "sun", "color": [1, 1, 1], "intensity": lux}
         gltf.write(
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
@@ -88,50 +91,31 @@ def _tiles(
     return nodes
 
 
-def _path_node(trajectory: Trajectory) -> dict[str, Any]:
-    """The node in the pose of the path's first sample."""
-    return {
-        "name": f"path_{trajectory.name}",
-        "translation": trajectory.position[0].tolist(),
-        "rotation": _turns(trajectory)[0].tolist(),
-    }
+def _moving_node(trajectory: Trajectory, gltf: Gltf, *, node: int) -> dict[str, Any]:
+    """Add the animation of the node of that index: the trajectory's samples, straight between.
 
-
-def _animate(trajectory: Trajectory, gltf: Gltf, *, node: int) -> None:
-    """Add the animation of the node of that index: the trajectory's samples, straight between."""
+    Returns:
+        The node, in the pose of the first sample.
+    """
+    # A quaternion and its negative are the same turn, but between the two a reader that blends
+    # numbers would spin: each is on the side of the one before.
+    turns = xyzw(trajectory.quaternion)
+    turns_over = (turns[1:] * turns[:-1]).sum(axis=1) < 0
+    turns = turns * np.cumprod(np.where([False, *turns_over], -1.0, 1.0))[:, None]
+    values = {"translation": trajectory.position, "rotation": turns}
     times = gltf.add_samples(trajectory.time[:, None].astype(np.float32), bounded=True)
-    values = {
-        "translation": trajectory.position.astype(np.float32),
-        "rotation": _turns(trajectory).astype(np.float32),
-    }
     samplers = [
-        {"input": times, "output": gltf.add_samples(some), "interpolation": "LINEAR"}
+        {"input": times, "output": gltf.add_samples(some.astype(np.float32)),
+         "interpolation": "LINEAR"}
         for some in values.values()
-    ]
+    ]  # fmt: skip
     channels = [
         {"sampler": number, "target": {"node": node, "path": name}}
         for number, name in enumerate(values)
     ]
     animation = {"name": trajectory.name, "samplers": samplers, "channels": channels}
     gltf.add("animations", animation)
-
-
-def _turns(trajectory: Trajectory) -> NDArray[np.float64]:
-    """Rotations (x, y, z, w) of the samples, each on the side of the one before.
-
-    A quaternion and its negative are the same turn, but between the two a reader that blends
-    numbers would spin.
-    """
-    quaternions = xyzw(trajectory.quaternion)
-    turns_over = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0
-    sign = np.cumprod(np.where(np.concatenate([[False], turns_over]), -1.0, 1.0))
-    return quaternions * sign[:, None]
-
-
-def _sun_light(lighting: Lighting, options: Options) -> dict[str, Any]:
-    """The light; glTF measures it in lux on a surface that faces it."""
-    lux = options.sun_lux or lighting.irradiance * _SUNLIGHT_EFFICACY
-    return {"type": "directional", "name": "sun", "color": [1, 1, 1], "intensity": lux}
+    return {"name": f"path_{trajectory.name}", **{k: v[0].tolist() for k, v in values.items()}}
 
 
 def _sun_node(lighting: Lighting) -> dict[str, Any]:

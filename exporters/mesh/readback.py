@@ -75,7 +75,5 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-TRIMESH = Consumer(name="trimesh", read=read_meshes)
-"""trimesh's readers of OBJ, STL and PLY."""
-CONSUMERS = (TRIMESH,)
+CONSUMERS = (Consumer(name="trimesh", read=read_meshes),)
 """What reads these exports back."""

@@ -47,17 +47,19 @@ def write_geotiff(
     from rasterio.enums import ColorInterp
     from rasterio.errors import NotGeoreferencedWarning
     from rasterio.io import MemoryFile
+    from rasterio.transform import from_origin
 
     if grid.shape[:2] != world_ground.shape:
         raise ValueError(f"{path.name}: grid {grid.shape}, ground {world_ground.shape}")
-    bands = np.atleast_3d(image_rows(grid))
+    bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
+    west, _, _, north = world_ground.bounds
     profile: dict[str, Any] = {
         "width": grid.shape[1],
         "height": grid.shape[0],
         "count": bands.shape[2],
         "dtype": grid.dtype,
         "crs": site.crs or None,
-        "transform": _pixel_to_world(world_ground),
+        "transform": from_origin(west - step / 2, north + step / 2, step, step),
         "nodata": nodata,
         "compress": "deflate",
         **_layout(grid, cloud_optimized=cloud_optimized),
@@ -86,15 +88,6 @@ def _layout(grid: NDArray[Any], *, cloud_optimized: bool) -> dict[str, Any]:
     colours = {"photometric": "rgb", "interleave": "pixel"} if grid.ndim == 3 else {}
     predictor = {"f": 3}.get(grid.dtype.kind, 2 if grid.ndim == 3 else 1)
     return {"driver": "GTiff", "zlevel": 1, "predictor": predictor, **colours}
-
-
-def _pixel_to_world(ground: Heightfield) -> Any:
-    """Affine from the image's pixel corners to east and north [m]."""
-    from rasterio.transform import from_origin
-
-    west, _, _, north = ground.bounds
-    half = 0.5 * ground.spacing
-    return from_origin(west - half, north + half, ground.spacing, ground.spacing)
 
 
 def _height_tags(site: Site) -> dict[str, str]:
