@@ -20,6 +20,7 @@ from terrain_forge.writers import (
     MattMaterial,
     element,
     file_name,
+    leaves,
     write_mtl,
     write_png,
     write_xml,
@@ -27,8 +28,7 @@ from terrain_forge.writers import (
 
 from ..sdf.model import world_name
 from ..sdf.rocks import is_single
-from .load import ADVICE, WORTH_SAYING, Load, require_parsable
-from .options import Options
+from .options import ADVICE, WORTH_SAYING, Load, Options, require_parsable
 from .rocks import (
     MATERIALS,
     collision,
@@ -41,13 +41,6 @@ from .rocks import (
 
 _SDF_VERSION = "1.9"
 _NAMESPACE = {"xmlns:drake": "http://drake.mit.edu"}
-_PACKAGE = """<?xml version="1.0" encoding="UTF-8"?>
-<package format="2">
-  <name>{name}</name>
-  <version>0.0.0</version>
-  <description>A world of terrain-forge</description>
-</package>
-"""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
@@ -77,8 +70,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     name = file_name(world.site.name)
     body = element("world", ground, *rocks, name=world_name(name), **_NAMESPACE)
     write_xml(directory / "world.sdf", element("sdf", body, version=_SDF_VERSION))
-    package = _PACKAGE.format(name=name)
-    (directory / "package.xml").write_text(package, encoding="utf-8", newline="\n")
+    package = leaves(name=name, version="0.0.0", description="A world of terrain-forge")
+    write_xml(directory / "package.xml", element("package", *package, format="2"))
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
     return ExportReport(files=tuple(files), losses=_losses(world, coarse, load, options))
 

@@ -38,7 +38,7 @@ MATERIALS = "world.mtl"
 
 def visual(name: str, uri: str, *, pose: Array | None = None, scale: float = 1.0) -> Lines:
     """A visual of an OBJ with its own material, which Drake takes for pictures and for Meshcat."""
-    return element("visual", *_placed(pose), _mesh(uri, scale), name=name)
+    return element("visual", *_solid(pose, uri, scale), name=name)
 
 
 def collision(
@@ -62,16 +62,14 @@ def collision(
         contact = [soft, element("drake:hydroelastic_modulus", modulus)]
     grip = leaves(**{"drake:mu_dynamic": friction, "drake:mu_static": friction})
     properties = element("drake:proximity_properties", *contact, *grip)
-    return element("collision", *_placed(pose), _mesh(uri, scale, *hints), properties, name=name)
+    return element("collision", *_solid(pose, uri, scale, *hints), properties, name=name)
 
 
-def _placed(pose: Array | None) -> list[Lines]:
-    return [] if pose is None else [element("pose", pose)]
-
-
-def _mesh(uri: str, scale: float, *hints: Lines) -> Lines:
+def _solid(pose: Array | None, uri: str, scale: float, *hints: Lines) -> list[Lines]:
+    """The pose, if there is one, and the geometry of a mesh file."""
+    place = [] if pose is None else [element("pose", pose)]
     size = [element("scale", (scale,) * 3)] if scale != 1.0 else []
-    return element("geometry", element("mesh", *leaves(uri=uri), *size, *hints))
+    return [*place, element("geometry", element("mesh", *leaves(uri=uri), *size, *hints))]
 
 
 def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Options) -> list[Lines]:

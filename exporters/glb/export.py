@@ -12,13 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError, portable, xyzw
-from terrain_forge.geometry import PLACE_LOSS, detail_loss, level_of_detail, texture_loss
+from terrain_forge.geometry import (
+    PLACE_LOSS,
+    detail_loss,
+    level_of_detail,
+    mean_rock_colour,
+    texture_loss,
+)
 from terrain_forge.model import ExportReport, Lighting, Trajectory, World
 from terrain_forge.writers import LARGEST_FILE, Gltf
 
-from .ground import TRANSFORM, SharedParts, ground_tile
+from .ground import TRANSFORM, SharedParts, ground_tile, matt
 from .options import Options
-from .rocks import merged_materials, merged_rocks, node_texts, rock_meshes
+from .rocks import merged_rocks, node_texts, rock_meshes
 
 _LIGHTS = "KHR_lights_punctual"
 _SUNLIGHT_EFFICACY = 98.0
@@ -84,7 +90,10 @@ def _tiles(
     nodes = []
     small = world.field.diameter < options.instances_min_m
     merged = world.replace(field=world.field.select(small))
-    materials = merged_materials(world, gltf) if small.any() else []
+    materials = [
+        gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, n).tolist()))
+        for n, name in enumerate(world.field.populations if small.any() else ())
+    ]
     for tile in merged.tiles(cells=options.tile_cells):
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
         nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)

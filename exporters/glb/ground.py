@@ -28,9 +28,7 @@ TRANSFORM = "KHR_texture_transform"
 class SharedParts:
     """What tiles share: texture coordinates and faces if they are of one shape, the soil's normals.
 
-    Args:
-        gltf: The asset that they are added to.
-        detail: The soil's detail tile, if there is one.
+    They are added to the asset; the normals are those of the detail tile, if there is one.
     """
 
     def __init__(self, gltf: Gltf, detail: GroundDetail | None) -> None:
@@ -53,10 +51,8 @@ class SharedParts:
         """Accessors of texture coordinates (v downwards, as in glTF) and of faces."""
         coordinates = grid_texture_coordinates(rows, columns).astype(np.float32)
         coordinates[:, 1] = 1 - coordinates[:, 1]
-        return (
-            self._gltf.add_vertices(coordinates),
-            self._gltf.add_indices(grid_faces(rows, columns)),
-        )
+        faces = grid_faces(rows, columns)
+        return self._gltf.add_vertices(coordinates), self._gltf.add_indices(faces)
 
 
 def tile_corner(tile: Tile) -> NDArray[np.float64]:

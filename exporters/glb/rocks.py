@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inlined, kernel, xyzw
-from terrain_forge.geometry import grouped, mean_rock_colour, merge_in_parts, rock_texture, surface
+from terrain_forge.geometry import grouped, merge_in_parts, rock_texture, surface
 from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.writers import (
     ROCK,
@@ -107,14 +107,6 @@ def merged_rocks(
             mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})
             nodes.append({"name": name, "mesh": mesh, "translation": corner.tolist()})
     return nodes
-
-
-def merged_materials(world: World, gltf: Gltf) -> list[int]:
-    """Add a material per population in the mean of its colours; returns their indices."""
-    return [
-        gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, number).tolist()))
-        for number, name in enumerate(world.field.populations)
-    ]
 
 
 @inlined

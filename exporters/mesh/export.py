@@ -43,7 +43,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     if options.format == "obj":
         write_materials(world, directory, grounds=grounds, textured=options.rocks == "objects")
     files = sorted(path.relative_to(directory) for path in directory.iterdir())
-    return ExportReport(files=tuple(files), losses=_losses(world, detail, options))
+    return ExportReport(files=tuple(files), losses=tuple(_losses(world, detail, options)))
 
 
 def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
@@ -60,27 +60,19 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         )
 
 
-def _losses(world: World, detail: list[int], options: Options) -> tuple[str, ...]:
+def _losses(world: World, detail: list[int], options: Options) -> Iterator[str]:
     """What a plain mesh, or this export of one, does not say."""
-    return (
-        "A mesh knows no physics, light, place or paths.",
-        *_format_losses(world, options),
-        *(_rock_losses(world, detail, options) if len(world.field) else ()),
-    )
-
-
-def _format_losses(world: World, options: Options) -> Iterator[str]:
+    field = world.field
+    yield "A mesh knows no physics, light, place or paths."
     if options.format == "obj":
         yield "Coordinates are rounded to 1 µm."
         yield texture_loss(world.ground, options.texture_pixels, normals=False)
+    else:
+        largest = np.float32(max(map(abs, world.ground.bounds)))
+        yield f"Coordinates are float32: rounded by up to {500 * np.spacing(largest):.2g} mm."
+        yield {"stl": "STL has no colours.", "ply": "PLY has colours, no textures."}[options.format]
+    if not len(field):
         return
-    largest = np.float32(max(map(abs, world.ground.bounds)))
-    yield f"Coordinates are float32: rounded by up to {500 * np.spacing(largest):.2g} mm."
-    yield {"stl": "STL has no colours.", "ply": "PLY has colours, no textures."}[options.format]
-
-
-def _rock_losses(world: World, detail: list[int], options: Options) -> Iterator[str]:
-    field = world.field
     if options.rocks == "none":
         yield f"The {len(field)} rocks are left out."
         return

@@ -50,9 +50,7 @@ def ground_elements(
         geoms.append(element("geom", name=name, **own, pos=place))
     for number, block in enumerate(split_ground(world.ground, wide) if split else ()):
         name = f"block_{number}"
-        part = world.ground.cut(
-            column=block.column, row=block.row, columns=block.columns, rows=block.rows
-        )
+        part = world.ground.cut(**block._asdict())
         small = part.elevation.size <= _LARGEST_TEXT
         field, place = _height_field(part, name, None if small else files)
         assets.append(field)

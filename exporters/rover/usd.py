@@ -76,7 +76,16 @@ def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None
         if link.limits:
             joint.CreateLowerLimitAttr(link.limits[0] / _DEGREE)
             joint.CreateUpperLimitAttr(link.limits[1] / _DEGREE)
-        _define_drive(joint.GetPrim(), link, rover)
+        # A velocity servo on a motor; on a passive joint a drive to rest is its damping. USD counts
+        # angles in degrees, and so damping per degree.
+        motor = link.joint == "motor"
+        drive = UsdPhysics.DriveAPI.Apply(joint.GetPrim(), UsdPhysics.Tokens.angular)
+        drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+        drive.CreateStiffnessAttr(0.0)
+        drive.CreateDampingAttr((servo_gain(rover) if motor else link.damping) * _DEGREE)
+        drive.CreateTargetVelocityAttr(0.0)
+        if motor:
+            drive.CreateMaxForceAttr(rover.torque_limit)
     joint.CreateBody0Rel().SetTargets([Sdf.Path(_path(name, link.parent))])
     joint.CreateBody1Rel().SetTargets([Sdf.Path(_path(name, link.name))])
     turn = gf_quaternion(_turn_x_to(link.axis))
@@ -84,21 +93,6 @@ def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None
     joint.CreateLocalPos1Attr(Gf.Vec3f(0.0))
     joint.CreateLocalRot0Attr(turn)
     joint.CreateLocalRot1Attr(turn)
-
-
-def _define_drive(prim: Usd.Prim, link: Link, rover: Rover) -> None:
-    """A velocity servo on a motor; on a passive joint a drive to rest is its damping.
-
-    USD counts angles in degrees, and so damping per degree.
-    """
-    gain = servo_gain(rover) if link.joint == "motor" else link.damping
-    drive = UsdPhysics.DriveAPI.Apply(prim, UsdPhysics.Tokens.angular)
-    drive.CreateTypeAttr(UsdPhysics.Tokens.force)
-    drive.CreateStiffnessAttr(0.0)
-    drive.CreateDampingAttr(gain * _DEGREE)
-    drive.CreateTargetVelocityAttr(0.0)
-    if link.joint == "motor":
-        drive.CreateMaxForceAttr(rover.torque_limit)
 
 
 def _turn_x_to(axis: Array) -> Array:

@@ -179,7 +179,10 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
             balls, engine = _rest(sample, program, folder, Path(temporary))
     world, scene = answers
     findings = tuple(dict.fromkeys((*(world.findings or ()), *(scene.findings or ()))))
-    newer = _newer(folder) if findings else ""
+    version, newer = ElementTree.parse(folder / "world.sdf").getroot().get("version", ""), ""
+    if findings and tuple(map(int, version.split("."))) > _NEWEST:
+        known = ".".join(map(str, _NEWEST))
+        newer = f"libsdformat 12 knows SDF up to {known}, the file is {version}"
     return replace(
         _with_heightmap(sample, world),
         consumer=f"{world.consumer}, {engine}",
@@ -189,15 +192,6 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         reasons={"balls": unlike, "findings": newer},
         findings=None if newer else findings,
     )
-
-
-def _newer(folder: Path) -> str:
-    """Why libsdformat's complaints are none of an export's, empty if they are."""
-    version = ElementTree.parse(folder / "world.sdf").getroot().get("version", "")
-    if tuple(map(int, version.split("."))) <= _NEWEST:
-        return ""
-    known = ".".join(map(str, _NEWEST))
-    return f"libsdformat 12 knows SDF up to {known}, the file is {version}"
 
 
 def _unlike(folder: Path, options: Any) -> str:

@@ -40,8 +40,7 @@ def write_world(
         *([_place(world.site)] if knows_surface(world.site, version) else []),
         _physics(physics, classic=classic),
         *(_systems() if sensing and not classic else []),
-        _scene(world.lighting),
-        _sun(world.lighting, name=sun),
+        *_lights(world.lighting, sun=sun),
         *(element("include", *leaves(uri=f"model://{model.name}")) for model in models),
         *movers,
         name=world_name(name),
@@ -96,14 +95,10 @@ def _physics(name: str, *, classic: bool) -> Lines:
     return element("physics", *timing, dart, name=name, default="true", type="dart")
 
 
-def _scene(lighting: Lighting) -> Lines:
+def _lights(lighting: Lighting, *, sun: str) -> list[Lines]:
     # Where no air scatters light, the ground still throws some back into the shadows.
     ambient = [0.05 + 0.4 * channel for channel in lighting.sky_rgb]
     colours = leaves(ambient=(*ambient, 1), background=(*lighting.sky_rgb, 1))
-    return element("scene", *colours, *leaves(shadows="true", grid="false"))
-
-
-def _sun(lighting: Lighting, *, name: str) -> Lines:
     light = leaves(
         cast_shadows="true",
         pose="0 0 100 0 0 0",
@@ -111,4 +106,7 @@ def _sun(lighting: Lighting, *, name: str) -> Lines:
         specular="0.1 0.1 0.1 1",
         direction=-lighting.towards_sun,
     )
-    return element("light", *light, name=name, type="directional")
+    return [
+        element("scene", *colours, *leaves(shadows="true", grid="false")),
+        element("light", *light, name=sun, type="directional"),
+    ]

@@ -16,6 +16,7 @@ from terrain_forge.geometry import (
     detail_loss,
     largest_outline_error,
     level_of_detail,
+    rock_texture,
     static_losses,
     texture_loss,
 )
@@ -25,7 +26,7 @@ from terrain_forge.writers import write_png
 from .ground import DETAIL, fresh_craters, write_ground
 from .layer import ROOT, new_stage, save
 from .options import Options
-from .rocks import write_library, write_rocks, write_textures
+from .rocks import write_library, write_rocks
 from .rover import rig_losses, write_scene
 
 _SKY_SHARE = 0.2
@@ -37,7 +38,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets = directory / "assets"
     assets.mkdir()
     write_library(world.library, assets)
-    write_textures(world, assets)
+    for population in np.unique(world.field.population).tolist():
+        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
     shapes = world.library.prototypes

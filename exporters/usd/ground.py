@@ -58,7 +58,7 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
 
 def fresh_craters(world: World) -> list[Craters]:
     """The craters of each layer that still show in the world's ground."""
-    found = [craters for _, craters in craters_of(world)]
+    found = (craters for _, craters in craters_of(world))
     return [some.select(some.depth >= _LEAST_DEPTH * some.fresh_depth) for some in found]
 
 

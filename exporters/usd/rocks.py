@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.base import xyzw
-from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes, rock_texture
+from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes
 from terrain_forge.model import Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import rock_name, vertex_normals, write_png
+from terrain_forge.writers import rock_name, vertex_normals
 
 from .layer import (
     define_mesh,
@@ -73,12 +73,6 @@ def _specify_instance(parent: Sdf.PrimSpec, name: str, source: str) -> Sdf.PrimS
     child.instanceable = True
     child.referenceList.prependedItems = [Sdf.Reference(f"./{_LIBRARY}.usdc", source)]
     return child
-
-
-def write_textures(world: World, assets: Path) -> None:
-    """Write the textures of all populations into `assets`."""
-    for population in np.unique(world.field.population).tolist():
-        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
 
 
 def write_rocks(

@@ -51,6 +51,17 @@ def write_geotiff(
 
     if grid.shape[:2] != world_ground.shape:
         raise ValueError(f"{path.name}: grid {grid.shape}, ground {world_ground.shape}")
+    rise_east, rise_north = map(float, site.slope)
+    tags = {
+        "TERRAIN_FORGE_SITE": site.name,
+        "TERRAIN_FORGE_BODY": site.body.name,
+        "TERRAIN_FORGE_DATUM_HEIGHT_M": repr(float(site.datum_height)),
+        "TERRAIN_FORGE_LEVEL_SLOPE_EAST": repr(rise_east),
+        "TERRAIN_FORGE_LEVEL_SLOPE_NORTH": repr(rise_north),
+        "TERRAIN_FORGE_HEIGHT_ABOVE_DATUM": (
+            "z + DATUM_HEIGHT_M + LEVEL_SLOPE_EAST * x + LEVEL_SLOPE_NORTH * y"
+        ),
+    }
     bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
     west, _, _, north = world_ground.bounds
     profile: dict[str, Any] = {
@@ -76,7 +87,7 @@ def write_geotiff(
                     file.set_band_unit(band + 1, units)
                 if bands.shape[2] == 3:
                     file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
-                file.update_tags(AREA_OR_POINT="Area", **_height_tags(site))
+                file.update_tags(AREA_OR_POINT="Area", **tags)
             path.write_bytes(memory.getbuffer())
 
 
@@ -88,17 +99,3 @@ def _layout(grid: NDArray[Any], *, cloud_optimized: bool) -> dict[str, Any]:
     colours = {"photometric": "rgb", "interleave": "pixel"} if grid.ndim == 3 else {}
     predictor = {"f": 3}.get(grid.dtype.kind, 2 if grid.ndim == 3 else 1)
     return {"driver": "GTiff", "zlevel": 1, "predictor": predictor, **colours}
-
-
-def _height_tags(site: Site) -> dict[str, str]:
-    east, north = site.slope
-    return {
-        "TERRAIN_FORGE_SITE": site.name,
-        "TERRAIN_FORGE_BODY": site.body.name,
-        "TERRAIN_FORGE_DATUM_HEIGHT_M": repr(float(site.datum_height)),
-        "TERRAIN_FORGE_LEVEL_SLOPE_EAST": repr(float(east)),
-        "TERRAIN_FORGE_LEVEL_SLOPE_NORTH": repr(float(north)),
-        "TERRAIN_FORGE_HEIGHT_ABOVE_DATUM": (
-            "z + DATUM_HEIGHT_M + LEVEL_SLOPE_EAST * x + LEVEL_SLOPE_NORTH * y"
-        ),
-    }

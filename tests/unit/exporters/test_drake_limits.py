@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from terrain_forge.exporters.drake import Options, check_capacity, export
-from terrain_forge.exporters.drake.load import WORTH_SAYING, require_parsable
+from terrain_forge.exporters.drake.options import WORTH_SAYING, require_parsable
 
 from terrain_forge.base import ExportError
 from tests.consumers.test_drake import ask
