@@ -8,7 +8,14 @@ import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import write_rover_meshes
-from terrain_forge.model import ExportReport, Friction, Tile, World, world_friction
+from terrain_forge.model import (
+    ExportReport,
+    Friction,
+    Tile,
+    Trajectory,
+    World,
+    world_friction,
+)
 from terrain_forge.writers import file_name
 
 from .blocks import split_ground, wide_rocks
@@ -59,7 +66,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
     files = {
         "world.xml": _world_xml(world, tiles, grounds, options).encode(),
-        "scene.xml": _scene_xml(world, options).encode(),
+        "scene.xml": _scene_xml(world, tiles, options).encode(),
     }
     for trajectory in world.trajectories:
         files[f"paths/{file_name(trajectory.name)}.csv"] = path_table(trajectory)
@@ -189,7 +196,7 @@ def _extent(world: World) -> float:
     return max(east - west, north - south)
 
 
-def _scene_xml(world: World, options: Options) -> str:
+def _scene_xml(world: World, tiles: list[Tile], options: Options) -> str:
     position, quaternion = start_pose(world)
     parts = [element("include", file="world.xml"), *_settings(world, options, shown=_SCENE_EXTENT)]
     bodies = [replay_body(position, quaternion)]
@@ -205,17 +212,35 @@ def _scene_xml(world: World, options: Options) -> str:
             element("actuator", rover_actuators(world.rover)),
             element("sensor", rover_sensors(world.rover)),
         ]
+        if world.trajectories:
+            parts.append(element("keyframe", _keyframes(world, tiles)))
     parts.append(element("worldbody", bodies))
     return element("mujoco", parts, model=f"{world.site.name} scene") + "\n"
 
 
-def start_pose(world: World) -> tuple[Array, Array]:
-    """Position [m] and quaternion of base_link: the first path's start, or the ground's centre.
+def _keyframes(world: World, tiles: list[Tile]) -> list[str]:
+    """A state for each path, by its name: the rover and the mocap body at its start.
+
+    Each holds all joints: the dynamic rocks' first, which world.xml has, then the rover's.
+    """
+    dynamic = [tile.field.select(tile.field.dynamic) for tile in tiles]
+    rocks = [np.column_stack([field.position, field.quaternion]).ravel() for field in dynamic]
+    hinges = np.zeros(sum(link.joint in ("passive", "motor") for link in world.rover.links))
+    keys = []
+    for start in world.trajectories:
+        pose = start_pose(world, start)
+        own = {"qpos": np.concatenate([*rocks, *pose, hinges])}
+        keys.append(element("key", name=start.name, mpos=pose[0], mquat=pose[1], **own))
+    return keys
+
+
+def start_pose(world: World, start: Trajectory | None = None) -> tuple[Array, Array]:
+    """Position [m] and quaternion of base_link: a path's start (the first's), or the middle.
 
     Raised so that no wheel reaches into the ground; the rover settles within a second.
     """
     if world.trajectories:
-        start = world.trajectories[0]
+        start = start or world.trajectories[0]
         position, rpy = start.position[0].copy(), start.rpy[0]
     else:
         west, south, east, north = world.ground.bounds

@@ -2,6 +2,7 @@
 
 from .export import export
 from .options import Options
+from .readback import CONSUMERS
 from .usage import opening
 
-__all__ = ["Options", "export", "opening"]
+__all__ = ["CONSUMERS", "Options", "export", "opening"]

@@ -66,7 +66,10 @@ def _joint(link: Link, rover: Rover, options: Options) -> Lines:
     if link.joint == "fixed":
         return element("joint", *ends, name=joint_name(link.name), type="fixed")
     lower, upper = link.limits or (-1e16, 1e16)
-    effort = rover.torque_limit if link.joint == "motor" else -1.0
+    gear = next((gear for gear in rover.couplings if gear.link == link.name), None)
+    # Drake puts a motor on each joint whose effort is not 0; DART keeps a gear by efforts.
+    follows = gear is not None and options.release != "fortress"
+    effort = rover.torque_limit if link.joint == "motor" else -1.0 if follows else 0.0
     limit = element(
         "limit",
         element("lower", figures([lower])),
@@ -80,8 +83,7 @@ def _joint(link: Link, rover: Rover, options: Options) -> Lines:
         element("friction", figures([link.friction])),
     )
     axis = [element("xyz", figures(link.axis)), limit, dynamics]
-    gear = next((gear for gear in rover.couplings if gear.link == link.name), None)
-    if gear and options.release != "fortress":
+    if gear and follows:
         figure = {"multiplier": gear.ratio, "offset": gear.offset, "reference": 0.0}
         told = [element(key, figures([value])) for key, value in figure.items()]
         leader = joint_name(gear.leader)

@@ -13,6 +13,8 @@ from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape, moments
 from .options import Options
 from .rig import joint_name, joint_rate
 
+Colour = tuple[float, float, float]
+
 
 def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None:
     """Write the rover as URDF.
@@ -26,9 +28,10 @@ def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None
         options: The export's.
     """
     gears = {gear.link: gear for gear in rover.couplings}
-    parts = [_mujoco(), *_materials(rover)]
+    names = _material_names(rover)
+    parts = [_mujoco(), *_materials(names)]
     for number, link in enumerate(rover.links):
-        parts.append(_link(link, number, options))
+        parts.append(_link(link, number, options, names))
         if link.parent:
             parts.append(_joint(link, rover, gears.get(link.name)))
     for sensor in rover.sensors:
@@ -51,25 +54,34 @@ def _mujoco() -> Lines:
     return element("mujoco", compiler)
 
 
-def _materials(rover: Rover) -> list[Lines]:
-    colours = sorted({shape.rgb for link in rover.links for shape in link.shapes})
+def _material_names(rover: Rover) -> dict[Colour, str]:
+    """A name for each colour, its own where several round to the same bytes: urdfdom asks for it.
+
+    Colours that are written alike are one.
+    """
+    names: dict[Colour, str] = {}
+    told: dict[str, str] = {}
+    for rgb in sorted({shape.rgb for link in rover.links for shape in link.shapes}):
+        name = "rgb_" + "_".join(f"{round(255 * value):03d}" for value in rgb)
+        alike = sum(other == name or other.startswith(f"{name}_v") for other in told.values())
+        names[rgb] = told.setdefault(figures(rgb), f"{name}_v{alike + 1}" if alike else name)
+    return names
+
+
+def _materials(names: dict[Colour, str]) -> list[Lines]:
     return [
-        element("material", element("color", rgba=figures([*rgb, 1.0])), name=_material(rgb))
-        for rgb in colours
+        element("material", element("color", rgba=figures([*rgb, 1.0])), name=name)
+        for name, rgb in {name: rgb for rgb, name in names.items()}.items()
     ]
 
 
-def _material(rgb: tuple[float, float, float]) -> str:
-    return "rgb_" + "_".join(f"{round(255 * value):03d}" for value in rgb)
-
-
-def _link(link: Link, number: int, options: Options) -> Lines:
+def _link(link: Link, number: int, options: Options, materials: dict[Colour, str]) -> Lines:
     parts = [_inertial(link)]
     for part, shape in enumerate(link.shapes):
         solid = _solid(shape, f"{options.mesh_prefix}meshes/{rover_mesh(number, part)}")
         place = element("origin", xyz=figures(shape.position), rpy=figures(shape.rpy))
         if shape.visible:
-            colour = element("material", name=_material(shape.rgb))
+            colour = element("material", name=materials[shape.rgb])
             parts.append(element("visual", place, solid, colour))
         if shape.collides:
             parts.append(element("collision", place, solid))

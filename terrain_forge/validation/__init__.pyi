@@ -6,6 +6,7 @@ from .consumer import NotRun as NotRun
 from .consumer import python_with as python_with
 from .consumer import read_probe as read_probe
 from .consumer import run as run
+from .entry import ASPECTS as ASPECTS
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
 from .names import is_ground as is_ground
