@@ -152,6 +152,8 @@ def _load(path: Path, packages: Packages) -> list[Part]:
         raise DataError(f"{name} cannot be read: {why}", key=KEY) from None
     parts: dict[tuple[float, ...], list[Any]] = {}
     for mesh in meshes:
+        if mesh.vertices.shape[1:] != (3,) or mesh.faces.shape[1:] != (3,):
+            raise DataError(f"{name} is flat, or not made of triangles", key=KEY)
         if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
             raise DataError(f"{name} has triangles of vertices that it lacks", key=KEY)
         parts.setdefault(_colour(mesh), []).append(mesh)

@@ -16,12 +16,16 @@ from terrain_forge.rovers.rover_xml import KEY, parse_xml
 _MOST_COPIES = 1_000
 """Copies that `replicate`, `composite`, `flexcomp` and `attach` make, in all."""
 _MOST_ELEMENTS = 200_000
+_LIMITS = {
+    "copies": _MOST_COPIES, "elements": _MOST_ELEMENTS, "bodies": MOST_LINKS, "geoms": MOST_SHAPES
+}  # fmt: skip
 _CAPS = {
     **dict.fromkeys(("width", "height", "nrow", "ncol"), 8192),
     **dict.fromkeys(("params", "maxhullvert", "nkey", "nuserdata"), 1000),
     **dict.fromkeys(("njmax", "nconmax"), 1_000_000),
 }
 _DIRECTORIES = ("meshdir", "texturedir", "assetdir")
+_MODELS = ("include", "model")
 _COPYING = ("replicate", "composite", "flexcomp", "attach")
 _TEXTS = ("name", "class", "childclass", "prefix", "model", "data", "value", "comment")
 _NO_NUMBER = re.compile(r"(?i)(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])")
@@ -37,11 +41,12 @@ def check_mjcf(file: Path, packages: Packages) -> list[Path]:
     """
     found = _Model(file, packages)
     found.read(file, file.name, 1)
-    require_below(found.copies, _MOST_COPIES, "copies", file.name)
-    require_below(found.elements, _MOST_ELEMENTS, "elements", file.name)
-    require_below(found.bodies, MOST_LINKS, "bodies", file.name)
-    require_below(found.geoms, MOST_SHAPES, "geoms", file.name)
-    return [*found.files, *found.assets()]
+    if any(part.attached for part in found.parts):
+        raise DataError(f"{file.name}: a model that is attached attaches others", key=KEY)
+    for what, most in _LIMITS.items():
+        attached = found.attached * sum(part.counts[what] for part in found.parts)
+        require_below(found.counts[what] + attached, most, what, file.name)
+    return [path for model in (found, *found.parts) for path in (*model.files, *model.assets())]
 
 
 class _Model:
@@ -49,7 +54,10 @@ class _Model:
 
     def __init__(self, file: Path, packages: Packages) -> None:
         self.files: list[Path] = []
-        self.copies = self.elements = self.bodies = self.geoms = 0
+        self.parts: list[_Model] = []
+        self.counts = dict.fromkeys(_LIMITS, 0)
+        self.attached = 0
+        self._strips = False
         self._main = file
         self._packages = packages
         self._names: list[str] = []
@@ -62,36 +70,42 @@ class _Model:
         self._walk(root, file, times)
 
     def _walk(self, element: Element, file: Path, times: int) -> None:
-        self.elements += times
-        self.bodies += times * (element.tag == "body")
-        self.geoms += times * (element.tag == "geom")
+        self.counts["elements"] += times
+        self.counts["bodies"] += times * (element.tag == "body")
+        self.counts["geoms"] += times * (element.tag == "geom")
         if element.tag in _COPYING:
-            copies = times * _copies(element)
-            self.copies += copies
-            times = max(copies, 1)
-        require_below(self.copies, _MOST_COPIES, "copies", file.name)
+            times *= _copies(element)
+            self.counts["copies"] += times
+            self.attached += times * (element.tag == "attach")
+            require_below(self.counts["copies"], _MOST_COPIES, "copies", file.name)
         for key, text in element.attrib.items():
             self._look_at(element, key, text)
-        if element.tag in ("include", "model") and "file" in element.attrib:
-            self._follow(element.attrib["file"], file, times)
+        if element.tag in _MODELS and "file" in element.attrib:
+            self._follow(element, file, times)
         for child in element:
             self._walk(child, file, times)
 
-    def _follow(self, name: str, file: Path, times: int) -> None:
-        """Read a file that is included; MuJoCo looks for it beside the model's own."""
+    def _follow(self, element: Element, file: Path, times: int) -> None:
+        """Read a file that is included or attached; MuJoCo looks for it beside the model's own."""
+        name = element.attrib["file"]
         for place in dict.fromkeys((self._main.parent, file.parent)):
             path = place / name
             if path.exists() or path.is_symlink():
                 self._packages.require(path, name)
-                if path not in self.files:
+                if element.tag == "model" and all(path != part.files[0] for part in self.parts):
+                    self.parts.append(_Model(path, self._packages))
+                    self.parts[-1].read(path, name, 1)
+                elif element.tag == "include" and path not in self.files:
                     self.read(path, name, times)
 
     def _look_at(self, element: Element, key: str, text: str) -> None:
         if key in _DIRECTORIES:
             self._directories.append(text)
         elif key.startswith("file"):
-            if element.tag not in ("include", "model"):
+            if element.tag not in _MODELS:
                 self._names.append(text)
+        elif key == "strippath":
+            self._strips |= text != "false"
         elif key == "memory":
             if _bytes(text) > 2**32:
                 raise DataError(f"{element.tag} memory={text[:40]!r}: at most 4 GB", key=KEY)
@@ -111,13 +125,13 @@ class _Model:
         found: dict[Path, None] = {}
         bases = dict.fromkeys(file.parent / d for file in self.files for d in self._directories)
         require_below(len(bases) * len(self._names), _MOST_ELEMENTS, "paths", self._main.name)
-        for name in dict.fromkeys(self._names):
-            for base in bases:
-                for path in {base / name, base / Path(name).name}:
-                    if path.exists() or path.is_symlink():
-                        self._packages.require(path, name)
-                        _check_asset(path, name)
-                        found[path] = None
+        names = [Path(name).name if self._strips else name for name in self._names]
+        for name in dict.fromkeys((*names, *self._names)):
+            for path in (base / name for base in bases):
+                if path.exists() or path.is_symlink():
+                    self._packages.require(path, name)
+                    _check_asset(path, name)
+                    found[path] = None
         return list(found)
 
 

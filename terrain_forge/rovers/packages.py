@@ -36,7 +36,8 @@ class Packages:
     def __init__(
         self, given: Mapping[str, Path], file: Path, *, library: Path | None = None
     ) -> None:
-        self._given, self._library = given, library
+        self._known = {name: place.absolute() for name, place in given.items()}
+        self._library = library
         self._file = file.resolve()
         self._home = next(filter(_is_package, self._file.parents), None)
         folder = self._file.parent
@@ -54,23 +55,24 @@ class Packages:
         Raises:
             DataError: if it is not found.
         """
-        if package in self._given:
-            return self._given[package]
+        if package in self._known:
+            return self._known[package]
         if package and Path(package).name == package and package != "..":
             beside = (self._file.parent, (self._home or self._file.parent).parent)
             for level, above in enumerate(self._file.parents):
                 if above.name == package and _is_found(above, bare=level < _NEAR):
-                    return self._opened(above)
+                    return self._opened(package, above)
                 if _is_found(above / package, bare=above in beside):
-                    return self._opened(above / package)
+                    return self._opened(package, above / package)
         raise DataError(
             f"package {package[:80]!r} is not found about {self._file.name}: name its folder under "
             "packages",
             key=("rover", "packages"),
         )
 
-    def _opened(self, folder: Path) -> Path:
+    def _opened(self, package: str, folder: Path) -> Path:
         """A found folder, whose files may now be read."""
+        self._known[package] = folder
         self._roots.append(folder.resolve())
         return folder
 

@@ -37,6 +37,8 @@ from terrain_forge.rovers.rover_xml import KEY
 _GREY = (0.6, 0.6, 0.6)
 _STEEPEST = 1e6
 """Largest part of an axis, and one over the smallest length of one."""
+_ENDLESS = 1e17
+"""Largest angle of a limit; many files write 1e16 for none."""
 _TAGS = ("visual", "collision")
 _KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 
@@ -193,12 +195,12 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
         raise DataError(f"joint {name!r} is {kind}, and its axis has no direction", key=KEY)
     limit, dynamics = element.find("limit"), element.find("dynamics")
     effort = _float(limit, "effort", 0.0)
-    limits = (_float(limit, "lower", 0.0), _float(limit, "upper", 0.0))
+    limits = tuple(_float(limit, end, 0.0, most=_ENDLESS) for end in ("lower", "upper"))
     return Joint(
         name=name,
         kind=kind,
         axis=axis / length,
-        limits=limits if kind == "revolute" else None,
+        limits=(limits[0], limits[1]) if kind == "revolute" else None,
         damping=_loss(dynamics, "damping"),
         friction=_loss(dynamics, "friction"),
         effort=effort if 0 < effort <= MOST_EFFORT else None,

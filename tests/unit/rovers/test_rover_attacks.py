@@ -257,6 +257,8 @@ ATTACKS = {
         mesh("x.obj"), "urdf", "beyond|cannot be read|flat", {"x.obj": OBJ.replace(b"v 1", b"v nan")}),
     "mesh that is far": (
         mesh("x.obj"), "urdf", "beyond", {"x.obj": OBJ.replace(b"v 1", b"v 1e300")}),
+    "mesh of two dimensions": (
+        mesh("x.off"), "urdf", "flat|cannot be read", {"x.off": b"OFF\n3 1 0\n0 0\n1 0\n0 1\n3 0 1 2\n"}),
     "mesh of wrong indices": (
         mesh("x.obj"), "urdf", "cannot be read", {"x.obj": OBJ + b"f 1 2 99999999\n"}),
     "replicate": (mjcf("<replicate count='1000000'><geom size='.1'/></replicate>"), "xml", "copies"),
@@ -265,6 +267,12 @@ ATTACKS = {
     "composite": (
         mjcf("<composite type='cable' count='9999 1 1' size='1'/>"), "xml", "copies"),
     "flexcomp": (mjcf("<flexcomp type='grid' count='999 999 9' name='f'/>"), "xml", "copies"),
+    "models in models": (
+        mjcf(head="<asset><model name='m' file='m0.xml'/></asset>", body="<attach model='m' prefix='a'/>"),
+        "xml", "attaches others",
+        {f"m{n}.xml": (f"<mujoco><asset><model name='m' file='m{n + 1}.xml'/></asset><worldbody><body>"
+                       "<attach model='m' prefix='a'/><attach model='m' prefix='b'/></body></worldbody></mujoco>"
+                       ).encode() for n in range(40)}),
     "texture": (
         mjcf(head="<asset><texture builtin='flat' width='99999' height='99999'/></asset>"), "xml",
         "at most 8192"),

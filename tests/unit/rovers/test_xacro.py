@@ -54,8 +54,8 @@ FEATURES = {
         <out p="${p}" g="${g}"/>""",
     "macros see their caller's names": """<xacro:macro name="m" params="a"><x s="${a} ${t}"/></xacro:macro>
         <xacro:macro name="n" params="t"><xacro:m a="1"/></xacro:macro><xacro:n t="2"/>""",
-    "parameters": LEG.replace("y:=${2*2}", "y:=${2+1} z:='a b'")
-    .replace("${y}", "${y} ${z}") + '<xacro:leg name="a"/><xacro:leg name="b" x="${1/2}" y="u"/>',
+    "parameters": LEG.replace("y:=${2*2}", "y:=${2+1} p:='' z:='a b'")
+    .replace("${y}", "${y} ${z}${p}") + '<xacro:leg name="a"/><xacro:leg name="b" x="${1/2}" y="u"/>',
     "parameters with = and spaces": """<xacro:macro name="m" params="a=1 b := 2 c:='x y' d"><x v="${a} ${b} ${c} ${d}"/>
         </xacro:macro><xacro:m d="true"/><xacro:m a="0.50" d="${'q'}" b="007"/>""",
     "forwarded parameters": """<xacro:macro name="m" params="a:=^ b:=^|2 c:=^|${3*2}"><x v="${a} ${b} ${c}"/></xacro:macro>
