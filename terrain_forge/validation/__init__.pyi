@@ -9,6 +9,7 @@ from .consumer import run as run
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
 from .inspection import read_json as read_json
+from .measures import ASPECTS as ASPECTS
 from .outlines import ground_and_rocks as ground_and_rocks
 from .outlines import scene_parts as scene_parts
 from .outlines import split_merged as split_merged
