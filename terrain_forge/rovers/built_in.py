@@ -9,7 +9,7 @@ import json
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field, make_dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -164,6 +164,7 @@ def _describe(file: Path) -> Description:
     return told
 
 
+@lru_cache(maxsize=16)
 def build_rover(choice: BuiltInRover) -> Rover:
     """The rover of these options.
 

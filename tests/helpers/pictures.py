@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import sys
 
+import matplotlib
 import pytest
 
 PREVIEW = (96, 54)
 """Width and height of the preview."""
-SHEET = (240, 85)
+SHEET = (96, 34)
 """Width and height of the page's picture of the rocks' shapes."""
 MAP = 96
 """Pixels along the longer side of the page's picture from above."""
@@ -19,6 +20,8 @@ TEXTURE = 128
 """Most pixels along a side of the ground's texture, where a test chooses none."""
 FILM = 2
 """Pictures of a drive's film."""
+DPI = 20
+"""Of figures."""
 
 
 def make_small(patch: pytest.MonkeyPatch) -> None:
@@ -36,6 +39,7 @@ def make_small(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(options.__dataclass_fields__["texture_pixels"], "default", TEXTURE)
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
+    patch.setitem(matplotlib.rcParams, "savefig.dpi", DPI)
 
 
 if __name__ == "__main__":  # the command line in a process of its own, with the same pictures

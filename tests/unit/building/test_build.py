@@ -141,20 +141,6 @@ def digest(folder):
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in names}
 
 
-def test_one_seed_one_world(built, tmp_path):
-    """Again, in another process and folder, with another hash seed: the same bytes."""
-    path = recipe(tmp_path / "elsewhere")
-    environment = os.environ | {"PYTHONHASHSEED": "77", "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "tests.helpers.pictures", "build", path.name]
-    done = subprocess.run(
-        command, cwd=path.parent, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    one, other = digest(built), digest(path.parent / "tiny")
-    assert one.keys() == other.keys()
-    assert [name for name in one if one[name] != other[name]] == []
-
-
 def test_another_seed_another_world(site, whole):
     other = realise(site.replace(seed=6))
     assert not np.array_equal(other.ground.elevation, whole.ground.elevation)
