@@ -46,7 +46,7 @@ def cheapest_path(
     """
     columns = weight.shape[1]
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
-    parent, cost, nearest, reached = _search(weight, first, last, MOVES)
+    parent, cost, nearest, reached = _search(np.ascontiguousarray(weight), first, last, MOVES)
     near = (int(nearest) // columns, int(nearest) % columns)
     if not np.isfinite(cost):
         return GridPath(np.zeros((0, 2), np.int64), np.inf, near, int(reached))

@@ -31,7 +31,7 @@ def straighten(weight: Weight, nodes: NDArray[np.int64], *, step: float) -> Arra
         Columns and rows, shape [points, 2].
     """
     line = np.asarray(nodes[:, ::-1], np.float64)
-    corners = line[_shortcuts(weight, line)]
+    corners = line[_shortcuts(np.ascontiguousarray(weight), line)]
     points = [corners[:1]]
     for begin, end in pairwise(corners):
         count = max(math.ceil(math.dist(begin, end) / step), 1)

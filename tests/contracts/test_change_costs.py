@@ -278,15 +278,17 @@ def test_a_body_is_one_module(built):
 
 def test_a_dtm_belongs_to_the_body_of_the_nearest_radius(installed, tmp_path):
     """Callisto's is within 2 % of Mercury's."""
-    for radius, name in ((2410300, "callisto"), (2439400, "mercury")):
+    radii = {"callisto": 2410300, "mercury": 2439400}
+    for name, radius in radii.items():
         path = tmp_path / f"{name}.tif"
         profile = {"driver": "GTiff", "width": 40, "height": 40, "count": 1, "dtype": "float32"}
         crs, affine = f"+proj=eqc +R={radius}", rasterio.transform.from_origin(5, 9, 1, 1)
         with rasterio.open(path, "w", crs=crs, transform=affine, **profile) as file:
             file.write(np.add.outer(np.arange(40.0), np.arange(40.0)).astype(np.float32), 1)
-        with fresh(installed):
-            done = run("check", path)
-        assert f"body         {name}" in done.stdout, done.stdout + done.stderr
+    with fresh(installed):
+        for name in radii:
+            done = run("check", tmp_path / f"{name}.tif")
+            assert f"body         {name}" in done.stdout, done.stdout + done.stderr
 
 
 def test_schema_and_messages_know_them(installed, tmp_path):

@@ -18,7 +18,7 @@ schema: 1
 name: anywhere
 seed: 5
 body: mars
-dtm: {{source: {SAMPLES / "gale_floor_synthetic.tif"}, size_m: [12, 10], level: plane}}
+dtm: {{source: {SAMPLES / "gale_floor_synthetic.tif"}, size_m: [9, 7], level: plane}}
 terrain:
   spacing_m: 0.125
   layers:
@@ -35,7 +35,7 @@ rocks:
     - name: clusters
       size_frequency: {{kind: power_law, exponent: 2.5, number_per_m2: 0.01}}
       diameter_m: [0.3, 0.8]
-      arrangement: {{kind: clustered, clusters_per_m2: 0.02, radius_m: 1.5}}
+      arrangement: {{kind: clustered, clusters_per_m2: 0.05, radius_m: 1.5}}
 paths:
   - name: arc
     route: {{kind: spline, points_m: [[-3, -2], [0, 1], [3, 2]]}}

@@ -119,7 +119,7 @@ def build(folder, rover):
 def built(site, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tank")
     with fresh(site):
-        done = build(folder, "{kind: tank, model: detailed, dimensions: {track_m: 0.7}}")
+        done = build(folder, "{kind: tank, dimensions: {track_m: 0.7}}")
     assert done.returncode == 0, done.stderr
     return folder / "o", done.stderr
 

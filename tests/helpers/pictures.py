@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 
 import matplotlib
+import numpy as np
 import pytest
 
 PREVIEW = (96, 54)
@@ -37,9 +38,16 @@ def make_small(patch: pytest.MonkeyPatch) -> None:
         options = exporter(kind).Options
         patch.setitem(options.__init__.__kwdefaults__, "texture_pixels", TEXTURE)
         patch.setattr(options.__dataclass_fields__["texture_pixels"], "default", TEXTURE)
+
+    def sheet(*shapes, width, height, **others):
+        rows, columns = np.arange(height) * SHEET[1] // height, np.arange(width) * SHEET[0] // width
+        return render_contact_sheet(*shapes, **others)[rows[:, None], columns]
+
+    patch.setattr("terrain_forge.rocks.render_contact_sheet", sheet)
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
     patch.setitem(matplotlib.rcParams, "savefig.dpi", DPI)
+    patch.setattr("matplotlib.axis.Axis.draw", lambda *_: None)  # most of what a figure costs
 
 
 if __name__ == "__main__":  # the command line in a process of its own, with the same pictures

@@ -198,7 +198,7 @@ def bedform_heights(
         step,
         east,
         north,
-        height,
+        np.ascontiguousarray(height),
         heights,
     )
     return heights

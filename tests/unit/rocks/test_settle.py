@@ -28,11 +28,11 @@ from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation import validate
-from terrain_forge.validation.checks.dynamic import MOST_SHIFT, dynamic_check, watch
+from terrain_forge.validation.checks.dynamic import MOST_SHIFT, watch
 from tests.helpers import worlds
 
-LIBRARY = make_library(LibrarySpec(shapes=6))
-COUNT = 30
+LIBRARY = make_library(LibrarySpec(shapes=4))
+COUNT = 20
 GRAVITY = 3.71
 
 
@@ -155,7 +155,7 @@ def test_a_window_has_the_same_bits(settled):
     )
     again = settle(rocks=whole.select(inside), library=LIBRARY, ground=part, gravity=GRAVITY)
     both = again.dynamic & settled.dynamic[inside]
-    assert both.sum() >= 8
+    assert both.sum() >= 4
     assert again.select(both) == settled.select(np.flatnonzero(inside)[both])
 
 
@@ -212,7 +212,6 @@ def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
     stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
     assert not stay.stayed.any()
     assert stay.shift.min() > 5 * MOST_SHIFT
-    assert not dynamic_check(thrown, tmp_path / "mjcf" / "world.xml").passed
 
 
 def test_a_world_without_dynamic_rocks_is_not_checked(tmp_path):
@@ -225,7 +224,7 @@ def test_a_rock_on_too_steep_a_slope_is_fixed():
     """tan 40 deg is above the sliding friction: all slide out of their room."""
     land = worlds.ground()
     steep = land.replace(elevation=np.tile(0.84 * land.east, (land.shape[0], 1)))
-    before = laid(steep, np.ones(COUNT, np.bool_))
+    before = laid(steep, np.arange(COUNT) < 6)
     after = settle(rocks=before, library=LIBRARY, ground=steep, gravity=GRAVITY)
     assert not after.dynamic.any()
     assert after == before.replace(dynamic=np.zeros(COUNT, np.bool_))
