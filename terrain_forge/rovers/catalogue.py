@@ -43,8 +43,8 @@ else:
 
 
 @cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
+def _adapter(name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(built_in_rovers()[name])
 
 
 def find_rover(name: str, **options: Any) -> Rover:
@@ -59,7 +59,7 @@ def find_rover(name: str, **options: Any) -> Rover:
     """
     known = built_in_rovers()
     if name in known:
-        return build_rover(_adapter(known[name]).validate_python(options))
+        return build_rover(_adapter(name).validate_python(options))
     close = get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(
