@@ -47,7 +47,7 @@ def recipe(body, **changes):
                     "name": "stones",
                     "size_frequency": law,
                     "diameter_m": [0.2, 0.8],
-                    "dynamic_m": [0.2, 0.21],
+                    "dynamic_m": [0.2, 0.204],
                 }
             ],
         },

@@ -199,7 +199,7 @@ rocks:
   populations:
     - name: stones
       size_frequency: {kind: even, number_per_m2: 0.5, largest_m: 0.6}
-      dynamic_m: [0.2, 0.24]
+      dynamic_m: [0.2, 0.22]
 paths:
   - {name: leaves, route: {kind: clover, length_m: 30}, speed_m_s: 0.5}
 exports: [sdf, mjcf, usd]

@@ -31,7 +31,7 @@ rocks:
     - name: dynamic
       size_frequency: {{kind: golombek, k: 0.2}}
       diameter_m: [0.2, 0.5]
-      dynamic_m: [0.2, 0.22]
+      dynamic_m: [0.2, 0.21]
     - name: clusters
       size_frequency: {{kind: power_law, exponent: 2.5, number_per_m2: 0.01}}
       diameter_m: [0.3, 0.8]

@@ -79,7 +79,7 @@ def laid(land, dynamic):
 @pytest.fixture(scope="module")
 def settled():
     land = ground()
-    dynamic = np.arange(COUNT) % 8 > 0
+    dynamic = np.arange(COUNT) % 2 > 0
     return settle(rocks=laid(land, dynamic), library=LIBRARY, ground=land, gravity=GRAVITY)
 
 
@@ -89,7 +89,7 @@ def world(settled):
 
 
 def test_nearly_all_come_to_rest_and_the_others_are_fixed(settled):
-    before = laid(ground(), np.arange(COUNT) % 8 > 0)
+    before = laid(ground(), np.arange(COUNT) % 2 > 0)
     assert settled.dynamic[before.dynamic].mean() >= 0.8
     assert not settled.dynamic[~before.dynamic].any()
     fixed = ~settled.dynamic
@@ -155,7 +155,7 @@ def test_a_window_has_the_same_bits(settled):
     )
     again = settle(rocks=whole.select(inside), library=LIBRARY, ground=part, gravity=GRAVITY)
     both = again.dynamic & settled.dynamic[inside]
-    assert both.sum() >= 4
+    assert both.sum() >= 3
     assert again.select(both) == settled.select(np.flatnonzero(inside)[both])
 
 
