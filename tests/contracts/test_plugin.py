@@ -154,20 +154,19 @@ def test_a_foreign_export_is_verified_and_opened_like_ours(installed, built, tmp
         for command in (("export", out, "--only", "xyz,geotiff"), ("validate", out)):
             done = run(*command)
             assert done.returncode == 0, done.stdout + done.stderr
-    manifest = json.loads((out / "manifest.json").read_text())["exports"]
-    kinds = {folder: export["kind"] for folder, export in manifest.items()}
-    assert kinds == {"geotiff": "geotiff", "thin": "xyz", "xyz": "xyz"}
-    assert manifest["xyz"]["options"] == {"separator": "space", "every": 1}
-    found = {(e["export"], e["aspect"]): e for e in report(out)["conformance"]}
-    for folder in ("thin", "xyz"):
-        assert found[folder, "ground"]["consumer"] == f"NumPy {np.__version__}"
-        assert found[folder, "ground"]["status"] == found[folder, "frames"]["status"] == "pass"
-        assert found[folder, "masses"]["note"] == "points are the ground alone"
-    assert found["geotiff", "ground"]["status"] == "pass"
-    points = out / "thin" / "points.xyz"
-    lines = points.read_text().splitlines()
-    points.write_text("\n".join(f"{line[:-1]}9" for line in lines).replace(",0.", ",1."))
-    with fresh(installed):
+        manifest = json.loads((out / "manifest.json").read_text())["exports"]
+        kinds = {folder: export["kind"] for folder, export in manifest.items()}
+        assert kinds == {"geotiff": "geotiff", "thin": "xyz", "xyz": "xyz"}
+        assert manifest["xyz"]["options"] == {"separator": "space", "every": 1}
+        found = {(e["export"], e["aspect"]): e for e in report(out)["conformance"]}
+        for folder in ("thin", "xyz"):
+            assert found[folder, "ground"]["consumer"] == f"NumPy {np.__version__}"
+            assert found[folder, "ground"]["status"] == found[folder, "frames"]["status"] == "pass"
+            assert found[folder, "masses"]["note"] == "points are the ground alone"
+        assert found["geotiff", "ground"]["status"] == "pass"
+        points = out / "thin" / "points.xyz"
+        lines = points.read_text().splitlines()
+        points.write_text("\n".join(f"{line[:-1]}9" for line in lines).replace(",0.", ",1."))
         assert run("validate", out, "--quick").returncode == 1
     failing = {check["name"] for check in report(out)["checks"] if not check["passed"]}
     assert failing >= {"files: missing or altered", "thin: ground"}
