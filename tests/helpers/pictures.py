@@ -9,6 +9,7 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.axis import Axis
 
 PREVIEW = (96, 54)
 """Width and height of the preview."""
@@ -23,6 +24,8 @@ FILM = 2
 """Pictures of a drive's film."""
 DPI = 20
 """Of figures."""
+DRAW_AXIS = Axis.draw
+"""What figures of tests leave out, unless they are about it."""
 
 
 def make_small(patch: pytest.MonkeyPatch) -> None:
@@ -47,7 +50,7 @@ def make_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
     patch.setitem(matplotlib.rcParams, "savefig.dpi", DPI)
-    patch.setattr("matplotlib.axis.Axis.draw", lambda *_: None)  # most of what a figure costs
+    patch.setattr(Axis, "draw", lambda *_: None)  # most of what a figure costs
 
 
 if __name__ == "__main__":  # the command line in a process of its own, with the same pictures
