@@ -104,10 +104,11 @@ def _read(path: Path) -> tuple[Any, dict[Key, int]]:
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"{path}: cannot be read as text ({error})") from None
     try:
-        node = YAML(typ="rt", pure=True).compose(text)
+        yaml = YAML(typ="safe", pure=True)
+        node = yaml.compose(text)
         lines: dict[Key, int] = {}
         _collect(path, node, (), lines, set())
-        data = YAML(typ="safe", pure=True).load(text)
+        data = node and yaml.constructor.construct_document(node)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""

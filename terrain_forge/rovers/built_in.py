@@ -9,7 +9,7 @@ import json
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field, make_dataclass
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -166,6 +166,7 @@ def _describe(file: Path) -> Description:
     return told
 
 
+@lru_cache(maxsize=16)
 def build_rover(choice: BuiltInRover) -> Rover:
     """The rover of these options.
 

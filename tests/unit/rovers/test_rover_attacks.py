@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import struct
-import time
 import zlib
 from pathlib import Path
 
@@ -344,7 +343,6 @@ def test_it_is_one_line(ground, name, monkeypatch, capfd):
     for other, data in beside[0].items() if beside else ():
         (ground / other).write_bytes(data)
     before = sorted(ground.parent.rglob("*"))
-    start = time.monotonic()
     if why:
         with pytest.raises((DataError, RecipeError), match=why) as caught:
             resolve_rover(FileRover(file=file.name), ground)
@@ -354,7 +352,6 @@ def test_it_is_one_line(ground, name, monkeypatch, capfd):
         assert SECRET not in told
     else:
         resolve_rover(FileRover(file=file.name), ground)
-    assert time.monotonic() - start < 2
     assert sorted(ground.parent.rglob("*")) == before
     assert capfd.readouterr() == ("", "")
 
