@@ -217,6 +217,14 @@ ATTACKS = {
     "texts double": (xacro(DOUBLES + '<x v="${s40}"/>'), "xacro", "100000 characters"),
     "texts add up": (
         xacro(DOUBLES + '<x v="${s11} "/>' * 5000), "xacro", "too many characters"),
+    "texts in expressions add up": (
+        xacro(DOUBLES + "".join(
+            f'<xacro:property name="t{n}" value="${{s9 + \'{n}\'}}"/><x v="${{len(t{n})}}"/>'
+            for n in range(4000))), "xacro", "too many characters"),
+    "large files": (
+        xacro("".join(f'<xacro:include filename="l{n}.xacro"/>' for n in range(30))), "xacro",
+        "too many characters",
+        {f"l{n}.xacro": b"<robot>" + b" " * 1_000_000 + b"</robot>" for n in range(30)}),
     "lists double": (
         xacro('<xacro:property name="l0" value="${[1, 2]}"/>' + "".join(
             f'<xacro:property name="l{n + 1}" value="${{[l{n}, l{n}]}}"/>' for n in range(40))
@@ -344,7 +352,7 @@ def test_it_is_one_line(ground, name, monkeypatch, capfd):
     for other, data in beside[0].items() if beside else ():
         (ground / other).write_bytes(data)
     before = sorted(ground.parent.rglob("*"))
-    start = time.monotonic()
+    start, worked = time.monotonic(), time.process_time()
     if why:
         with pytest.raises((DataError, RecipeError), match=why) as caught:
             resolve_rover(FileRover(file=file.name), ground)
@@ -354,7 +362,8 @@ def test_it_is_one_line(ground, name, monkeypatch, capfd):
         assert SECRET not in told
     else:
         resolve_rover(FileRover(file=file.name), ground)
-    assert time.monotonic() - start < 2
+    assert time.process_time() - worked < 2
+    assert time.monotonic() - start < 10
     assert sorted(ground.parent.rglob("*")) == before
     assert capfd.readouterr() == ("", "")
 
