@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 from terrain_forge.exporters.drake import Options, check_capacity, export
-from terrain_forge.exporters.drake.options import WORTH_SAYING, require_parsable
+from terrain_forge.exporters.drake.options import (
+    COARSENESS,
+    WORTH_SAYING,
+    outline_error,
+    require_parsable,
+)
 
 from terrain_forge.base import ExportError
 from tests.consumers.test_drake import ask
@@ -36,10 +41,14 @@ def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_w
 
 
 def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
-    world = many(small_world, 60_000)
+    world = many(small_world, 36_000)
     with pytest.raises(ExportError, match=r"GB .*larger individual_min_m or .*smaller size_m"):
-        export(world, tmp_path, options=Options(individual_min_m=9))
-    untouched = world.replace(field=world.field.replace(collides=np.zeros(60_000, np.bool_)))
+        export(world, tmp_path, options=Options(individual_min_m=9, outline_error=0.03))
+    options = Options(individual_min_m=9)  # coarser forms make it bearable
+    assert outline_error(small_world, options) == COARSENESS[0]
+    assert outline_error(world, options) > COARSENESS[0]
+    assert require_parsable(world, options).bearable
+    untouched = world.replace(field=world.field.replace(collides=np.zeros(36_000, np.bool_)))
     assert require_parsable(untouched, Options(individual_min_m=9)).bearable
 
 
