@@ -24,7 +24,7 @@ SECONDS_PER_BODY = 5e-3
 """Time per dynamic rock [s]."""
 MOST_SECONDS, MOST_MB = 300.0, 8192.0
 """What parsing may take."""
-COARSENESS = 0.03, 0.06, 0.12, 0.25, 0.5
+COARSENESS = 0.03, 0.06, 0.12
 """Errors of a merged rock's outline that are tried, the first that is bearable is taken."""
 WORTH_SAYING = 20.0
 """From what on parsing is a loss to be told [s]."""
@@ -49,7 +49,7 @@ class Options(Spec):
     the square of their number."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] | None = None
     """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be; by
-    default 0.03, or the next of 0.06, 0.12, 0.25 and 0.5 with which Drake's parser takes the
+    default 0.03, or the next of 0.06 and 0.12 with which Drake's parser takes the
     world."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
     """Cells of the ground's grid per mesh, each way."""
