@@ -115,7 +115,7 @@ def plan(
     check_lists(recipe.rocks, lists, size=size)
     require_fits(recipe, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
-    ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
+    ground = survey(recipe.dtm, body=body, folder=folder, heights=heights, seed=recipe.seed)
     site = Site(
         name=recipe.name,
         seed=recipe.seed,

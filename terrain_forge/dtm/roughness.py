@@ -12,6 +12,7 @@ from terrain_forge.dtm.increments import (
     local_square_increments,
     mean_square_increment,
 )
+from terrain_forge.dtm.noise_floor import NoiseFloor
 from terrain_forge.model import Body, Roughness
 
 COARSE_POSTING = 50.0
@@ -38,7 +39,11 @@ _LOCAL_WIDTH = 4.0
 
 
 def fit_roughness(
-    heights: Array, posting: float, body: Body, trusted: Mask | None = None
+    heights: Array,
+    posting: float,
+    body: Body,
+    trusted: Mask | None = None,
+    floor: NoiseFloor | None = None,
 ) -> Roughness:
     """Exponent and local RMS deviation of the ground at the shortest baselines that the DTM tells.
 
@@ -54,6 +59,7 @@ def fit_roughness(
         posting: distance of its posts [m].
         body: whose figures are taken where the DTM is too coarse or too small.
         trusted: posts that are measured, not filled in; all, if not given.
+        floor: noise that the heights had: the exponent is that of the ground above it.
     """
     if posting > COARSE_POSTING:
         return body_roughness(body, f"a DTM of {posting:.3g} m posting says nothing of 1 m")
@@ -64,11 +70,13 @@ def fit_roughness(
     squares = [mean_square_increment(heights, lag, trusted) for lag in (1, 2, 4, 8)]
     if not np.min(squares) > 0.0:  # nor where nothing is trusted, which is NaN
         return body_roughness(body, "DTM without relief")
-    resolved = _shortest_resolved(squares)
-    exponent = _fitted(heights, trusted, resolved)
+    resolved = 1 if floor else _shortest_resolved(squares)
+    exponent = floor.exponent if floor else _fitted(heights, trusted, resolved)
     weighed = _weighed(exponent)
     hurst = _limited(weighed)
     source = _source(heights.shape, exponent, hurst)
+    if floor:
+        source += f" above its noise, baselines from {0.5 * floor.longest * posting:.3g} m"
     local = _local_deviation(heights, trusted, hurst, resolved) / posting**hurst
     # Ground that is smoother than the limit stays so for another octave: its power ends sooner.
     local *= 0.5 ** max(weighed - hurst, 0.0)

@@ -33,5 +33,8 @@ class DtmPatch(Record):
     """Part of the samples in and around the site that lie in exact planes, as triangles that fill
     gaps of stereo images do, 0 to 1."""
 
+    noise: float = 0.0
+    """RMS noise that was found in the DTM and taken away [m]."""
+
     def __post_init__(self) -> None:
         self.freeze("heights", np.float64, ("rows", "columns"))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import portable
-from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
+from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error, site_warnings
 from terrain_forge.model import Heightfield, Site
 from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
 
@@ -84,6 +84,10 @@ class DtmState:
     """What was repaired and how."""
     planar_fraction: float
     """Part of the samples that lie in exact planes, as triangles do that fill gaps, 0 to 1."""
+    noise: float
+    """RMS noise that was taken away [m]; 0 for none."""
+    warnings: tuple[str, ...]
+    """What a user should know of the ground that it makes."""
     scale_error: float | None
     """How far off lengths are at the site's edge, as a fraction; None where not georeferenced."""
 
@@ -98,6 +102,8 @@ class DtmState:
             filled=site.dtm.filled,
             repairs=site.dtm.repairs,
             planar_fraction=site.dtm.planar_fraction,
+            noise=site.dtm.noise,
+            warnings=tuple(site_warnings(site)),
             scale_error=scale_error(site.crs, site.size) if site.georeferenced else None,
         )
 
@@ -108,6 +114,8 @@ class DtmState:
             "filled_samples": self.filled,
             "repairs": list(self.repairs),
             "planar_fraction": self.planar_fraction,
+            "noise_m": self.noise,
+            "warnings": list(self.warnings),
             "scale_error_at_the_edge": self.scale_error,
         }
 

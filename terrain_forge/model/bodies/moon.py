@@ -47,6 +47,8 @@ MOON = Body(
             "(NTRS 19730039283)",
         )
     ),
+    repose=0.59,
+    relief=(-11_000.0, 11_000.0),
     craters=CraterConstants(
         largest_simple=10_583.0,
         depth_steps=(10.0, 40.0, 100.0, 200.0, 400.0),

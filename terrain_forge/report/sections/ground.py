@@ -103,7 +103,9 @@ def dtm_part(terrain: dict[str, Any]) -> list[Block]:
     state = terrain.get("dtm_state")
     if not state:
         return []
-    return [heading("The terrain model"), facts([*_state(state), *_detail(terrain)])]
+    warnings = [paragraph(f"Warning: {text}.", "note") for text in state.get("warnings", [])]
+    listed = facts([*_state(state), *_detail(terrain)])
+    return [heading("The terrain model"), *warnings, listed]
 
 
 def _state(state: dict[str, Any]) -> list[tuple[str, Shown]]:

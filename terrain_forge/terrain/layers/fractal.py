@@ -29,6 +29,7 @@ _ALL = np.arange(-60, 401)  # octaves beyond, shorter and longer, change nothing
 _SHORTEST, _SHORTEST_OF_POINTS = 1.5, 0.75
 _FLAT_LONGEST = 32.0  # longest wavelength on a flat site [m] …
 _BASELINES = 8.0  # … and in baselines of the roughness
+_RESTING = 0.5  # RMS slope of detail over one spacing, of the tangent of the angle of repose
 _FEWEST_BASELINES = 4.0  # in a longest wavelength, so that longer ones are planes over it
 
 
@@ -157,13 +158,26 @@ class Fractal(Layer):
         return hurst, found.deviation * joint ** (found.hurst - hurst)
 
     def variation(self, site: Site) -> NDArray[np.float64] | None:
-        """RMS deviation around each of the DTM's posts, as a factor on that of all; or None."""
+        """RMS deviation around each of the DTM's posts, as a factor on that of all; or None.
+
+        Where loose ground would not rest it is less: the RMS slope over one spacing is at most half
+        the tangent of the angle of repose, which one place in forty then exceeds. Ground as steep
+        at the DTM's own posting is rock.
+        """
         found = site.roughness
         given = self.preset or self.rms_slope or self.deviation_1m_m is not None
         follow = self.amplitude == "local" or (self.amplitude is None and not given)
-        if not follow or found.local is None:
+        if not follow or found.local is None or site.dtm is None:
             return None
-        return np.asarray(found.local / found.deviation, np.float64)
+        factors = np.asarray(found.local / found.deviation, np.float64)
+        hurst, deviation = self.figures(site)
+        if site.body.repose is None or given:
+            return factors
+        steepest = _RESTING * float(portable.tan(site.body.repose))
+        slope = self.gain * deviation * factors * site.spacing ** (hurst - 1.0)
+        rock = slope * (site.dtm.posting / site.spacing) ** (hurst - 1.0) / steepest
+        excess = np.maximum(slope - steepest, 0.0) * np.clip(2.0 - 2.0 * rock, 0.0, 1.0)
+        return np.asarray(factors * (1.0 - excess / np.maximum(slope, steepest)))
 
 
 def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Array:
