@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import DataError
-from terrain_forge.dtm.projection import geographic_crs, scale_error, transform
+from terrain_forge.dtm.projection import ellipsoid, geographic_crs, scale_error, transform
 from terrain_forge.dtm.quality import assess
 from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.dtm.roughness import COARSE_POSTING
@@ -216,14 +216,18 @@ def _place(raster: Raster) -> str:
 
 def _meaning(raster: Raster) -> str:
     dtype, v = raster.dataset.dtypes[raster.band - 1], raster.vertical
+    unit = "kilometres" if v.scale == 1000.0 else "metres"
+    assumed = f"; the file declares no unit: {unit} are assumed" if v.assumed else ""
     if v.reference_radius:
+        sphere = not raster.crs or len(set(ellipsoid(raster.crs))) == 1
+        above = "" if sphere else " in the middle, above the ellipsoid elsewhere"
         return (
             f"radius: value × {v.scale:g} + {v.offset:.10g} m from the body's centre; "
-            f"heights are taken above {v.reference_radius:.10g} m"
+            f"heights are taken above {v.reference_radius:.10g} m{above}{assumed}"
         )
     if not v.known:
         return f"unknown: {dtype} without a vertical scale, an image or a stretched height map"
-    stated = f", the file says {v.unit!r}" if v.unit else ""
+    stated = f", the file says {v.unit!r}" if v.unit else assumed
     if (v.scale, v.offset) == (1.0, 0.0):
         return f"height above the datum in metres{stated}"
     return f"height: value × {v.scale:.6g} + {v.offset:g} m{stated}"

@@ -233,8 +233,9 @@ def _gaussian(number: Array, width: float) -> Array:
 def _averaged(number: Array, width: float) -> Array:
     """Part that a mean over so many posts in a row leaves of a wave."""
     few, index = np.unique(number, return_inverse=True)
-    left = [1.0 if n == 0.0 else _sinc(width * n) / _sinc(n) for n in few.tolist()]
-    return np.asarray(np.array(left)[index].reshape(number.shape))
+    left = np.array([1.0 if n == 0.0 else _sinc(width * n) / _sinc(n) for n in few.tolist()])
+    averaged: Array = left[index].reshape(number.shape)
+    return averaged
 
 
 def _sinc(x: float) -> float:
@@ -245,7 +246,8 @@ def _ground(number: Array, beta: float, smoothed: float = 0.0) -> Array:
     """Shape of the spectrum of pixel means of self-affine ground."""
     # A pixel's mean, beside what is folded over at half a cycle per post.
     pixel = np.array([_sinc(0.8 * n) ** 2 for n in number.tolist()])
-    return portable.power(number, -beta) * pixel * _gaussian(number, smoothed)
+    shape: Array = portable.power(number, -beta) * pixel * _gaussian(number, smoothed)
+    return shape
 
 
 def _fit_ground(number: Array, density: Array, error: Array) -> float:
