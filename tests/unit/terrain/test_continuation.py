@@ -10,7 +10,7 @@ import pytest
 
 from terrain_forge.dtm import ArrayDtm, dtm_heights, survey
 from terrain_forge.dtm.increments import expected_increment, mean_square_increment
-from terrain_forge.dtm.roughness import HURST_PRIOR, fit_roughness
+from terrain_forge.dtm.roughness import HURST_LIMITS, HURST_PRIOR, fit_roughness
 from terrain_forge.model import MARS, MOON, DtmPatch, Roughness, Window
 from terrain_forge.terrain import (
     Fractal,
@@ -78,7 +78,7 @@ def test_exponent_and_amplitude_of_a_known_surface(hurst):
 
 def test_exponent_is_kept_within_nature():
     rough = np.random.default_rng(1).normal(size=(256, 256))
-    assert fit_roughness(rough, 1.0, MARS).hurst == 0.5
+    assert fit_roughness(rough, 1.0, MARS).hurst == HURST_LIMITS[0]
     east, north = np.meshgrid(np.arange(256.0), np.arange(256.0))
     smooth = np.sin(east / 30.0) * np.sin(north / 40.0)
     assert fit_roughness(smooth, 1.0, MARS).hurst == 0.95
@@ -101,7 +101,8 @@ def test_small_dtm_says_as_much_as_it_knows():
     fitted, error = found.exponent
     mean, scatter = HURST_PRIOR
     weight = scatter**2 / (scatter**2 + error**2)
-    assert found.hurst == pytest.approx(weight * fitted + (1.0 - weight) * mean)
+    # A little more, where it rises towards the posting.
+    assert 0.0 <= found.hurst - (weight * fitted + (1.0 - weight) * mean) <= 0.06 + 1e-9
     assert "preset of 0.75, moved to" in found.source
     assert "30 posts" in found.source
     assert "fitted to the DTM" in fit_roughness(heights, 1.0, MARS).source
