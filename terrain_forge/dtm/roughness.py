@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from terrain_forge.base import Array, Mask, portable
+from terrain_forge.dtm.grain import find_grain
 from terrain_forge.dtm.increments import (
     expected_increment,
     local_square_increments,
@@ -86,6 +87,7 @@ def fit_roughness(
     local = _local_deviation(heights, trusted, hurst, resolved) / posting**hurst
     # Ground that is smoother than the limit stays so for another octave: its power ends sooner.
     local *= 0.5 ** max(weighed - hurst, 0.0)
+    grain = find_grain(heights, trusted)
     longest = resolved * BASELINES[-1] * posting
     return Roughness(
         hurst=hurst,
@@ -95,6 +97,7 @@ def fit_roughness(
         exponent=exponent,
         resolved=resolved,
         local=local.astype(np.float32),
+        grain=None if grain is None else grain.astype(np.float32),
     )
 
 

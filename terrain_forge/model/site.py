@@ -60,10 +60,17 @@ class Roughness(Record):
     local: NDArray[np.float32] | None = None
     """RMS deviation at 1 m around each post of the DTM [m], shape [rows, columns] of the patch;
     None where nothing local is known."""
+    grain: NDArray[np.float32] | None = None
+    """Cosine and sine of twice the angle, from the DTM's columns towards its rows, of the direction
+    in which the ground around each post is roughest, times how much rougher than across it: the
+    difference of the mean square increments over their sum. Shape [2, rows, columns]; None where
+    the ground has no direction."""
 
     def __post_init__(self) -> None:
         if self.local is not None:
             self.freeze("local", np.float32, ("rows", "columns"))
+        if self.grain is not None:
+            self.freeze("grain", np.float32, (2, "rows", "columns"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
