@@ -50,14 +50,12 @@ def _near(heights: Array, trusted: Mask, step: tuple[int, int]) -> Array:
     j, i = step
     inner = np.s_[j : rows - j, abs(i) : columns - abs(i)]
 
-    def moved(values: Array | Mask, sign: int) -> Array:
-        down, across = sign * j, sign * i
-        return np.asarray(
-            values[j + down : rows - j + down, abs(i) + across : columns - abs(i) + across]
-        )
-
-    known = moved(trusted, 1) & trusted[inner] & moved(trusted, -1)
-    square = (moved(heights, 1) - 2.0 * heights[inner] + moved(heights, -1)) ** 2
+    before, after = (
+        np.s_[j + n * j : rows - j + n * j, abs(i) + n * i : columns - abs(i) + n * i]
+        for n in (-1, 1)
+    )
+    known = trusted[before] & trusted[inner] & trusted[after]
+    square = (heights[before] - 2.0 * heights[inner] + heights[after]) ** 2
     total[inner], count[inner] = np.where(known, square, 0.0), known
     overall = total.sum() / max(count.sum(), 1.0)
     near, weight = (
