@@ -26,31 +26,32 @@ def denoised(heights: Array, floor: NoiseFloor, key: np.uint64) -> Array:
     """
     from scipy.fft import dctn, idctn
 
-    plane = _plane(heights)
-    kept, missing = _filters(heights.shape, floor)
-    waves = dctn(heights - plane, norm="ortho", workers=1)
-    waves *= kept
+    waves = dctn(heights - _plane(heights), norm="ortho", workers=1)
     drawn = np.empty(heights.shape)
     over_chunks(_draw, len(drawn), key, drawn)
-    waves += missing * drawn
-    ground = idctn(waves, norm="ortho", workers=1, overwrite_x=True) + plane
+    squares, kept, missing = _filters(floor)
+    down, across = ((np.arange(n) / (2.0 * n)) ** 2 for n in heights.shape)
+    for row in range(len(waves)):
+        square = down[row] + across
+        waves[row] *= np.interp(square, squares, kept)
+        waves[row] += np.interp(square, squares, missing) * drawn[row]
+    waves[0, 0] = 0.0
+    ground = idctn(waves, norm="ortho", workers=1, overwrite_x=True) + _plane(heights)
     return np.asarray(np.rint(ground / _STEP) * _STEP)
 
 
-def _filters(shape: tuple[int, ...], floor: NoiseFloor) -> tuple[Array, Array]:
-    """Factor on each cosine of the DTM, and RMS amplitude of each that is drawn [m]."""
-    down, across = (np.arange(n) / (2.0 * n) for n in shape)
-    square = down[:, None] ** 2 + across[None, :] ** 2
-    square[0, 0] = square[0, 1]
+def _filters(floor: NoiseFloor) -> tuple[Array, Array, Array]:
+    """Squares of wave numbers, factor on each, and RMS amplitude of each that is drawn [m].
+
+    At equal steps of the logarithm.
+    """
     lowest = float(portable.log2(floor.number[0]))
-    # A table of equal steps of the logarithm of the wave number.
     steps = np.arange(lowest - 1.0, 0.0, 1.0 / 64.0)
     at = portable.log2(floor.number)
     kept = np.interp(steps, at, floor.kept, left=1.0)
     density = portable.exp(np.interp(steps, at, portable.log(floor.density)))
     missing = np.sqrt(kept * (1.0 - kept) * density)
-    numbers = portable.power(2.0, steps) ** 2
-    return np.interp(square, numbers, kept), np.interp(square, numbers, missing)
+    return portable.power(2.0, steps) ** 2, kept, missing
 
 
 def _plane(heights: Array) -> Array:

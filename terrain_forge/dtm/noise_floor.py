@@ -105,7 +105,7 @@ def find_noise(
         trusted: posts that are measured, not filled in.
         given: RMS noise that the user knows [m]; its correlation is fitted.
     """
-    if min(heights.shape) < FEWEST_POSTS:
+    if min(heights.shape) < (FEWEST_POSTS if given is None else 2 * _SMALL):
         return None
     side = _LARGE if min(heights.shape) >= 2.5 * _LARGE else _SMALL
     tiles = _Tiles.of(heights, trusted, side)

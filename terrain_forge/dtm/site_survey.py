@@ -88,6 +88,9 @@ def _without_noise(
         return patch, None
     given = None if isinstance(noise, str) else noise
     floor = find_noise(patch.heights, patch.posting, measured, given)
+    if floor is None and given is not None:
+        kept = f"noise of {given:.2g} m could not be told from the ground: it is kept"
+        return patch.replace(repairs=(*patch.repairs, kept)), None
     if floor is None:
         return patch, None
     source = "found in" if given is None else "said to be in"

@@ -146,6 +146,9 @@ def test_noise_can_be_kept_or_given():
     given = planned(noisy, 2.0, noise=0.3)
     assert given.dtm.noise == pytest.approx(0.3)
     assert "said to be" in given.dtm.repairs[0]
+    small = planned(noisy[:60, :60], 2.0, noise=0.3)
+    assert small.dtm.noise == 0.0
+    assert "could not be told" in small.dtm.repairs[0]
     ours = rms_deviation(given.dtm.heights, 1)
     assert ours == pytest.approx(rms_deviation(clean(), 1), rel=0.2)
 
