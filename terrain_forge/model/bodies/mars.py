@@ -6,8 +6,8 @@ taken as basalt; q(k) of Golombek et al. 2003, LPSC XXXIV. Density and colours a
 within the usual ranges (docs/science.md); the soils' order is that of the albedos, bright dust
 about 0.25 to 0.3 and dark sand 0.1 to 0.15. Craters: complex from about 6 km (Robbins & Hynek 2012,
 doi:10.1029/2011JE003967); depth 0.2 D, an average of what is reported for fresh primaries. Repose:
-33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to Olympus
-Mons.
+33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to
+Olympus Mons.
 """
 
 from __future__ import annotations

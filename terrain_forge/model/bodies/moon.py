@@ -7,6 +7,7 @@ within the usual ranges (docs/science.md); maria have an albedo of about 0.07, h
 Craters: complex where the depths of simple and complex ones cross (Pike 1977). Depths over
 diameter from 40 to 400 m: Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022, in the steps of
 their classes; below as continued by synthterrain (NASA Ames); above: Pike 1977, 0.196 D^1.010, km.
+Repose: 34°, an assumption. Relief: 11 km around the sphere.
 """
 
 from __future__ import annotations

@@ -139,6 +139,23 @@ def test_noise_over_a_real_dtm(corner):
         assert rms_deviation(found, lag) == pytest.approx(rms_deviation(heights, lag), rel=0.15)
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+def test_parts_of_a_real_dtm_are_left_alone():
+    with rasterio.open(JEZERO) as file:
+        heights = file.read(1).astype(float)
+    parts = [
+        averaged(heights[row : row + size, column : column + size], factor)
+        for size in (256, 400, 512)
+        for row in range(0, 1025 - size, 128)
+        for column in range(0, 1025 - size, 128)
+        for factor in (1, 2)
+        if size / factor >= 160
+    ]
+    found = [find_noise(part, 3.69, everywhere(part)) for part in parts]
+    assert sum(floor is not None for floor in found) <= 0.01 * len(parts)
+
+
 def test_noise_can_be_kept_or_given():
     noisy = clean() + matcher_noise(clean().shape, 0.3, 1.0)
     for kept in ("keep", 0.0):

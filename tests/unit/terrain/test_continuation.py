@@ -343,6 +343,45 @@ def test_report_tells_what_the_dtm_needed():
     assert dtm_part(terrain_statistics(site=flat, ground=ground).as_json()) == []
 
 
+def eightfold(heights):
+    """Errors of ν at 1, 2, 3, 4 original posts and of the 95th percentile of slopes, from 8 × 8."""
+    means = block_means(heights, 8)
+    rows, columns = (8 * n - 64 for n in means.shape)
+    truth = heights[64:rows, 64:columns]
+    _, found = continued(means, factor=8, posting=29.5)
+    slopes = [
+        np.percentile(np.hypot(np.diff(z, axis=1)[:-1], np.diff(z, axis=0)[:, :-1]), 95)
+        for z in (found, truth)
+    ]
+    errors = [rms_deviation(found, lag) / rms_deviation(truth, lag) - 1.0 for lag in (1, 2, 3, 4)]
+    return np.array(errors), slopes[0] / slopes[1] - 1.0
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+@pytest.mark.parametrize(
+    "corner",
+    [
+        (0, 0), (256, 256), (512, 512),
+        *(
+            pytest.param((row, column), marks=pytest.mark.slow)
+            for row in (0, 128, 256, 384, 512) for column in (64, 192, 320, 448)
+        ),
+    ],
+)  # fmt: skip
+def test_dtm_averaged_eightfold_is_given_back_its_roughness(corner):
+    errors, steep = eightfold(read(JEZERO, corner, 512))
+    assert abs(errors[0]) < 0.15
+    assert np.abs(errors[1:]).max() < 0.10
+    assert abs(steep) < 0.15
+
+
+@pytest.mark.parametrize("hurst", [0.5, 0.7, 0.9])
+def test_self_affine_ground_averaged_eightfold_is_given_back_its_roughness(hurst):
+    errors, steep = eightfold(natural_surface(256, hurst, seed=3))
+    assert np.abs(errors).max() < 0.10
+    assert abs(steep) < 0.10
+
+
 def decimated(heights, seed):
     """Errors of ν at 1, 2, 3, 4 original posts of a DTM averaged 4 × 4 and continued again.
 
