@@ -84,7 +84,7 @@ def cli(debug: bool) -> None:
     for handler in logging.getLogger().handlers:
         handler.addFilter(_plain_record)
     for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
-        logging.getLogger(noisy).setLevel(logging.WARNING)
+        logging.getLogger(noisy).setLevel(logging.WARNING if debug else logging.CRITICAL)
     warnings.showwarning = _show_warning
 
 
