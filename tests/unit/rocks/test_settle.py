@@ -24,7 +24,7 @@ from terrain_forge.rocks import (
     settling,
 )
 from terrain_forge.rocks.embedding.footprint import footprint
-from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
+from terrain_forge.rocks.embedding.outline import convex_hull, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation import validate
