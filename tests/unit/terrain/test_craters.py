@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
-from terrain_forge.report.sections.craters import Craters as CratersSection
+from terrain_forge.report.sections.ground import Craters as CratersSection
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.terrain import (
@@ -34,7 +35,7 @@ from terrain_forge.terrain.cratering.placement import age_of, expected_craters
 from terrain_forge.terrain.cratering.productions.power_law import CraterPowerLaw
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
-from terrain_forge.validation.checks.craters import crater_checks
+from terrain_forge.validation.checks.truth import Craters as CratersCheck
 from tests.helpers import worlds
 
 ALPHA = 0.001
@@ -648,12 +649,13 @@ def test_proof_of_the_numbers(tmp_path):
     (report,) = json.loads(counts.read_text())["layers"]
     assert abs(report["number"]["z"]) < norm.isf(0.5 * ALPHA)
     assert report["sizes"]["p_value"] > ALPHA
-    checks = crater_checks(tmp_path)
+    built = SimpleNamespace(directory=tmp_path)
+    checks = CratersCheck().checks(built)
     assert [check.passed for check in checks] == [True, True]
     bent = json.loads(counts.read_text())
     bent["layers"][0]["number"]["z"] = -4.0
     counts.write_text(json.dumps(bent))
-    assert [check.passed for check in crater_checks(tmp_path)] == [False, True]
+    assert [check.passed for check in CratersCheck().checks(built)] == [False, True]
     counts.write_text(json.dumps({"layers": [report]}))
     shown = render("blocks.html", blocks=CratersSection().blocks(Built(world, tmp_path)))
     assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown
