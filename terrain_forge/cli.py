@@ -16,6 +16,7 @@ import traceback
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from terrain_forge.recipe import RecipeFile
 
 _M_ARENA_MAX = -8
+_LONGEST = 2000
+"""Characters of a line that is shown."""
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 _STATUS = {
     SimulationError: FAILED_CHECK,
@@ -82,8 +85,9 @@ def cli(debug: bool) -> None:
     for handler in logging.getLogger().handlers:
         handler.addFilter(_plain_record)
     for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
-        logging.getLogger(noisy).setLevel(logging.WARNING)
-    warnings.showwarning = _show_warning
+        logging.getLogger(noisy).setLevel(logging.WARNING if debug else logging.CRITICAL)
+    os.environ.setdefault("CPL_LOG", os.devnull)  # GDAL's own lines about broken files
+    warnings.showwarning = partial(_show_warning, others=debug)
 
 
 @cli.command()
@@ -249,6 +253,8 @@ def _plain_record(record: logging.LogRecord) -> bool:
 
 
 def _plain(text: str) -> str:
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -339,12 +345,18 @@ class _located:
 
 
 def _show_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    *_: Any,
+    others: bool = False,
 ) -> None:
-    """Show a warning about a recipe as one line, others as Python does."""
-    ours = issubclass(category, RecipeWarning)
-    text = message if ours else warnings.formatwarning(message, category, filename, lineno).strip()
-    _say(f"terrain-forge: {text}", err=True)
+    """Show a warning about a recipe as one line; those of other libraries are for developers."""
+    if issubclass(category, RecipeWarning):
+        _say(f"terrain-forge: {message}", err=True)
+    elif others:
+        _say(warnings.formatwarning(message, category, filename, lineno).strip(), err=True)
 
 
 def _share_one_heap() -> None:

@@ -50,8 +50,13 @@ from .seeds import uniform as uniform
 from .seeds import uniforms as uniforms
 from .seeds import zigzag as zigzag
 from .specs import BY_KIND as BY_KIND
+from .specs import FARTHEST as FARTHEST
+from .specs import LEAST as LEAST
 from .specs import MAX_NAME as MAX_NAME
+from .specs import MAX_TABLE as MAX_TABLE
+from .specs import MOST as MOST
 from .specs import ByKind as ByKind
+from .specs import Coordinate as Coordinate
 from .specs import FileName as FileName
 from .specs import Fraction as Fraction
 from .specs import InputFile as InputFile
@@ -61,3 +66,5 @@ from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import is_file_name as is_file_name
+from .text import read_text as read_text
+from .text import require_file as require_file

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError
+from terrain_forge.base import DataError, OutputError, read_text
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
@@ -22,6 +22,8 @@ NAME = "manifest.json"
 STAGING = ".terrain-forge"
 """Ending of the folders in which something is being made."""
 FORMAT = 2
+MAX_MANIFEST = 2**28
+"""Bytes of a manifest."""
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
@@ -74,9 +76,11 @@ def read_manifest(directory: Path) -> Manifest:
         OutputError: if the folder holds none of ours.
     """
     try:
-        manifest = json.loads((directory / NAME).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})") from None
+        if not (directory / NAME).is_file():
+            raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})")
+        manifest = json.loads(read_text(directory / NAME, NAME, most=MAX_MANIFEST))
+    except DataError as error:
+        raise OutputError(f"{directory}: {error}") from None
     except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None
     if not _is_ours(manifest):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable, reading
+from terrain_forge.base import Array, DataError, portable, reading, require_file
 from terrain_forge.dtm.projection import (
     datum_radius,
     ellipsoid,
@@ -269,20 +269,6 @@ def _georeference(dataset: Any, spec: RasterDtm) -> tuple[str, tuple[float, ...]
         across, down = across - 1, down - 1
     middle_column, middle_row = (dataset.width - 1) / 2, (dataset.height - 1) / 2
     return "", (across / width, 0.0, middle_column, 0.0, -down / height, middle_row)
-
-
-def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
-    """Refuse a path that leads to no file.
-
-    Raises:
-        DataError: says by `name` what is there instead.
-    """
-    with reading(name, key=key):
-        if path.is_dir():
-            raise DataError(f"is a folder, not a file: {name}", key=key)
-        if not path.is_file():
-            problem = "is no regular file" if path.exists() else "no such file"
-            raise DataError(f"{problem}: {name}", key=key)
 
 
 def files_of_raster(path: Path) -> list[Path]:

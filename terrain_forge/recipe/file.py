@@ -11,14 +11,30 @@ from typing import Any
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
 
-from terrain_forge.base import Key, OutputError, RecipeError, TerrainForgeError
+from terrain_forge.base import (
+    DataError,
+    Key,
+    OutputError,
+    RecipeError,
+    TerrainForgeError,
+    read_text,
+)
 from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter, json_schema
 
 _UNION = ("tuple[", "dict[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
+MAX_RECIPE = 2**20
+"""Bytes of a recipe."""
+MAX_DEPTH = 50
+"""Mappings and lists within each other in a recipe."""
+MAX_DIGITS = 400
+"""Digits of a whole number in a recipe."""
+_TOO_DEEP = f"mappings and lists are nested more than {MAX_DEPTH} deep"
 _PLAIN_TAGS = {
     f"tag:yaml.org,2002:{n}" for n in ("map", "seq", "str", "int", "float", "bool", "null")
 }
@@ -91,22 +107,25 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
 
 def _read(path: Path) -> tuple[Any, dict[Key, int]]:
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise RecipeError(f"{path}: no such recipe") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecipeError(f"{path}: cannot be read as text ({error})") from None
+        text = read_text(path, str(path), most=MAX_RECIPE)
+    except DataError as error:
+        raise RecipeError(str(error)) from None
+    lines: dict[Key, int] = {}
     try:
-        node = YAML(typ="rt", pure=True).compose(text)
-        lines: dict[Key, int] = {}
+        node = YAML(typ="safe", pure=True).compose(text)
         _collect(path, node, (), lines, set())
-        data = YAML(typ="safe", pure=True).load(text)
+        data = YAML(typ="safe", pure=True).constructor.construct_document(node) if node else None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
         problem = " ".join(str(error.problem or error.context).split())
         raise RecipeError(f"{path}{line}: not YAML: {problem}") from None
-    except (YAMLError, RecursionError, ValueError) as error:
+    except RecursionError:
+        raise RecipeError(f"{path}:{_deep_line(text)}: {_TOO_DEEP}") from None
+    except ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise RecipeError(f"{path}:{line}: not YAML: {error.reason}") from None
+    except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
         raise RecipeError(f"{path}:1: a recipe is a mapping of keys, found {type(data).__name__}")
@@ -123,6 +142,11 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
         raise RecipeError(_locate(path, lines, key, f"YAML tag {node.tag}: recipes are plain data"))
     if id(node) in seen:
         raise RecipeError(_locate(path, lines, key, "YAML alias: recipes are plain data"))
+    if len(key) > MAX_DEPTH:
+        raise RecipeError(f"{path}:{line}: {_TOO_DEEP}")
+    if str(node.tag).endswith(":int") and len(node.value) > MAX_DIGITS:
+        message = f"a number of {len(node.value):,} digits, at most {MAX_DIGITS}"
+        raise RecipeError(_locate(path, lines, key, message))
     seen.add(id(node))
     if isinstance(node, MappingNode):
         for name, value in node.value:
@@ -134,6 +158,16 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
     elif isinstance(node, SequenceNode):
         for index, value in enumerate(node.value):
             _collect(path, value, (*key, index), lines, seen)
+
+
+def _deep_line(text: str) -> int:
+    """The line where a text is nested too deeply."""
+    depth = 0
+    for event in YAML(typ="safe", pure=True).parse(text):
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            return int(event.start_mark.line) + 1
+    return 1
 
 
 def _rename(data: Any, path: Path, lines: dict[Key, int]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, InputFile, Key
+from terrain_forge.base import MAX_TABLE, Array, DataError, InputFile, Key, read_text
 from terrain_forge.model import Table
 
 
@@ -23,10 +23,9 @@ def read_table(file: str, folder: Path, mark: InputFile, *, key: Key) -> Table:
     Raises:
         DataError: if it is no such table; says in which line.
     """
+    text = read_text(folder / file, file, most=MAX_TABLE, lines=2 * mark.most, key=key)
     try:
-        return _read(file, (folder / file).read_text(encoding="utf-8-sig"), mark)
-    except UnicodeDecodeError:
-        raise DataError(f"{file} is no text in UTF-8", key=key) from None
+        return _read(file, text, mark)
     except ValueError as error:
         raise DataError(f"{file}{error}", key=key) from None
 

@@ -14,8 +14,16 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from terrain_forge.base import DataError, InputFile, Key, RecipeError, Spec, reading
-from terrain_forge.dtm import files_of_raster, read_image, require_file
+from terrain_forge.base import (
+    DataError,
+    InputFile,
+    Key,
+    RecipeError,
+    Spec,
+    reading,
+    require_file,
+)
+from terrain_forge.dtm import files_of_raster, read_image
 from terrain_forge.model import BODIES, CustomMesh, DtmPatch, Image, Table
 from terrain_forge.recipe.input_table import read_table
 from terrain_forge.recipe.schema import Recipe
@@ -117,8 +125,8 @@ class InputFiles:
         """
         for one in self.found:
             if one.taken_over:
-                require_file(self.folder / one.path, one.path, one.key)
-                table = read_table(one.path, self.folder, one.mark, key=one.key)
+                with reading(one.path, key=one.key):
+                    table = read_table(one.path, self.folder, one.mark, key=one.key)
                 try:
                     recipe = _changed(recipe, one.owner, methodcaller("with_table", table))
                 except ValueError as error:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from annotated_types import Ge, Interval, Lt, MinLen
 from pydantic import TypeAdapter, ValidationError
 
-from terrain_forge.base import BY_KIND, ByKind, FileName, Positive, RecipeError, Spec
+from terrain_forge.base import BY_KIND, ByKind, FileName, RecipeError, Spec
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
 from terrain_forge.model import BODIES
 from terrain_forge.paths import PathSpec
@@ -35,7 +35,7 @@ Dtm = Annotated[RasterDtm | FlatDtm | ArrayDtm, ByKind(default="raster")]
 class TerrainSpec(Spec):
     """The ground's grid and what shapes it."""
 
-    spacing_m: Positive
+    spacing_m: Annotated[float, Interval(ge=0.001, le=10_000)]
     """Distance of the ground's nodes [m]; a wheel needs a few per radius, say 0.05 to 0.25."""
     layers: tuple[AnyLayer, ...] = ()
     """Displacement layers, added in this order."""
