@@ -15,23 +15,32 @@ from terrain_forge.geometry import (
     write_ground_obj,
 )
 from terrain_forge.model import ExportReport, Mesh, Tile, World, world_friction
-from terrain_forge.writers import MattMaterial, file_name, write_mtl, write_png
+from terrain_forge.writers import (
+    Lines,
+    MattMaterial,
+    element,
+    file_name,
+    leaves,
+    write_mtl,
+    write_png,
+    write_xml,
+)
 
-from ..sdf.markup import Lines, element, world_name, write_document
-from .geometry import MATERIALS, rigid, visual
-from .load import parsing_losses, require_parsable
-from .options import Options
-from .rocks import dynamic_rocks, fixed_rocks, is_single, write_materials, write_shapes
+from ..sdf.model import world_name
+from ..sdf.rocks import is_single
+from .options import ADVICE, WORTH_SAYING, Load, Options, require_parsable
+from .rocks import (
+    MATERIALS,
+    collision,
+    dynamic_rocks,
+    fixed_rocks,
+    visual,
+    write_materials,
+    write_shapes,
+)
 
 _SDF_VERSION = "1.9"
 _NAMESPACE = {"xmlns:drake": "http://drake.mit.edu"}
-_PACKAGE = """<?xml version="1.0" encoding="UTF-8"?>
-<package format="2">
-  <name>{name}</name>
-  <version>0.0.0</version>
-  <description>A world of terrain-forge</description>
-</package>
-"""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
@@ -40,34 +49,11 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     Raises:
         ExportError: if the rocks are too many for Drake's parser.
     """
-    require_parsable(world, options)
+    load = require_parsable(world, options)
     folder = directory / "assets"
     folder.mkdir()
     shapes = world.library.prototypes
     coarse = [p.meshes[level_of_detail(p, options.outline_error)] for p in shapes]
-    models, looks = _static_models(world, folder, coarse, options)
-    models += dynamic_rocks(world, folder, options)
-    single = world.field.select(is_single(world.field, options))
-    write_shapes(world, single, folder)
-    write_mtl(folder / MATERIALS, [*looks, *write_materials(world, single, folder)])
-    name = file_name(world.site.name)
-    body = element("world", *models, name=world_name(name), **_NAMESPACE)
-    write_document(directory / "world.sdf", _SDF_VERSION, body)
-    package = _PACKAGE.format(name=name)
-    (directory / "package.xml").write_text(package, encoding="utf-8", newline="\n")
-    files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    return ExportReport(files=tuple(files), losses=_losses(world, coarse, options))
-
-
-def _static_models(
-    world: World, folder: Path, coarse: list[Mesh], options: Options
-) -> tuple[list[Lines], list[MattMaterial]]:
-    """Write the tiles' files.
-
-    Returns:
-        The ground, a link per tile, and after it a model per tile of the rocks that are fixed; and
-        the materials of the ground.
-    """
     links: list[Lines] = []
     rocks: list[Lines] = []
     looks: list[MattMaterial] = []
@@ -76,7 +62,18 @@ def _static_models(
         name = tile.name("ground")
         looks.append(MattMaterial(name=name, texture=f"{name}.png"))
         rocks += fixed_rocks(tile, folder, coarse=coarse, options=options)
-    return [element("model", element("static", "true"), *links, name="ground"), *rocks], looks
+    rocks += dynamic_rocks(world, folder, options)
+    single = world.field.select(is_single(world.field, options.individual_min_m))
+    write_shapes(world, single, folder)
+    write_mtl(folder / MATERIALS, [*looks, *write_materials(world, single, folder)])
+    ground = element("model", element("static", "true"), *links, name="ground")
+    name = file_name(world.site.name)
+    body = element("world", ground, *rocks, name=world_name(name), **_NAMESPACE)
+    write_xml(directory / "world.sdf", element("sdf", body, version=_SDF_VERSION))
+    package = leaves(name=name, version="0.0.0", description="A world of terrain-forge")
+    write_xml(directory / "package.xml", element("package", *package, format="2"))
+    files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
+    return ExportReport(files=tuple(files), losses=_losses(world, coarse, load, options))
 
 
 def _ground_link(tile: Tile, folder: Path, options: Options) -> Lines:
@@ -89,11 +86,11 @@ def _ground_link(tile: Tile, folder: Path, options: Options) -> Lines:
     write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
     friction = world_friction(tile.whole.site.body, options)
-    touch = rigid(f"{name}_collision", uri, friction.ground)
+    touch = collision(f"{name}_collision", uri, friction.ground)
     return element("link", visual(f"{name}_visual", uri), touch, name=name)
 
 
-def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ...]:
+def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> tuple[str, ...]:
     """What Drake's SDF, or this export of it, does not say."""
     losses = [
         "Drake's parser takes no gravity, light or sky: set gravity with "
@@ -110,11 +107,13 @@ def _losses(world: World, coarse: list[Mesh], options: Options) -> tuple[str, ..
     if world.site.georeferenced:
         losses.append(PLACE_LOSS)
     losses += static_losses(world.field)
-    small = int((~is_single(world.field, options)).sum())
+    small = int((~is_single(world.field, options.individual_min_m)).sum())
     if small:
         error = largest_outline_error(coarse, world.library.prototypes)
         losses.append(
             f"{small} rocks below {options.individual_min_m:g} m are merged per tile and show no "
             f"texture, their outline off by up to {100 * error:.1f} % of their size."
         )
-    return (*losses, *parsing_losses(world, options))
+    if load.seconds > WORTH_SAYING:
+        losses.append(f"Drake's parser loads {load}; {ADVICE}.")
+    return tuple(losses)

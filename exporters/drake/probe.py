@@ -35,18 +35,6 @@ BALL = """<sdf version="1.9"><model name="probe_ball_{n}"><pose>{x} {y} {z} 0 0 
 TIME_STEP = 0.002
 
 
-class Complaints(logging.Handler):
-    """What Drake logs."""
-
-    def __init__(self):
-        super().__init__(logging.WARNING)
-        self.texts = []
-
-    def emit(self, record):
-        """Keep a record's text."""
-        self.texts.append(record.getMessage())
-
-
 def tell(*parts):
     """A line of the answer."""
     sys.stdout.write("\t".join(repr(p) if isinstance(p, float) else str(p) for p in parts) + "\n")
@@ -57,32 +45,27 @@ def numbers(matrix):
     return np.asarray(matrix, float)[:3].ravel().tolist()
 
 
-class Meshes:
-    """Meshes by the file and size that they were read from."""
+def numbering(path):
+    """A function that tells the number of a shape's mesh as Drake reads it, and writes new ones."""
+    file, known = Path(path).open("wb"), {}
 
-    def __init__(self, path):
-        self._file = Path(path).open("wb")
-        self._number = {}
-
-    def of(self, shape):
-        """The number of a shape's mesh as Drake reads it."""
-        source = shape.source()
-        key = (str(source.path()), tuple(np.ravel(shape.scale3()).tolist()))
-        if key not in self._number:
-            mesh = ReadObjToTriangleSurfaceMesh(source.path(), scale3=shape.scale3())
+    def number(shape):
+        source, scale = shape.source().path(), shape.scale3()
+        key = (str(source), *np.ravel(scale).tolist())
+        if key not in known:
+            mesh = ReadObjToTriangleSurfaceMesh(source, scale3=scale)
             corners = [[triangle.vertex(n) for n in range(3)] for triangle in mesh.triangles()]
-            self._number[key] = self._write(np.array(mesh.vertices()), np.array(corners))
-        return self._number[key]
+            file.write(np.asarray(mesh.vertices(), "<f8").tobytes())
+            file.write(np.asarray(corners, "<i4").tobytes())
+            file.flush()
+            tell("mesh", len(mesh.vertices()), len(corners))
+            known[key] = len(known)
+        return known[key]
 
-    def _write(self, vertices, faces):
-        self._file.write(np.asarray(vertices, "<f8").tobytes())
-        self._file.write(np.asarray(faces, "<i4").tobytes())
-        self._file.flush()
-        tell("mesh", len(vertices), len(faces))
-        return len(self._number)
+    return number
 
 
-def tell_shapes(plant, scene_graph, own, meshes):
+def tell_shapes(plant, scene_graph, own, number):
     """The meshes that are touched, and those that are seen."""
     inspector = scene_graph.model_inspector()
     for kind, role in (("touched", Role.kProximity), ("seen", Role.kIllustration)):
@@ -94,7 +77,7 @@ def tell_shapes(plant, scene_graph, own, meshes):
             pose = plant.EvalBodyPoseInWorld(own, body) @ inspector.GetPoseInFrame(geometry)
             model, _, name = inspector.GetName(geometry).rpartition("::")
             matrix = numbers(pose.GetAsMatrix34())
-            tell("shape", kind, model, name, meshes.of(shape), *matrix)
+            tell("shape", kind, model, name, number(shape), *matrix)
 
 
 def tell_bodies(plant, own):
@@ -131,14 +114,15 @@ def plant_of(world, gravity, balls, radius):
 def main():
     """Carry out the order."""
     order = json.load(sys.stdin)
-    complaints = Complaints()
-    logging.getLogger("drake").addHandler(complaints)
+    complaints, handler = [], logging.Handler(logging.WARNING)
+    handler.emit = lambda record: complaints.append(record.getMessage())
+    logging.getLogger("drake").addHandler(handler)
     tell("consumer", f"Drake {version('drake')}")
     plant, scene_graph, simulator = plant_of(order["world"], order["gravity"], (), order["radius"])
     own = plant.GetMyContextFromRoot(simulator.get_mutable_context())
-    for text in complaints.texts:
+    for text in complaints:
         tell("finding", " ".join(text.split()))
-    tell_shapes(plant, scene_graph, own, Meshes(order["binary"]))
+    tell_shapes(plant, scene_graph, own, numbering(order["binary"]))
     tell_bodies(plant, own)
     plant, _, simulator = plant_of(
         order["ground"], order["gravity"], order["balls"], order["radius"]

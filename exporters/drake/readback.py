@@ -88,9 +88,8 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-DRAKE = Consumer(name="Drake", read=read_drake)
-"""Drake's parser and hydroelastic contact."""
-FILES = Consumer(name="files", read=read_ground, quick=True, full=False)
-"""The files themselves."""
-CONSUMERS = (FILES, DRAKE)
+CONSUMERS = (
+    Consumer(name="files", read=read_ground, quick=True, full=False),
+    Consumer(name="Drake", read=read_drake),
+)
 """What reads these exports back."""

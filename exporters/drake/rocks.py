@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.base import rpy_from_quaternion
+from terrain_forge.base import Array, rpy_from_quaternion
 from terrain_forge.geometry import (
     grouped,
     inertias,
@@ -19,18 +18,58 @@ from terrain_forge.geometry import (
 )
 from terrain_forge.model import Mesh, RockField, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import MattMaterial, rock_name, write_obj, write_png
+from terrain_forge.writers import (
+    Lines,
+    MattMaterial,
+    element,
+    leaves,
+    rock_name,
+    write_obj,
+    write_png,
+)
 
-from ..sdf.markup import Lines, element, numbers
-from ..sdf.solids import inertial
-from .geometry import MATERIALS, compliant, rigid, visual
+from ..sdf.model import inertial
+from ..sdf.rocks import is_single
 from .options import Options
 
+MATERIALS = "world.mtl"
+"""The material file beside the meshes."""
 
-def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
-    """Which rocks are geometries of their own: the large and the dynamic ones."""
-    large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
-    return large | field.dynamic
+
+def visual(name: str, uri: str, *, pose: Array | None = None, scale: float = 1.0) -> Lines:
+    """A visual of an OBJ with its own material, which Drake takes for pictures and for Meshcat."""
+    return element("visual", *_solid(pose, uri, scale), name=name)
+
+
+def collision(
+    name: str,
+    uri: str,
+    friction: float,
+    *,
+    pose: Array | None = None,
+    scale: float = 1.0,
+    modulus: float | None = None,
+) -> Lines:
+    """A collision that is the mesh itself, dents and all, for bodies with hydroelastic contact.
+
+    In point contact Drake takes any mesh for its convex hull. With a hydroelastic `modulus` [Pa] it
+    is a convex mesh that gives way.
+    """
+    hints, contact = [], [element("drake:rigid_hydroelastic")]
+    if modulus is not None:
+        hints = [element("drake:declare_convex")]
+        soft = element("drake:compliant_hydroelastic")
+        contact = [soft, element("drake:hydroelastic_modulus", modulus)]
+    grip = leaves(**{"drake:mu_dynamic": friction, "drake:mu_static": friction})
+    properties = element("drake:proximity_properties", *contact, *grip)
+    return element("collision", *_solid(pose, uri, scale, *hints), properties, name=name)
+
+
+def _solid(pose: Array | None, uri: str, scale: float, *hints: Lines) -> list[Lines]:
+    """The pose, if there is one, and the geometry of a mesh file."""
+    place = [] if pose is None else [element("pose", pose)]
+    size = [element("scale", (scale,) * 3)] if scale != 1.0 else []
+    return [*place, element("geometry", element("mesh", *leaves(uri=uri), *size, *hints))]
 
 
 def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Options) -> list[Lines]:
@@ -39,13 +78,28 @@ def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Option
     Among the merged rocks a mesh of `coarse` stands for each prototype.
     """
     fixed = tile.field.select(~tile.field.dynamic)
-    single = is_single(fixed, options)
+    single = is_single(fixed, options.individual_min_m)
     friction = world_friction(tile.whole.site.body, options).rock
-    parts = [*_single_rocks(fixed.select(single), folder, friction)]
-    small, name = fixed.select(~single), tile.name("rocks")
+    large, small, name = fixed.select(single), fixed.select(~single), tile.name("rocks")
+    parts = []
+    poses = np.hstack([large.position, rpy_from_quaternion(large.quaternion)])
+    for row, rock in enumerate(map(rock_name, large.id.tolist())):
+        uri, scale = _shape_uri(large, row, folder), float(large.scale[row])
+        # The finest mesh, and a collision of it for what can be touched.
+        parts.append(visual(f"{rock}_visual", uri, pose=poses[row], scale=scale))
+        if large.collides[row]:
+            touch = collision(f"{rock}_collision", uri, friction, pose=poses[row], scale=scale)
+            parts.append(touch)
     for population, solid, rocks in grouped(small, small.collides):
-        path = folder / f"{name}_{population}{'' if solid else '_seen'}.obj"
-        parts += _merged_rocks(rocks, coarse, tile.whole, path, friction)
+        vertices, faces = merge_rocks(rocks, coarse, tile.whole.ground)
+        if not len(faces):
+            continue
+        part = f"{name}_{population}{'' if solid else '_seen'}"
+        uri, material = f"{folder.name}/{part}.obj", (MATERIALS, f"rock_{population}_plain")
+        write_obj(folder / f"{part}.obj", vertices=vertices, faces=faces, material=material)
+        parts.append(visual(f"{part}_visual", uri))
+        if solid:
+            parts.append(collision(f"{part}_collision", uri, friction))
     if not parts:
         return []
     link = element("link", *parts, name="rocks")
@@ -57,56 +111,23 @@ def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Line
     field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
     for row, tensor in enumerate(inertias(field, world.library)):
-        link = element(
-            "link",
-            inertial(float(field.mass[row]), tensor),
-            visual("visual", _shape_uri(field, row, folder), scale=float(field.scale[row])),
-            *(_hulls(world, field, row, folder, options) if field.collides[row] else ()),
-            name="rock",
-        )
-        pose = element("pose", numbers(poses[row]))
-        yield element("model", pose, link, name=rock_name(field.id[row]))
-
-
-def _hulls(
-    world: World, field: RockField, row: int, folder: Path, options: Options
-) -> Iterator[Lines]:
-    prototype = int(field.prototype[row])
-    for part in range(len(world.library.prototypes[prototype].hulls)):
-        yield compliant(
-            f"collision_{part}",
-            f"{folder.name}/{_hull_file(prototype, part)}",
-            dynamic_contact(float(field.diameter[row])).sliding,
-            scale=float(field.scale[row]),
-            modulus=options.dynamic_modulus_pa,
-        )
-
-
-def _single_rocks(rocks: RockField, folder: Path, friction: float) -> Iterator[Lines]:
-    """A visual, and for what can be touched a collision, of each rock's finest mesh."""
-    poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)])
-    for row, identity in enumerate(rocks.id.tolist()):
-        uri, scale = _shape_uri(rocks, row, folder), float(rocks.scale[row])
-        pose = element("pose", numbers(poses[row]))
-        name = rock_name(identity)
-        yield visual(f"{name}_visual", uri, pose=pose, scale=scale)
-        if rocks.collides[row]:
-            yield rigid(f"{name}_collision", uri, friction, pose=pose, scale=scale)
-
-
-def _merged_rocks(
-    rocks: RockField, coarse: list[Mesh], whole: World, path: Path, friction: float
-) -> Iterator[Lines]:
-    """Write rocks of one population, all to be touched or none; yields what shows and stops."""
-    vertices, faces = merge_rocks(rocks, coarse, whole.ground)
-    if not len(faces):
-        return
-    material = MATERIALS, _plain_material(int(rocks.population[0]))
-    write_obj(path, vertices=vertices, faces=faces, material=material)
-    uri = f"{path.parent.name}/{path.name}"
-    yield visual(f"{path.stem}_visual", uri)
-    if rocks.collides[0]:
-        yield rigid(f"{path.stem}_collision", uri, friction)
+        scale, prototype = float(field.scale[row]), int(field.prototype[row])
+        sliding = dynamic_contact(float(field.diameter[row])).sliding
+        hulls = world.library.prototypes[prototype].hulls if field.collides[row] else ()
+        collisions = [
+            collision(
+                f"collision_{part}",
+                f"{folder.name}/{_hull_file(prototype, part)}",
+                sliding,
+                scale=scale,
+                modulus=options.dynamic_modulus_pa,
+            )
+            for part in range(len(hulls))
+        ]
+        look = visual("visual", _shape_uri(field, row, folder), scale=scale)
+        mass = inertial(float(field.mass[row]), tensor)
+        link = element("link", mass, look, *collisions, name="rock")
+        yield element("model", element("pose", poses[row]), link, name=rock_name(field.id[row]))
 
 
 def _shape_uri(field: RockField, row: int, folder: Path) -> str:
@@ -118,7 +139,7 @@ def write_shapes(world: World, rocks: RockField, folder: Path) -> None:
     kinds = np.unique(np.stack([rocks.prototype, rocks.population], axis=-1), axis=0)
     for prototype, population in kinds.tolist():
         path = folder / _shape_file(prototype, population)
-        material = MATERIALS, _textured_material(population)
+        material = MATERIALS, f"rock_{population}"
         write_rock_shape(path, world.library.prototypes[prototype], material=material)
     for prototype in np.unique(rocks.prototype[rocks.dynamic]).tolist():
         for part, hull in enumerate(world.library.prototypes[prototype].hulls):
@@ -132,9 +153,9 @@ def write_materials(world: World, rocks: RockField, folder: Path) -> Iterator[Ma
         if np.any(rocks.population == population):
             image = f"rock_{population}.png"
             write_png(folder / image, rock_texture(world, population))
-            yield MattMaterial(name=_textured_material(population), texture=image)
+            yield MattMaterial(name=f"rock_{population}", texture=image)
         rgb = mean_rock_srgb(world, population)
-        yield MattMaterial(name=_plain_material(population), rgb=rgb)
+        yield MattMaterial(name=f"rock_{population}_plain", rgb=rgb)
 
 
 def _shape_file(prototype: int, population: int) -> str:
@@ -144,13 +165,3 @@ def _shape_file(prototype: int, population: int) -> str:
 
 def _hull_file(prototype: int, part: int) -> str:
     return f"shape_{prototype:03}_hull_{part}.obj"
-
-
-def _textured_material(population: int) -> str:
-    """Material of a population's single rocks."""
-    return f"rock_{population}"
-
-
-def _plain_material(population: int) -> str:
-    """Material of a population's merged rocks."""
-    return f"rock_{population}_plain"

@@ -1,7 +1,6 @@
 """GeoTIFF: the world as rasters, for geographic information systems and planners."""
 
-from .export import export
-from .options import Options
+from .export import Options, export
 from .readback import CONSUMERS, opening
 
 __all__ = ["CONSUMERS", "Options", "export", "opening"]

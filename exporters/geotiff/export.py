@@ -3,20 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import portable
+from terrain_forge.base import RecipeError, Spec, portable
 from terrain_forge.geometry import grid_normals
-from terrain_forge.model import ExportReport, Heightfield, Site, World, merge
+from terrain_forge.model import ExportReport, World, merge
 from terrain_forge.truth import rock_rasters
 from terrain_forge.writers import write_geotiff
 
-from .options import Options
+Product = Literal["elevation", "surface_with_rocks", "rock_id", "slope", "hillshade", "orthoimage"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of the GeoTIFF export."""
+
+    kind: Literal["geotiff"] = "geotiff"
+    """The exporter, where the export's folder has another name."""
+    products: Annotated[tuple[Product, ...], MinLen(1)] = (
+        *("elevation", "surface_with_rocks", "rock_id"),
+        *("slope", "hillshade", "orthoimage"),
+    )
+    """The rasters to write, each into a file of its name: heights of the bare ground; heights of
+    the highest surface, rocks included; id of the rock on top, -1 where there is none; slope of the
+    bare ground in degrees; the bare ground lit by the recipe's Sun, without shadows; colours of
+    ground and rocks as seen from above."""
+    heights: Literal["world", "datum"] = "world"
+    """`world` writes z of the world; `datum` heights above the body's datum: the datum height and
+    the plane that levelling took away are added."""
+    cloud_optimized: bool = False
+    """Write cloud-optimised GeoTIFFs (COG), with blocks and overviews."""
+
+    def __post_init__(self) -> None:
+        for number, product in enumerate(self.products):
+            if product in self.products[:number]:
+                raise RecipeError(f"{product} is named twice", key=("products",))
+
 
 _DESCRIPTIONS = {
     "elevation": "height of the bare ground",
@@ -35,7 +64,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     for product, grid in _rasters(world, options):
         description, metres = _DESCRIPTIONS[product], _UNITS.get(product) == "m"
         if metres and datum:
-            grid = above_datum(grid, world.ground, world.site)
+            east, north = world.site.slope
+            plane = world.site.datum_height + east * world.ground.east
+            plane = plane + (north * world.ground.north)[:, None]
+            grid = (grid + plane).astype(np.float32)
             description += ", above the datum"
         write_geotiff(
             directory / f"{product}.tif",
@@ -58,28 +90,25 @@ def _rasters(world: World, options: Options) -> Iterator[tuple[str, NDArray[Any]
     ground = world.ground
     top = cache(lambda: rock_rasters(world))
     normals = cache(lambda: grid_normals(ground, ground).reshape(*ground.shape, 3))
+
+    def slope() -> NDArray[np.float32]:  # [degrees]
+        up = np.minimum(normals()[..., 2].astype(np.float64), 1.0)
+        return np.degrees(portable.arccos(up)).astype(np.float32)
+
+    def hillshade() -> NDArray[np.uint8]:  # cosine of the angle between normal and Sun
+        light = portable.product(normals(), world.lighting.towards_sun)
+        return np.rint(255 * np.maximum(light, 0.0)).astype(np.uint8)
+
     make = {
         "elevation": lambda: ground.elevation,
         "surface_with_rocks": lambda: top()[0],
         "rock_id": lambda: top()[1],
-        "slope": lambda: _slope(normals()),
-        "hillshade": lambda: _hillshade(normals(), world),
+        "slope": slope,
+        "hillshade": hillshade,
         "orthoimage": lambda: _orthoimage(top()[1], world),
     }
     for product in options.products:
         yield product, make[product]()
-
-
-def _slope(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Steepness of the ground [degrees]."""
-    up = normals[..., 2].astype(np.float64)
-    return np.degrees(portable.arccos(np.minimum(up, 1.0))).astype(np.float32)
-
-
-def _hillshade(normals: NDArray[np.float32], world: World) -> NDArray[np.uint8]:
-    """255 times the cosine of the angle between the ground's normal and the Sun."""
-    light = portable.product(normals, world.lighting.towards_sun)
-    return np.rint(255 * np.maximum(light, 0.0)).astype(np.uint8)
 
 
 def _orthoimage(ids: NDArray[np.int32], world: World) -> NDArray[np.uint8]:
@@ -91,20 +120,12 @@ def _orthoimage(ids: NDArray[np.int32], world: World) -> NDArray[np.uint8]:
     return image
 
 
-def above_datum(z: NDArray[np.float32], ground: Heightfield, site: Site) -> NDArray[np.float32]:
-    """Heights above the body's datum [m] of heights in the world at the ground's nodes [m]."""
-    east, north = site.slope
-    plane = site.datum_height + east * ground.east + (north * ground.north)[:, None]
-    return (z + plane).astype(np.float32)
-
-
 def _losses(world: World, options: Options, largest: float) -> tuple[str, ...]:
     """What rasters do not say."""
     losses = [
         "Rasters hold one height per place: overhangs, masses, and which rocks are dynamic or "
-        "cannot "
-        "be touched are lost; programs that interpolate between nodes otherwise than by the two "
-        "triangles of a cell read other heights there."
+        "cannot be touched are lost; programs that interpolate between nodes otherwise than by the "
+        "two triangles of a cell read other heights there."
     ]
     if options.heights == "datum":
         losses.append(

@@ -35,20 +35,17 @@ def read_geotiff(sample: Sample, folder: Path, options: Any, scratch: Path) -> R
         east, north = site.slope
         plane = site.datum_height + east * found.east + (north * found.north)[:, None]
         found = found.replace(elevation=heights - plane)
+    x, y = sample.points.T
+    found_heights = np.full(len(x), np.nan)
+    inside = found.covers(x, y)
+    found_heights[inside] = found.height_at(x[inside], y[inside])
     return Reading(
         consumer=consumer,
-        heights=_heights(found, sample),
+        heights=found_heights,
         extent=found.bounds,
         quantum=2 * float(np.spacing(np.float32(np.abs(heights).max()))),
         reasons=reasons,
     )
-
-
-def _heights(found: Heightfield, sample: Sample) -> np.ndarray:
-    heights = np.full(len(sample.points), np.nan)
-    inside = found.covers(sample.points[:, 0], sample.points[:, 1])
-    heights[inside] = found.height_at(sample.points[inside, 0], sample.points[inside, 1])
-    return heights
 
 
 def opening(folder: Path, options: Any) -> Opening:
@@ -56,7 +53,5 @@ def opening(folder: Path, options: Any) -> Opening:
     return Opening(title="Maps", commands=f"qgis {quote(folder.name)}/{options.products[0]}.tif")
 
 
-GDAL = Consumer(name="GDAL", read=read_geotiff)
-"""GDAL's reader of GeoTIFF."""
-CONSUMERS = (GDAL,)
+CONSUMERS = (Consumer(name="GDAL", read=read_geotiff),)
 """What reads these exports back."""

@@ -12,13 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError, portable, xyzw
-from terrain_forge.geometry import PLACE_LOSS, detail_loss, level_of_detail, texture_loss
+from terrain_forge.geometry import (
+    PLACE_LOSS,
+    detail_loss,
+    level_of_detail,
+    mean_rock_colour,
+    texture_loss,
+)
 from terrain_forge.model import ExportReport, Lighting, Trajectory, World
 from terrain_forge.writers import LARGEST_FILE, Gltf
 
-from .ground import TRANSFORM, SharedParts, ground_tile
+from .ground import TRANSFORM, SharedParts, ground_tile, matt
 from .options import Options
-from .rocks import merged_materials, merged_rocks, node_texts, rock_meshes
+from .rocks import merged_rocks, node_texts, rock_meshes
 
 _LIGHTS = "KHR_lights_punctual"
 _SUNLIGHT_EFFICACY = 98.0
@@ -45,9 +51,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     coarse = np.array([level_of_detail(shape, options.outline_error) for shape in shapes])
     with TemporaryFile(dir=directory) as binary:
         gltf = Gltf(binary)
-        paths = [_path_node(trajectory) for trajectory in world.trajectories]
-        for number, trajectory in enumerate(world.trajectories):
-            _animate(trajectory, gltf, node=1 + number)
+        paths = [
+            _moving_node(trajectory, gltf, node=1 + number)
+            for number, trajectory in enumerate(world.trajectories)
+        ]
         tiles = _tiles(world, gltf, coarse, options)
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
@@ -59,7 +66,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             "rotation": _Z_UP_TO_Y_UP,
             "children": list(range(1, 1 + len(fixed) + len(single))),
         }
-        light = _sun_light(world.lighting, options)
+        # In lux on a surface that faces the light.
+        lux = options.sun_lux or world.lighting.irradiance * _SUNLIGHT_EFFICACY
+        light = {"type": "directional", "name": "sun", "color": [1, 1, 1], "intensity": lux}
         gltf.write(
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
@@ -81,57 +90,41 @@ def _tiles(
     nodes = []
     small = world.field.diameter < options.instances_min_m
     merged = world.replace(field=world.field.select(small))
-    materials = merged_materials(world, gltf) if small.any() else []
+    materials = [
+        gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, n).tolist()))
+        for n, name in enumerate(world.field.populations if small.any() else ())
+    ]
     for tile in merged.tiles(cells=options.tile_cells):
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
         nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)
     return nodes
 
 
-def _path_node(trajectory: Trajectory) -> dict[str, Any]:
-    """The node in the pose of the path's first sample."""
-    return {
-        "name": f"path_{trajectory.name}",
-        "translation": trajectory.position[0].tolist(),
-        "rotation": _turns(trajectory)[0].tolist(),
-    }
+def _moving_node(trajectory: Trajectory, gltf: Gltf, *, node: int) -> dict[str, Any]:
+    """Add the animation of the node of that index: the trajectory's samples, straight between.
 
-
-def _animate(trajectory: Trajectory, gltf: Gltf, *, node: int) -> None:
-    """Add the animation of the node of that index: the trajectory's samples, straight between."""
+    Returns:
+        The node, in the pose of the first sample.
+    """
+    # A quaternion and its negative are the same turn, but between the two a reader that blends
+    # numbers would spin: each is on the side of the one before.
+    turns = xyzw(trajectory.quaternion)
+    turns_over = (turns[1:] * turns[:-1]).sum(axis=1) < 0
+    turns = turns * np.cumprod(np.where([False, *turns_over], -1.0, 1.0))[:, None]
+    values = {"translation": trajectory.position, "rotation": turns}
     times = gltf.add_samples(trajectory.time[:, None].astype(np.float32), bounded=True)
-    values = {
-        "translation": trajectory.position.astype(np.float32),
-        "rotation": _turns(trajectory).astype(np.float32),
-    }
     samplers = [
-        {"input": times, "output": gltf.add_samples(some), "interpolation": "LINEAR"}
+        {"input": times, "output": gltf.add_samples(some.astype(np.float32)),
+         "interpolation": "LINEAR"}
         for some in values.values()
-    ]
+    ]  # fmt: skip
     channels = [
         {"sampler": number, "target": {"node": node, "path": name}}
         for number, name in enumerate(values)
     ]
     animation = {"name": trajectory.name, "samplers": samplers, "channels": channels}
     gltf.add("animations", animation)
-
-
-def _turns(trajectory: Trajectory) -> NDArray[np.float64]:
-    """Rotations (x, y, z, w) of the samples, each on the side of the one before.
-
-    A quaternion and its negative are the same turn, but between the two a reader that blends
-    numbers would spin.
-    """
-    quaternions = xyzw(trajectory.quaternion)
-    turns_over = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0
-    sign = np.cumprod(np.where(np.concatenate([[False], turns_over]), -1.0, 1.0))
-    return quaternions * sign[:, None]
-
-
-def _sun_light(lighting: Lighting, options: Options) -> dict[str, Any]:
-    """The light; glTF measures it in lux on a surface that faces it."""
-    lux = options.sun_lux or lighting.irradiance * _SUNLIGHT_EFFICACY
-    return {"type": "directional", "name": "sun", "color": [1, 1, 1], "intensity": lux}
+    return {"name": f"path_{trajectory.name}", **{k: v[0].tolist() for k, v in values.items()}}
 
 
 def _sun_node(lighting: Lighting) -> dict[str, Any]:

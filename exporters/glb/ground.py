@@ -28,9 +28,7 @@ TRANSFORM = "KHR_texture_transform"
 class SharedParts:
     """What tiles share: texture coordinates and faces if they are of one shape, the soil's normals.
 
-    Args:
-        gltf: The asset that they are added to.
-        detail: The soil's detail tile, if there is one.
+    They are added to the asset; the normals are those of the detail tile, if there is one.
     """
 
     def __init__(self, gltf: Gltf, detail: GroundDetail | None) -> None:
@@ -53,10 +51,8 @@ class SharedParts:
         """Accessors of texture coordinates (v downwards, as in glTF) and of faces."""
         coordinates = grid_texture_coordinates(rows, columns).astype(np.float32)
         coordinates[:, 1] = 1 - coordinates[:, 1]
-        return (
-            self._gltf.add_vertices(coordinates),
-            self._gltf.add_indices(grid_faces(rows, columns)),
-        )
+        faces = grid_faces(rows, columns)
+        return self._gltf.add_vertices(coordinates), self._gltf.add_indices(faces)
 
 
 def tile_corner(tile: Tile) -> NDArray[np.float64]:
@@ -66,17 +62,26 @@ def tile_corner(tile: Tile) -> NDArray[np.float64]:
 
 def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options) -> dict[str, Any]:
     """Add a tile's mesh and texture; returns its node."""
-    name, corner = tile.name("ground"), tile_corner(tile)
+    name, corner, ground = tile.name("ground"), tile_corner(tile), tile.ground
+    vertices = np.empty((*ground.shape, 3), np.float32)  # relative to the corner
+    vertices[..., 0], vertices[..., 1] = np.meshgrid(
+        *(np.arange(nodes) * ground.spacing for nodes in reversed(ground.shape))
+    )
+    np.subtract(ground.elevation, corner[2], out=vertices[..., 2], casting="same_kind")
     coordinates, faces = shared.shape(*tile.ground.shape)
     upright = grid_normals(tile.ground, tile.whole.ground)
     attributes = {
-        "POSITION": gltf.add_vertices(_vertices(tile.ground, corner[2]), bounded=True),
+        "POSITION": gltf.add_vertices(vertices.reshape(-1, 3), bounded=True),
         "NORMAL": gltf.add_vertices(upright),
         "TEXCOORD_0": coordinates,
     }
     normals = shared.normals(tile.ground)
     if normals:
-        attributes["TANGENT"] = gltf.add_vertices(_tangents(upright))
+        # Unit vectors along the surface to the east, and 1: u, v and normal are right-handed.
+        length = np.hypot(upright[:, 0], upright[:, 2])
+        east, up = upright[:, 2] / length, -upright[:, 0] / length
+        tangents = np.stack([east, np.zeros_like(east), up, np.ones_like(east)], axis=-1)
+        attributes["TANGENT"] = gltf.add_vertices(tangents)
     picture = image_rows(bake_tile(tile, options.texture_pixels).rgb)
     texture = gltf.add_texture(encode_png(picture), tiles=False)
     material = gltf.add("materials", matt(name, texture=texture, normals=normals))
@@ -109,23 +114,3 @@ def matt(
         look["baseColorTexture"] = {"index": texture}
     relief = {"normalTexture": normals} if normals else {}
     return {"name": name, "pbrMetallicRoughness": look, **relief}
-
-
-def _tangents(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Unit vectors along the surface to the east, and 1: u, v and normal are right-handed."""
-    tangents = np.zeros((len(normals), 4), np.float32)
-    length = np.hypot(normals[:, 0], normals[:, 2])
-    tangents[:, 0] = normals[:, 2] / length
-    tangents[:, 2] = -normals[:, 0] / length
-    tangents[:, 3] = 1.0
-    return tangents
-
-
-def _vertices(ground: Heightfield, height: float) -> NDArray[np.float32]:
-    """The nodes relative to the tile's corner [m], shape [nodes, 3]."""
-    rows, columns = ground.shape
-    vertices = np.empty((rows, columns, 3), np.float32)
-    vertices[..., 0] = np.arange(columns) * ground.spacing
-    vertices[..., 1] = (np.arange(rows) * ground.spacing)[:, None]
-    np.subtract(ground.elevation, height, out=vertices[..., 2], casting="same_kind")
-    return vertices.reshape(-1, 3)

@@ -89,7 +89,5 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-TRIMESH = Consumer(name="trimesh", read=read_glb)
-"""trimesh's reader of GLB."""
-CONSUMERS = (TRIMESH,)
+CONSUMERS = (Consumer(name="trimesh", read=read_glb),)
 """What reads these exports back."""

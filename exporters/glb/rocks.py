@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inlined, kernel, xyzw
-from terrain_forge.geometry import grouped, mean_rock_colour, merge_in_parts, rock_texture, surface
+from terrain_forge.geometry import grouped, merge_in_parts, rock_texture, surface
 from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.writers import (
     ROCK,
@@ -52,7 +52,12 @@ def rock_meshes(
     """
     prototypes = world.library.prototypes
     shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
-    look = cache(lambda population: _add_textured(world, population, gltf))
+
+    @cache
+    def look(population: int) -> int:
+        texture = gltf.add_texture(encode_png(rock_texture(world, population)), tiles=True)
+        return gltf.add("materials", matt(world.field.populations[population], texture=texture))
+
     kinds = np.stack([rocks.prototype, levels, rocks.population], axis=-1)
     distinct, kind_of_rock = np.unique(kinds, axis=0, return_inverse=True)
     meshes = []
@@ -89,34 +94,19 @@ def merged_rocks(
         for number, (vertices, faces) in enumerate(parts):
             part = f"_{number}" if number else ""
             name = f"{tile.name('rocks')}_{rocks.populations[population]}{part}"
-            mesh = _add_merged(vertices - corner, faces, gltf, name, materials[population])
+            places = vertices - corner
+            attributes = {
+                "POSITION": gltf.add_vertices(places.astype(np.float32), bounded=True),
+                "NORMAL": gltf.add_vertices(vertex_normals(places, faces).astype(np.float32)),
+            }
+            primitive: dict[str, Any] = {
+                "attributes": attributes,
+                "indices": gltf.add_indices(faces),
+            }
+            primitive["material"] = materials[population]
+            mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})
             nodes.append({"name": name, "mesh": mesh, "translation": corner.tolist()})
     return nodes
-
-
-def _add_merged(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], gltf: Gltf, name: str, material: int
-) -> int:
-    attributes = {
-        "POSITION": gltf.add_vertices(vertices.astype(np.float32), bounded=True),
-        "NORMAL": gltf.add_vertices(vertex_normals(vertices, faces).astype(np.float32)),
-    }
-    indices = gltf.add_indices(faces)
-    primitive = {"attributes": attributes, "indices": indices, "material": material}
-    return gltf.add("meshes", {"name": name, "primitives": [primitive]})
-
-
-def merged_materials(world: World, gltf: Gltf) -> list[int]:
-    """Add a material per population in the mean of its colours; returns their indices."""
-    return [
-        gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, number).tolist()))
-        for number, name in enumerate(world.field.populations)
-    ]
-
-
-def _add_textured(world: World, population: int, gltf: Gltf) -> int:
-    texture = gltf.add_texture(encode_png(rock_texture(world, population)), tiles=True)
-    return gltf.add("materials", matt(world.field.populations[population], texture=texture))
 
 
 @inlined

@@ -6,17 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import level_of_detail, texture_loss
-from terrain_forge.model import ExportReport, RockPrototype, World
+from terrain_forge.model import ExportReport, World
 from terrain_forge.writers import MattMaterial
 
-from .binary import write_ply_part, write_stl_part
-from .obj import write_materials, write_obj_part
+from .forms import Part, write_materials, write_obj_part, write_ply_part, write_stl_part
 from .options import Options
-from .part import Part
 
 MOST_NODES = 2**30
 """Of a mesh's ground: indices are 32-bit numbers, and rocks want some too."""
@@ -31,32 +28,22 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     rows, columns = world.ground.shape
     check_capacity(options, nodes=rows * columns, rocks=len(world.field))
     detail = [level_of_detail(p, options.outline_error) for p in world.library.prototypes]
-    rocks = options.rocks != "none"
+    merged = options.tiles == "merged"
     grounds: list[MattMaterial] = []
-    for part in _parts(world, detail, options):
-        path = directory / f"{part.name}.{options.format}"
+    for tile in world.tiles(cells=max(world.ground.shape) if merged else options.tile_cells):
+        name = "world" if merged else tile.name("tile")
+        part = Part(name=name, tile=tile, options=options, detail=detail)
+        path = directory / f"{name}.{options.format}"
         if options.format == "obj":
-            grounds.append(write_obj_part(part, directory, options=options))
+            grounds.append(write_obj_part(part, path))
         elif options.format == "stl":
-            write_stl_part(part, path, rocks=rocks)
+            write_stl_part(part, path)
         else:
-            write_ply_part(part, path, rocks=rocks)
+            write_ply_part(part, path)
     if options.format == "obj":
         write_materials(world, directory, grounds=grounds, textured=options.rocks == "objects")
     files = sorted(path.relative_to(directory) for path in directory.iterdir())
-    return ExportReport(files=tuple(files), losses=_losses(world, detail, options))
-
-
-def _parts(world: World, detail: list[int], options: Options) -> Iterator[Part]:
-    merged = options.tiles == "merged"
-    for tile in world.tiles(cells=max(world.ground.shape) if merged else options.tile_cells):
-        yield Part(
-            name="world" if merged else tile.name("tile"),
-            tile=tile,
-            tile_cells=options.tile_cells,
-            finest_min=options.finest_min_m,
-            detail=tuple(detail),
-        )
+    return ExportReport(files=tuple(files), losses=tuple(_losses(world, detail, options)))
 
 
 def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
@@ -73,27 +60,19 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         )
 
 
-def _losses(world: World, detail: list[int], options: Options) -> tuple[str, ...]:
+def _losses(world: World, detail: list[int], options: Options) -> Iterator[str]:
     """What a plain mesh, or this export of one, does not say."""
-    return (
-        "A mesh knows no physics, light, place or paths.",
-        *_format_losses(world, options),
-        *(_rock_losses(world, detail, options) if len(world.field) else ()),
-    )
-
-
-def _format_losses(world: World, options: Options) -> Iterator[str]:
+    field = world.field
+    yield "A mesh knows no physics, light, place or paths."
     if options.format == "obj":
         yield "Coordinates are rounded to 1 µm."
         yield texture_loss(world.ground, options.texture_pixels, normals=False)
+    else:
+        largest = np.float32(max(map(abs, world.ground.bounds)))
+        yield f"Coordinates are float32: rounded by up to {500 * np.spacing(largest):.2g} mm."
+        yield {"stl": "STL has no colours.", "ply": "PLY has colours, no textures."}[options.format]
+    if not len(field):
         return
-    largest = np.float32(max(map(abs, world.ground.bounds)))
-    yield f"Coordinates are float32: rounded by up to {500 * np.spacing(largest):.2g} mm."
-    yield {"stl": "STL has no colours.", "ply": "PLY has colours, no textures."}[options.format]
-
-
-def _rock_losses(world: World, detail: list[int], options: Options) -> Iterator[str]:
-    field = world.field
     if options.rocks == "none":
         yield f"The {len(field)} rocks are left out."
         return
@@ -105,16 +84,10 @@ def _rock_losses(world: World, detail: list[int], options: Options) -> Iterator[
     if options.rocks == "merged":
         yield f"{len(field)} rocks are merged, without names and textures."
         small = field.diameter < options.finest_min_m
-        error = _outline_error(world.library.prototypes, detail, field.prototype[small])
+        used, shapes = np.unique(field.prototype[small]), world.library.prototypes
+        error = max((shapes[n].outline_errors[detail[n]] for n in used), default=0.0)
         if error:
             yield (
                 f"The outlines of {int(small.sum())} rocks below {options.finest_min_m:g} m are "
                 f"off by up to {100 * error:.1f} % of their size."
             )
-
-
-def _outline_error(
-    shapes: tuple[RockPrototype, ...], detail: list[int], used: NDArray[np.int32]
-) -> float:
-    """The largest error of the outlines of the shapes that are used [mean axes]."""
-    return max((shapes[n].outline_errors[detail[n]] for n in np.unique(used)), default=0.0)

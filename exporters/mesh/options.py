@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Interval
@@ -43,15 +43,9 @@ class Options(Spec):
                 key=("rocks",),
             )
         if self.format != "obj":
-            self._require_default("texture_pixels", f"{self.format} has no textures")
+            self.require_default("texture_pixels", f"{self.format} has no textures")
         if self.rocks != "merged":
             for name in ("finest_min_m", "outline_error"):
-                self._require_default(name, f"it is for rocks: merged, here {self.rocks}")
+                self.require_default(name, f"it is for rocks: merged, here {self.rocks}")
         if self.rocks != "merged" and self.tiles == "merged":
-            self._require_default("tile_cells", "there are no tiles; choose tiles: tiled")
-
-    def _require_default(self, name: str, why: str) -> None:
-        """Refuse a value that would change nothing."""
-        default = next(field.default for field in fields(self) if field.name == name)
-        if getattr(self, name) != default:
-            raise RecipeError(f"has no effect: {why}", key=(name,))
+            self.require_default("tile_cells", "there are no tiles; choose tiles: tiled")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from terrain_forge.base import Array
 from terrain_forge.model import Mesh, Opening
 from terrain_forge.validation import (
     Consumer,
@@ -48,21 +46,18 @@ def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
         rock_error=options.outline_error,
         reasons={**reasons, "findings": "trimesh has no validator"},
     )
-    return reading if ground else _without_names(sample, reading, parts)
-
-
-def _without_names(
-    sample: Sample, reading: Reading, parts: Sequence[tuple[str, Array, Any]]
-) -> Reading:
-    """The reading of files that do not tell ground from rocks."""
-    surfaces = (
+    if ground:
+        return reading
+    surfaces = (  # the files do not tell ground from rocks
         Mesh(vertices=mesh.vertices @ matrix[:, :3].T + matrix[:, 3], faces=mesh.faces)
         for _, matrix, mesh in parts
     )
-    heights = highest_on(surfaces, sample.points)
-    hidden = ~free_of_rocks(sample.world, sample.points, margin=0.0)
-    reasons = {**reading.reasons, "frames": "ground and rocks are one mesh"}
-    return replace(reading, heights=heights, hidden=hidden, reasons=reasons)
+    return replace(
+        reading,
+        heights=highest_on(surfaces, sample.points),
+        hidden=~free_of_rocks(sample.world, sample.points, margin=0.0),
+        reasons={**reading.reasons, "frames": "ground and rocks are one mesh"},
+    )
 
 
 def opening(folder: Path, options: Any) -> Opening:
@@ -75,7 +70,5 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-TRIMESH = Consumer(name="trimesh", read=read_meshes)
-"""trimesh's readers of OBJ, STL and PLY."""
-CONSUMERS = (TRIMESH,)
+CONSUMERS = (Consumer(name="trimesh", read=read_meshes),)
 """What reads these exports back."""

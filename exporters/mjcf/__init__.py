@@ -1,7 +1,7 @@
 """MJCF: the world and the scene for MuJoCo, and for what else reads its XML."""
 
-from .capacity import check_capacity
 from .export import export
+from .losses import check_capacity
 from .options import Options
 from .readback import CONSUMERS, opening
 

@@ -9,7 +9,7 @@ further away fields of doubling size do.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,7 @@ _REACH = 0.6
 """How far from its centre the ground of a rock is cut [diameters]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Block:
+class Block(NamedTuple):
     """A rectangle of the ground's cells."""
 
     row: int
@@ -52,7 +51,7 @@ def split_ground(ground: Heightfield, rocks: RockField) -> list[Block]:
     """
     near = _near(ground, rocks)
     whole = CELLS * 2 ** int(np.ceil(portable.log2(max(near.shape))))
-    blocks = list(_split(near, Block(row=0, column=0, rows=whole, columns=whole), ground.shape))
+    blocks = list(_split(near, Block(0, 0, whole, whole), ground.shape))
     if len(blocks) > MOST:
         raise ExportError(
             f"{len(rocks)} dynamic rocks are wider than {CELLS} cells of the ground, which would "
@@ -84,10 +83,9 @@ def _split(near: NDArray[np.bool_], block: Block, nodes: tuple[int, int]) -> Ite
         return
     squares = [slice(n // CELLS, (n + block.rows) // CELLS) for n in (block.row, block.column)]
     if block.rows <= CELLS or not near[squares[0], squares[1]].any():
-        yield Block(row=block.row, column=block.column, rows=rows, columns=columns)
+        yield Block(block.row, block.column, rows, columns)
         return
     half = block.rows // 2
     for row in (block.row, block.row + half):
         for column in (block.column, block.column + half):
-            quarter = Block(row=row, column=column, rows=half, columns=half)
-            yield from _split(near, quarter, nodes)
+            yield from _split(near, Block(row, column, half, half), nodes)

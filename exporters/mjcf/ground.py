@@ -2,75 +2,66 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import bake_ground, finest_texture
-from terrain_forge.model import Heightfield, Tile
-from terrain_forge.writers import encode_png
+from terrain_forge.model import Heightfield, Tile, World
+from terrain_forge.writers import Lines, element, encode_png
 
-from .blocks import Block
-from .xml import element
+from .blocks import split_ground, wide_rocks
+from .options import Options
 
 _BASE = 1.0
 """Thickness of the ground below its lowest node [m]."""
 _LARGEST_TEXTURE = 4096
 """Pixels that every OpenGL driver takes."""
 _LARGEST_TEXT = 1024
-"""Samples up to which a field stands in the XML itself: thousands of files would be worse."""
+"""Samples up to which a block stands in the XML itself: thousands of files would be worse."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroundPart:
-    """One tile or block of the ground in MJCF."""
+def ground_elements(
+    world: World, tiles: list[Tile], options: Options
+) -> tuple[list[Lines], list[Lines], dict[str, bytes]]:
+    """The ground's tiles, and the blocks that are touched in their place where they must be.
 
-    assets: tuple[str, ...]
-    """Elements of `<asset>`."""
-    geom: str
-    """Element of `<worldbody>`."""
-    files: dict[str, bytes]
-    """Contents of the files that it needs, by their path relative to the export's directory."""
-
-
-def ground_part(tile: Tile, name: str, *, kind: str, largest: int) -> GroundPart:
-    """The height field, texture and geom of a tile.
-
-    MuJoCo spans a height field from edge to edge of its texture, which reaches half a cell beyond
-    the outer nodes: its repeat, which counts from the middle, leaves that out.
-
-    `kind` is the geom's default class, `largest` the pixels of the whole ground's picture along its
-    longer side.
+    Returns:
+        Assets, geoms, and the contents of the files that they need, by their path.
     """
-    picture = f"assets/{name}.png"
-    asset, place, files = _height_field(tile.ground, name, in_text=False)
-    texture = element("texture", name=name, type="2d", file=picture)
-    rows, columns = tile.ground.shape
-    shown = ((columns - 1) / columns, (rows - 1) / rows)
-    material = element(
-        "material", name=name, texture=name, texrepeat=shown, specular=0.0, shininess=0.0
-    )
-    return GroundPart(
-        assets=(texture, material, asset),
-        geom=element("geom", name=name, class_=kind, hfield=name, material=name, pos=place),
-        files=files | {picture: _picture(tile, largest)},
-    )
-
-
-def ground_block(ground: Heightfield, block: Block, name: str) -> GroundPart:
-    """The height field and geom of a block of a tile's ground, which is touched and not seen."""
-    part = ground.cut(column=block.column, row=block.row, columns=block.columns, rows=block.rows)
-    small = part.elevation.size <= _LARGEST_TEXT
-    asset, place, files = _height_field(part, name, in_text=small)
-    geom = element("geom", name=name, class_="ground_block", hfield=name, pos=place)
-    return GroundPart(assets=(asset,), geom=geom, files=files)
+    wide = wide_rocks(world.field, world.ground.spacing)
+    split = options.split_ground and len(wide) > 0
+    kind = "ground_seen" if split else "ground"
+    assets: list[Lines] = []
+    geoms: list[Lines] = []
+    files: dict[str, bytes] = {}
+    for number, tile in enumerate(tiles):
+        name = f"ground_{number}" if number else "ground"
+        field, place = _height_field(tile.ground, name, files)
+        picture = f"assets/{name}.png"
+        files[picture] = _picture(tile, options.texture_pixels)
+        # MuJoCo spans a height field from edge to edge of its texture, which reaches half a cell
+        # beyond the outer nodes: its repeat, which counts from the middle, leaves that out.
+        rows, columns = tile.ground.shape
+        shown = ((columns - 1) / columns, (rows - 1) / rows)
+        looks = {"texture": name, "texrepeat": shown, "specular": 0.0, "shininess": 0.0}
+        texture = element("texture", name=name, type="2d", file=picture)
+        assets += [texture, element("material", name=name, **looks), field]
+        own = {"class": kind, "hfield": name, "material": name}
+        geoms.append(element("geom", name=name, **own, pos=place))
+    for number, block in enumerate(split_ground(world.ground, wide) if split else ()):
+        name = f"block_{number}"
+        part = world.ground.cut(**block._asdict())
+        small = part.elevation.size <= _LARGEST_TEXT
+        field, place = _height_field(part, name, None if small else files)
+        assets.append(field)
+        geoms.append(element("geom", name=name, class_="ground_block", hfield=name, pos=place))
+    return assets, geoms, files
 
 
 def _height_field(
-    ground: Heightfield, name: str, *, in_text: bool
-) -> tuple[str, tuple[float, float, float], dict[str, bytes]]:
-    """The asset, the position of its geom [m], and its file unless the samples are in the XML.
+    ground: Heightfield, name: str, files: dict[str, bytes] | None
+) -> tuple[Lines, tuple[float, float, float]]:
+    """The asset, and the position of its geom [m]; its samples go into the files or its own text.
 
     MuJoCo takes the samples as vertices, rows from south to north, cuts cells from south-west to
     north-east as our surface is cut, and rescales samples to 0..1: lowest and range go into the
@@ -80,21 +71,23 @@ def _height_field(
     lowest = float(ground.elevation.min())
     extent = float(ground.elevation.max()) - lowest or 1.0
     samples = ((ground.elevation.astype(np.float64) - lowest) / extent).astype("<f4")
-    files: dict[str, bytes] = {}
     size = ((east - west) / 2, (north - south) / 2, extent, _BASE)
     rows, columns = ground.shape
     shape = {"name": name, "nrow": rows, "ncol": columns, "size": size}
-    if in_text:
+    if files is None:
         asset = element("hfield", elevation=image_rows(samples), **shape)
     else:
         file = f"assets/{name}.bin"
         files[file] = np.array(ground.shape, dtype="<i4").tobytes() + samples.tobytes()
         asset = element("hfield", file=file, **shape)
-    return asset, ((west + east) / 2, (south + north) / 2, lowest), files
+    return asset, ((west + east) / 2, (south + north) / 2, lowest)
 
 
 def _picture(tile: Tile, largest: int) -> bytes:
-    """The ground's colours; of a field with more nodes than a texture has pixels, every second."""
+    """The ground's colours; of a field with more nodes than a texture has pixels, every second.
+
+    `largest` are the pixels of the whole ground's picture along its longer side.
+    """
     grounds = ((tile.whole.ground, largest), (tile.ground, _LARGEST_TEXTURE))
     finer = min(finest_texture(ground, pixels) for ground, pixels in grounds)
     colours = bake_ground(tile.world, finer=finer).rgb

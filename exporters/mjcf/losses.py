@@ -1,23 +1,88 @@
-"""What MJCF, or this export of it, does not say of a world."""
+"""What MJCF, or this export of it, does not say of a world, and what is too much for it."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from terrain_forge.base import ExportError
 from terrain_forge.geometry import collision_losses, static_losses, texture_loss
 from terrain_forge.model import World
 
 from .blocks import CELLS, wide_rocks
-from .capacity import BYTES_PER_MESH, SECONDS_PER_MESH, count_geoms
 from .options import Options
 from .rocks import SCALE_ERROR, drawn_level, has_own_shape
 from .rover import rig_losses
 
-_WHEEL_CELLS = 10
-"""A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
+MOST_GEOMS = 250_000
+"""Geoms that an export may have: MuJoCo steps 100,000 some 300 times a second."""
+MOST_MESHES = 50_000
+"""Meshes that an export may have."""
 _MANY_MESHES = 5000
 """Beyond so many, loading them takes seconds."""
+_SECONDS_PER_MESH, _BYTES_PER_MESH = 0.6e-3, 0.17e6
+"""What MuJoCo takes to load a mesh of its own (measured with 5000 and 15000 of them, one core)."""
+_WHEEL_CELLS = 10
+"""A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
 SECONDS_PER_DYNAMIC = 25e-6
 """What a dynamic rock that lies on the ground takes of each step [s], with 5 contacts as they have
 on average: 5.5 ms for 221 of them (MuJoCo 3.17, one core)."""
+_FEWER = (
+    "choose a smaller size_m, a larger smallest diameter_m, or the format usd, which merges small "
+    "rocks"
+)
+
+
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
+    """Refuse, before the world is made, more rocks than MuJoCo steps at any useful rate.
+
+    Raises:
+        ExportError: if there are.
+    """
+    del nodes  # a ground of any size becomes several height fields
+    if rocks > MOST_GEOMS:
+        raise ExportError(
+            f"some {rocks:,.0f} rocks make at least as many geoms, MuJoCo steps {MOST_GEOMS:,} at "
+            f"most: {_FEWER}"
+        )
+    _require_meshes(options, rocks)
+
+
+def require_counts(world: World, options: Options) -> None:
+    """Refuse a world of more geoms or meshes than MuJoCo holds.
+
+    Raises:
+        ExportError: if it has more.
+    """
+    hulls, drawn = count_geoms(world, options)
+    if hulls + drawn > MOST_GEOMS:
+        raise ExportError(
+            f"{len(world.field):,} rocks make {hulls:,} geoms to touch and {drawn:,} to look at, "
+            f"MuJoCo steps {MOST_GEOMS:,} at most: choose a larger visual_min_m, here "
+            f"{options.visual_min_m:g}, or {_FEWER}"
+        )
+    _require_meshes(options, hulls + drawn)
+
+
+def count_geoms(world: World, options: Options) -> tuple[int, int]:
+    """Geoms of the rocks' convex parts, and those of their shapes."""
+    field = world.field
+    parts = np.array([len(shape.hulls) for shape in world.library.prototypes], np.int64)
+    own_shape = has_own_shape(field, options)
+    by_hulls = field.collides | ~own_shape
+    return int(parts[field.prototype[by_hulls]].sum()), int(own_shape.sum())
+
+
+def _require_meshes(options: Options, count: float) -> None:
+    if options.exact_scale and count > MOST_MESHES:
+        raise ExportError(
+            f"exact_scale: true makes some {count:,.0f} meshes, which MuJoCo would load in about "
+            f"{_cost(count)}, at most {MOST_MESHES:,}: leave it out, which rounds sizes by 1 % at "
+            "most"
+        )
+
+
+def _cost(meshes: float) -> str:
+    return f"{meshes * _SECONDS_PER_MESH:.0f} s and {meshes * _BYTES_PER_MESH / 1e9:.1f} GB"
 
 
 def list_losses(world: World, options: Options) -> tuple[str, ...]:
@@ -47,9 +112,8 @@ def _rock_losses(world: World, options: Options) -> list[str]:
     meshes = sum(count_geoms(world, options)) if options.exact_scale else 0
     if meshes > _MANY_MESHES:
         losses.append(
-            f"`exact_scale: true` makes {meshes} meshes: MuJoCo takes about "
-            f"{meshes * SECONDS_PER_MESH:.0f} s and {meshes * BYTES_PER_MESH / 1e9:.1f} GB to load "
-            "them."
+            f"`exact_scale: true` makes {meshes} meshes: MuJoCo takes about {_cost(meshes)} to "
+            "load them."
         )
     if by_hull:
         losses.append(f"{by_hull} rocks are drawn by their convex collision hulls, in one colour.")
@@ -65,27 +129,25 @@ def _rock_losses(world: World, options: Options) -> list[str]:
 def _contact_losses(world: World, options: Options) -> list[str]:
     """Where MuJoCo drops contacts: it keeps 50 of a pair of geoms."""
     losses = []
-    wide = len(wide_rocks(world.field, world.ground.spacing))
+    spacing = world.ground.spacing
+    wide, dynamic = len(wide_rocks(world.field, spacing)), int(world.field.dynamic.sum())
     if wide and options.split_ground:
         losses.append(
             f"{wide} dynamic rocks are wider than {CELLS} cells; the ground is cut into small "
-            f"height "
-            "fields where they lie, not where they may be pushed."
+            "height fields where they lie, not where they may be pushed."
         )
     elif wide:
         losses.append(
             f"{wide} dynamic rocks are wider than {CELLS} cells: MuJoCo may drop contacts of those "
             "that lie flat, which then tip over; `split_ground: true` keeps them."
         )
-    busy = SECONDS_PER_DYNAMIC * int(world.field.dynamic.sum())
+    busy = SECONDS_PER_DYNAMIC * dynamic
     if busy > options.timestep_s and not options.sleep:
         losses.append(
-            f"{int(world.field.dynamic.sum())} dynamic rocks take about {1000 * busy:.1f} ms of "
-            f"each "
-            f"step of {1000 * options.timestep_s:g} ms, slower than real time; with `sleep: true` "
-            "those that lie still cost nothing in versions of MuJoCo that know it."
+            f"{dynamic} dynamic rocks take about {1000 * busy:.1f} ms of each step of "
+            f"{1000 * options.timestep_s:g} ms, slower than real time; with `sleep: true` those "
+            "that lie still cost nothing in versions of MuJoCo that know it."
         )
-    spacing = world.ground.spacing
     if any(wheel.width > _WHEEL_CELLS * spacing for wheel in world.rover.wheels):
         losses.append(
             f"Wheels are wider than {_WHEEL_CELLS} cells of {spacing:g} m: MuJoCo may drop some of "

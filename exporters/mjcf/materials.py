@@ -8,20 +8,16 @@ the convergence test (docs/driving.md).
 
 from __future__ import annotations
 
-import numpy as np
-
 from terrain_forge.geometry import mean_rock_srgb, rock_texture
-from terrain_forge.model import World
+from terrain_forge.model import Friction, World
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import encode_png
+from terrain_forge.writers import Lines, Value, element, encode_png
 
-from .xml import element
-
-SURFACE_PRIORITY, _DYNAMIC_PRIORITY = 2, 3
+_SURFACE_PRIORITY, _DYNAMIC_PRIORITY = 2, 3
 """Priorities of contacts: above those that a rover's wheels may have."""
-SOLREF = (0.04, 1.0)
+_SOLREF = (0.04, 1.0)
 """Time constant [s] and damping ratio of a contact with what is fixed."""
-SOLIMP = (0.9, 0.95, 0.001)
+_SOLIMP = (0.9, 0.95, 0.001)
 """Impedance at first touch and at depth, and that depth [m]."""
 _MATT = {"specular": 0.0, "shininess": 0.0}
 _UNTOUCHABLE = {"contype": 0, "conaffinity": 0}
@@ -29,65 +25,63 @@ _ROCK_GROUP, _PICTURE_GROUP, _HIDDEN_GROUP = 1, 2, 3
 """Groups of geoms: seen and touched, seen alone, touched alone (viewers hide groups above 2)."""
 
 
-def sliding(coefficient: float) -> tuple[float, float, float]:
+def _sliding(coefficient: float) -> tuple[float, float, float]:
     """Sliding, torsional and rolling friction as MuJoCo lists them; contacts use the first."""
     return coefficient, 0.005, 0.0001
 
 
-def rock_materials(world: World, *, textured: bool) -> list[str]:
+def rock_materials(world: World, *, textured: bool) -> list[Lines]:
     """A material per population in the mean of its colours, and one that shows its texture."""
     looks = []
     for n in range(len(world.field.populations)):
         rgba = (*mean_rock_srgb(world, n), 1.0)
-        looks.append(element("material", [], name=f"rock_{n}", rgba=rgba, **_MATT))
+        looks.append(element("material", name=f"rock_{n}", rgba=rgba, **_MATT))
         if textured:
-            image = {"type": "2d", "file": _texture_file(n)}
+            image = {"type": "2d", "file": f"assets/rock_{n}.png"}
             looks.append(element("texture", name=f"shape_{n}", **image))
-            looks.append(element("material", [], name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
+            looks.append(element("material", name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
     return looks
 
 
 def texture_files(world: World) -> dict[str, bytes]:
     """The populations' textures by the names of their files."""
     populations = range(len(world.field.populations))
-    return {_texture_file(n): encode_png(rock_texture(world, n)) for n in populations}
+    return {f"assets/rock_{n}.png": encode_png(rock_texture(world, n)) for n in populations}
 
 
-def _texture_file(population: int) -> str:
-    """File of a population's texture."""
-    return f"assets/rock_{population}.png"
+def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines:
+    """Default classes of ground and rocks, so that a rock's line holds only what is its own.
 
-
-def rock_classes(world: World, *, textured: bool, friction: float) -> list[str]:
-    """Default classes, so that a rock's line holds only what is its own.
-
-    Per population `rock_<n>` is seen and touched, `seen_<n>` seen alone, `shape_<n>` too, with its
-    texture; `hull` is touched alone, and so is `dynamic`, which also meets what is fixed.
+    They meet what moves, never each other. Per population `rock_<n>` is seen and touched,
+    `seen_<n>` seen alone, `shape_<n>` too, with its texture; `hull` is touched alone, and so is
+    `dynamic`, which also meets what is fixed.
     """
-    classes = [_class("hull", group=_HIDDEN_GROUP), _dynamic_class()]
+    surface = element(
+        "geom", contype=0, conaffinity=1, condim=3, priority=_SURFACE_PRIORITY,
+        friction=_sliding(friction.ground), solref=_SOLREF, solimp=_SOLIMP,
+    )  # fmt: skip
+    # Blocks are touched and hidden, the ground above them is seen and not touched.
+    grounds = [
+        _class("ground", type="hfield", group=0),
+        _class("ground_seen", type="hfield", group=0, **_UNTOUCHABLE),
+        _class("ground_block", type="hfield", group=4),
+    ]
+    contact = dynamic_contact(1.0)  # torsional and rolling friction grow with the rock
+    classes = [
+        element("geom", type="mesh", group=_ROCK_GROUP, friction=_sliding(friction.rock)),
+        _class("hull", group=_HIDDEN_GROUP),
+        _class("dynamic", group=_HIDDEN_GROUP, contype=1, conaffinity=1,
+               priority=_DYNAMIC_PRIORITY, condim=contact.condim, solref=contact.solref),
+    ]  # fmt: skip
+    picture = {"group": _PICTURE_GROUP, **_UNTOUCHABLE}
     for n in range(len(world.field.populations)):
-        picture = {"group": _PICTURE_GROUP, **_UNTOUCHABLE}
         classes.append(_class(f"rock_{n}", material=f"rock_{n}"))
         classes.append(_class(f"seen_{n}", material=f"rock_{n}", **picture))
         if textured:
             classes.append(_class(f"shape_{n}", material=f"shape_{n}", **picture))
-    rock = element("geom", type="mesh", group=_ROCK_GROUP, friction=sliding(friction))
-    return [element("default", [rock, *classes], class_="rock")]
+    rocks = element("default", *classes, class_="rock")
+    return element("default", surface, *grounds, rocks, class_="static")
 
 
-def _dynamic_class() -> str:
-    # Torsional and rolling friction grow with the rock and stand with each.
-    contact = dynamic_contact(1.0)
-    return _class(
-        "dynamic",
-        group=_HIDDEN_GROUP,
-        contype=1,
-        conaffinity=1,
-        priority=_DYNAMIC_PRIORITY,
-        condim=contact.condim,
-        solref=np.array(contact.solref),
-    )
-
-
-def _class(name: str, **attributes: str | float | np.ndarray) -> str:
-    return element("default", [element("geom", [], **attributes)], class_=name)
+def _class(name: str, **attributes: Value) -> Lines:
+    return element("default", element("geom", **attributes), class_=name)

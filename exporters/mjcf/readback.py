@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from terrain_forge.base import Array, SimulationError, load_model, matrix_from_quaternion
+from terrain_forge.base import Array, Mask, SimulationError, load_model, matrix_from_quaternion
 from terrain_forge.model import Opening
 from terrain_forge.validation import (
     SETTLING,
@@ -49,15 +49,18 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
     import mujoco
 
     del options, scratch
-    model = _load(sample, folder)
+    try:
+        model = _load_sampled(sample, folder) if sample.quick else load_model(folder / "world.xml")
+    except ValueError as error:
+        raise SimulationError(f"MuJoCo cannot load world.xml: {error}") from None
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    touched = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+    touched = (model.geom_contype | model.geom_conaffinity) != 0
     read = partial(
         Reading,
         consumer=f"MuJoCo {mujoco.__version__}",
         heights=_ground_heights(sample, model, data),
-        touched=_solids(sample, model, data, set(touched.tolist())),
+        touched=_solids(sample, model, data, touched),
         rock_error=_SCALE_ERROR,
         drawn_level=_DRAWN_LEVEL,
         gravity=float(model.opt.gravity[2]),
@@ -67,18 +70,11 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
         return read()
     return read(
         extent=_extent(model, data),
-        seen=_solids(sample, model, data, _shown(model)),
+        seen=_solids(sample, model, data, model.geom_group < 3),  # viewers hide others
         balls=_rest(sample, folder / "world.xml"),
-        findings=_warnings(data),
+        findings=tuple(f"warning {n}" for n in np.flatnonzero(data.warning.number).tolist()),
         tracks=tuple(_tracks(sample, folder)),
     )
-
-
-def _load(sample: Sample, folder: Path) -> Any:
-    try:
-        return _load_sampled(sample, folder) if sample.quick else load_model(folder / "world.xml")
-    except ValueError as error:
-        raise SimulationError(f"MuJoCo cannot load world.xml: {error}") from None
 
 
 def _load_sampled(sample: Sample, folder: Path) -> Any:
@@ -115,39 +111,28 @@ def _ground_heights(sample: Sample, model: Any, data: Any) -> Array:
     return np.where(np.array(far) >= 0, sky - np.array(far), np.nan)
 
 
-def _warnings(data: Any) -> tuple[str, ...]:
-    return tuple(f"warning {n}" for n in np.flatnonzero(data.warning.number).tolist())
-
-
 def _extent(model: Any, data: Any) -> tuple[float, float, float, float] | None:
     """West, south, east and north edge of all height fields [m]."""
     import mujoco
 
-    edges = [
-        (*(data.geom_xpos[n, :2] - half), *(data.geom_xpos[n, :2] + half))
-        for n in range(model.ngeom)
-        if model.geom_type[n] == mujoco.mjtGeom.mjGEOM_HFIELD
-        for half in [model.hfield_size[model.geom_dataid[n], :2]]
-    ]
-    if not edges:
+    fields = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
+    if not len(fields):
         return None
-    west, south, east, north = np.array(edges).T
-    return float(west.min()), float(south.min()), float(east.max()), float(north.max())
+    middle, half = data.geom_xpos[fields, :2], model.hfield_size[model.geom_dataid[fields], :2]
+    west, south = (middle - half).min(axis=0).tolist()
+    east, north = (middle + half).max(axis=0).tolist()
+    return west, south, east, north
 
 
-def _shown(model: Any) -> set[int]:
-    """The geoms that pictures show; the viewer hides groups from 3 on."""
-    return set(np.flatnonzero(model.geom_group < 3).tolist())
-
-
-def _solids(sample: Sample, model: Any, data: Any, geoms: set[int]) -> SolidsOfRocks:
+def _solids(sample: Sample, model: Any, data: Any, geoms: Mask) -> SolidsOfRocks:
     """The vertices of the rocks' mesh geoms, as far as they are among these."""
     import mujoco
 
     solids = SolidsOfRocks(sample.rocks)
-    for n in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).tolist():
+    meshes = model.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    for n in np.flatnonzero(meshes & geoms).tolist():
         rock = rock_of(model.geom(n).name)
-        if n not in geoms or rock is None or not solids.wants(rock):
+        if rock is None or not solids.wants(rock):
             continue
         mesh = model.geom_dataid[n]
         first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
@@ -216,9 +201,8 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-MUJOCO = Consumer(name="MuJoCo", read=read_mjcf, quick=True)
-"""MuJoCo's compiler, rays and solver."""
-NEWTON = newton("world.xml", rock_error=_SCALE_ERROR, gravity_kept=False)
-"""Newton's importer of MJCF, and its solver."""
-CONSUMERS = (MUJOCO, NEWTON)
+CONSUMERS = (
+    Consumer(name="MuJoCo", read=read_mjcf, quick=True),
+    newton("world.xml", rock_error=_SCALE_ERROR, gravity_kept=False),
+)
 """What reads these exports back."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
 from terrain_forge.base import matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Link, Rover, Sensor, Shape, titles
-
-from .xml import element
+from terrain_forge.writers import Lines, Value, element
 
 # The servos follow the angle that the commanded rate adds up to: wheels that shall stand do so on
 # any slope, without the damping that would do the same. That must stay small: MuJoCo's contacts do
@@ -29,29 +29,61 @@ _HULL_VERTICES = 64
 _CAMERA_AXES = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def rover_classes(friction: float) -> list[str]:
+def write_rover(path: Path, rover: Rover, *, gravity: float, friction: float) -> None:
+    """Write a model of the rover alone, with the settings that the world's export has.
+
+    `gravity` is that of the world [m/s²], `friction` the sliding friction of its geoms.
+    """
+    body = rover_body(rover, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    sections = rover_sections(rover, friction=friction, folder="meshes")
+    sections.insert(2, element("worldbody", body))
+    model = element("mujoco", *simulation(gravity, timestep=0.002), *sections, model=rover.name)
+    path.write_text("\n".join(model) + "\n", encoding="utf-8", newline="\n")
+
+
+def simulation(gravity: float, *, timestep: float, sleep: bool = False) -> list[Lines]:
+    """What MuJoCo would otherwise take from its own defaults, which have changed over versions."""
+    flags = [element("flag", sleep="enable")] if sleep else []
+    option = element(
+        "option", *flags, timestep=timestep, gravity=(0.0, 0.0, -gravity),
+        integrator="implicitfast", cone="elliptic", impratio=10, solver="Newton", jacobian="sparse",
+    )  # fmt: skip
+    return [element("compiler", angle="radian", autolimits="true"), option]
+
+
+def rover_sections(rover: Rover, *, friction: float, folder: str) -> list[Lines]:
+    """Default classes, meshes (of a folder), gears, motors and sensors of a model of the rover."""
+    gears = (
+        element("joint", joint1=g.link, joint2=g.leader, polycoef=(g.offset, g.ratio, 0, 0, 0))
+        for g in rover.couplings
+    )
+    return [
+        element("default", _classes(friction)),
+        element("asset", *_assets(rover, folder)),
+        element("equality", *gears),
+        element("actuator", *_actuators(rover)),
+        element("sensor", *_sensors(rover)),
+    ]
+
+
+def _classes(friction: float) -> Lines:
     """Default classes of the rover's geoms; wheels decide the contact, whatever they roll on."""
     sliding = (friction, 0.005, 0.0001)
-    unseen = element("default", [element("geom", contype=0, conaffinity=0)], class_="visual")
-    wheel = element(
-        "geom",
-        priority=1,
-        condim=3,
-        friction=sliding,
-        solref=(0.04, 1.0),
-        solimp=(0.9, 0.95, 0.001),
-    )
     contact = element("geom", group=2, contype=1, conaffinity=0, friction=sliding)
-    rover = [contact, unseen, element("default", [wheel], class_="wheel")]
-    return [element("default", rover, class_="rover")]
+    unseen = element("default", element("geom", contype=0, conaffinity=0), class_="visual")
+    soft = {"solref": (0.04, 1.0), "solimp": (0.9, 0.95, 0.001)}
+    wheel = element("geom", priority=1, condim=3, friction=sliding, **soft)
+    return element(
+        "default", contact, unseen, element("default", wheel, class_="wheel"), class_="rover"
+    )
 
 
-def rover_body(rover: Rover, position: np.ndarray, quaternion: np.ndarray) -> str:
+def rover_body(rover: Rover, position: np.ndarray, quaternion: np.ndarray) -> Lines:
     """The rover's root body, placed in the world, with everything that hangs on it."""
-    return _body(rover, rover.links[0], pos=position, quat=quaternion)
+    return _body(rover, 0, pos=position, quat=quaternion)
 
 
-def rover_assets(rover: Rover, folder: str) -> list[str]:
+def _assets(rover: Rover, folder: str) -> list[Lines]:
     """The meshes of a rover, whose files `write_rover_meshes` puts into a folder."""
     assets = []
     for number, link in enumerate(rover.links):
@@ -59,25 +91,12 @@ def rover_assets(rover: Rover, folder: str) -> list[str]:
             if shape.mesh is None:
                 continue
             # As shells: what is only seen may be open. Masses are told, not computed from them.
-            own: dict[str, str | float] = {"inertia": "shell"}
+            own: dict[str, Value] = {"inertia": "shell"}
             if shape.collides:
                 own["maxhullvert"] = _HULL_VERTICES
             name = rover_mesh(number, part)
             assets.append(element("mesh", name=name[:-4], file=f"{folder}/{name}", **own))
     return assets
-
-
-def rover_equalities(rover: Rover) -> list[str]:
-    """The gears between passive joints."""
-    return [
-        element(
-            "joint",
-            joint1=gear.link,
-            joint2=gear.leader,
-            polycoef=(gear.offset, gear.ratio, 0, 0, 0),
-        )
-        for gear in rover.couplings
-    ]
 
 
 def servo_gain(rover: Rover) -> float:
@@ -91,7 +110,7 @@ def _scale(rover: Rover) -> float:
     return rover.mass * radius**2 / _REFERENCE
 
 
-def rover_actuators(rover: Rover) -> list[str]:
+def _actuators(rover: Rover) -> list[Lines]:
     """A servo per wheel whose control is the wheel's rate [rad/s], its activation the angle."""
     stiffness, damping = _SERVO_STIFFNESS * _scale(rover), _SERVO_DAMPING * _scale(rover)
     return [
@@ -110,28 +129,22 @@ def rover_actuators(rover: Rover) -> list[str]:
     ]
 
 
-def rover_sensors(rover: Rover) -> list[str]:
+def _sensors(rover: Rover) -> list[Lines]:
     """True pose and velocity of the root, inertial sensors, wheel and rocker rates."""
     root = rover.links[0].name
-    true = {"framepos": "position", "framequat": "orientation", "framelinvel": "velocity"}
-    pose = [
-        element(kind, name=f"{root}_{name}", objtype="xbody", objname=root)
-        for kind, name in true.items()
+    names = {"framepos": "position", "framequat": "orientation", "framelinvel": "velocity"}
+    true = {kind: f"{root}_{name}" for kind, name in names.items()}
+    told = [
+        *((kind, name, {"objtype": "xbody", "objname": root}) for kind, name in true.items()),
+        *((tag, f"{s.name}_{tag}", {"site": s.name}) for s in rover.sensors for tag in s.mjcf),
+        *(("jointvel", f"{w.link}_rate", {"joint": w.link}) for w in rover.wheels),
+        *(
+            ("jointpos", f"{link.name}_angle", {"joint": link.name})
+            for link in rover.links
+            if link.joint == "passive"
+        ),
     ]
-    inertial = [
-        element(tag, name=f"{sensor.name}_{tag}", site=sensor.name)
-        for sensor in rover.sensors
-        for tag in sensor.mjcf
-    ]
-    rates = [
-        element("jointvel", name=f"{wheel.link}_rate", joint=wheel.link) for wheel in rover.wheels
-    ]
-    angles = [
-        element("jointpos", name=f"{link.name}_angle", joint=link.name)
-        for link in rover.links
-        if link.joint == "passive"
-    ]
-    return pose + inertial + rates + angles
+    return [element(tag, name=name, **what) for tag, name, what in told]
 
 
 def rig_losses(rover: Rover, where: str = "") -> list[str]:
@@ -144,54 +157,45 @@ def rig_losses(rover: Rover, where: str = "") -> list[str]:
     ]
 
 
-def _body(rover: Rover, link: Link, **placement: np.ndarray) -> str:
-    wheels = {wheel.link for wheel in rover.wheels}
-    number = next(n for n, other in enumerate(rover.links) if other.name == link.name)
+def _body(rover: Rover, number: int, **placement: np.ndarray) -> Lines:
+    link, wheels = rover.links[number], {wheel.link for wheel in rover.wheels}
+    six = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]  # xx yy zz xy xz yz
     parts = [
         *_joint(link, rover),
-        element("inertial", pos=link.centre_of_mass, mass=link.mass, fullinertia=_six(link)),
+        element("inertial", pos=link.centre_of_mass, mass=link.mass, fullinertia=six),
         *(
             _geom(shape, rover_mesh(number, part)[:-4], wheel=link.name in wheels)
             for part, shape in enumerate(link.shapes)
         ),
         *(_sensor(sensor) for sensor in rover.sensors if sensor.link == link.name),
         *(
-            _body(rover, child, pos=child.origin)
-            for child in rover.links
+            _body(rover, n, pos=child.origin)
+            for n, child in enumerate(rover.links)
             if child.parent == link.name
         ),
     ]
-    return element("body", parts, name=link.name, childclass="rover", **placement)
+    return element("body", *parts, name=link.name, childclass="rover", **placement)
 
 
-def _joint(link: Link, rover: Rover) -> list[str]:
+def _joint(link: Link, rover: Rover) -> list[Lines]:
     if link.joint == "free":
         return [element("freejoint", name=f"{link.name}_free")]
     if link.joint == "fixed":
         return []
-    motor = link.joint == "motor"
-    own: dict[str, tuple[float, ...]] = {}
-    if motor:
-        own["armature"] = (_WHEEL_ARMATURE * _scale(rover),)
+    own: dict[str, Value] = {"axis": link.axis, "damping": link.damping}
+    if link.joint == "motor":
+        own["armature"] = _WHEEL_ARMATURE * _scale(rover)
     if link.limits:
         own["range"] = link.limits
     if link.friction:
-        own["frictionloss"] = (link.friction,)
-    hinge = element(
-        "joint", name=link.name, type="hinge", axis=link.axis, damping=link.damping, **own
-    )
-    return [hinge]
+        own["frictionloss"] = link.friction
+    return [element("joint", name=link.name, type="hinge", **own)]
 
 
-def _six(link: Link) -> np.ndarray:
-    """The inertia as xx yy zz xy xz yz."""
-    return link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-
-
-def _geom(shape: Shape, mesh: str, *, wheel: bool) -> str:
+def _geom(shape: Shape, mesh: str, *, wheel: bool) -> Lines:
     """A shape; MuJoCo counts boxes and cylinders in half lengths."""
     classes = {True: "wheel" if wheel else "rover", False: "visual"}
-    own: dict[str, str | float | np.ndarray] = {"mesh": mesh}
+    own: dict[str, Value] = {"mesh": mesh}
     if shape.mesh is None:
         halves = {"box": (0.5, 0.5, 0.5), "cylinder": (1.0, 0.5), "sphere": (1.0,)}[shape.kind]
         own = {"size": np.multiply(shape.size, halves)}
@@ -208,7 +212,7 @@ def _geom(shape: Shape, mesh: str, *, wheel: bool) -> str:
     )
 
 
-def _sensor(sensor: Sensor) -> str:
+def _sensor(sensor: Sensor) -> Lines:
     """A camera, or the site that other sensors sit at."""
     if not sensor.view:
         quaternion = quaternion_from_rpy(sensor.rpy)

@@ -1,7 +1,6 @@
 """The rover alone, to drive in a simulator of your choice: URDF, MJCF, SDF and USD."""
 
-from .export import export
+from .export import export, opening
 from .options import Options
-from .usage import opening
 
 __all__ = ["Options", "export", "opening"]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 
 from terrain_forge.exporters.mjcf.rover import rig_losses as mjcf_losses
-from terrain_forge.exporters.rover import control, mjcf, sdf, urdf
+from terrain_forge.exporters.mjcf.rover import write_rover
+from terrain_forge.exporters.rover import control, sdf, urdf
 from terrain_forge.exporters.sdf.sensors import rig_losses as sdf_losses
 
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import write_rover_meshes
-from terrain_forge.model import ExportReport, Rover, World
+from terrain_forge.model import ExportReport, Opening, Rover, World
 from terrain_forge.writers import identifier
 
 from .options import Options
@@ -31,9 +33,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         urdf.write_urdf(directory / f"{name}.urdf", rover, name=name, options=options)
         control.write_controllers(directory / f"{name}_controllers.yaml", rover)
     if "mjcf" in options.formats:
-        mjcf.write_mjcf(
-            directory / f"{name}.xml", rover, gravity=gravity, friction=options.friction
-        )
+        path = directory / f"{name}.xml"
+        write_rover(path, rover, gravity=gravity, friction=options.friction)
     if "sdf" in options.formats:
         sdf.write_sdf(directory, rover, name=name, options=options)
     if "usd" in options.formats:
@@ -60,7 +61,7 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
             "`release: harmonic` keeps them."
         )
     if "usd" in options.formats:
-        from terrain_forge.exporters.usd.rig import rig_losses as usd_losses
+        from terrain_forge.exporters.usd.rover import rig_losses as usd_losses
 
         losses += usd_losses(rover)
     if "mjcf" in options.formats:
@@ -68,3 +69,14 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
     if {"urdf", "sdf"} & set(options.formats):
         losses += sdf_losses(rover)
     return tuple(losses)
+
+
+def opening(folder: Path, options: Options) -> Opening | None:
+    """How ROS 2 shows the rover."""
+    if "urdf" not in options.formats:
+        return None
+    model = f'"$PWD"/{quote(folder.name)}/{next(folder.glob("*.urdf")).name}'
+    return Opening(
+        title="The rover in ROS 2",
+        commands=f"ros2 launch urdf_tutorial display.launch.py model:={model}",
+    )

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
-from terrain_forge.exporters.sdf.markup import Lines, element, figures, write_document
-from terrain_forge.exporters.sdf.material import plain
-from terrain_forge.exporters.sdf.model import surface
+from terrain_forge.exporters.sdf.model import inertial, plain, solid, surface, write_config
 from terrain_forge.exporters.sdf.sensors import rig_sensors
-from terrain_forge.exporters.sdf.solids import inertial, solid
 
 from terrain_forge.base import Array
 from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Link, Rover
+from terrain_forge.writers import Lines, element, leaves, write_xml
 
+from .control import SKID_GAIN, joint_name, joint_rate, sides, track, wheel_radius
 from .options import Options
-from .rig import SKID_GAIN, joint_name, joint_rate, sides, track, wheel_radius
 
 _VERSIONS = {"fortress": "1.9", "harmonic": "1.11"}
 _FILES = {"fortress": "ignition-gazebo-", "harmonic": "gz-sim-"}
 _CLASSES = {"fortress": "ignition::gazebo::systems::", "harmonic": "gz::sim::systems::"}
+_exact = partial(leaves, digits=12)
 
 
 def write_sdf(directory: Path, rover: Rover, *, name: str, options: Options) -> None:
@@ -31,62 +31,44 @@ def write_sdf(directory: Path, rover: Rover, *, name: str, options: Options) -> 
     ]
     parts += [_joint(link, rover, options) for link in rover.links if link.parent]
     model = element("model", *parts, *_plugins(rover, name, options), name=name)
-    write_document(directory / f"{name}.sdf", version, model)
-    config = element(
-        "model",
-        element("name", name),
-        element("version", "1.0"),
-        element("sdf", f"{name}.sdf", version=version),
-        element("author", element("name", "terrain-forge")),
-        element("description", f"The rover {rover.name}."),
-    )
-    text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *config]) + "\n"
-    (directory / "model.config").write_text(text, encoding="utf-8", newline="\n")
+    write_xml(directory / f"{name}.sdf", element("sdf", model, version=version))
+    description = f"The rover {rover.name}."
+    write_config(directory, f"{name}.sdf", version, name=name, description=description)
 
 
 def _link(rover: Rover, number: int, place: Array, name: str, options: Options) -> Lines:
     link = rover.links[number]
-    weight = inertial(link.mass, link.inertia, centre=link.centre_of_mass, text=figures)
-    parts = [element("pose", figures([*place, 0, 0, 0])), weight]
+    weight = inertial(link.mass, link.inertia, centre=link.centre_of_mass, digits=12)
+    parts = [*_exact(pose=(*place, 0, 0, 0)), weight]
     for part, shape in enumerate(link.shapes):
-        pose = element("pose", figures([*shape.position, *shape.rpy]))
-        geometry = solid(shape, f"meshes/{rover_mesh(number, part)}", text=figures)
+        geometry = solid(shape, f"meshes/{rover_mesh(number, part)}", digits=12)
+        body = [*_exact(pose=(*shape.position, *shape.rpy)), geometry]
         if shape.visible:
-            parts.append(element("visual", pose, geometry, plain(shape.rgb), name=f"visual_{part}"))
+            parts.append(element("visual", *body, plain(shape.rgb), name=f"visual_{part}"))
         if shape.collides:
             friction = surface(options.friction)
-            parts.append(element("collision", pose, geometry, friction, name=f"collision_{part}"))
+            parts.append(element("collision", *body, friction, name=f"collision_{part}"))
     if number == 0 and rover.sensors:
-        parts += rig_sensors(rover, actor=name, flavour="gz")
+        parts += rig_sensors(rover, actor=name)
     return element("link", *parts, name=link.name)
 
 
 def _joint(link: Link, rover: Rover, options: Options) -> Lines:
-    ends = [element("parent", link.parent), element("child", link.name)]
+    name, ends = joint_name(link.name), leaves(parent=link.parent, child=link.name)
     if link.joint == "fixed":
-        return element("joint", *ends, name=joint_name(link.name), type="fixed")
+        return element("joint", *ends, name=name, type="fixed")
     lower, upper = link.limits or (-1e16, 1e16)
     effort = rover.torque_limit if link.joint == "motor" else -1.0
-    limit = element(
-        "limit",
-        element("lower", figures([lower])),
-        element("upper", figures([upper])),
-        element("effort", figures([effort])),
-        element("velocity", figures([joint_rate(rover, link) if effort > 0 else -1.0])),
-    )
-    dynamics = element(
-        "dynamics",
-        element("damping", figures([link.damping])),
-        element("friction", figures([link.friction])),
-    )
-    axis = [element("xyz", figures(link.axis)), limit, dynamics]
+    rate = joint_rate(rover, link) if effort > 0 else -1.0
+    axis = [
+        *_exact(xyz=link.axis),
+        element("limit", *_exact(lower=lower, upper=upper, effort=effort, velocity=rate)),
+        element("dynamics", *_exact(damping=link.damping, friction=link.friction)),
+    ]
     gear = next((gear for gear in rover.couplings if gear.link == link.name), None)
     if gear and options.release != "fortress":
-        figure = {"multiplier": gear.ratio, "offset": gear.offset, "reference": 0.0}
-        told = [element(key, figures([value])) for key, value in figure.items()]
-        leader = joint_name(gear.leader)
-        axis.append(element("mimic", *told, joint=leader, axis="axis"))
-    name = joint_name(link.name)
+        told = _exact(multiplier=gear.ratio, offset=gear.offset, reference=0.0)
+        axis.append(element("mimic", *told, joint=joint_name(gear.leader), axis="axis"))
     return element("joint", *ends, element("axis", *axis), name=name, type="revolute")
 
 
@@ -96,27 +78,22 @@ def _plugins(rover: Rover, name: str, options: Options) -> list[Lines]:
     drive = [
         *(element("left_joint", joint) for joint in left),
         *(element("right_joint", joint) for joint in right),
-        # Skidding wheels turn the rover as if they stood farther apart.
-        element("wheel_separation", figures([SKID_GAIN * track(rover)])),
-        element("wheel_radius", figures([wheel_radius(rover)])),
-        element("max_linear_velocity", figures([rover.speed_limit])),
-        element("min_linear_velocity", figures([-rover.speed_limit])),
-        element("topic", f"model/{name}/cmd_vel"),
-        element("odom_topic", f"model/{name}/odometry"),
-        element("tf_topic", f"model/{name}/tf"),
-        element("frame_id", "odom"),
-        element("child_frame_id", "base_link"),
+        *_exact(
+            # Skidding wheels turn the rover as if they stood farther apart.
+            wheel_separation=SKID_GAIN * track(rover),
+            wheel_radius=wheel_radius(rover),
+            max_linear_velocity=rover.speed_limit,
+            min_linear_velocity=-rover.speed_limit,
+            topic=f"model/{name}/cmd_vel",
+            odom_topic=f"model/{name}/odometry",
+            tf_topic=f"model/{name}/tf",
+            frame_id="odom",
+            child_frame_id="base_link",
+        ),
     ]
-    systems: list[tuple[str, str, list[Lines]]] = [
-        ("diff-drive", "DiffDrive", drive),
-        ("joint-state-publisher", "JointStatePublisher", []),
-    ]
+    file, kind = _FILES[options.release], _CLASSES[options.release]
+    states = f"{file}joint-state-publisher-system"
     return [
-        element(
-            "plugin",
-            *content,
-            filename=f"{_FILES[options.release]}{file}-system",
-            name=f"{_CLASSES[options.release]}{kind}",
-        )
-        for file, kind, content in systems
+        element("plugin", *drive, filename=f"{file}diff-drive-system", name=f"{kind}DiffDrive"),
+        element("plugin", filename=states, name=f"{kind}JointStatePublisher"),
     ]

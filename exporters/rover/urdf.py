@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
-from terrain_forge.exporters.sdf.markup import Lines, element, figures
 from terrain_forge.exporters.sdf.sensors import rig_sensors
 
 from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape, moments
+from terrain_forge.writers import Lines, leaves, write_xml
+from terrain_forge.writers import element as plain_element
 
+from .control import joint_name, joint_rate
 from .options import Options
-from .rig import joint_name, joint_rate
+
+element = partial(plain_element, digits=12)
 
 
 def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None:
-    """Write the rover as URDF.
+    """Write the rover, a robot of that name, as URDF.
 
     base_link is the root and has a mass: PyBullet fixes a root without one to the world.
-
-    Args:
-        path: The file.
-        rover: The rover.
-        name: Name of the robot.
-        options: The export's.
     """
     gears = {gear.link: gear for gear in rover.couplings}
-    parts = [_mujoco(), *_materials(rover)]
+    # MuJoCo by default drops what is only seen, merges links and cuts paths of meshes.
+    compiler = element(
+        "compiler", fusestatic="false", discardvisual="false", strippath="false", angle="radian"
+    )
+    parts = [element("mujoco", compiler)]
+    for rgb in sorted({shape.rgb for link in rover.links for shape in link.shapes}):
+        colour = element("color", rgba=(*rgb, 1.0))
+        parts.append(element("material", colour, name=_material(rgb)))
     for number, link in enumerate(rover.links):
         parts.append(_link(link, number, options))
         if link.parent:
@@ -35,28 +40,8 @@ def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None
         parts += _sensor_frame(sensor)
     parts += [*(_transmission(joint_name(wheel.link)) for wheel in rover.wheels), _control(rover)]
     parts += _gazebo(rover, name, options)
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', *_robot(parts, name)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-
-
-def _robot(parts: list[Lines], name: str) -> Lines:
-    return element("robot", *parts, **{"xmlns:drake": "http://drake.mit.edu"}, name=name)
-
-
-def _mujoco() -> Lines:
-    """MuJoCo by default drops what is only seen, merges links and cuts paths of meshes."""
-    compiler = element(
-        "compiler", fusestatic="false", discardvisual="false", strippath="false", angle="radian"
-    )
-    return element("mujoco", compiler)
-
-
-def _materials(rover: Rover) -> list[Lines]:
-    colours = sorted({shape.rgb for link in rover.links for shape in link.shapes})
-    return [
-        element("material", element("color", rgba=figures([*rgb, 1.0])), name=_material(rgb))
-        for rgb in colours
-    ]
+    drake = {"xmlns:drake": "http://drake.mit.edu"}
+    write_xml(path, element("robot", *parts, **drake, name=name))
 
 
 def _material(rgb: tuple[float, float, float]) -> str:
@@ -64,10 +49,16 @@ def _material(rgb: tuple[float, float, float]) -> str:
 
 
 def _link(link: Link, number: int, options: Options) -> Lines:
-    parts = [_inertial(link)]
+    mass = element(
+        "inertial",
+        element("origin", xyz=link.centre_of_mass, rpy="0 0 0"),
+        element("mass", value=link.mass),
+        element("inertia", **moments(link.inertia)),
+    )
+    parts = [mass]
     for part, shape in enumerate(link.shapes):
         solid = _solid(shape, f"{options.mesh_prefix}meshes/{rover_mesh(number, part)}")
-        place = element("origin", xyz=figures(shape.position), rpy=figures(shape.rpy))
+        place = element("origin", xyz=shape.position, rpy=shape.rpy)
         if shape.visible:
             colour = element("material", name=_material(shape.rgb))
             parts.append(element("visual", place, solid, colour))
@@ -76,24 +67,14 @@ def _link(link: Link, number: int, options: Options) -> Lines:
     return element("link", *parts, name=link.name)
 
 
-def _inertial(link: Link) -> Lines:
-    inertia = {name: figures([value]) for name, value in moments(link.inertia).items()}
-    return element(
-        "inertial",
-        element("origin", xyz=figures(link.centre_of_mass), rpy="0 0 0"),
-        element("mass", value=figures([link.mass])),
-        element("inertia", **inertia),
-    )
-
-
 def _solid(shape: Shape, mesh: str) -> Lines:
     if shape.kind == "mesh":
         # Drake collides with meshes by their hulls only where it is told to.
         convex = [["<drake:declare_convex/>"]] if shape.collides else []
         return element("geometry", element("mesh", *convex, filename=mesh))
     if shape.kind == "box":
-        return element("geometry", element("box", size=figures(shape.size)))
-    size = {name: figures([v]) for name, v in zip(("radius", "length"), shape.size, strict=False)}
+        return element("geometry", element("box", size=shape.size))
+    size = dict(zip(("radius", "length"), shape.size, strict=False))
     return element("geometry", element(shape.kind, **size))
 
 
@@ -101,23 +82,20 @@ def _joint(link: Link, rover: Rover, gear: Coupling | None) -> Lines:
     parts = [
         element("parent", link=link.parent),
         element("child", link=link.name),
-        element("origin", xyz=figures(link.origin), rpy="0 0 0"),
+        element("origin", xyz=link.origin, rpy="0 0 0"),
     ]
     if link.joint == "fixed":
         return element("joint", *parts, name=joint_name(link.name), type="fixed")
-    parts.append(element("axis", xyz=figures(link.axis)))
-    limit = {"effort": "0", "velocity": figures([joint_rate(rover, link)])}
-    if link.joint == "motor":
-        limit["effort"] = figures([rover.torque_limit])
-    if link.limits:
-        limit["lower"], limit["upper"] = (figures([angle]) for angle in link.limits)
-    dynamics = {"damping": figures([link.damping]), "friction": figures([link.friction])}
-    parts += [element("limit", **limit), element("dynamics", **dynamics)]
+    effort = rover.torque_limit if link.joint == "motor" else 0.0
+    ends = dict(zip(("lower", "upper"), link.limits or (), strict=False))
+    parts += [
+        element("axis", xyz=link.axis),
+        element("limit", effort=effort, velocity=joint_rate(rover, link), **ends),
+        element("dynamics", damping=link.damping, friction=link.friction),
+    ]
     if gear:
-        ratio, offset = figures([gear.ratio]), figures([gear.offset])
-        parts.append(
-            element("mimic", joint=joint_name(gear.leader), multiplier=ratio, offset=offset)
-        )
+        leader = joint_name(gear.leader)
+        parts.append(element("mimic", joint=leader, multiplier=gear.ratio, offset=gear.offset))
     kind = "revolute" if link.limits else "continuous"
     return element("joint", *parts, name=joint_name(link.name), type=kind)
 
@@ -130,7 +108,7 @@ def _sensor_frame(sensor: Sensor) -> list[Lines]:
         "joint",
         element("parent", link=sensor.link),
         element("child", link=sensor.name),
-        element("origin", xyz=figures(sensor.position), rpy=figures(sensor.rpy)),
+        element("origin", xyz=sensor.position, rpy=sensor.rpy),
         name=f"{sensor.name}_mount",
         type="fixed",
     )
@@ -139,18 +117,21 @@ def _sensor_frame(sensor: Sensor) -> list[Lines]:
 
 def _transmission(joint: str) -> Lines:
     """What Drake makes an actuator of."""
-    interface = element("hardwareInterface", "hardware_interface/VelocityJointInterface")
     return element(
         "transmission",
-        element("type", "transmission_interface/SimpleTransmission"),
-        element("joint", interface, name=joint),
-        element("actuator", element("mechanicalReduction", "1"), name=f"{joint}_motor"),
+        *leaves(type="transmission_interface/SimpleTransmission"),
+        element(
+            "joint",
+            *leaves(hardwareInterface="hardware_interface/VelocityJointInterface"),
+            name=joint,
+        ),
+        element("actuator", *leaves(mechanicalReduction="1"), name=f"{joint}_motor"),
         name=f"{joint}_transmission",
     )
 
 
 def _control(rover: Rover) -> Lines:
-    hardware = element("hardware", element("plugin", "gz_ros2_control/GazeboSimSystem"))
+    hardware = element("hardware", *leaves(plugin="gz_ros2_control/GazeboSimSystem"))
     states = [element("state_interface", name=name) for name in ("position", "velocity")]
     joints = []
     for link in rover.links:
@@ -159,26 +140,22 @@ def _control(rover: Rover) -> Lines:
         command = []
         if link.joint == "motor":
             rate = joint_rate(rover, link)
-            least = element("param", figures([-rate]), name="min")
-            most = element("param", figures([rate]), name="max")
-            command = [element("command_interface", least, most, name="velocity")]
+            limits = element("param", -rate, name="min"), element("param", rate, name="max")
+            command = [element("command_interface", *limits, name="velocity")]
         joints.append(element("joint", *command, *states, name=joint_name(link.name)))
     return element("ros2_control", hardware, *joints, name=rover.name, type="system")
 
 
 def _gazebo(rover: Rover, name: str, options: Options) -> list[Lines]:
     """Friction, sensors, and the plugin that lets ros2_control drive in Gazebo."""
-    friction = figures([options.friction])
-    tags = [
-        element("gazebo", element("mu1", friction), element("mu2", friction), reference=link.name)
-        for link in rover.links
-    ]
-    rig = rig_sensors(rover, actor=name, flavour="gz") if rover.sensors else []
+    friction = leaves(mu1=options.friction, mu2=options.friction, digits=12)
+    tags = [element("gazebo", *friction, reference=link.name) for link in rover.links]
+    rig = rig_sensors(rover, actor=name) if rover.sensors else []
     if rig:
         tags.append(element("gazebo", *rig, reference="base_link"))
     plugin = element(
         "plugin",
-        element("parameters", f"{name}_controllers.yaml"),
+        *leaves(parameters=f"{name}_controllers.yaml"),
         filename="gz_ros2_control-system",
         name="gz_ros2_control::GazeboSimROS2ControlPlugin",
     )

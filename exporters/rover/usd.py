@@ -10,12 +10,11 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from terrain_forge.exporters.mjcf.rover import servo_gain
 from terrain_forge.exporters.usd.layer import gf_quaternion, new_stage, save
 from terrain_forge.exporters.usd.material import bind_friction, define_friction
-from terrain_forge.exporters.usd.rig import define_rig
-from terrain_forge.exporters.usd.solids import define_shape
+from terrain_forge.exporters.usd.rover import define_rig, define_shape
 
 from terrain_forge.base import Array, portable
 from terrain_forge.geometry import principal_axes
-from terrain_forge.model import Link, Rover, Shape
+from terrain_forge.model import Link, Rover
 from terrain_forge.writers import identifier
 
 _DEGREE = math.pi / 180
@@ -25,11 +24,7 @@ _X = np.array([1.0, 0.0, 0.0])
 def write_usd(path: Path, rover: Rover, *, name: str, friction: float) -> None:
     """Write a stage whose default prim /NAME is the rover, its bodies side by side below it.
 
-    Args:
-        path: The file.
-        rover: The rover.
-        name: Name of the prim.
-        friction: Coulomb friction of its colliders.
+    `friction` is that of its colliders (Coulomb).
     """
     stage = new_stage(path, name)
     root = stage.GetDefaultPrim()
@@ -60,18 +55,14 @@ def _define_body(stage: Usd.Stage, path: str, link: Link, place: Array) -> None:
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments[0].tolist()))
     mass.CreatePrincipalAxesAttr(gf_quaternion(axes[0]))
     for number, shape in enumerate(link.shapes):
-        _define_shape(stage, f"{path}/shape_{number}", shape)
-
-
-def _define_shape(stage: Usd.Stage, path: str, shape: Shape) -> None:
-    solid = define_shape(stage, path, shape)
-    if shape.collides:
-        UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
-        if shape.mesh is not None:
-            hull = UsdPhysics.MeshCollisionAPI.Apply(solid.GetPrim())
-            hull.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
-    if not shape.visible:
-        solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
+        solid = define_shape(stage, f"{path}/shape_{number}", shape)
+        if shape.collides:
+            UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
+            if shape.mesh is not None:
+                hull = UsdPhysics.MeshCollisionAPI.Apply(solid.GetPrim())
+                hull.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+        if not shape.visible:
+            solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
 
 
 def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None:
@@ -85,7 +76,16 @@ def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None
         if link.limits:
             joint.CreateLowerLimitAttr(link.limits[0] / _DEGREE)
             joint.CreateUpperLimitAttr(link.limits[1] / _DEGREE)
-        _define_drive(joint.GetPrim(), link, rover)
+        # A velocity servo on a motor; on a passive joint a drive to rest is its damping. USD counts
+        # angles in degrees, and so damping per degree.
+        motor = link.joint == "motor"
+        drive = UsdPhysics.DriveAPI.Apply(joint.GetPrim(), UsdPhysics.Tokens.angular)
+        drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+        drive.CreateStiffnessAttr(0.0)
+        drive.CreateDampingAttr((servo_gain(rover) if motor else link.damping) * _DEGREE)
+        drive.CreateTargetVelocityAttr(0.0)
+        if motor:
+            drive.CreateMaxForceAttr(rover.torque_limit)
     joint.CreateBody0Rel().SetTargets([Sdf.Path(_path(name, link.parent))])
     joint.CreateBody1Rel().SetTargets([Sdf.Path(_path(name, link.name))])
     turn = gf_quaternion(_turn_x_to(link.axis))
@@ -93,21 +93,6 @@ def _define_joint(stage: Usd.Stage, name: str, link: Link, rover: Rover) -> None
     joint.CreateLocalPos1Attr(Gf.Vec3f(0.0))
     joint.CreateLocalRot0Attr(turn)
     joint.CreateLocalRot1Attr(turn)
-
-
-def _define_drive(prim: Usd.Prim, link: Link, rover: Rover) -> None:
-    """A velocity servo on a motor; on a passive joint a drive to rest is its damping.
-
-    USD counts angles in degrees, and so damping per degree.
-    """
-    gain = servo_gain(rover) if link.joint == "motor" else link.damping
-    drive = UsdPhysics.DriveAPI.Apply(prim, UsdPhysics.Tokens.angular)
-    drive.CreateTypeAttr(UsdPhysics.Tokens.force)
-    drive.CreateStiffnessAttr(0.0)
-    drive.CreateDampingAttr(gain * _DEGREE)
-    drive.CreateTargetVelocityAttr(0.0)
-    if link.joint == "motor":
-        drive.CreateMaxForceAttr(rover.torque_limit)
 
 
 def _turn_x_to(axis: Array) -> Array:

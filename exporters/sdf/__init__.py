@@ -1,7 +1,7 @@
 """Gazebo's SDF: a world of models that Gazebo Classic and the newer gz-sim load."""
 
 from .export import export
-from .load import check_capacity
+from .losses import check_capacity
 from .options import Options
 from .readback import CONSUMERS, opening
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from terrain_forge.exporters.sdf import material
 
 from terrain_forge.base import Array
 from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Rover, Trajectory
 from terrain_forge.paths import sample_times, spline_places
+from terrain_forge.writers import Lines, element, leaves
 
-from .markup import Lines, element, leaves, numbers
-from .model import Model
-from .solids import solid
+from .model import Model, plain, solid
 
 
 def replay_actor(
@@ -24,11 +22,13 @@ def replay_actor(
     the rover spin. Tension 0 makes its spline smooth; more would brake at each waypoint. The
     rover's meshes are those of the model (`write_rover_meshes`).
     """
+    stops = []
     times, poses = waypoints(trajectory)
-    stops = [
-        f"<waypoint><time>{_time_text(time)}</time><pose>{pose}</pose></waypoint>"
-        for time, pose in zip(times.tolist(), map(_pose_text, poses.tolist()), strict=True)
-    ]
+    for time, pose in zip(times.tolist(), poses.tolist(), strict=True):
+        short = f"{time:.3f}"
+        told = short if float(short) == time else repr(time)
+        place = " ".join(f"{value + 0.0:.7f}" for value in pose)
+        stops.append(f"<waypoint><time>{told}</time><pose>{place}</pose></waypoint>")
     path = element("trajectory", stops, id="0", type="drive", tension="0")
     loop = "true" if trajectory.closed else "false"
     script = element("script", *leaves(loop=loop, delay_start=0, auto_start="true"), path)
@@ -55,27 +55,18 @@ def waypoints(trajectory: Trajectory) -> tuple[Array, Array]:
     return times, np.hstack([poses.position, poses.rpy])
 
 
-def _time_text(time: float) -> str:
-    text = f"{time:.3f}"
-    return text if float(text) == time else repr(time)
-
-
-def _pose_text(pose: list[float]) -> str:
-    return " ".join(f"{value + 0.0:.7f}" for value in pose)
-
-
 def _visuals(rover: Rover, model: Model) -> list[Lines]:
     if not any(link.shapes for link in rover.links):
-        box = element("geometry", element("box", element("size", "1 1 1")))
-        look = material.plain((0.8, 0.8, 0.8))
-        return [element("visual", element("pose", "0 0 0.5 0 0 0"), box, look, name="box")]
+        box = element("geometry", element("box", *leaves(size="1 1 1")))
+        pose = element("pose", "0 0 0.5 0 0 0")
+        return [element("visual", pose, box, plain((0.8, 0.8, 0.8)), name="box")]
     origins, visuals = rover.origins, []
     for index, link in enumerate(rover.links):
         for number, shape in enumerate(link.shapes):
             if not shape.visible:
                 continue
             name = f"{link.name}_{number}"
-            pose = element("pose", numbers([*(origins[link.name] + shape.position), *shape.rpy]))
+            pose = element("pose", (*(origins[link.name] + shape.position), *shape.rpy))
             geometry = solid(shape, model.uri(f"meshes/{rover_mesh(index, number)}"))
-            visuals.append(element("visual", pose, geometry, material.plain(shape.rgb), name=name))
+            visuals.append(element("visual", pose, geometry, plain(shape.rgb), name=name))
     return visuals

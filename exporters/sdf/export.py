@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terrain_forge.exporters.sdf import ground, rocks
+from terrain_forge.exporters.sdf import rocks
 
-from terrain_forge.base import ExportError
-from terrain_forge.geometry import coarse_shape, write_rover_meshes
-from terrain_forge.model import ExportReport, Mesh, World, world_friction
-from terrain_forge.writers import file_name, rock_name
+from terrain_forge.base import ExportError, image_rows
+from terrain_forge.geometry import bake_tile, coarse_shape, write_ground_obj, write_rover_meshes
+from terrain_forge.model import ExportReport, Tile, World, world_friction
+from terrain_forge.writers import Lines, element, file_name, rock_name, write_png
 
 from .actor import replay_actor
-from .heightmap import Heightmap, make_heightmap, write_heightmap
-from .load import require_loadable
-from .losses import list_losses
-from .markup import Lines
-from .model import Model
+from .heightmap import make_heightmap, write_heightmap
+from .losses import list_losses, require_loadable
+from .model import TEXTURES, Model, mesh, surface
 from .options import Options
 from .ros import write_package
 from .scenery import write_world
@@ -36,45 +34,68 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     heightmap = None
     if options.ground == "heightmap":
         heightmap = make_heightmap(world.ground, bits=options.grey_bits)
-    name = file_name(world.site.name)
-    *models, rover_model = (
-        _model(directory, f"{name}_{part}", options) for part in ("ground", "rocks", "rover")
-    )
+    name, classic = file_name(world.site.name), options.flavour == "classic"
+    ground_model, rock_model, _ = models = [
+        Model(folder=directory / f"models/{name}_{part}", classic=classic, version=options.version)
+        for part in ("ground", "rocks", "rover")
+    ]
     coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]
-    _write_models(world, *models, coarse=coarse, heightmap=heightmap, options=options)
-    taken = {rock_name(rock) for rock in world.field.id[world.field.dynamic].tolist()}
-    taken |= {model.name for model in models}
-    actors = _actors(world, options, rover_model=rover_model, taken=taken)
-    dynamic = rocks.dynamic_rocks(world, models[1])
+    friction = world_friction(world.site.body, options)
+    parts: list[Lines] = []
+    if heightmap:
+        parts = [write_heightmap(heightmap, world.ground, ground_model, friction=friction.ground)]
+    tiles = list(world.tiles(cells=options.tile_cells))
+    links = []
+    for tile in tiles:
+        parts += _write_ground(tile, ground_model, friction.ground, options)
+        links.append(rocks.write_tile(tile, rock_model, friction.rock, coarse, options))
+    ground_model.write_scripts([f"{tile.name('ground')}.png" for tile in tiles], address="clamp")
+    link = element("link", *parts, name="ground")
+    ground_model.write(title=f"{world.site.name}: ground", links=[link])
+    rocks.write_model(world, rock_model, links=links, options=options)
+    actors = _actors(world, options, models=models)
+    dynamic = rocks.dynamic_rocks(world, rock_model)
     sensing = bool(options.sensors and actors and world.rover.sensors)
     for file, movers, sees in (("world", dynamic, False), ("scene", dynamic + actors, sensing)):
         path = directory / f"{file}.sdf"
-        write_world(path, world, name=name, models=models, movers=movers, sensing=sees)
+        write_world(path, world, name=name, models=models[:2], movers=movers, sensing=sees)
     if options.ros_package:
         write_package(world, directory, options=options)
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    losses = list_losses(world, coarse=coarse, heightmap=heightmap, version=models[0].version,
-                         options=options)  # fmt: skip
+    losses = list_losses(world, coarse=coarse, heightmap=heightmap, options=options)
     return ExportReport(files=tuple(files), losses=losses)
 
 
-def _model(directory: Path, name: str, options: Options) -> Model:
-    return Model(
-        folder=directory / "models" / name,
-        name=name,
-        flavour=options.flavour,
-        version=options.version,
-    )
+def _write_ground(tile: Tile, model: Model, friction: float, options: Options) -> list[Lines]:
+    """Write one tile's mesh and textures; returns its visual and, of a mesh, its collision."""
+    name = tile.name("ground")
+    # One OBJ for both: it has the normals that Gazebo's physics asks of a collision mesh.
+    with model.path(f"meshes/{name}.obj").open("wb") as file:
+        write_ground_obj(file, tile)
+    texture, normals = bake_tile(tile, options.texture_pixels), None
+    write_png(model.path(f"{TEXTURES}/{name}.png"), image_rows(texture.rgb))
+    if not model.classic and options.normal_maps:
+        normals = f"{name}_normals.png"
+        write_png(model.path(f"{TEXTURES}/{normals}"), image_rows(texture.normals))
+    geometry = mesh(model.uri(f"meshes/{name}.obj"))
+    look = model.textured(f"{name}.png", normals=normals)
+    visual = element("visual", geometry, look, name=f"{name}_visual")
+    if options.ground == "heightmap":
+        return [visual]
+    return [element("collision", geometry, surface(friction), name=f"{name}_collision"), visual]
 
 
-def _actors(world: World, options: Options, *, rover_model: Model, taken: set[str]) -> list[Lines]:
+def _actors(world: World, options: Options, *, models: list[Model]) -> list[Lines]:
     """A replay of each trajectory, by the name of its path, which no model may have.
 
-    The rover's meshes, which the actors show, go into the folder of `rover_model`.
+    The rover's meshes, which the actors show, go into the folder of the last model.
     """
     if world.trajectories:
-        write_rover_meshes(world.rover, rover_model.folder / "meshes")
+        write_rover_meshes(world.rover, models[-1].folder / "meshes")
+    taken = {rock_name(rock) for rock in world.field.id[world.field.dynamic].tolist()}
+    taken |= {model.name for model in models[:2]}
     west, south, east, north = world.ground.bounds
+    reach, classic = max(east - west, north - south), options.flavour == "classic"
     actors = []
     for trajectory in world.trajectories:
         name = file_name(trajectory.name)
@@ -84,33 +105,8 @@ def _actors(world: World, options: Options, *, rover_model: Model, taken: set[st
             )
         sensors: list[Lines] = []
         if options.sensors:
-            reach = max(east - west, north - south)
-            sensors = rig_sensors(world.rover, actor=name, flavour=options.flavour, reach=reach)
+            sensors = rig_sensors(world.rover, actor=name, classic=classic, reach=reach)
         actors.append(
-            replay_actor(trajectory, world.rover, name=name, model=rover_model, sensors=sensors)
+            replay_actor(trajectory, world.rover, name=name, model=models[-1], sensors=sensors)
         )
     return actors
-
-
-def _write_models(
-    world: World,
-    ground_model: Model,
-    rock_model: Model,
-    *,
-    coarse: list[Mesh],
-    heightmap: Heightmap | None,
-    options: Options,
-) -> None:
-    names: list[str] = []
-    parts: list[Lines] = []
-    links: list[Lines] = []
-    if heightmap:
-        friction = world_friction(world.site.body, options).ground
-        parts.append(write_heightmap(heightmap, world.ground, ground_model, friction=friction))
-    for tile in world.tiles(cells=options.tile_cells):
-        names.append(tile.name("ground"))
-        parts += ground.write_tile(tile, ground_model, options=options)
-        links.append(rocks.write_tile(tile, rock_model, coarse=coarse, options=options))
-    title = f"{world.site.name}: ground"
-    ground.write_model(ground_model, title=title, tiles=names, parts=parts)
-    rocks.write_model(world, rock_model, links=links, options=options)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, image_rows, portable
 from terrain_forge.model import Heightfield
-from terrain_forge.writers import write_png
+from terrain_forge.writers import Lines, element, leaves, write_png
 
-from .markup import Lines, element, leaves, numbers
 from .model import Model, surface
 
 IMAGE = "materials/textures/heights.png"
@@ -42,12 +41,6 @@ class Heightmap:
         """Height of one grey level [m]."""
         return self.span / float(np.iinfo(self.pixels.dtype).max)
 
-    @property
-    def surface(self) -> Heightfield:
-        """The heights that the pixels stand for, on a lattice of unit spacing."""
-        heights = self.lowest + self.pixels * self.quantum
-        return Heightfield(elevation=heights, spacing=1.0, origin=(0.0, 0.0))
-
 
 def make_heightmap(ground: Heightfield, *, bits: int) -> Heightmap:
     """The ground on the smallest square grid of 2^n + 1 samples that is not coarser than its own.
@@ -64,7 +57,9 @@ def make_heightmap(ground: Heightfield, *, bits: int) -> Heightmap:
         )
     samples = 2 ** max(int(np.ceil(portable.log2(finest - 1))), 1) + 1
     resampled = ground.shape != (samples, samples)
-    heights = _resample(ground, samples) if resampled else ground.elevation.astype(np.float64)
+    west, south, east, north = ground.bounds
+    x, y = np.linspace(west, east, samples), np.linspace(south, north, samples)
+    heights = _sampled(ground, x, y) if resampled else ground.elevation.astype(np.float64)
     lowest, span = float(heights.min()), float(np.ptp(heights)) or 1.0
     largest = 2**bits - 1
     grey = np.rint((heights - lowest) * (largest / span))
@@ -74,16 +69,10 @@ def make_heightmap(ground: Heightfield, *, bits: int) -> Heightmap:
 
 def heightmap_error(heightmap: Heightmap, ground: Heightfield) -> float:
     """The largest difference of a heightmap's surface from the ground at its nodes [m]."""
-    found, last = heightmap.surface, len(heightmap.pixels) - 1
-    rows, columns = ground.shape
-    x = np.linspace(0.0, last, columns)
-    worst = 0.0
-    for start in range(0, rows, _ROWS):
-        part = slice(start, start + _ROWS)
-        y = np.linspace(0.0, last, rows)[part, None]
-        off = found.height_at(np.broadcast_to(x, (len(y), columns)), y) - ground.elevation[part]
-        worst = max(worst, float(np.abs(off).max()))
-    return worst
+    heights = heightmap.lowest + heightmap.pixels * heightmap.quantum
+    found = Heightfield(elevation=heights, spacing=1.0, origin=(0.0, 0.0))
+    y, x = (np.linspace(0.0, len(heights) - 1, nodes) for nodes in ground.shape)
+    return float(np.abs(_sampled(found, x, y) - ground.elevation).max())
 
 
 def cut_error(ground: Heightfield) -> float:
@@ -105,7 +94,7 @@ def write_heightmap(
         ExportError: if Classic would move the heightmap.
     """
     west, south, east, north = ground.bounds
-    samples, classic = len(heightmap.pixels), model.flavour == "classic"
+    samples, classic = len(heightmap.pixels), model.classic
     middle = (west + east) / 2, (south + north) / 2
     if classic and max(map(abs, middle)) > _MOVED:
         raise ExportError(
@@ -116,11 +105,11 @@ def write_heightmap(
     grown = 1.0 if classic else samples / (samples - 1)
     shape = leaves(
         uri=model.uri(IMAGE),
-        size=[(east - west) * grown, (north - south) * grown, heightmap.span],
-        pos=[0, 0, heightmap.lowest if classic else 0],
+        size=((east - west) * grown, (north - south) * grown, heightmap.span),
+        pos=(0, 0, heightmap.lowest if classic else 0),
         sampling=1,
     )
-    pose = [] if classic else element("pose", numbers([*middle, heightmap.lowest, 0, 0, 0]))
+    pose = [] if classic else element("pose", (*middle, heightmap.lowest, 0, 0, 0))
     body = element("geometry", element("heightmap", *shape))
     return element("collision", pose, body, surface(friction), name="ground_heightmap")
 
@@ -141,12 +130,11 @@ def heightmap_losses(heightmap: Heightmap, ground: Heightfield) -> list[str]:
     ]
 
 
-def _resample(ground: Heightfield, samples: int) -> Array:
-    west, south, east, north = ground.bounds
-    x, y = np.linspace(west, east, samples), np.linspace(south, north, samples)
-    heights = np.empty((samples, samples))
-    for start in range(0, samples, _ROWS):
-        part = slice(start, start + _ROWS)
-        rows = y[part, None]
-        heights[part] = ground.height_at(np.broadcast_to(x, (len(rows), samples)), rows)
+def _sampled(field: Heightfield, x: Array, y: Array) -> Array:
+    """Heights of a field on a grid, shape [y, x], some rows at a time to spare memory."""
+    heights = np.empty((len(y), len(x)))
+    for start in range(0, len(y), _ROWS):
+        rows = y[start : start + _ROWS, None]
+        across = np.broadcast_to(x, (len(rows), len(x)))
+        heights[start : start + _ROWS] = field.height_at(across, rows)
     return heights

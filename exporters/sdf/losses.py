@@ -1,9 +1,11 @@
-"""What SDF, or this export of it, does not say of a world."""
+"""What SDF, or this export of it, does not say of a world, and which worlds are too much for it."""
 
 from __future__ import annotations
 
+import numpy as np
 from terrain_forge.exporters.sdf import rocks
 
+from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
     collision_losses,
     largest_outline_error,
@@ -13,14 +15,80 @@ from terrain_forge.geometry import (
 from terrain_forge.model import Mesh, World
 
 from .heightmap import Heightmap, heightmap_losses
-from .load import loading_losses, stepping_losses
 from .options import Options
-from .scenery import knows_surface
+from .scenery import STEP, knows_surface
 from .sensors import rig_losses
+
+PART_MB, PART_MS = 0.27, 0.8
+"""Memory [MB] and time [ms] that libsdformat takes for each visual and each collision: it copies
+the description of all that an element could hold. Measured with libsdformat 12, as below."""
+BODY_MB, BODY_MS = 2.3, 9.0
+"""The same for the model and link of a dynamic rock."""
+MOST_MB = 8192.0
+"""What loading may take [MB]."""
+WORTH_SAYING_MB = 1024.0
+"""From what on loading is a loss to be told [MB]."""
+_ADVICE = "a larger individual_min_m merges more of them, or make fewer rocks dynamic"
+SECONDS_PER_DYNAMIC = 1e-4
+"""What a dynamic rock that lies on the ground takes of each step [s]: 21 ms for 221 of them, in
+Fortress' physics with DART on one core."""
+
+
+def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
+    """Refuse, before the world is made, more rocks of their own than libsdformat loads.
+
+    How many are above `individual_min_m` is known only then; if all are, they can be told now.
+
+    Raises:
+        ExportError: if there are too many; says what to choose instead.
+    """
+    del nodes
+    if options.individual_min_m == 0.0:  # each is seen and touched
+        _require(
+            f"some {rocks:,.0f} rocks are elements of their own",
+            2 * PART_MB * rocks,
+            key=("individual_min_m",),
+        )
+
+
+def require_loadable(world: World, options: Options) -> None:
+    """Refuse a world that libsdformat would fill the memory with.
+
+    Raises:
+        ExportError: if its rocks are too many elements; says what to choose instead.
+    """
+    _require(_found(world, options), loading(world, options)[0])
+
+
+def _require(found: str, megabytes: float, *, key: tuple[str, ...] = ()) -> None:
+    if megabytes > MOST_MB:
+        raise ExportError(
+            f"{found}: Gazebo's parser would take {megabytes / 1024:.0f} GB to load them, at most "
+            f"{MOST_MB / 1024:.0f} GB are allowed; {_ADVICE}",
+            key=key,
+        )
+
+
+def loading(world: World, options: Options) -> tuple[float, float]:
+    """Memory [MB] and time [s] that libsdformat takes for the rocks that are not merged."""
+    field, shapes = world.field, world.library.prototypes
+    hulls = np.array([len(shape.hulls) for shape in shapes], np.int64)
+    own = 1 + np.where(field.collides, hulls[field.prototype], 0)  # a visual, and collisions
+    parts = int(own[rocks.is_single(field, options.individual_min_m)].sum())
+    bodies = int(field.dynamic.sum())
+    return PART_MB * parts + BODY_MB * bodies, (PART_MS * parts + BODY_MS * bodies) / 1000.0
+
+
+def _found(world: World, options: Options) -> str:
+    single, dynamic = (
+        rocks.is_single(world.field, options.individual_min_m).sum(),
+        world.field.dynamic.sum(),
+    )
+    return f"{single} rocks are elements of their own, {dynamic} of them dynamic"
 
 
 def list_losses(
-    world: World, *, coarse: list[Mesh], heightmap: Heightmap | None, version: str, options: Options
+    world: World, *, coarse: list[Mesh], heightmap: Heightmap | None, options: Options
 ) -> tuple[str, ...]:
     """A sentence for each loss, with its size where there is one.
 
@@ -44,20 +112,18 @@ def list_losses(
         )
     if world.field.dynamic.any():
         losses.append("Dynamic rocks have no rolling friction, which SDF does not know.")
-    if world.site.georeferenced and not knows_surface(world.site, version):
+    if world.site.georeferenced and not knows_surface(world.site, options.version):
         losses.append(
-            f"SDF {version} knows no surface but the Earth's: longitude and latitude are left out."
+            f"SDF {options.version} knows no surface but the Earth's: longitude and latitude are "
+            "left out."
         )
-    losses += _actor_losses(world, options)
-    losses += _merged_losses(world, coarse, options)
-    losses += loading_losses(world, options)
-    losses += stepping_losses(world)
+    if world.trajectories:
+        losses += _actor_losses(world, options)
+    losses += _rock_losses(world, coarse, options)
     return (*losses, *collision_losses(world.library.prototypes))
 
 
 def _actor_losses(world: World, options: Options) -> list[str]:
-    if not world.trajectories:
-        return []
     losses = ["Actors replay the path without colliding."]
     if options.version == "1.9":
         losses.append(
@@ -70,12 +136,27 @@ def _actor_losses(world: World, options: Options) -> list[str]:
     return [*losses, *unmeasured, *rig_losses(world.rover)]
 
 
-def _merged_losses(world: World, coarse: list[Mesh], options: Options) -> list[str]:
-    small = int((~rocks.is_single(world.field, options)).sum())
-    if not small:
-        return []
-    error = largest_outline_error(coarse, world.library.prototypes)
-    return [
-        f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
-        f"separate, without texture, their outline off by up to {100 * error:.1f} % of their size."
-    ]
+def _rock_losses(world: World, coarse: list[Mesh], options: Options) -> list[str]:
+    losses = []
+    small = int((~rocks.is_single(world.field, options.individual_min_m)).sum())
+    if small:
+        error = largest_outline_error(coarse, world.library.prototypes)
+        losses.append(
+            f"{small} rocks below {options.individual_min_m:g} m are merged per tile: no longer "
+            "separate, without texture, their outline off by up to "
+            f"{100 * error:.1f} % of their size."
+        )
+    megabytes, seconds = loading(world, options)
+    if megabytes > WORTH_SAYING_MB:
+        losses.append(
+            f"{_found(world, options)}: Gazebo's parser takes some {megabytes / 1024:.1f} GB and "
+            f"{seconds:.0f} s to load them; {_ADVICE}"
+        )
+    dynamic = int(world.field.dynamic.sum())
+    busy = SECONDS_PER_DYNAMIC * dynamic
+    if busy > STEP:
+        losses.append(
+            f"{dynamic} dynamic rocks take DART about {1000 * busy:.0f} ms for each step of "
+            f"{1000 * STEP:g} ms: slower than real time; make fewer rocks dynamic."
+        )
+    return losses

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
 from terrain_forge.base import NotNegative, RecipeError, Spec
 
-CLASSIC_VERSION = "1.6"
-"""The SDF that Gazebo 9 to 11 read."""
-_VERSIONS = {"fortress": "1.9", "garden": "1.10"}
+_VERSIONS = {"classic": "1.6", "fortress": "1.9", "garden": "1.10"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,9 +58,7 @@ class Options(Spec):
     @property
     def version(self) -> str:
         """Version of SDF."""
-        return (
-            CLASSIC_VERSION if self.flavour == "classic" else _VERSIONS[self.release or "fortress"]
-        )
+        return _VERSIONS["classic" if self.flavour == "classic" else self.release or "fortress"]
 
     @property
     def grey_bits(self) -> int:
@@ -71,20 +67,12 @@ class Options(Spec):
 
     def __post_init__(self) -> None:
         if self.flavour == "classic":
-            self._require_default("release", "it is of gz-sim, here the flavour is classic")
+            self.require_default("release", "it is of gz-sim, here the flavour is classic")
         if self.ground == "mesh":
-            self._require_default(
-                "heightmap_bits", "the ground is a mesh; choose ground: heightmap"
-            )
+            self.require_default("heightmap_bits", "the ground is a mesh; choose ground: heightmap")
         if self.grey_bits == 16 and self.release != "garden":
             raise RecipeError(
                 "16 bits are misread by Gazebo Fortress (as heights of 0 to 1 m) and by Classic; "
                 "choose heightmap_bits: 8, or for newer ones release: garden",
                 key=("heightmap_bits",),
             )
-
-    def _require_default(self, name: str, why: str) -> None:
-        """Refuse a value that would change nothing."""
-        default = next(field.default for field in fields(self) if field.name == name)
-        if getattr(self, name) != default:
-            raise RecipeError(f"has no effect: {why}", key=(name,))

@@ -144,18 +144,17 @@ def _replays(sample: Sample, scene: Path) -> Iterator[Deviation | None]:
     for trajectory in sample.world.trajectories:
         actor = actors.get(file_name(trajectory.name))
         stops = [] if actor is None else list(actor.iter("waypoint"))
+        if not stops:
+            yield None
+            continue
         times = np.array([stop.findtext("time", "") for stop in stops], dtype=np.float64)
         poses = np.array([stop.findtext("pose", "").split() for stop in stops], dtype=np.float64)
-        yield (
-            deviation(
-                trajectory,
-                times=times,
-                position=poses[:, :3],
-                quaternion=quaternion_from_rpy(poses[:, 3:]),
-                places_between=spline_places,
-            )
-            if stops
-            else None
+        yield deviation(
+            trajectory,
+            times=times,
+            position=poses[:, :3],
+            quaternion=quaternion_from_rpy(poses[:, 3:]),
+            places_between=spline_places,
         )
 
 
@@ -168,27 +167,22 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         NotRun: if a compiler or a library is missing.
         SimulationError: if the probe fails.
     """
-    program = _program()
-    answers = []
+    program, answers = _program(), []
     with tempfile.TemporaryDirectory(dir=scratch) as temporary:
         for name in ("world", "scene"):
             binary = Path(temporary) / f"{name}.bin"
-            command: list[str | Path] = [
-                program,
-                "read",
-                folder / f"{name}.sdf",
-                folder / "models",
-                binary,
-            ]
+            command = [program, "read", folder / f"{name}.sdf", folder / "models", binary]
             text = run(command, log=scratch / f"{name}.log")
             answers.append(read_answer(sample, text, binary))
-        unlike = _unlike(folder, options)
-        balls, engine = (
-            (None, "no engine") if unlike else _rest(sample, program, folder, Path(temporary))
-        )
+        unlike, balls, engine = _unlike(folder, options), None, "no engine"
+        if not unlike:
+            balls, engine = _rest(sample, program, folder, Path(temporary))
     world, scene = answers
-    findings = dict.fromkeys((*(world.findings or ()), *(scene.findings or ())))
-    newer = _newer(folder) if findings else ""
+    findings = tuple(dict.fromkeys((*(world.findings or ()), *(scene.findings or ()))))
+    version, newer = ElementTree.parse(folder / "world.sdf").getroot().get("version", ""), ""
+    if findings and tuple(map(int, version.split("."))) > _NEWEST:
+        known = ".".join(map(str, _NEWEST))
+        newer = f"libsdformat 12 knows SDF up to {known}, the file is {version}"
     return replace(
         _with_heightmap(sample, world),
         consumer=f"{world.consumer}, {engine}",
@@ -196,17 +190,8 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         rock_error=options.outline_error,
         balls=balls,
         reasons={"balls": unlike, "findings": newer},
-        findings=None if newer else tuple(findings),
+        findings=None if newer else findings,
     )
-
-
-def _newer(folder: Path) -> str:
-    """Why libsdformat's complaints are none of an export's, empty if they are."""
-    version = ElementTree.parse(folder / "world.sdf").getroot().get("version", "")
-    if tuple(map(int, version.split("."))) <= _NEWEST:
-        return ""
-    known = ".".join(map(str, _NEWEST))
-    return f"libsdformat 12 knows SDF up to {known}, the file is {version}"
 
 
 def _unlike(folder: Path, options: Any) -> str:
@@ -234,8 +219,7 @@ def _rest(
     before, end, after = world.rpartition("</world>")
     file = temporary / "balls.sdf"
     file.write_text(f"{before}{balls}{end}{after}", encoding="utf-8")
-    command: list[str | Path] = [program, "rest", file, folder / "models", _plugin(), str(SETTLING)]
-    text = run(command)
+    text = run([program, "rest", file, folder / "models", _plugin(), str(SETTLING)])
     engine = next(line for line in text.splitlines() if line.startswith("consumer\t"))
     return resting_balls(text), engine.partition("\t")[2]
 
@@ -247,10 +231,13 @@ def _with_heightmap(sample: Sample, reading: Reading) -> Reading:
     """
     if not reading.quantum:
         return reading
-    ground, points = sample.world.ground, np.concatenate([sample.points, _under_balls(sample)])
-    (mesh,) = reading.ground
+    ground, (mesh,) = sample.world.ground, reading.ground
     west, south, east, north = ground.bounds
     nodes = np.clip(mesh.vertices[:, :2], (west, south), (east, north))
+    line = np.linspace(-1.0, 1.0, 21) * sample.balls.radius
+    offsets = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    under = (sample.balls.xy[:, None, :] + offsets).reshape(-1, 2)  # what balls may touch
+    points = np.concatenate([sample.points, np.clip(under, (west, south), (east, north))])
     ideal = np.column_stack([mesh.vertices[:, :2], ground.height_at(nodes[:, 0], nodes[:, 1])])
     southwest, southeast, northeast, _, _, northwest = mesh.faces.reshape(-1, 6).T
     other = np.stack([southwest, southeast, northwest, southeast, northeast, northwest], axis=-1)
@@ -258,15 +245,6 @@ def _with_heightmap(sample: Sample, reading: Reading) -> Reading:
     wanted = ground.height_at(points[:, 0], points[:, 1])
     besides = max(float(np.nanmax(np.abs(heights_on(c, points) - wanted))) for c in cuts)
     return replace(reading, besides=besides)
-
-
-def _under_balls(sample: Sample) -> np.ndarray:
-    """Points that the balls may touch, shape [n, 2] [m]."""
-    west, south, east, north = sample.world.ground.bounds
-    line = np.linspace(-1.0, 1.0, 21) * sample.balls.radius
-    offsets = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    points = (sample.balls.xy[:, None, :] + offsets).reshape(-1, 2)
-    return np.clip(points, (west, south), (east, north))
 
 
 @cache
@@ -279,46 +257,39 @@ def _program() -> Path:
     for tool in ("g++", "pkg-config"):
         if not shutil.which(tool):
             raise NotRun(f"{tool} is not installed")
-    asked = subprocess.run(
-        ["pkg-config", "--cflags", "--libs", *_PACKAGES],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    asked = _run("pkg-config", "--cflags", "--libs", *_PACKAGES)
     if asked.returncode:
         raise NotRun(asked.stderr.strip().splitlines()[-1])
     key = sha256(_SOURCE.read_bytes() + asked.stdout.encode()).hexdigest()[:32]
-    folder = cache_folder() or Path(tempfile.mkdtemp(prefix="terrain-forge-"))
-    program = folder / f"gazebo-probe-{key}"
-    if not program.is_file():
-        _compile(program, asked.stdout.split())
-    return program
-
-
-def _compile(program: Path, flags: list[str]) -> None:
-    """Compile the probe; others see all of it or nothing."""
-    program.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=program.parent, prefix="new-") as folder:
+    cache = cache_folder() or Path(tempfile.mkdtemp(prefix="terrain-forge-"))
+    program = cache / f"gazebo-probe-{key}"
+    if program.is_file():
+        return program
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cache, prefix="new-") as folder:
+        # Others see all of it or nothing.
         new = Path(folder) / program.name
-        command = ["g++", "-std=c++17", "-O1", str(_SOURCE), *flags, "-o", str(new)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        flags = asked.stdout.split()
+        done = _run("g++", "-std=c++17", "-O1", str(_SOURCE), *flags, "-o", str(new))
         if done.returncode:
             error = next((line for line in done.stderr.splitlines() if "error" in line), "")
             raise NotRun(f"the probe does not compile with these libraries: {error}")
         new.replace(program)
+    return program
 
 
 def _plugin() -> Path:
     """The physics engine's library."""
-    asked = subprocess.run(
-        ["pkg-config", "--variable=libdir", _PLUGIN], capture_output=True, text=True, check=False
-    )
-    folders = [Path(asked.stdout.strip()), Path("/usr/lib/x86_64-linux-gnu")]
+    told = _run("pkg-config", "--variable=libdir", _PLUGIN).stdout.strip()
     name = f"lib{_PLUGIN}.so"
-    for folder in folders:
+    for folder in (Path(told), Path("/usr/lib/x86_64-linux-gnu")):
         if (folder / name).is_file():
             return folder / name
     raise SimulationError(f"{name} is not installed")
+
+
+def _run(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def opening(folder: Path, options: Any) -> Opening:
@@ -337,9 +308,9 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-FILES = Consumer(name="files", read=read_files, quick=True, full=False)
-"""The files themselves."""
-GAZEBO = Consumer(name="Gazebo Fortress' libraries", read=read_sdf)
-"""The parser, mesh loaders and physics of Gazebo Fortress; gz-sim itself is not run."""
-CONSUMERS = (FILES, GAZEBO)
+CONSUMERS = (
+    Consumer(name="files", read=read_files, quick=True, full=False),
+    # Its parser, mesh loaders and physics; gz-sim itself is not run.
+    Consumer(name="Gazebo Fortress' libraries", read=read_sdf),
+)
 """What reads these exports back."""

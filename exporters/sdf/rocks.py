@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from terrain_forge.exporters.sdf import material
 
 from terrain_forge.base import rpy_from_quaternion
 from terrain_forge.geometry import (
@@ -17,24 +16,23 @@ from terrain_forge.geometry import (
     rock_texture,
     write_rock_shape,
 )
-from terrain_forge.model import Mesh, RockField, Tile, World, world_friction
+from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import rock_name, write_png, write_stl
+from terrain_forge.writers import Lines, element, numbers, rock_name, write_png, write_stl
 
-from .markup import Lines, element, numbers
-from .model import Model, mesh, surface
+from .model import TEXTURES, Model, inertial, mesh, plain, surface
 from .options import Options
-from .solids import inertial
 
 
-def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options) -> Lines:
+def write_tile(
+    tile: Tile, model: Model, friction: float, coarse: list[Mesh], options: Options
+) -> Lines:
     """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
     Among the merged rocks a mesh of `coarse` stands for each prototype.
     """
     whole = tile.whole
-    single = is_single(tile.field, options)
-    friction = world_friction(whole.site.body, options).rock
+    single = is_single(tile.field, options.individual_min_m)
     parts: list[Lines] = [
         _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
     ]
@@ -48,38 +46,32 @@ def write_tile(tile: Tile, model: Model, *, coarse: list[Mesh], options: Options
         if not unseen:
             touch = surface(friction)
             parts.append(element("collision", geometry, touch, name=f"{name}_collision"))
-        look = material.plain(mean_rock_srgb(whole, population))
+        look = plain(mean_rock_srgb(whole, population))
         parts.append(element("visual", geometry, look, name=f"{name}_visual"))
     return element("link", *parts, name=tile.name("rocks"))
 
 
-def is_single(field: RockField, options: Options) -> NDArray[np.bool_]:
-    """Which rocks are elements of their own: the large and the dynamic ones."""
-    large: NDArray[np.bool_] = field.diameter >= options.individual_min_m
+def is_single(field: RockField, least: float) -> NDArray[np.bool_]:
+    """Which rocks are elements of their own: the dynamic ones and those of a diameter [m]."""
+    large: NDArray[np.bool_] = field.diameter >= least
     return large | field.dynamic
 
 
 def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
     """Write the model of the tiles' links, and the meshes and textures that single rocks share."""
-    single = world.field.select(is_single(world.field, options))
-    _write_shapes(world, model, np.unique(single.prototype).tolist())
+    single = world.field.select(is_single(world.field, options.individual_min_m))
+    for prototype in np.unique(single.prototype).tolist():
+        shape = world.library.prototypes[prototype]
+        write_rock_shape(model.path(_shape_file(prototype)), shape)
+        for part, hull in enumerate(shape.hulls):
+            path = model.path(_hull_file(prototype, part))
+            write_stl(path, vertices=hull.vertices, faces=hull.faces)
     populations = np.unique(single.population).tolist()
     for population in populations:
         image = rock_texture(world, population)
-        write_png(model.path(f"{material.TEXTURES}/{_texture_file(population)}"), image)
-    if model.flavour == "classic" and populations:
-        material.write_scripts(model, list(map(_texture_file, populations)), address="wrap")
+        write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
+    model.write_scripts(list(map(_texture_file, populations)), address="wrap")
     model.write(title=f"{world.site.name}: rocks", links=links)
-
-
-def _write_shapes(world: World, model: Model, prototypes: list[int]) -> None:
-    """Write the meshes that single rocks share: finest level of detail, and convex parts."""
-    for number in prototypes:
-        shape = world.library.prototypes[number]
-        write_rock_shape(model.path(_shape_file(number)), shape)
-        for part, hull in enumerate(shape.hulls):
-            path = model.path(_hull_file(number, part))
-            write_stl(path, vertices=hull.vertices, faces=hull.faces)
 
 
 def _single_rocks(world: World, rocks: RockField, model: Model, friction: float) -> Lines:
@@ -89,13 +81,9 @@ def _single_rocks(world: World, rocks: RockField, model: Model, friction: float)
     looks = _looks(model, rocks)
     lines: Lines = []
     for row, pose in enumerate(poses):
-        name, place = rock_name(rocks.id[row]), f"<pose>{numbers(pose)}</pose>"
-        shape, hulls = _meshes(world, rocks, row, model)
-        look = f"{place}{shape}{looks[rocks.population[row]]}"
-        lines.append(f'<visual name="{name}_visual">{look}</visual>')
-        for part, hull in enumerate(hulls if rocks.collides[row] else ()):
-            body = f"{place}{hull}{touch}"
-            lines.append(f'<collision name="{name}_collision_{part}">{body}</collision>')
+        name, place = f"{rock_name(rocks.id[row])}_", f"<pose>{numbers(pose)}</pose>"
+        felt = touch if rocks.collides[row] else ""
+        lines += _parts(world, rocks, row, model, looks, felt, name=name, place=place)
     return lines
 
 
@@ -109,48 +97,49 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
     looks, tensors = _looks(model, field), inertias(field, world.library)
     models = []
     for row, rock in enumerate(field.id.tolist()):
-        touch = "".join(_contact(float(field.diameter[row])))
-        shape, hulls = _meshes(world, field, row, model)
-        parts = [f'<visual name="visual">{shape}{looks[field.population[row]]}</visual>']
-        for part, hull in enumerate(hulls):
-            parts.append(f'<collision name="collision_{part}">{hull}{touch}</collision>')
+        contact = dynamic_contact(float(field.diameter[row]))  # as it was settled
+        # SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
+        radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
+        touch = "".join(surface(contact.sliding, patch_radius=radius))
+        parts = _parts(world, field, row, model, looks, touch)
         mass = "".join(inertial(float(field.mass[row]), tensors[row]))
         link = element("link", [mass], parts, name="rock")
-        pose = element("pose", numbers(poses[row]))
+        pose = element("pose", poses[row])
         models.append(element("model", pose, link, name=rock_name(rock)))
     return models
 
 
-def _contact(diameter: float) -> Lines:
-    """Friction of a dynamic rock, as it was settled.
+def _parts(
+    world: World,
+    rocks: RockField,
+    row: int,
+    model: Model,
+    looks: list[str],
+    touch: str,
+    *,
+    name: str = "",
+    place: str = "",
+) -> Lines:
+    """The visual of a rock's shape and, where there is a touch, collisions of its convex parts."""
+    prototype, size = int(rocks.prototype[row]), f"{rocks.scale[row]:.9g}"
 
-    SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
-    """
-    contact = dynamic_contact(diameter)
-    radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
-    return surface(contact.sliding, patch_radius=radius)
+    def geometry(file: str) -> str:
+        mesh = f"<uri>{model.uri(file)}</uri><scale>{size} {size} {size}</scale>"
+        return f"{place}<geometry><mesh>{mesh}</mesh></geometry>"
+
+    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]]}"
+    hulls = world.library.prototypes[prototype].hulls if touch else ()
+    return [f'<visual name="{name}visual">{look}</visual>'] + [
+        f'<collision name="{name}collision_{part}">{geometry(_hull_file(prototype, part))}{touch}'
+        "</collision>"
+        for part in range(len(hulls))
+    ]
 
 
 def _looks(model: Model, rocks: RockField) -> list[str]:
     """The material of each population's single rocks, as text."""
     populations = range(len(rocks.populations))
-    return ["".join(material.textured(model, _texture_file(number))) for number in populations]
-
-
-def _meshes(world: World, rocks: RockField, row: int, model: Model) -> tuple[str, list[str]]:
-    """The geometries of a rock's shape and of its convex parts, as text."""
-    prototype, scale = int(rocks.prototype[row]), float(rocks.scale[row])
-    parts = range(len(world.library.prototypes[prototype].hulls))
-    hulls = [model.uri(_hull_file(prototype, part)) for part in parts]
-    shape = _scaled_mesh(model.uri(_shape_file(prototype)), scale)
-    return shape, [_scaled_mesh(hull, scale) for hull in hulls]
-
-
-def _scaled_mesh(uri: str, scale: float) -> str:
-    """The geometry of a mesh file in a size, as text."""
-    size = f"{scale:.9g}"
-    scaled = f"<uri>{uri}</uri><scale>{size} {size} {size}</scale>"
-    return f"<geometry><mesh>{scaled}</mesh></geometry>"
+    return ["".join(model.textured(_texture_file(number))) for number in populations]
 
 
 def _shape_file(prototype: int) -> str:

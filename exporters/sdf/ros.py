@@ -48,20 +48,17 @@ def write_package(world: World, directory: Path, *, options: Options) -> None:
 
 def _bridge(world: World, options: Options) -> str:
     """Configuration of ros_gz_bridge: the clock, and what the actors' sensors publish."""
-    entries = [_entry(Topic("clock", "Clock", "Clock"), "rosgraph_msgs")]
+    topics = [(Topic("clock", "Clock", "Clock"), "rosgraph_msgs")]
     for trajectory in world.trajectories if options.sensors else ():
         actor = file_name(trajectory.name)
-        entries += [_entry(topic, "sensor_msgs") for topic in rig_topics(world.rover, actor=actor)]
-    return "".join(entries)
-
-
-def _entry(topic: Topic, ros_package: str) -> str:
-    return (
+        topics += [(topic, "sensor_msgs") for topic in rig_topics(world.rover, actor=actor)]
+    return "".join(
         f'- ros_topic_name: "/{topic.name}"\n'
         f'  gz_topic_name: "/{topic.name}"\n'
-        f'  ros_type_name: "{ros_package}/msg/{topic.ros_type}"\n'
+        f'  ros_type_name: "{package}/msg/{topic.ros_type}"\n'
         f'  gz_type_name: "gz.msgs.{topic.gz_type}"\n'
         "  direction: GZ_TO_ROS\n"
+        for topic, package in topics
     )
 
 

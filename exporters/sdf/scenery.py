@@ -7,12 +7,12 @@ from pathlib import Path
 
 from terrain_forge.dtm import ellipsoid
 from terrain_forge.model import Lighting, Site, World
-from terrain_forge.writers import file_name
+from terrain_forge.writers import Lines, element, file_name, leaves, write_xml
 
-from .load import STEP
-from .markup import Lines, element, leaves, world_name, write_document
-from .model import Model
+from .model import Model, world_name
 
+STEP = 0.002
+"""Time step of the physics [s]."""
 _SYSTEMS = {
     "physics": "Physics",
     "user-commands": "UserCommands",
@@ -30,27 +30,22 @@ def write_world(
 
     Where something carries sensors (`sensing`), gz-sim wants plugins.
     """
-    flavour, version = models[0].flavour, models[0].version
-    located = knows_surface(world.site, version)
+    classic, version = models[0].classic, models[0].version
+    # Siblings share one name space, and actors have the names of their paths.
+    actors = {file_name(trajectory.name) for trajectory in world.trajectories}
+    sun, physics = (f"{n}.1" if n in actors else n for n in ("sun", "default_physics"))
     body = element(
         "world",
-        *leaves(gravity=[0, 0, -world.site.body.gravity], magnetic_field="0 0 0"),
-        *([_spherical_coordinates(world.site)] if located else []),
-        _physics(flavour, name=_free("default_physics", world)),
-        *(_systems() if sensing and flavour == "gz" else []),
-        _scene(world.lighting),
-        _sun(world.lighting, name=_free("sun", world)),
+        *leaves(gravity=(0, 0, -world.site.body.gravity), magnetic_field="0 0 0"),
+        *([_place(world.site)] if knows_surface(world.site, version) else []),
+        _physics(physics, classic=classic),
+        *(_systems() if sensing and not classic else []),
+        *_lights(world.lighting, sun=sun),
         *(element("include", *leaves(uri=f"model://{model.name}")) for model in models),
         *movers,
         name=world_name(name),
     )
-    write_document(path, version, body)
-
-
-def _free(name: str, world: World) -> str:
-    """A name that no actor has, which have those of their paths: siblings share one name space."""
-    taken = {file_name(trajectory.name) for trajectory in world.trajectories}
-    return f"{name}.1" if name in taken else name
+    write_xml(path, element("sdf", body, version=version))
 
 
 def knows_surface(site: Site, version: str) -> bool:
@@ -58,7 +53,7 @@ def knows_surface(site: Site, version: str) -> bool:
     return version == "1.10" and site.georeferenced
 
 
-def _spherical_coordinates(site: Site) -> Lines:
+def _place(site: Site) -> Lines:
     """Where the origin lies, on the ellipsoid of the site's own reference system."""
     assert site.lonlat is not None
     longitude, latitude = map(math.degrees, site.lonlat)
@@ -89,9 +84,9 @@ def _systems() -> list[Lines]:
     ]
 
 
-def _physics(flavour: str, *, name: str) -> Lines:
+def _physics(name: str, *, classic: bool) -> Lines:
     timing = leaves(max_step_size=STEP, real_time_factor=1, real_time_update_rate=1 / STEP)
-    if flavour == "classic":
+    if classic:
         return element("physics", *timing, name=name, default="true", type="ode")
     # With DART's bullet detector no mesh meets another one: dynamic rocks would fall into the
     # ground.
@@ -100,14 +95,10 @@ def _physics(flavour: str, *, name: str) -> Lines:
     return element("physics", *timing, dart, name=name, default="true", type="dart")
 
 
-def _scene(lighting: Lighting) -> Lines:
+def _lights(lighting: Lighting, *, sun: str) -> list[Lines]:
     # Where no air scatters light, the ground still throws some back into the shadows.
     ambient = [0.05 + 0.4 * channel for channel in lighting.sky_rgb]
-    colours = leaves(ambient=[*ambient, 1], background=[*lighting.sky_rgb, 1])
-    return element("scene", *colours, *leaves(shadows="true", grid="false"))
-
-
-def _sun(lighting: Lighting, *, name: str) -> Lines:
+    colours = leaves(ambient=(*ambient, 1), background=(*lighting.sky_rgb, 1))
     light = leaves(
         cast_shadows="true",
         pose="0 0 100 0 0 0",
@@ -115,4 +106,7 @@ def _sun(lighting: Lighting, *, name: str) -> Lines:
         specular="0.1 0.1 0.1 1",
         direction=-lighting.towards_sun,
     )
-    return element("light", *light, name=name, type="directional")
+    return [
+        element("scene", *colours, *leaves(shadows="true", grid="false")),
+        element("light", *light, name=sun, type="directional"),
+    ]

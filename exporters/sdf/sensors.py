@@ -6,26 +6,21 @@ from collections.abc import Mapping
 from typing import Any
 
 from terrain_forge.model import Rover, Sensor, Topic, titles
-from terrain_forge.writers import identifier
-
-from .markup import Lines, element, numbers
+from terrain_forge.writers import Lines, element, identifier, leaves
 
 _FAR = 300.0
 """What a camera sees at least [m]."""
 
 
-def rig_sensors(rover: Rover, *, actor: str, flavour: str, reach: float = 0.0) -> list[Lines]:
+def rig_sensors(
+    rover: Rover, *, actor: str, classic: bool = False, reach: float = 0.0
+) -> list[Lines]:
     """The `<sensor>` elements of a rover's rig, in the frame of base_link; cameras first.
 
     In Gazebo Classic the cameras are one multicamera, which takes their images at the same moment.
-
-    Args:
-        rover: The rover.
-        actor: Name of the actor, in the sensors' topics.
-        flavour: `gz` or `classic`.
-        reach: Size of the world, which the cameras shall see [m].
+    The topics hold the actor's name; cameras see as far as the world is large, `reach` [m].
     """
-    classic, origins = flavour == "classic", rover.origins
+    origins = rover.origins
     cameras: list[Lines] = []
     others: list[Lines] = []
     lenses: list[Lines] = []
@@ -34,7 +29,7 @@ def rig_sensors(rover: Rover, *, actor: str, flavour: str, reach: float = 0.0) -
         if told is None:
             continue
         kind, content = told
-        pose = element("pose", numbers([*(origins[sensor.link] + sensor.position), *sensor.rpy]))
+        pose = element("pose", (*(origins[sensor.link] + sensor.position), *sensor.rpy))
         if classic and kind == "camera":
             lens = _children(content["camera"])
             lenses.append(element("camera", pose, *lens, name=sensor.name))
@@ -67,18 +62,16 @@ def _topic(actor: str, sensor: Sensor) -> str:
 
 
 def _sensor(name: str, kind: str, rate: float, content: list[Lines]) -> Lines:
-    return element(
-        "sensor", element("update_rate", numbers([rate])), *content, name=name, type=kind
-    )
+    return element("sensor", *leaves(update_rate=rate), *content, name=name, type=kind)
 
 
 def _children(content: Mapping[str, Any]) -> list[Lines]:
     """The elements of a mapping, as `Sensor.sdf` describes them."""
-    return [_element(tag, value) for tag, value in content.items() if tag[0] != "@"]
-
-
-def _element(tag: str, value: Any) -> Lines:
-    if isinstance(value, Mapping):
-        own = {key[1:]: text for key, text in value.items() if key[0] == "@"}
-        return element(tag, *_children(value), **own)
-    return element(tag, value if isinstance(value, str) else numbers([value]))
+    elements = []
+    for tag, value in content.items():
+        if isinstance(value, Mapping):
+            own = {key[1:]: text for key, text in value.items() if key[0] == "@"}
+            elements.append(element(tag, *_children(value), **own))
+        elif tag[0] != "@":
+            elements.append(element(tag, value))
+    return elements

@@ -9,24 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Usd, UsdGeom, UsdLux, UsdPhysics
 
+from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
     detail_loss,
     largest_outline_error,
     level_of_detail,
+    rock_texture,
     static_losses,
     texture_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
+from terrain_forge.writers import write_png
 
-from .ground import fresh_craters, write_detail, write_ground
+from .ground import DETAIL, fresh_craters, write_ground
 from .layer import ROOT, new_stage, save
-from .library import write_library
 from .options import Options
-from .replay import write_scene
-from .rig import rig_losses
-from .rocks import write_rocks, write_textures
+from .rocks import write_library, write_rocks
+from .rover import rig_losses, write_scene
 
 _SKY_SHARE = 0.2
 """Irradiance of the sky over the Sun's, an even compromise between a dusty day and a clear one."""
@@ -37,9 +38,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets = directory / "assets"
     assets.mkdir()
     write_library(world.library, assets)
-    write_textures(world, assets)
+    for population in np.unique(world.field.population).tolist():
+        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
     if world.appearance.detail:
-        write_detail(world.appearance.detail, assets)
+        write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
     shapes = world.library.prototypes
     coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
@@ -58,7 +60,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
     """Write the stage without a rover: physics, Sun, sky and payloads, for a person to read."""
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
-    _define_physics(stage, world)
+    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
+    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
     _define_lights(stage, world)
     for group, names in parts.items():
         prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
@@ -67,12 +71,6 @@ def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
             part = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}/{name}").GetPrim()
             part.GetPayloads().AddPayload(f"./assets/{name}.usdc")
     save(stage)
-
-
-def _define_physics(stage: Usd.Stage, world: World) -> None:
-    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
-    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
 
 
 def _define_lights(stage: Usd.Stage, world: World) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import UsdGeom, UsdPhysics, Vt
 
 from terrain_forge.base import image_rows
@@ -17,7 +16,7 @@ from terrain_forge.geometry import (
     grid_texture_coordinates,
     grid_vertices,
 )
-from terrain_forge.model import GroundDetail, Heightfield, Tile, World, world_friction
+from terrain_forge.model import Heightfield, Tile, World, world_friction
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
 from terrain_forge.writers import write_png
@@ -26,16 +25,12 @@ from .layer import define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
 
-_DETAIL = "ground_detail.png"
+DETAIL = "ground_detail.png"
+"""The normal map that all tiles' materials repeat."""
 _LEAST_DEPTH = 0.1
 """A crater that has less of its fresh depth left than this part is ground like any other."""
 _CENTRES = np.array([(2 / 3, 1 / 3), (1 / 3, 2 / 3)])
 """Centres of a cell's two triangles, in the order of `ground_mesh.grid_faces` [cells]."""
-
-
-def write_detail(detail: GroundDetail, assets: Path) -> None:
-    """Write the normal map that all tiles' materials repeat."""
-    write_png(assets / _DETAIL, image_rows(detail.normals))
 
 
 def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: Options) -> None:
@@ -56,20 +51,33 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
     look = define_textured(stage, path, f"./{name}.png", friction.ground, wrap="clamp")
     if detail := tile.whole.appearance.detail:
         scale, offset = detail_placement(ground, detail)
-        add_normal_map(stage, path, f"./{_DETAIL}", scale=scale, offset=offset)
+        add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
     save(stage)
 
 
 def fresh_craters(world: World) -> list[Craters]:
     """The craters of each layer that still show in the world's ground."""
-    found = [craters for _, craters in craters_of(world)]
+    found = (craters for _, craters in craters_of(world))
     return [some.select(some.depth >= _LEAST_DEPTH * some.fresh_depth) for some in found]
 
 
 def _label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:
-    """Label the faces of a tile's ground within the rims of craters, where there are any."""
-    inside = _faces_inside(ground, layers)
+    """Label the faces of a tile's ground that have their centres within rims of craters."""
+    rows, columns = ground.shape
+    inside = np.zeros((rows - 1, columns - 1, 2), np.bool_)
+    for craters in layers:
+        centres = (craters.xy - ground.origin) / ground.spacing
+        radii = 0.5 * craters.diameter / ground.spacing
+        low = np.floor(centres - radii[:, None]).astype(np.int64).clip(0)
+        high = np.ceil(centres + radii[:, None]).astype(np.int64).clip(0)
+        for (x, y), radius, (west, south), (east, north) in zip(
+            centres.tolist(), radii.tolist(), low.tolist(), high.tolist(), strict=True
+        ):
+            part = inside[south:north, west:east]
+            u = west + np.arange(part.shape[1])[:, None] + _CENTRES[:, 0] - x
+            v = south + np.arange(part.shape[0])[:, None] + _CENTRES[:, 1] - y
+            part |= u**2 + v[:, None, :] ** 2 <= radius**2
     if not inside.any():
         return
     faces = Vt.IntArray.FromNumpy(np.flatnonzero(inside).astype(np.int32))
@@ -77,22 +85,3 @@ def _label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters
         mesh, "craters", UsdGeom.Tokens.face, faces, "semantics", UsdGeom.Tokens.nonOverlapping
     )
     label(subset.GetPrim(), "crater")
-
-
-def _faces_inside(ground: Heightfield, layers: list[Craters]) -> NDArray[np.bool_]:
-    """Which of the ground's faces have their centres within a crater's rim, shape [faces]."""
-    rows, columns = ground.shape
-    inside = np.zeros((rows - 1, columns - 1, 2), np.bool_)
-    for craters in layers:
-        centres = (craters.xy - ground.origin) / ground.spacing
-        radii = 0.5 * craters.diameter / ground.spacing
-        low = np.floor(centres - radii[:, None]).astype(np.int64).clip(0)
-        high = np.ceil(centres + radii[:, None]).astype(np.int64)
-        for (x, y), radius, (west, south), (east, north) in zip(
-            centres.tolist(), radii.tolist(), low.tolist(), high.tolist(), strict=True
-        ):
-            part = inside[south : max(north, 0), west : max(east, 0)]
-            u = west + np.arange(part.shape[1])[:, None] + _CENTRES[:, 0] - x
-            v = south + np.arange(part.shape[0])[:, None] + _CENTRES[:, 1] - y
-            part |= u**2 + v[:, None, :] ** 2 <= radius**2
-    return inside.reshape(-1)

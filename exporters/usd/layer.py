@@ -96,18 +96,18 @@ def specify_place(
     scale: float | None = None,
 ) -> None:
     """Give a prim a position [m], a rotation (w, x, y, z) and a size, as far as they are given."""
-    kinds, order = Sdf.ValueTypeNames, []
+    kinds = Sdf.ValueTypeNames
+    values: dict[str, tuple[Sdf.ValueTypeName, Any]] = {}
     if position is not None:
-        order.append("xformOp:translate")
-        specify(prim, order[-1], kinds.Double3, Gf.Vec3d(*position.tolist()))
+        values["xformOp:translate"] = kinds.Double3, Gf.Vec3d(*position.tolist())
     if quaternion is not None:
-        order.append("xformOp:orient")
-        specify(prim, order[-1], kinds.Quatf, gf_quaternion(quaternion))
+        values["xformOp:orient"] = kinds.Quatf, gf_quaternion(quaternion)
     if scale is not None:
-        order.append("xformOp:scale")
-        specify(prim, order[-1], kinds.Float3, Gf.Vec3f(scale))
-    names = Vt.TokenArray(order)
-    specify(prim, "xformOpOrder", kinds.TokenArray, names, Sdf.VariabilityUniform)
+        values["xformOp:scale"] = kinds.Float3, Gf.Vec3f(scale)
+    for name, (kind, value) in values.items():
+        specify(prim, name, kind, value)
+    order = Vt.TokenArray(list(values))
+    specify(prim, "xformOpOrder", kinds.TokenArray, order, Sdf.VariabilityUniform)
 
 
 def specify(
@@ -119,8 +119,3 @@ def specify(
 ) -> None:
     """Give a prim an attribute with a value."""
     Sdf.AttributeSpec(prim, name, kind, variability).default = value
-
-
-def apply_schemas(prim: Sdf.PrimSpec, *names: str) -> None:
-    """Apply API schemas to a prim."""
-    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=list(names)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 _KINDS = Sdf.ValueTypeNames
@@ -15,13 +17,12 @@ def define_textured(
     Beyond the image's edge lies the image again (`wrap` is `repeat`) or its rim (`clamp`).
     """
     material = define_friction(stage, path, friction)
-    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
-    shader.CreateInput("roughness", _KINDS.Float).Set(1.0)
-    shader.CreateInput("metallic", _KINDS.Float).Set(0.0)
+    matt = {"roughness": (_KINDS.Float, 1.0), "metallic": (_KINDS.Float, 0.0)}
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface", **matt)
     output = shader.CreateOutput("surface", _KINDS.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
-    reader = _shader(stage, f"{path}/st", "UsdPrimvarReader_float2")
-    reader.CreateInput("varname", _KINDS.String).Set("st")
+    kind = "UsdPrimvarReader_float2"
+    reader = _shader(stage, f"{path}/st", kind, varname=(_KINDS.String, "st"))
     texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
     coordinates = reader.CreateOutput("result", _KINDS.Float2)
     texture.CreateInput("st", _KINDS.Float2).ConnectToSource(coordinates)
@@ -42,9 +43,9 @@ def add_normal_map(
 
     The image is -1 to 1 as 0 to 255, green towards north; it lies at `scale` · st + `offset`.
     """
-    place = _shader(stage, f"{path}/normals_st", "UsdTransform2d")
-    place.CreateInput("scale", _KINDS.Float2).Set(Gf.Vec2f(*scale))
-    place.CreateInput("translation", _KINDS.Float2).Set(Gf.Vec2f(*offset))
+    laid = {"scale": (_KINDS.Float2, Gf.Vec2f(*scale))}
+    laid["translation"] = (_KINDS.Float2, Gf.Vec2f(*offset))
+    place = _shader(stage, f"{path}/normals_st", "UsdTransform2d", **laid)
     reader = UsdShade.Shader.Get(stage, f"{path}/st")
     place.CreateInput("in", _KINDS.Float2).ConnectToSource(reader.GetOutput("result"))
     texture = _define_image(stage, f"{path}/normals", image, "raw", wrap="repeat")
@@ -81,15 +82,16 @@ def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
 def _define_image(
     stage: Usd.Stage, path: str, image: str, colours: str, *, wrap: str
 ) -> UsdShade.Shader:
-    texture = _shader(stage, path, "UsdUVTexture")
-    texture.CreateInput("file", _KINDS.Asset).Set(image)
-    texture.CreateInput("sourceColorSpace", _KINDS.Token).Set(colours)
-    for side in ("wrapS", "wrapT"):
-        texture.CreateInput(side, _KINDS.Token).Set(wrap)
-    return texture
+    wraps = dict.fromkeys(("wrapS", "wrapT"), (_KINDS.Token, wrap))
+    told = {"file": (_KINDS.Asset, image), "sourceColorSpace": (_KINDS.Token, colours), **wraps}
+    return _shader(stage, path, "UsdUVTexture", **told)
 
 
-def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
+def _shader(
+    stage: Usd.Stage, path: str, kind: str, **inputs: tuple[Sdf.ValueTypeName, Any]
+) -> UsdShade.Shader:
     shader = UsdShade.Shader.Define(stage, path)
     shader.CreateIdAttr(kind)
+    for name, (type_name, value) in inputs.items():
+        shader.CreateInput(name, type_name).Set(value)
     return shader

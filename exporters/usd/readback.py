@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion
-from terrain_forge.model import Mesh, Opening, Trajectory
+from terrain_forge.model import Mesh, Opening
 from terrain_forge.paths import Deviation, angles_between, times_between
 from terrain_forge.validation import (
     Body,
@@ -100,11 +100,20 @@ def _mesh(prim: Any, places: Any) -> Mesh:
     """A mesh prim's triangles in the world frame."""
     from pxr import UsdGeom
 
-    mesh = UsdGeom.Mesh(prim)
-    points = np.array(mesh.GetPointsAttr().Get(), dtype=np.float64)
-    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int32)
-    matrix = np.array(places.GetLocalToWorldTransform(prim))
-    return Mesh(vertices=points @ matrix[:3, :3] + matrix[3, :3], faces=corners.reshape(-1, 3))
+    corners = np.array(UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get(), dtype=np.int32)
+    vertices = _moved(_points(prim), np.array(places.GetLocalToWorldTransform(prim)))
+    return Mesh(vertices=vertices, faces=corners.reshape(-1, 3))
+
+
+def _points(prim: Any) -> Array:
+    from pxr import UsdGeom
+
+    return np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(), dtype=np.float64)
+
+
+def _moved(points: Array, matrix: Array) -> Array:
+    """Points by a matrix of USD, which is to the right of its rows."""
+    return points @ matrix[:3, :3] + matrix[3, :3]
 
 
 def _add_instances(solids: SolidsOfRocks, instancer: Any, places: Any) -> None:
@@ -125,17 +134,14 @@ def _add_instances(solids: SolidsOfRocks, instancer: Any, places: Any) -> None:
     def vertices(kind: int) -> Array:
         # A prototype's own place is part of an instance's transform already.
         root = stage.GetPrimAtPath(targets[kind])
-        parts = [
-            (np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(), dtype=np.float64),
-             np.array(places.ComputeRelativeTransform(prim, root)[0]))
+        return np.concatenate([
+            _moved(_points(prim), np.array(places.ComputeRelativeTransform(prim, root)[0]))
             for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies())
             if prim.IsA(UsdGeom.Mesh)
-        ]  # fmt: skip
-        return np.concatenate([p @ matrix[:3, :3] + matrix[3, :3] for p, matrix in parts])
+        ])  # fmt: skip
 
     for n in wanted:
-        matrix = matrices[n] @ outer
-        solids.add(int(ids[n]), vertices(int(kinds[n])) @ matrix[:3, :3] + matrix[3, :3])
+        solids.add(int(ids[n]), _moved(vertices(int(kinds[n])), matrices[n] @ outer))
 
 
 def _gravity(stage: Any) -> float | None:
@@ -164,9 +170,8 @@ def _bodies(stage: Any) -> dict[int, Body]:
         turn = matrix_from_quaternion(np.array([axes.GetReal(), *axes.GetImaginary()]))
         tensor = turn @ np.diag(said.GetDiagonalInertiaAttr().Get()) @ turn.T
         matrix = np.array(places.GetLocalToWorldTransform(prim))
-        centre = np.array(said.GetCenterOfMassAttr().Get()) @ matrix[:3, :3] + matrix[3, :3]
-        mass = float(said.GetMassAttr().Get())
-        found[rock] = Body(mass, tensor, centre, matrix[:3, :3].T)
+        centre = _moved(np.array(said.GetCenterOfMassAttr().Get()), matrix)
+        found[rock] = Body(float(said.GetMassAttr().Get()), tensor, centre, matrix[:3, :3].T)
     return found
 
 
@@ -193,34 +198,29 @@ def _tracks(stage: Any) -> Iterator[Track]:
 
 def _replays(sample: Sample, scene: Path) -> Iterator[Deviation | None]:
     """How far replays leave the paths between their samples, as usd-core interpolates them."""
-    from pxr import Usd
+    from pxr import Usd, Vt
 
     if not sample.world.trajectories:
         return
     stage = Usd.Stage.Open(str(scene), Usd.Stage.LoadNone)
+    rate = float(stage.GetTimeCodesPerSecond())
     for trajectory in sample.world.trajectories:
         prim = stage.GetPrimAtPath(f"/World/Paths/{identifier(trajectory.name)}")
-        rate = float(stage.GetTimeCodesPerSecond())
-        yield _deviation(trajectory, prim, rate=rate) if prim else None
-
-
-def _deviation(trajectory: Trajectory, prim: Any, *, rate: float) -> Deviation:
-    """Of a prim's `xformOp:translate` and `xformOp:orient`."""
-    from pxr import Vt
-
-    translate, orient = (prim.GetAttribute(f"xformOp:{name}") for name in ("translate", "orient"))
-    codes = np.array(translate.GetTimeSamples())
-    asked = times_between(codes / rate)
-    codes_between = (asked * rate).tolist()
-    # USD's own arrays become NumPy's twenty times as fast as lists of its values do.
-    places = np.array(Vt.Vec3dArray([translate.Get(code) for code in codes_between]))
-    turns = np.array(Vt.QuatfArray([orient.Get(code) for code in codes_between]), np.float64)
-    quaternion = np.roll(turns, 1, axis=1)  # its memory holds x, y, z, w
-    wanted = trajectory.at(asked)
-    return Deviation(
-        position=float(np.linalg.norm(places - wanted.position, axis=1).max()),
-        angle=float(angles_between(quaternion, wanted.quaternion).max()),
-    )
+        if not prim:
+            yield None
+            continue
+        translate, orient = (prim.GetAttribute(f"xformOp:{n}") for n in ("translate", "orient"))
+        asked = times_between(np.array(translate.GetTimeSamples()) / rate)
+        codes = (asked * rate).tolist()
+        # USD's own arrays become NumPy's twenty times as fast as lists of its values do.
+        places = np.array(Vt.Vec3dArray([translate.Get(code) for code in codes]))
+        turns = np.array(Vt.QuatfArray([orient.Get(code) for code in codes]), np.float64)
+        quaternion = np.roll(turns, 1, axis=1)  # its memory holds x, y, z, w
+        wanted = trajectory.at(asked)
+        yield Deviation(
+            position=float(np.linalg.norm(places - wanted.position, axis=1).max()),
+            angle=float(angles_between(quaternion, wanted.quaternion).max()),
+        )
 
 
 def _findings(stage: Any) -> Iterator[str]:
@@ -245,9 +245,5 @@ def opening(folder: Path, options: Any) -> Opening:
     return Opening(title="USD", commands=f"usdview {quote(folder.name)}/scene.usda   # {others}")
 
 
-OPENUSD = Consumer(name="OpenUSD", read=read_usd, quick=True)
-"""OpenUSD's composition and validators."""
-NEWTON = newton("world.usda")
-"""Newton's importer of USD, and its solver."""
-CONSUMERS = (OPENUSD, NEWTON)
+CONSUMERS = (Consumer(name="OpenUSD", read=read_usd, quick=True), newton("world.usda"))
 """What reads these exports back."""

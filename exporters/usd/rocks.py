@@ -1,7 +1,8 @@
 """The rocks of a tile: static ones instanced for pictures, their colliders apart; dynamic bodies.
 
-Importers of physics ignore what a PointInstancer holds, so the large static rocks are instanceable
-references to their hulls, and the small ones one static mesh; neither is seen in pictures.
+Their shapes lie once for the whole world in a library. Importers of physics ignore what a
+PointInstancer holds, so the large static rocks are instanceable references to their hulls, and the
+small ones one static mesh; neither is seen in pictures.
 """
 
 from __future__ import annotations
@@ -11,27 +12,67 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
-from terrain_forge.exporters.usd import library
 
-from terrain_forge.base import Array, xyzw
-from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes, rock_texture
+from terrain_forge.base import xyzw
+from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes
 from terrain_forge.model import Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import rock_name, write_png
+from terrain_forge.writers import rock_name, vertex_normals
 
 from .layer import (
-    apply_schemas,
     define_mesh,
+    define_st,
     gf_quaternion,
     label,
     make_collider,
     new_stage,
+    save,
     specify,
     specify_place,
 )
-from .library import specify_instance
 from .material import bind, bind_friction, define_friction, define_textured
 from .options import Options
+
+_LIBRARY = "rock_library"
+
+
+def write_library(library: RockLibrary, assets: Path) -> None:
+    """Write all levels of detail and convex parts of every shape, in the prototypes' frames."""
+    stage = new_stage(assets / f"{_LIBRARY}.usdc", _LIBRARY)
+    for number, shape in enumerate(library.prototypes):
+        for level, mesh in enumerate(shape.meshes):
+            path = _visual_path(number, level)
+            UsdGeom.Xform.Define(stage, path)
+            visual = define_mesh(stage, f"{path}/shape", mesh.vertices, mesh.faces)
+            normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
+            visual.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+            visual.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+            # Per corner of a face, since the texture has seams.
+            define_st(visual, shape.uvs[level].reshape(-1, 2), UsdGeom.Tokens.faceVarying)
+        UsdGeom.Xform.Define(stage, _hull_path(number))
+        for part, hull in enumerate(shape.hulls):
+            path = f"{_hull_path(number)}/part_{part}"
+            collider = define_mesh(stage, path, hull.vertices, hull.faces)
+            make_collider(collider, UsdPhysics.Tokens.convexHull)
+    save(stage)
+
+
+def _visual_path(prototype: int, level: int) -> str:
+    """The library's prim of a shape's level of detail (0: finest)."""
+    return f"/{_LIBRARY}/shape_{prototype:03}_{level}"
+
+
+def _hull_path(prototype: int) -> str:
+    """The library's prim of a shape's convex parts."""
+    return f"/{_LIBRARY}/hull_{prototype:03}"
+
+
+def _specify_instance(parent: Sdf.PrimSpec, name: str, source: str) -> Sdf.PrimSpec:
+    """The spec of a child prim that is an instance of a prim of the library."""
+    child = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
+    child.instanceable = True
+    child.referenceList.prependedItems = [Sdf.Reference(f"./{_LIBRARY}.usdc", source)]
+    return child
 
 
 def write_rocks(
@@ -44,10 +85,10 @@ def write_rocks(
     """
     name, whole, field = tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)
-    friction = world_friction(whole.site.body, options)
+    friction = world_friction(whole.site.body, options).rock
     looks = {
         n: define_textured(
-            stage, f"/{name}/Looks/rock_{n}", f"./{_texture_file(n)}", friction.rock, wrap="repeat"
+            stage, f"/{name}/Looks/rock_{n}", f"./rock_{n}.png", friction, wrap="repeat"
         )
         for n in np.unique(field.population).tolist()
     }
@@ -77,16 +118,6 @@ def write_rocks(
     layer.Save()
 
 
-def write_textures(world: World, assets: Path) -> None:
-    """Write the textures of all populations into `assets`."""
-    for population in np.unique(world.field.population).tolist():
-        write_png(assets / _texture_file(population), rock_texture(world, population))
-
-
-def _texture_file(population: int) -> str:
-    return f"rock_{population}.png"
-
-
 def _define_instancer(
     stage: Usd.Stage, path: str, rocks: RockField, whole: World, level: NDArray[np.int64]
 ) -> None:
@@ -96,7 +127,12 @@ def _define_instancer(
     )
     instancer = UsdGeom.PointInstancer.Define(stage, path)
     label(instancer.GetPrim(), "rock")
-    instancer.CreatePrototypesRel().SetTargets(_define_prototypes(stage, path, pairs))
+    targets = []
+    for source in (_visual_path(*pair) for pair in pairs.tolist()):
+        prim = stage.DefinePrim(f"{path}/Prototypes/{source.rsplit('/', 1)[1]}", "Xform")
+        prim.GetReferences().AddReference(f"./{_LIBRARY}.usdc", source)
+        targets.append(prim.GetPath())
+    instancer.CreatePrototypesRel().SetTargets(targets)
     instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(index.reshape(-1).astype(np.int32)))
     instancer.CreateIdsAttr(Vt.Int64Array.FromNumpy(rocks.id.astype(np.int64)))
     positions = rocks.position.astype(np.float32)
@@ -111,23 +147,13 @@ def _define_instancer(
     instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(box.astype(np.float32)))
 
 
-def _define_prototypes(stage: Usd.Stage, path: str, pairs: NDArray[np.int64]) -> list[Sdf.Path]:
-    targets = []
-    for prototype, level in pairs.tolist():
-        source = library.visual_path(prototype, level)
-        prim = stage.DefinePrim(f"{path}/Prototypes/{source.rsplit('/', 1)[1]}", "Xform")
-        prim.GetReferences().AddReference(library.LAYER, source)
-        targets.append(prim.GetPath())
-    return targets
-
-
 def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField) -> None:
     """An instanceable reference to the hulls of each rock."""
     parent = layer.GetPrimAtPath(path)
     columns = (rocks.id, rocks.prototype, rocks.position, rocks.quaternion, rocks.scale)
     with Sdf.ChangeBlock():
         for identity, prototype, position, quaternion, scale in zip(*columns, strict=True):
-            rock = specify_instance(parent, rock_name(identity), library.hull_path(prototype))
+            rock = _specify_instance(parent, rock_name(identity), _hull_path(prototype))
             specify_place(rock, position=position, quaternion=quaternion, scale=float(scale))
 
 
@@ -140,7 +166,7 @@ def _define_dynamic_groups(
     sliding = dynamic_contact(float(rocks.diameter[0])).sliding  # the same for all sizes
     friction = define_friction(stage, f"{root}/Looks/dynamic", sliding)
     for population in np.unique(rocks.population).tolist():
-        group = UsdGeom.Xform.Define(stage, _group(root, population)).GetPrim()
+        group = UsdGeom.Xform.Define(stage, f"{root}/dynamic_{population}").GetPrim()
         label(group, "rock")
         bind(group, looks[population])
         bind_friction(group, friction)
@@ -153,30 +179,25 @@ def _specify_dynamic(layer: Sdf.Layer, root: str, rocks: RockField, shapes: Rock
     """
     if not len(rocks):
         return
+    kinds = Sdf.ValueTypeNames
     moments, axes = principal_axes(inertias(rocks, shapes))
     with Sdf.ChangeBlock():
-        for row in range(len(rocks)):
-            parent = layer.GetPrimAtPath(_group(root, int(rocks.population[row])))
+        for row, (population, prototype) in enumerate(
+            zip(rocks.population.tolist(), rocks.prototype.tolist(), strict=True)
+        ):
+            parent = layer.GetPrimAtPath(f"{root}/dynamic_{population}")
             body = Sdf.PrimSpec(parent, rock_name(rocks.id[row]), Sdf.SpecifierDef, "Xform")
             specify_place(body, position=rocks.position[row], quaternion=rocks.quaternion[row])
-            apply_schemas(body, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
-            _specify_mass(body, float(rocks.mass[row]), moments[row], axes[row])
-            scale, prototype = float(rocks.scale[row]), int(rocks.prototype[row])
-            visual = specify_instance(body, "visual", library.visual_path(prototype, 0))
-            specify_place(visual, scale=scale)
-            hulls = specify_instance(body, "hulls", library.hull_path(prototype))
-            specify_place(hulls, scale=scale)
-            token = Sdf.ValueTypeNames.Token
-            specify(hulls, "purpose", token, UsdGeom.Tokens.guide, Sdf.VariabilityUniform)
-
-
-def _specify_mass(body: Sdf.PrimSpec, mass: float, moments: Array, axes: Array) -> None:
-    specify(body, "physics:mass", Sdf.ValueTypeNames.Float, mass)
-    specify(body, "physics:centerOfMass", Sdf.ValueTypeNames.Point3f, Gf.Vec3f(0.0))
-    diagonal = Gf.Vec3f(*moments.tolist())
-    specify(body, "physics:diagonalInertia", Sdf.ValueTypeNames.Float3, diagonal)
-    specify(body, "physics:principalAxes", Sdf.ValueTypeNames.Quatf, gf_quaternion(axes))
-
-
-def _group(root: str, population: int) -> str:
-    return f"{root}/dynamic_{population}"
+            schemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
+            body.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=schemas))
+            specify(body, "physics:mass", kinds.Float, float(rocks.mass[row]))
+            specify(body, "physics:centerOfMass", kinds.Point3f, Gf.Vec3f(0.0))
+            diagonal = Gf.Vec3f(*moments[row].tolist())
+            specify(body, "physics:diagonalInertia", kinds.Float3, diagonal)
+            specify(body, "physics:principalAxes", kinds.Quatf, gf_quaternion(axes[row]))
+            visual = _specify_instance(body, "visual", _visual_path(prototype, 0))
+            hulls = _specify_instance(body, "hulls", _hull_path(prototype))
+            for part in (visual, hulls):
+                specify_place(part, scale=float(rocks.scale[row]))
+            guide, uniform = UsdGeom.Tokens.guide, Sdf.VariabilityUniform
+            specify(hulls, "purpose", kinds.Token, guide, uniform)

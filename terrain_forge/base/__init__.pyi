@@ -4,8 +4,9 @@ from . import portable as portable
 from .arrays import Array as Array
 from .arrays import Key as Key
 from .arrays import Mask as Mask
-from .colour import linear_from_srgb as linear_from_srgb
-from .colour import srgb_from_linear as srgb_from_linear
+from .bounded import read_arrays as read_arrays
+from .bounded import read_text as read_text
+from .bounded import require_file as require_file
 from .errors import DataError as DataError
 from .errors import ExportError as ExportError
 from .errors import OutputError as OutputError
@@ -17,12 +18,15 @@ from .errors import TerrainForgeError as TerrainForgeError
 from .errors import reading as reading
 from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows
+from .frames import linear_from_srgb as linear_from_srgb
 from .frames import matrix_from_quaternion as matrix_from_quaternion
 from .frames import quaternion_from_rpy as quaternion_from_rpy
 from .frames import rpy_from_matrix as rpy_from_matrix
 from .frames import rpy_from_quaternion as rpy_from_quaternion
+from .frames import srgb_from_linear as srgb_from_linear
 from .frames import xyzw as xyzw
 from .geometry import fibonacci_sphere as fibonacci_sphere
+from .geometry import rectangle_distance as rectangle_distance
 from .geometry import segment_square_distance as segment_square_distance
 from .heap import heap_pop as heap_pop
 from .heap import heap_push as heap_push
@@ -36,7 +40,9 @@ from .progress import Progress as Progress
 from .progress import Stopwatch as Stopwatch
 from .progress import silent as silent
 from .records import Record as Record
+from .records import Rows as Rows
 from .records import from_plain as from_plain
+from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .registry import load_plugin as load_plugin
 from .registry import parts as parts
@@ -66,5 +72,3 @@ from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import is_file_name as is_file_name
-from .text import read_text as read_text
-from .text import require_file as require_file

@@ -1,8 +1,8 @@
 """Conversions at the boundaries, one named function each (docs/conventions.md).
 
 Inside terrain-forge: right-handed ENU, metres, radians, quaternions (w, x, y, z), grid rows that
-run north. Degrees, image rows, other quaternion orders exist only where a file or a person needs
-them.
+run north, linear light. Degrees, image rows, other quaternion orders, sRGB exist only where a file
+or a person needs them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, portable
 
@@ -27,14 +27,8 @@ def xyzw(quaternion: Array) -> Array:
 
 def compass_to_direction(azimuth_rad: float, elevation_rad: float) -> Array:
     """Unit vector (east, north, up) towards a compass azimuth (clockwise from north)."""
-    horizontal = np.cos(elevation_rad)
-    return np.array(
-        [
-            horizontal * np.sin(azimuth_rad),
-            horizontal * np.cos(azimuth_rad),
-            np.sin(elevation_rad),
-        ]
-    )
+    level, up = np.cos(elevation_rad), np.sin(elevation_rad)
+    return np.array([level * np.sin(azimuth_rad), level * np.cos(azimuth_rad), up])
 
 
 def quaternion_from_rpy(rpy: Array) -> Array:
@@ -84,3 +78,17 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
 def rpy_from_quaternion(quaternion: Array) -> Array:
     """Roll, pitch, yaw [rad], wrapped, shape [..., 3], of quaternions (w, x, y, z)."""
     return rpy_from_matrix(matrix_from_quaternion(quaternion))
+
+
+def linear_from_srgb(colour: ArrayLike) -> Array:
+    """Linear light of sRGB values, both 0 to 1 (IEC 61966-2-1)."""
+    values = np.asarray(colour, dtype=np.float64)
+    curve = portable.power((values + 0.055) / 1.055, 2.4)
+    return np.asarray(np.where(values <= 0.04045, values / 12.92, curve))
+
+
+def srgb_from_linear(light: ArrayLike) -> Array:
+    """SRGB values of linear light, both 0 to 1; the inverse of `linear_from_srgb`."""
+    values = np.asarray(light, dtype=np.float64)
+    curve = 1.055 * portable.power(np.maximum(values, 0.0), 1 / 2.4) - 0.055
+    return np.asarray(np.where(values <= 0.0031308, 12.92 * values, curve))

@@ -17,6 +17,12 @@ def fibonacci_sphere(count: int) -> Array:
     return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
 
 
+def rectangle_distance(xy: Array, rectangle: tuple[float, float, float, float]) -> Array:
+    """Distance of points, shape [points, 2], to a rectangle (west, south, east, north)."""
+    beyond = np.maximum(rectangle[:2] - xy, xy - np.array(rectangle[2:]))
+    return np.asarray(np.hypot(*np.maximum(beyond, 0.0).T))
+
+
 @inner
 def segment_square_distance(segment, x, y):  # type: ignore[no-untyped-def]
     """Square of the distance of a point to a segment (x, y, x, y of its ends), for kernels."""

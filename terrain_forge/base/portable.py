@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,71 +26,67 @@ _NEGLIGIBLE = 1e-18
 """An element off the diagonal that is smaller than this part of those on it counts as 0."""
 
 
-def exp(x: ArrayLike) -> Array:
-    """E to the power of x; infinite where that is too large."""
-    return _each(math.exp, x, otherwise=_exp)
+def _each(
+    function: Callable[..., float],
+    *arrays: ArrayLike,
+    otherwise: Callable[..., float] | None = None,
+) -> Array:
+    """A function of each element; where it raises, all of them by the slower one that does not."""
+    even = np.broadcast_arrays(*(np.asarray(array, np.float64) for array in arrays))
+    columns = [array.ravel() for array in even]
+    found = np.empty(even[0].size)
+    try:
+        for begin in range(0, found.size, _AT_ONCE):
+            part = slice(begin, begin + _AT_ONCE)
+            numbers = map(function, *(column[part].tolist() for column in columns))
+            found[part] = np.fromiter(numbers, np.float64)
+    except (OverflowError, ValueError):
+        if otherwise is None:
+            raise
+        return _each(otherwise, *arrays)
+    return found.reshape(even[0].shape)[()]
 
 
-def expm1(x: ArrayLike) -> Array:
-    """E to the power of x, minus 1, exact near 0."""
-    return _each(math.expm1, x)
+def _safe(function: Callable[..., float], at_zero: float) -> Callable[..., float]:
+    """A function that is infinite where it overflows, and NaN where it has no value but at 0."""
+
+    def safe(x: float, *more: float) -> float:
+        try:
+            return function(x, *more)
+        except OverflowError:
+            return math.inf
+        except ValueError:
+            return at_zero if x == 0.0 else math.nan
+
+    return safe
 
 
-def log(x: ArrayLike) -> Array:
-    """Natural logarithm; minus infinity at 0, NaN below."""
-    return _each(math.log, x, otherwise=_log)
-
-
-def log1p(x: ArrayLike) -> Array:
-    """Natural logarithm of 1 + x, exact near 0."""
-    return _each(math.log1p, x)
-
-
-def log2(x: ArrayLike) -> Array:
-    """Logarithm to the base of 2, of numbers above 0."""
-    return _each(math.log2, x)
-
-
-def log10(x: ArrayLike) -> Array:
-    """Logarithm to the base of 10, of numbers above 0."""
-    return _each(math.log10, x)
-
-
-def power(x: ArrayLike, exponent: ArrayLike) -> Array:
-    """X to a power, for x of at least 0; infinite at 0 with an exponent below 0."""
-    x, exponent = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(exponent, np.float64))
-    return _each(math.pow, x, exponent, otherwise=_power)
-
-
-def cbrt(x: ArrayLike) -> Array:
-    """Cube root."""
-    return _each(math.cbrt, x)
-
-
-def tan(x: ArrayLike) -> Array:
-    """Tangent of angles [rad]."""
-    return _each(math.tan, x)
-
-
-def arctan(x: ArrayLike) -> Array:
-    """Angle of a tangent [rad], -π/2 to π/2."""
-    return _each(math.atan, x)
-
-
-def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
-    """Angle of the vector (x, y) [rad], -π to π."""
-    y, x = np.broadcast_arrays(np.asarray(y, np.float64), np.asarray(x, np.float64))
-    return _each(math.atan2, y, x)
-
-
-def arcsin(x: ArrayLike) -> Array:
-    """Angle of a sine from -1 to 1 [rad]."""
-    return _each(math.asin, x)
-
-
-def arccos(x: ArrayLike) -> Array:
-    """Angle of a cosine from -1 to 1 [rad]."""
-    return _each(math.acos, x)
+exp = partial(_each, math.exp, otherwise=_safe(math.exp, 1.0))
+"""E to the power of x; infinite where that is too large."""
+expm1 = partial(_each, math.expm1)
+"""E to the power of x, minus 1, exact near 0."""
+log = partial(_each, math.log, otherwise=_safe(math.log, -math.inf))
+"""Natural logarithm; minus infinity at 0, NaN below."""
+log1p = partial(_each, math.log1p)
+"""Natural logarithm of 1 + x, exact near 0."""
+log2 = partial(_each, math.log2)
+"""Logarithm to the base of 2, of numbers above 0."""
+log10 = partial(_each, math.log10)
+"""Logarithm to the base of 10, of numbers above 0."""
+power = partial(_each, math.pow, otherwise=_safe(math.pow, math.inf))
+"""X to a power, for x of at least 0; infinite at 0 with an exponent below 0."""
+cbrt = partial(_each, math.cbrt)
+"""Cube root."""
+tan = partial(_each, math.tan)
+"""Tangent of angles [rad]."""
+arctan = partial(_each, math.atan)
+"""Angle of a tangent [rad], -π/2 to π/2."""
+arctan2 = partial(_each, math.atan2)
+"""Angle of the vector (x, y) [rad], -π to π, of y and x."""
+arcsin = partial(_each, math.asin)
+"""Angle of a sine from -1 to 1 [rad]."""
+arccos = partial(_each, math.acos)
+"""Angle of a cosine from -1 to 1 [rad]."""
 
 
 def geomspace(first: float, last: float, count: int) -> Array:
@@ -142,25 +139,15 @@ def solve(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def inverse(a: ArrayLike) -> Array:
-    """Inverse of a small matrix, shape [n, n].
-
-    Raises:
-        ValueError: if it is singular.
-    """
+    """Inverse of a small matrix, shape [n, n]; raises a ValueError if it is singular."""
     return solve(a, np.eye(len(np.asarray(a))))
 
 
 def eigh(matrix: ArrayLike) -> tuple[Array, Array]:
-    """Eigenvalues of symmetric 3 × 3 matrices, ascending, and unit eigenvectors as columns.
+    """Eigenvalues of symmetric matrices, ascending, and unit eigenvectors as columns.
 
-    Jacobi's rotations (Golub & Van Loan, Matrix Computations, 8.5). Of each eigenvector the
-    component of the largest magnitude is positive.
-
-    Args:
-        matrix: shape [..., 3, 3].
-
-    Returns:
-        Shapes [..., 3] and [..., 3, 3].
+    Of shape [..., 3, 3], by Jacobi's rotations (Golub & Van Loan, Matrix Computations, 8.5). Of
+    each eigenvector the component of the largest magnitude is positive.
     """
     a = np.array(matrix, np.float64)
     shape = a.shape
@@ -184,49 +171,6 @@ def fit_line(x: ArrayLike, y: ArrayLike) -> tuple[float, float]:
     middle, height = math.fsum(x) / len(x), math.fsum(y) / len(y)
     slope = math.fsum((x - middle) * (y - height)) / math.fsum((x - middle) ** 2)
     return slope, height - slope * middle
-
-
-def _each(
-    function: Callable[..., float],
-    *arrays: ArrayLike,
-    otherwise: Callable[..., float] | None = None,
-) -> Array:
-    """A function of each element; where it raises, all of them by the slower one that does not."""
-    first = np.asarray(arrays[0], np.float64)
-    columns = [np.asarray(array, np.float64).ravel() for array in arrays]
-    found = np.empty(first.size)
-    try:
-        for begin in range(0, first.size, _AT_ONCE):
-            part = slice(begin, begin + _AT_ONCE)
-            numbers = map(function, *(column[part].tolist() for column in columns))
-            found[part] = np.fromiter(numbers, np.float64)
-    except (OverflowError, ValueError):
-        if otherwise is None:
-            raise
-        return _each(otherwise, *arrays)
-    return found.reshape(first.shape)[()]
-
-
-def _exp(x: float) -> float:
-    try:
-        return math.exp(x)
-    except OverflowError:
-        return math.inf
-
-
-def _log(x: float) -> float:
-    if x > 0.0:
-        return math.log(x)
-    return -math.inf if x == 0.0 else math.nan
-
-
-def _power(x: float, exponent: float) -> float:
-    try:
-        return math.pow(x, exponent)
-    except OverflowError:
-        return math.inf
-    except ValueError:
-        return math.inf if x == 0.0 else math.nan
 
 
 def _sum_last(terms: Array) -> Array:

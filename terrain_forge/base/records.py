@@ -15,9 +15,17 @@ from numpy.typing import NDArray
 TYPES: dict[str, type[Record]] = {}
 
 
+def shaped(*shape: int | str, dtype: Any = np.float64) -> dict[str, Any]:
+    """Metadata of a record's field that holds an array: its shape and type.
+
+    Each dimension is a number or a word; equal words are equal lengths in all of the record.
+    """
+    return {"dtype": dtype, "shape": shape}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """A frozen value of several fields. Subclasses call `freeze` for their arrays."""
+    """A frozen value of several fields; arrays whose shape is told are checked and frozen."""
 
     __hash__: ClassVar[None]  # type: ignore[assignment]
 
@@ -28,22 +36,35 @@ class Record:
             raise TypeError(f"{other.__module__} has a record of the name {cls.__name__}")
         TYPES[cls.__name__] = cls
 
+    def __post_init__(self) -> None:
+        lengths: dict[str, int] = {}
+        for f in fields(self):
+            if "shape" in f.metadata and getattr(self, f.name) is not None:
+                self.freeze(f.name, f.metadata["dtype"], f.metadata["shape"], lengths)
+
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
         return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
 
-    def freeze(self, name: str, dtype: Any, shape: tuple[int | str, ...]) -> None:
+    def freeze(
+        self,
+        name: str,
+        dtype: Any,
+        shape: tuple[int | str, ...],
+        lengths: dict[str, int] | None = None,
+    ) -> None:
         """Check, copy and make read-only the array field `name`.
 
-        `shape` gives each dimension as a number, or as a word: equal words are equal lengths.
+        `shape` gives each dimension as a number, or as a word: equal words are equal lengths, those
+        of `lengths` too.
 
         Raises:
             ValueError: where the shape differs or a float is not finite.
         """
         array = np.array(getattr(self, name), dtype=dtype, order="C", copy=True)
         where = f"{type(self).__name__}.{name}"
-        lengths: dict[str, int] = {}
+        lengths = {} if lengths is None else lengths
         matches = array.ndim == len(shape)
         for wanted, found in zip(shape, array.shape, strict=False):
             expected = lengths.setdefault(wanted, found) if isinstance(wanted, str) else wanted
@@ -59,6 +80,30 @@ class Record:
         """A copy with some fields changed, checked like a new record."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         return type(self)(**(values | changes))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows(Record):
+    """A record whose arrays have a row for each of some things; what else it has, they share."""
+
+    @classmethod
+    def columns(cls) -> list[str]:
+        """Names of the arrays."""
+        return [f.name for f in fields(cls) if "shape" in f.metadata]
+
+    def __len__(self) -> int:
+        return len(getattr(self, self.columns()[0]))
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Self:
+        """The rows of a mask or of an index array."""
+        return self.replace(**{name: getattr(self, name)[rows] for name in self.columns()})
+
+    def joined(self, *others: Self) -> Self:
+        """These rows, and those of others after them."""
+        parts = self, *others
+        return self.replace(
+            **{n: np.concatenate([getattr(part, n) for part in parts]) for n in self.columns()}
+        )
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -9,23 +9,15 @@ from __future__ import annotations
 
 import logging
 import pkgutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Protocol, TypeVar
+from typing import Any, TypeVar
 
 _log = logging.getLogger(__name__)
 _Part = TypeVar("_Part")
-
-
-class _Named(Protocol):
-    @property
-    def name(self) -> str: ...
-
-
-_Value = TypeVar("_Value", bound=_Named)
 
 
 @cache
@@ -39,10 +31,8 @@ def plugins(group: str) -> dict[str, EntryPoint]:
     for point in sorted(set(entry_points(group=group)), key=_precedence):
         first = found.setdefault(point.name, point)
         if first.value != point.value:
-            _log.warning(
-                "%s %r of %s is skipped: %s has that name",
-                _what(group), point.name, point.value, first.value,
-            )  # fmt: skip
+            twin = _what(group), point.name, point.value, first.value
+            _log.warning("%s %r of %s is skipped: %s has that name", *twin)
     return found
 
 
@@ -65,68 +55,55 @@ def parts(
 ) -> tuple[type[_Part], ...]:
     """All installed subclasses of a base class, in the order of their names.
 
-    Args:
-        base: the base class; subclasses tell themselves apart by their class attribute `kind`.
-        folder: our package, each of whose modules defines some.
-        group: entry points that name modules of other packages. Ours keep their kinds.
-        taken: kinds that are ours, though no module of the folder has them.
+    They tell themselves apart by their class attribute `kind`. Modules of our package `folder` and
+    those that entry points of a group name define some; ours keep their kinds, `taken` are ours
+    though no module has them.
     """
-    found: dict[str, type[_Part]] = {}
-    for module, point in _modules(folder, group):
-        members = [
-            member
-            for member in vars(module).values()
-            if isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind")
-        ]
-        _require_some(members, base, point, group)
-        for member in members:
-            kind = str(vars(member).get("kind", member.__name__))
-            if kind in taken:
-                _warn_of_twin(group, "kind", kind, member.__module__, "terrain_forge")
-                continue
-            first = found.setdefault(kind, member)
-            if first is not member:
-                _warn_of_twin(group, "kind", kind, member.__module__, first.__module__)
+
+    def wanted(member: object) -> bool:
+        return isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind")
+
+    named = [
+        (str(vars(member).get("kind", member.__name__)), member, member.__module__)
+        for member, _ in _members(folder, group, base, wanted)
+    ]
+    found = _first_of_each(group, "kind", named, taken)
     return tuple(sorted(found.values(), key=lambda part: part.__name__))
 
 
-def values(base: type[_Value], folder: str, group: str) -> tuple[_Value, ...]:
-    """All installed values of a class, each with a `name`, in the order of these.
-
-    Args:
-        base: the class.
-        folder: our package, each of whose modules defines some.
-        group: entry points that name modules of other packages. Ours keep their names.
-    """
-    found: dict[str, tuple[_Value, str]] = {}
-    for module, point in _modules(folder, group):
-        members = [member for member in vars(module).values() if isinstance(member, base)]
-        _require_some(members, base, point, group)
-        for member in members:
-            first, where = found.setdefault(member.name, (member, module.__name__))
-            if first is not member:
-                _warn_of_twin(group, "name", member.name, module.__name__, where)
-    return tuple(found[name][0] for name in sorted(found))
+def values(base: type[_Part], folder: str, group: str) -> tuple[_Part, ...]:
+    """All installed values of a class, found as by `parts`, in the order of their `name`."""
+    members = _members(folder, group, base, lambda member: isinstance(member, base))
+    found = _first_of_each(group, "name", [(one.name, one, module) for one, module in members])
+    return tuple(found[name] for name in sorted(found))
 
 
-def _modules(folder: str, group: str) -> list[tuple[ModuleType, EntryPoint | None]]:
-    """The modules of our folder, then those of other packages that can be imported."""
+def _members(
+    folder: str, group: str, base: type, wanted: Callable[[object], bool]
+) -> Iterator[tuple[Any, str]]:
+    """What modules of our folder bring, then those of other packages that can be imported."""
     names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
+    modules: list[tuple[ModuleType, EntryPoint | None]] = [(import_module(n), None) for n in names]
     points = sorted(set(entry_points(group=group)), key=_precedence)
-    others = [(module, point) for point in points if (module := load_plugin(point, group))]
-    return [*((import_module(name), None) for name in names), *others]
+    modules += [(module, point) for point in points if (module := load_plugin(point, group))]
+    for module, point in modules:
+        members = [member for member in vars(module).values() if wanted(member)]
+        if point is not None and not members:
+            skip_plugin(point, group, f"has no {base.__name__}")
+        yield from ((member, module.__name__) for member in members)
 
 
-def _require_some(
-    members: Sequence[object], base: type, point: EntryPoint | None, group: str
-) -> None:
-    """Warn of another package's module that brings nothing."""
-    if point is not None and not members:
-        skip_plugin(point, group, f"has no {base.__name__}")
-
-
-def _warn_of_twin(group: str, what: str, name: str, module: str, first: str) -> None:
-    _log.warning("%s %r of %s is skipped: %s has that %s", _what(group), name, module, first, what)
+def _first_of_each(
+    group: str, what: str, named: list[tuple[str, Any, str]], taken: Iterable[str] = ()
+) -> dict[str, Any]:
+    """The first of each name, but for names that are taken; warns of the others."""
+    found: dict[str, tuple[Any, str]] = {name: (None, "terrain_forge") for name in taken}
+    for name, member, module in named:
+        first, where = found.setdefault(name, (member, module))
+        if first is not member:
+            twin = _what(group), name, module, where, what
+            _log.warning("%s %r of %s is skipped: %s has that %s", *twin)
+    return {name: first for name, (first, _) in found.items() if first is not None}
 
 
 def _what(group: str) -> str:

@@ -7,10 +7,12 @@ docs/recipe.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
 from annotated_types import Interval, Len, MinLen, Predicate
+
+from terrain_forge.base.errors import RecipeError
 
 LEAST, MOST = 1e-12, 1e12
 """Smallest and largest number of a recipe that must be above 0: their squares can be computed."""
@@ -102,3 +104,9 @@ class Spec:
         "allow_inf_nan": False,
         "use_attribute_docstrings": True,
     }
+
+    def require_default(self, name: str, why: str) -> None:
+        """Refuse a value of a field that would change nothing."""
+        default = next(field.default for field in fields(self) if field.name == name)
+        if getattr(self, name) != default:
+            raise RecipeError(f"has no effect: {why}", key=(name,))

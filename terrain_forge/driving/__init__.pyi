@@ -1,14 +1,17 @@
 """Driving a rover over a world in MuJoCo."""
 
-from .checks import Driven as Driven
-from .checks import drive_json as drive_json
-from .checks import drive_path as drive_path
-from .checks import drive_starts as drive_starts
-from .checks import rover_mass_check as rover_mass_check
-from .checks import starts_json as starts_json
-from .checks import write_drives as write_drives
 from .controller import eased as eased
+from .files import stem as stem
+from .files import write_figure as write_figure
+from .files import write_starts_figure as write_starts_figure
+from .files import write_starts_table as write_starts_table
+from .files import write_tables as write_tables
+from .film import write_end as write_end
+from .film import write_film as write_film
 from .result import DriveResult as DriveResult
+from .simulation import ARRIVAL as ARRIVAL
 from .simulation import drive as drive
 from .simulation import load_scene as load_scene
+from .starts import StartsResult as StartsResult
+from .starts import drive_from_many_starts as drive_from_many_starts
 from .vehicle import Vehicle as Vehicle

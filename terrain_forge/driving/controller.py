@@ -1,20 +1,25 @@
 """Following a path with a skid-steered rover: pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
 
-A skid-steered rover turns slower than its wheels' rates say, since they must slip sideways; by how
-much depends on rover and ground, and is learned on the way (Martínez et al. 2005,
-doi:10.1177/0278364905058239, call it the instantaneous centres of rotation of the treads).
+The path is a polyline whose legs end at turns on the spot. A skid-steered rover turns slower than
+its wheels' rates say, since they must slip sideways; by how much depends on rover and ground, and
+is learned on the way (Martínez et al. 2005, doi:10.1177/0278364905058239, call it the instantaneous
+centres of rotation of the treads).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from terrain_forge.base import Array, portable
-from terrain_forge.driving.planar_path import PlanarPath, wrap
-from terrain_forge.model import Rover
+from terrain_forge.base import Array, Record, portable
+from terrain_forge.model import Rover, Trajectory
 
+CORNER = math.radians(35.0)
+"""A bend of the polyline by more at one point is a corner: it is turned on the spot [rad]."""
+_BACKWARD, _FORWARD = 0.5, 1.5
+_BEND_SPAN = 0.5
 LOOKAHEAD = 1.0
 """Least distance along the path of the point that is steered for [m]."""
 _LOOKAHEAD_LENGTHS = 0.7
@@ -32,6 +37,114 @@ _MEMORY = 10.0
 _PRIOR_RATE = 0.1
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanarPath(Record):
+    """A path in the plane as a polyline of segments that have a length."""
+
+    position: Array
+    """Points, east and north [m], shape [points, 2]."""
+    distance: Array
+    """Length along the path [m], from 0, strictly increasing, shape [points]."""
+    speed: float
+    """Mean speed where it moves [m/s]."""
+    corners: Array
+    """Lengths along the path at which the rover turns on the spot [m], increasing, shape
+    [corners]."""
+
+    def __post_init__(self) -> None:
+        self.freeze("position", np.float64, ("points", 2))
+        self.freeze("distance", np.float64, (len(self.position),))
+        self.freeze("corners", np.float64, ("corners",))
+
+    @staticmethod
+    def of(trajectory: Trajectory) -> PlanarPath:
+        """The trajectory's ground track; corners where it turns on the spot, or bends sharply.
+
+        Raises:
+            ValueError: if the trajectory does not move.
+        """
+        points = trajectory.position[:, :2]
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        moved = np.concatenate([[True], steps > 1e-9])
+        if moved.sum() < 2:
+            raise ValueError(f"path {trajectory.name!r} does not move")
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        turning = np.diff(trajectory.spot_turns, axis=1).sum()
+        duration = float(trajectory.time[-1] - trajectory.time[0] - turning)
+        turned = np.interp(trajectory.spot_turns[:, 0], trajectory.time, along)
+        points, along = points[moved], along[moved]
+        heading = portable.arctan2(*np.diff(points, axis=0).T[::-1])
+        bends = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi) > CORNER
+        corners = np.union1d(turned, along[1:-1][bends])
+        inner = (corners > 1e-6) & (corners < along[-1] - 1e-6)
+        speed = float(along[-1]) / duration
+        return PlanarPath(position=points, distance=along, speed=speed, corners=corners[inner])
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return float(self.distance[-1])
+
+    def leg(self, corner: int) -> tuple[float, float]:
+        """Where the leg that ends at a corner of this number begins and ends [m]."""
+        ends = np.concatenate([[0.0], self.corners, [self.length]])
+        return float(ends[corner]), float(ends[corner + 1])
+
+    def nearest(
+        self, point: Array, *, near: float, leg: tuple[float, float] | None = None
+    ) -> tuple[float, float, float]:
+        """Where the path passes a point: distance along [m], offset to the left [m], heading [rad].
+
+        Looks only around the distance `near`, so that a path may cross or close itself, and only
+        at the leg, whose two ends are distances along the path [m].
+        """
+        begin, end = leg or (0.0, self.length)
+        low, high = max(near - _BACKWARD, begin), min(near + _FORWARD, end)
+        first = max(int(np.searchsorted(self.distance, low, side="right")) - 1, 0)
+        last = max(int(np.searchsorted(self.distance, high)), first + 1)
+        points, along = self.position[first : last + 1], self.distance[first : last + 1]
+        steps, lengths = np.diff(points, axis=0), np.diff(along)
+        units = steps / np.linalg.norm(steps, axis=1)[:, None]
+        offsets = point - points[:-1]
+        on = np.clip((offsets * units).sum(1), 0.0, lengths)
+        misses = offsets - on[:, None] * units
+        best = int(np.argmin((misses**2).sum(1)))
+        unit, miss = units[best], misses[best]
+        side = math.copysign(1.0, unit[0] * miss[1] - unit[1] * miss[0])
+        heading = math.atan2(unit[1], unit[0])
+        return float(along[best] + on[best]), side * math.hypot(*miss), heading
+
+    def point(self, distance: float, *, end: float | None = None) -> Array:
+        """The point at a distance along the path [m], shape [2]; straight on beyond `end`."""
+        end = self.length if end is None else end
+        if distance > end:
+            heading = self.heading(end - 1e-6)
+            ahead = (distance - end) * np.array([math.cos(heading), math.sin(heading)])
+            return np.asarray(self.point(end, end=end) + ahead)
+        columns = self.position.T
+        return np.array([np.interp(distance, self.distance, column) for column in columns])
+
+    def heading(self, distance: float) -> float:
+        """Direction of the path at a distance along it [rad]."""
+        last = len(self.distance) - 2
+        at = min(max(int(np.searchsorted(self.distance, distance, side="right")) - 1, 0), last)
+        east, north = self.position[at + 1] - self.position[at]
+        return math.atan2(north, east)
+
+    def bend(self, distance: float, *, end: float) -> float:
+        """Mean curvature over the half metre ahead, as far as the end of the leg [1/m]."""
+        ahead = min(distance + _BEND_SPAN, end)
+        if ahead - distance < 1e-3:
+            return 0.0
+        turn = wrap(self.heading(ahead - 1e-6) - self.heading(distance))
+        return abs(turn) / _BEND_SPAN
+
+
+def wrap(angle: float) -> float:
+    """The angle in (-π, π] [rad]."""
+    return math.pi - (math.pi - angle) % (2 * math.pi)
+
+
 class SkidGain:
     """What the rover's turn rate is, against that of its wheels, by least squares on the way.
 
@@ -40,15 +153,14 @@ class SkidGain:
     0.1 rad/s does. (The reverse fit, wheels over rover, would take the noise for skill.)
     """
 
-    def __init__(self, first: float = SKID_GAIN) -> None:
-        self._first = first
+    def __init__(self) -> None:
         self._product = self._square = 0.0
 
     @property
     def value(self) -> float:
         """Turn rate of the wheels over that of the rover."""
         weight = _PRIOR_RATE**2
-        part = (self._product + weight / self._first) / (self._square + weight)
+        part = (self._product + weight / SKID_GAIN) / (self._square + weight)
         return 1.0 / min(max(part, 1.0 / _HIGHEST_GAIN), 1.0 / _LOWEST_GAIN)
 
     def note(self, *, wheels: float, rover: float, time: float) -> None:
@@ -92,14 +204,11 @@ class PurePursuit:
             return 0.0, math.copysign(TURN_RATE, bearing)
         curvature = 2.0 * math.sin(bearing) / math.hypot(*to_target)
         sharpest = max(abs(curvature), path.bend(self.progress, end=leg[1]), 1e-9)
-        speed = min(path.speed, TURN_RATE / sharpest, self._stopping_speed(leg[1]))
+        speed = min(path.speed, TURN_RATE / sharpest)
+        if self._corner < len(path.corners):  # at which the rover must still be able to stop
+            stopping = math.sqrt(RIM_ACCELERATION * max(leg[1] - self.progress, 0.0))
+            speed = min(speed, max(stopping, _CREEPING))
         return speed, speed * curvature
-
-    def _stopping_speed(self, end: float) -> float:
-        """Speed from which the rover can still stop at the next corner; no limit without one."""
-        if self._corner == len(self.path.corners):
-            return math.inf
-        return max(math.sqrt(RIM_ACCELERATION * max(end - self.progress, 0.0)), _CREEPING)
 
     def _turn_corner(self, yaw: float, corner: float) -> tuple[float, float]:
         """Turn on the spot to where the path leaves the corner, then begin the next leg."""
@@ -118,15 +227,10 @@ def lookahead_of(rover: Rover) -> float:
 
 
 def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = SKID_GAIN) -> Array:
-    """Rates of the rover's wheels [rad/s] for a speed and a turn rate, shape [wheels].
+    """Rates of the rover's wheels for a speed [m/s] and a turn rate [rad/s], shape [wheels].
 
-    Slowed together where the fastest would exceed the rover's speed limit.
-
-    Args:
-        rover: the rover.
-        speed: wanted speed [m/s].
-        turn_rate: wanted turn rate, left positive [rad/s].
-        gain: turn rate of the wheels over that of the rover, which skids.
+    Slowed together where the fastest would exceed the rover's speed limit. The gain is the turn
+    rate of the wheels over that of the rover, which skids.
     """
     sides = np.array([wheel.centre[1] for wheel in rover.wheels])
     radii = np.array([wheel.radius for wheel in rover.wheels])

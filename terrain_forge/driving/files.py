@@ -12,10 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from terrain_forge.base import Array, portable, xyzw
+from terrain_forge.base import Array, portable
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.driving.starts import StartResult, StartsResult
+from terrain_forge.driving.starts import StartsResult
 from terrain_forge.model import World
+from terrain_forge.paths import columns, pose_columns, write_tum
 from terrain_forge.writers import Column, figure_text, file_name, quoted, write_table
 
 PATH, TRACK, INK, HIT = "#f2c230", "#1668a8", "#4a433d", "#c0392b"
@@ -35,42 +36,23 @@ def write_tables(result: DriveResult, folder: Path) -> list[Path]:
 
     The TUM holds poses of base_link in the world frame, as a recorded path needs them.
     """
-    name = stem(result)
-    time = _columns(result.time[:, None], "time_s")
-    position = _columns(result.position, "x_m", "y_m", "z_m")
+    name, time = stem(result), result.time
     table, wheels, tum = (folder / f"{name}{end}" for end in (".csv", "_wheels.csv", ".tum"))
-    write_table(table, time + position + _angles(result) + _errors(result))
-    write_table(wheels, time + _wheels(result))
-    rotation = _columns(xyzw(result.quaternion), "qx", "qy", "qz", "qw")
-    write_table(tum, time + position + rotation, separator=" ", header=False)
-    return [table, wheels, tum]
-
-
-def _angles(result: DriveResult) -> list[Column]:
     rpy = np.column_stack([result.rpy[:, :2], np.unwrap(result.rpy[:, 2])])
-    quaternion = _columns(result.quaternion, "qw", "qx", "qy", "qz")
-    return quaternion + _columns(rpy, "roll_rad", "pitch_rad", "yaw_rad")
-
-
-def _errors(result: DriveResult) -> list[Column]:
     errors = np.column_stack([result.cross_track, result.heading_error, result.tilt])
-    columns = _columns(errors, "cross_track_m", "heading_error_rad", "tilt_rad")
+    content = pose_columns(time, result.position, result.quaternion, rpy)
+    content += columns(errors, "cross_track_m", "heading_error_rad", "tilt_rad")
     if len(result.clearance):
-        columns += _columns(result.clearance[:, None], "clearance_m")
-    return columns
-
-
-def _wheels(result: DriveResult) -> list[Column]:
-    columns = []
-    for n, wheel in enumerate(result.wheels):
-        states = (result.wheel_rate, result.wheel_torque, result.wheel_slip)
-        values = np.column_stack([state[:, n] for state in states])
-        columns += _columns(values, f"{wheel}_rate_rad_s", f"{wheel}_torque_n_m", f"{wheel}_slip")
-    return columns + _columns(result.joint_angle, *(f"{name}_rad" for name in result.joints))
-
-
-def _columns(values: Array, *names: str) -> list[Column]:
-    return [Column(name=name, values=values[:, n], form="%.9f") for n, name in enumerate(names)]
+        content += columns(result.clearance[:, None], "clearance_m")
+    write_table(table, content)
+    states = np.stack([result.wheel_rate, result.wheel_torque, result.wheel_slip], axis=-1)
+    measures = ("rate_rad_s", "torque_n_m", "slip")
+    names = [f"{wheel}_{measure}" for wheel in result.wheels for measure in measures]
+    content = columns(time[:, None], "time_s") + columns(states.reshape(len(time), -1), *names)
+    content += columns(result.joint_angle, *(f"{name}_rad" for name in result.joints))
+    write_table(wheels, content)
+    write_tum(tum, time, result.position, result.quaternion)
+    return [table, wheels, tum]
 
 
 def write_figure(world: World, result: DriveResult, path: Path) -> Path:
@@ -128,31 +110,26 @@ def _draw_band(axes: Axes, result: DriveResult, values: Array, title: str) -> No
 def write_starts_table(result: StartsResult, path: Path) -> Path:
     """Write a row for each drive; figures of drives that could not begin are 0."""
     starts = result.starts
-    numbers = {
-        "x_m": [start.start[0] for start in starts],
-        "y_m": [start.start[1] for start in starts],
-        "heading_deg": [math.degrees(start.heading) for start in starts],
-        "progress_m": [_figure(start, "progress") for start in starts],
-        "time_s": [_figure(start, "duration") for start in starts],
-        "mean_slip": [_figure(start, "mean_slip") for start in starts],
-        "largest_tilt_deg": [math.degrees(_figure(start, "largest_tilt")) for start in starts],
-        "rocks_touched": [float(len(s.drive.rocks)) if s.drive else 0.0 for s in starts],
-        "motor_work_j": [s.drive.energy.driving if s.drive else 0.0 for s in starts],
-    }
-    columns = [
+    numbers = np.zeros((len(starts), 9))
+    for row, start in zip(numbers, starts, strict=True):
+        row[:3] = *start.start, math.degrees(start.heading)
+        if drive := start.drive:
+            tilt, work = math.degrees(drive.largest_tilt), drive.energy.driving
+            row[3:6] = drive.progress, drive.duration, drive.mean_slip
+            row[6:] = tilt, len(drive.rocks), work
+    names = (
+        *("x_m", "y_m", "heading_deg", "progress_m", "time_s", "mean_slip", "largest_tilt_deg"),
+        *("rocks_touched", "motor_work_j"),
+    )
+    reasons = np.array([quoted(start.reason) for start in starts], object)
+    content = [
         Column(name="number", values=np.arange(len(starts)), form="%d"),
         Column(name="arrived", values=np.array([s.arrived for s in starts], int), form="%d"),
-        *(Column(name=n, values=np.array(v), form="%.6f") for n, v in numbers.items()),
-        Column(
-            name="reason", values=np.array([quoted(s.reason) for s in starts], object), form="%s"
-        ),
+        *(Column(name=n, values=v, form="%.6f") for n, v in zip(names, numbers.T, strict=True)),
+        Column(name="reason", values=reasons, form="%s"),
     ]
-    write_table(path, columns)
+    write_table(path, content)
     return path
-
-
-def _figure(start: StartResult, name: str) -> float:
-    return float(getattr(start.drive, name)) if start.drive else 0.0
 
 
 def write_starts_figure(world: World, result: StartsResult, path: Path) -> Path:
@@ -180,33 +157,20 @@ def write_starts_figure(world: World, result: StartsResult, path: Path) -> Path:
 
 
 def _draw_ground(axes: Axes, world: World, *, touched: Collection[str], around: Array) -> None:
-    """Draw the shaded ground and the rocks that a map of this size can show.
-
-    Args:
-        axes: where to draw.
-        world: the world.
-        touched: names of rocks that are shown in the colour of hits.
-        around: points that the map shows, with a margin [m], shape [points, 2].
-    """
+    """Draw the shaded ground around points [m] and the rocks that a map of this size can show."""
     ground = world.ground
     step = -(-max(ground.shape) // _MAP_NODES)
     heights = ground.elevation[::step, ::step].astype(np.float64)
     spacing = ground.spacing * step
-    west, south = ground.origin
-    rows, columns = heights.shape
-    half = spacing / 2
-    extent = (
-        west - half,
-        west - half + columns * spacing,
-        south - half,
-        south - half + rows * spacing,
-    )
+    west, south = (edge - spacing / 2 for edge in ground.origin)
+    high, wide = (nodes * spacing for nodes in heights.shape)
+    extent = west, west + wide, south, south + high
     shade = _hillshade(heights, spacing, world.lighting.towards_sun)
     axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=-0.4, vmax=1.4)
     _draw_rocks(axes, world, touched)
     low = np.maximum(around.min(0) - _MARGIN, ground.bounds[:2])
-    high = np.minimum(around.max(0) + _MARGIN, ground.bounds[2:])
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    top = np.minimum(around.max(0) + _MARGIN, ground.bounds[2:])
+    axes.set(xlim=(low[0], top[0]), ylim=(low[1], top[1]), aspect="equal")
     axes.set_xlabel("East, m", color=INK, loc="left")
     axes.set_ylabel("North, m", color=INK)
 

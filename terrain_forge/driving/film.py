@@ -1,4 +1,8 @@
-"""A drive as an animated picture, and a picture of the place where one failed."""
+"""A drive as an animated picture, a picture of its end, and the rover as it stood during it.
+
+Its links join the rocks around it: the renderer then gives them their shadows, the Sun and whatever
+stands before them.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,26 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from terrain_forge.base import Array
+from terrain_forge.base import (
+    Array,
+    linear_from_srgb,
+    matrix_from_quaternion,
+    quaternion_from_rpy,
+)
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.driving.rover_picture import photograph
-from terrain_forge.model import World
+from terrain_forge.model import Link, Mesh, Rover, Shape, World
+from terrain_forge.scene import (
+    Instances,
+    RayScene,
+    Subject,
+    pinhole_camera,
+    subject_of,
+    take_picture,
+    tones,
+)
 from terrain_forge.writers import write_png
 
 FRAMES = 24
@@ -22,6 +40,17 @@ _SIZE, _LARGE = (400, 225), (960, 540)
 _FRAME_MS, _LAST_MS, _QUALITY = 180, 1500, 60
 _INSET, _EDGE = 72, 6
 _PATH, _TRACK, _TEXT, _SHADE = (242, 194, 48), (120, 190, 255), (255, 255, 255), (0, 0, 0, 120)
+
+_REACH = 14.0
+"""Half the side of the piece of the world that a picture shows [m]."""
+_BEHIND, _ABOVE, _LOWEST, _PITCH = 3.6, 2.2, 0.8, math.radians(24.0)
+_LENGTH = 1.2
+"""Length of a rover that is seen well from there [m]; the camera stands off more for longer
+ones."""
+_FIELD_OF_VIEW = math.radians(62.0)
+_SIDES = 20
+_SMOOTH = 1e-6
+"""Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
 
 def write_film(world: World, result: DriveResult, path: Path) -> Path:
@@ -80,3 +109,120 @@ def _draw_inset(draw: ImageDraw.ImageDraw, planned: Array, driven: Array, width:
         draw.line(on_map(driven), fill=_TRACK, width=1)
     east, south = on_map(driven[-1:])[0]
     draw.ellipse((east - 3, south - 3, east + 3, south + 3), fill=_TEXT)
+
+
+def photograph(
+    world: World, result: DriveResult, pose: int, *, width: int, height: int
+) -> NDArray[np.uint8]:
+    """The rover from behind and above at a pose of its drive; sRGB, shape [height, width, 3]."""
+    position = result.position[pose]
+    size = max(world.rover.length / _LENGTH, 1.0)
+    away = size * _BEHIND
+    subject = _around(subject_of(world), position, _REACH + away - _BEHIND)
+    rover = rover_parts(world, result, pose)
+    ground = subject.ground
+    # The mean heading around the pose, so that the camera swings calmly.
+    yaw = result.rpy[max(pose - 15, 0) : pose + 16, 2]
+    heading = math.atan2(np.sin(yaw).mean(), np.cos(yaw).mean())
+    behind = position - away * np.array([math.cos(heading), math.sin(heading), 0.0])
+    west, south, east, north = ground.bounds
+    at = np.clip(behind[:2], (west, south), (east, north))
+    lowest = float(ground.height_at(*at)) + _LOWEST
+    behind[2] = max(position[2] + size * _ABOVE, lowest)
+    camera = pinhole_camera(
+        position=behind, yaw=heading, pitch=_PITCH, field_of_view=_FIELD_OF_VIEW, width=width,
+        height=height,
+    )  # fmt: skip
+    with RayScene(subject.replace(instances=subject.instances.add(rover))) as scene:
+        return take_picture(scene, camera)
+
+
+def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
+    """The ground and the rocks so far around a place, with no tracks on it but the rover's."""
+    ground, rocks = subject.ground, subject.instances
+    rows, columns = ground.shape
+    reach = math.ceil(reach_m / ground.spacing)
+    i, j = (round((position[n] - ground.origin[n]) / ground.spacing) for n in range(2))
+    column, row = max(min(i, columns - 2) - reach, 0), max(min(j, rows - 2) - reach, 0)
+    wide, high = min(2 * reach, columns - 1 - column), min(2 * reach, rows - 1 - row)
+    near = np.abs(rocks.position[:, :2] - position[:2]).max(axis=1) < reach_m + 2.0
+    return subject.replace(
+        ground=ground.cut(column=column, row=row, columns=wide, rows=high),
+        ground_rgb=subject.ground_rgb[row : row + high + 1, column : column + wide + 1],
+        instances=rocks.select(near),
+        tracks=(),
+    )
+
+
+def rover_parts(world: World, result: DriveResult, pose: int) -> Instances:
+    """The rover's visible shapes at a pose of a drive, one instance for each link and colour."""
+    poses = link_poses(world.rover, result, pose)
+    parts = [
+        (*poses[link.name], mesh, rgb) for link in world.rover.links for mesh, rgb in _looks(link)
+    ]
+    positions, rotations, meshes, colours = zip(*parts, strict=True)
+    count = len(parts)
+    number = np.arange(count, dtype=np.int32)
+    tone = tones(np.int32(np.iinfo(np.int32).max - count) + number, world.site.seed)
+    return Instances(
+        meshes=meshes,
+        mesh=number,
+        position=np.array(positions),
+        rotation=np.array(rotations),
+        scale=np.ones(count),
+        grain=np.full(count, _SMOOTH),
+        rgb=linear_from_srgb(np.round(255.0 * np.array(colours)) / 255.0) * tone[:, None],
+    )
+
+
+def link_poses(rover: Rover, result: DriveResult, pose: int) -> dict[str, tuple[Array, Array]]:
+    """Position [m] and rotation matrix of each link in the world frame at a pose of a drive."""
+    angles = dict(zip(result.joints, result.joint_angle[pose].tolist(), strict=True))
+    rates, steps = result.wheel_rate[: pose + 1], np.diff(result.time[: pose + 1])
+    turned: list[float] = (0.5 * steps @ (rates[:-1] + rates[1:])).tolist()
+    angles |= dict(zip(result.wheels, turned, strict=True))
+    places = {
+        rover.links[0].name: (
+            result.position[pose], matrix_from_quaternion(result.quaternion[pose])
+        )
+    }  # fmt: skip
+    for link in rover.links[1:]:
+        origin, rotation = places[link.parent]
+        half = 0.5 * angles.get(link.name, 0.0)
+        turn = matrix_from_quaternion(np.array([math.cos(half), *(math.sin(half) * link.axis)]))
+        places[link.name] = origin + rotation @ link.origin, rotation @ turn
+    return places
+
+
+def _looks(link: Link) -> list[tuple[Mesh, tuple[float, float, float]]]:
+    """The link's visible shapes, one mesh in its frame for each colour."""
+    meshes = dict[tuple[float, float, float], list[Array]]()
+    for shape in link.shapes:
+        if shape.visible:
+            meshes.setdefault(shape.rgb, []).append(_triangles(shape))
+    looks = []
+    for rgb, parts in meshes.items():
+        corners = np.concatenate(parts).reshape(-1, 3)
+        # Faces that share no vertex are shaded with sharp edges.
+        faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+        looks.append((Mesh(vertices=corners, faces=faces), rgb))
+    return looks
+
+
+def _triangles(shape: Shape) -> Array:
+    """Corners of a shape's triangles in its link's frame [m], shape [triangles, 3, 3]."""
+    import trimesh
+
+    if shape.kind == "mesh" and shape.mesh is not None:
+        corners = shape.mesh.vertices[shape.mesh.faces]
+    else:
+        made = {
+            "box": lambda: trimesh.creation.box(shape.size),
+            "cylinder": lambda: trimesh.creation.cylinder(
+                radius=shape.size[0], height=shape.size[1], sections=_SIDES
+            ),
+            "sphere": lambda: trimesh.creation.icosphere(2, shape.size[0]),
+        }[shape.kind]()
+        corners = np.asarray(made.triangles)
+    rotation = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
+    return np.asarray(corners @ rotation.T + shape.position)

@@ -140,11 +140,6 @@ class DriveResult(Record):
         return tuple(contact.rock for contact in self.rock_contacts)
 
     @property
-    def largest_rock_force(self) -> float:
-        """Largest normal force at a contact with a rock [N]."""
-        return max((contact.force for contact in self.rock_contacts), default=0.0)
-
-    @property
     def slips(self) -> Array:
         """Sizes of the slips of all wheels while they move, shape [slips]."""
         return np.abs(self.wheel_slip[self.wheel_moves])
@@ -154,21 +149,12 @@ class DriveResult(Record):
         """Mean size of the slip over all wheels and poses; 0 where no wheel moved."""
         return float(self.slips.mean()) if self.slips.size else 0.0
 
-    @property
-    def high_slip(self) -> float:
-        """95 % quantile of the size of the slip; 0 where no wheel moved."""
-        return float(np.quantile(self.slips, 0.95)) if self.slips.size else 0.0
-
 
 def longitudinal_slip(rim: Array, speed: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Slip of wheels and whether they move fast enough to have one.
+    """Slip of wheels and whether they move fast enough to have one, from rims and centres [m/s].
 
     (ωr - v) over the larger of |ωr| and |v|, positive where the rim is faster than the ground
     (Ishigami et al. 2007, doi:10.1002/rob.20187).
-
-    Args:
-        rim: ωr, positive forwards [m/s], shape [...].
-        speed: speed v of the wheels' centres along their rolling direction [m/s], same shape.
     """
     faster = np.maximum(np.abs(rim), np.abs(speed))
     moves = faster >= MOVING

@@ -83,14 +83,10 @@ def drive_from_many_starts(
     processes: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> StartsResult:
-    """Drive straight on from random starts through the exported scene.
+    """Drive straight on from random starts through the exported scene.xml.
 
-    Args:
-        world: The world.
-        scene: Its exported scene.xml.
-        spec: How many, how far, how fast.
-        processes: How many run side by side; by default one per processor core, at most 8.
-        progress: Told the share of the drives that are done, 0 to 1.
+    By default one process per processor core drives, at most 8; `progress` is told the share of the
+    drives that are done, 0 to 1.
 
     Raises:
         SimulationError: if the scene cannot be loaded, the ground has no room for a drive, or a

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -36,18 +35,11 @@ class EnergyAudit:
     """
 
     def __init__(self, *, reference: float, energy: float) -> None:
-        """Begin.
-
-        Args:
-            reference: energy that lifts the rover by a wheel's radius on Earth [J].
-            energy: mechanical energy at the start [J].
-        """
+        """Begin with the energy that lifts the rover by a wheel's radius on Earth, and its own."""
         self.limit = TOLERANCE * reference
         """Largest rise that passes [J]."""
         self._start = self._energy = energy
-        self._driving = self._braking = 0.0
-        self._taken = 0.0
-        self._unexplained = 0.0
+        self._driving = self._braking = self._taken = self._unexplained = 0.0
 
     def add(self, *, driving: float, braking: float, energy: float) -> None:
         """Note the work of the motors [J] since the last time, and the energy now [J]."""
@@ -75,20 +67,6 @@ class EnergyAudit:
             gained=self._energy - self._start,
             unexplained=self._unexplained,
         )
-
-
-@dataclass(frozen=True, kw_only=True)
-class WheelStates:
-    """What the wheels do at one moment; each of shape [wheels], forwards positive."""
-
-    rate: Array
-    """Rates about their axles, relative to what carries them [rad/s]."""
-    torque: Array
-    """Torques of their motors [N m]."""
-    slip: Array
-    """Longitudinal slip, -1 to 1."""
-    moves: NDArray[np.bool_]
-    """Whether they move fast enough to have a slip."""
 
 
 class Vehicle:
@@ -130,23 +108,21 @@ class Vehicle:
             )
         self._stiffness = model.actuator_gainprm[self._motors, 0]
         self._damping = -model.actuator_biasprm[self._motors, 2]
-        self._name_geoms()
-        self._set_flags()
+        self._mark_geoms()
+        # Stepping only what is awake, where MuJoCo can: rocks then cost next to nothing.
+        for flag in ("mjENBL_ENERGY", "mjENBL_SLEEP"):
+            model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, flag, 0))
 
-    def _name_geoms(self) -> None:
+    def _mark_geoms(self) -> None:
+        """Tell rocks, `rock_<id>`, wheels and the rest of the rover from other geoms."""
         model = self.model
-        self._rocks = rock_names(model)
+        names = [model.geom(n).name for n in range(model.ngeom)]
+        self._rocks = [
+            "_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names
+        ]
         self._is_rock = np.array([bool(name) for name in self._rocks])
         self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
         self._is_wheel = np.isin(model.geom_bodyid, self._wheel_bodies)
-
-    def _set_flags(self) -> None:
-        flags = [mujoco.mjtEnableBit.mjENBL_ENERGY]
-        # Stepping only what is awake: rocks then cost next to nothing.
-        if hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"):
-            flags.append(mujoco.mjtEnableBit.mjENBL_SLEEP)
-        for flag in flags:
-            self.model.opt.enableflags |= int(flag)
 
     def _find(self, kind: Any, name: str) -> int:
         index = mujoco.mj_name2id(self.model, kind, name)
@@ -159,10 +135,6 @@ class Vehicle:
 
     def set_down(self, position: Array, quaternion: Array) -> None:
         """Put base_link at a pose, raise it until it is free, let it settle with wheels locked.
-
-        Args:
-            position: origin of base_link [m], shape [3].
-            quaternion: its rotation (w, x, y, z), shape [4].
 
         Raises:
             SimulationError: if it is not free within 0.3 m above, or does not stay there.
@@ -183,10 +155,6 @@ class Vehicle:
         if not portable.norm(self.position - position) < _FARTHEST_SETTLING:
             raise SimulationError(f"the rover does not stand at its start, {_place(position)}")
         data.time = 0.0
-        self._begin_audit()
-
-    def _begin_audit(self) -> None:
-        data = self.data
         lift = self.rover.mass * _EARTH_GRAVITY * float(self._radii.mean())
         self.audit = EnergyAudit(reference=lift, energy=float(data.energy.sum()))
         self._rates = data.actuator_velocity[self._motors]
@@ -220,21 +188,15 @@ class Vehicle:
             forces[n] = data.actuator_force[self._motors]
         self._audit(np.vstack([self._forces, forces[:-1]]), np.vstack([self._rates, rates]))
         self._rates, self._forces = rates[-1], forces[-1]
-        self._forget_unreachable()
-        at_limit = np.abs(data.actuator_force[self._motors]) >= _AT_LIMIT * self._torque_limits
-        self.saturated_steps += bool(at_limit.any())
-        self.steps += 1
-
-    def _forget_unreachable(self) -> None:
-        """Keep the angles that the servos follow within the reach of the motors' torques.
-
-        They run ahead of wheels that are held, which would spin to catch up once they are free.
-        """
-        data, motors = self.data, self._motors
-        held = data.actuator_length[motors] + self._damping * self._rates / self._stiffness
+        # The angles that the servos follow run ahead of wheels that are held, which would spin to
+        # catch up once they are free: they stay within the reach of the motors' torques.
+        held = data.actuator_length[self._motors] + self._damping * self._rates / self._stiffness
         reach = self._torque_limits / self._stiffness
         angles = data.act[self._activations]
         data.act[self._activations] = np.clip(angles, held - reach, held + reach)
+        at_limit = np.abs(data.actuator_force[self._motors]) >= _AT_LIMIT * self._torque_limits
+        self.saturated_steps += bool(at_limit.any())
+        self.steps += 1
 
     def _audit(self, forces: Array, rates: Array) -> None:
         """Note the work of the servos over steps, by the force as each began and the rates around.
@@ -281,8 +243,8 @@ class Vehicle:
         """Rates of the wheels about their axles, forwards positive [rad/s], shape [wheels]."""
         return np.asarray(self._sides * self.data.qvel[self._dofs])
 
-    def wheel_states(self) -> WheelStates:
-        """What the wheels do now."""
+    def wheel_states(self) -> dict[str, NDArray[Any]]:
+        """What the wheels do now, as `DriveResult` names it, each of shape [wheels]."""
         data = self.data
         turning = data.cvel[self._wheel_bodies, :3]
         arm = data.xpos[self._wheel_bodies] - data.subtree_com[self._body]
@@ -292,12 +254,13 @@ class Vehicle:
         forward /= np.linalg.norm(forward, axis=1, keepdims=True)
         rim = (turning * left).sum(1) * self._radii
         slip, moves = longitudinal_slip(rim, (moving * forward).sum(1))
-        return WheelStates(
-            rate=self.wheel_rates,
-            torque=self._sides * data.actuator_force[self._motors],
-            slip=slip,
-            moves=moves,
-        )
+        torque = self._sides * data.actuator_force[self._motors]
+        return {
+            "wheel_rate": self.wheel_rates,
+            "wheel_torque": torque,
+            "wheel_slip": slip,
+            "wheel_moves": moves,
+        }
 
     def rock_forces(self) -> dict[str, tuple[float, bool]]:
         """Rocks that the rover touches now: largest normal force [N], whether its body touches."""
@@ -341,9 +304,3 @@ def _cross(one: Array, other: Array) -> Array:
 
 def _place(position: Array) -> str:
     return "({:.2f}, {:.2f}, {:.2f}) m".format(*position)
-
-
-def rock_names(model: Any) -> list[str]:
-    """The rock that each geom is part of, `rock_<id>`; empty for other geoms."""
-    names = [model.geom(n).name for n in range(model.ngeom)]
-    return ["_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names]

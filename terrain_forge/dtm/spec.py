@@ -27,7 +27,7 @@ class Centre(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class RasterDtm(Spec):
-    """Heights from a raster file: anything that GDAL opens."""
+    """Heights from a raster file whose data lie in it or beside it (formats: docs/terrain.md)."""
 
     kind: Literal["raster"] = "raster"
     source: Annotated[str, MinLen(1), InputFile(kind="dtm")]

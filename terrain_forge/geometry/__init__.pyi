@@ -16,8 +16,6 @@ from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss
 from .losses import static_losses as static_losses
 from .losses import texture_loss as texture_loss
-from .rock_bodies import inertias as inertias
-from .rock_bodies import principal_axes as principal_axes
 from .rock_mesh import coarse_shape as coarse_shape
 from .rock_mesh import grouped as grouped
 from .rock_mesh import largest_outline_error as largest_outline_error
@@ -26,8 +24,10 @@ from .rock_mesh import merge_in_parts as merge_in_parts
 from .rock_mesh import merge_rocks as merge_rocks
 from .rock_mesh import surface as surface
 from .rock_mesh import write_rock_shape as write_rock_shape
-from .rock_textures import mean_rock_colour as mean_rock_colour
-from .rock_textures import mean_rock_srgb as mean_rock_srgb
-from .rock_textures import rock_texture as rock_texture
+from .rock_properties import inertias as inertias
+from .rock_properties import mean_rock_colour as mean_rock_colour
+from .rock_properties import mean_rock_srgb as mean_rock_srgb
+from .rock_properties import principal_axes as principal_axes
+from .rock_properties import rock_texture as rock_texture
 from .rover_meshes import rover_mesh as rover_mesh
 from .rover_meshes import write_rover_meshes as write_rover_meshes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import kernel
 from terrain_forge.model import Heightfield, Tile
-from terrain_forge.writers import write_obj_grid_faces, write_obj_rows
+from terrain_forge.writers import write_obj_faces, write_obj_rows
 
 BAND_NODES = 1 << 16
 """Nodes that are turned into vertices at once: they then stay in the processor's cache."""
@@ -83,7 +83,9 @@ def write_ground_obj(file: BinaryIO, tile: Tile, *, material: str = "") -> None:
         write_obj_rows(file, b"vt", grid_texture_coordinates(rows, columns, span))
     if material:
         file.write(f"usemtl {material}\n".encode())
-    write_obj_grid_faces(file, rows, columns)
+    for span, band in cell_bands(ground):
+        faces = grid_faces(*band.shape) + np.int32(span.start * columns)
+        write_obj_faces(file, faces, texture_faces=faces)
 
 
 def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:

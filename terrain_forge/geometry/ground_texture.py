@@ -78,19 +78,10 @@ def bake_ground(tile: World, *, finer: int) -> GroundTexture:
     rows, columns = ground.shape[0] * finer, ground.shape[1] * finer
     rgb = np.empty((rows, columns, 3), np.uint8)
     normals = np.empty((rows, columns, 3), np.uint8)
-    over_chunks(
-        _bake,
-        rows,
-        stage_key(tile.site.seed, "grain"),
-        ground.origin,
-        ground.spacing,
-        finer,
-        colours,
-        linear_from_srgb(np.arange(256) / 255.0),
-        np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2)),
-        rgb,
-        normals,
-    )
+    linear = linear_from_srgb(np.arange(256) / 255.0)
+    encoded = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
+    grid = stage_key(tile.site.seed, "grain"), ground.origin, ground.spacing, finer
+    over_chunks(_bake, rows, *grid, colours, linear, encoded, rgb, normals)
     return GroundTexture(rgb=rgb, normals=normals)
 
 

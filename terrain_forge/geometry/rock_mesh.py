@@ -65,10 +65,8 @@ def merge_rocks(
     points, first_point = _joined([shape.vertices for shape in shapes])
     corners, first_face = _joined([shape.faces for shape in shapes])
     turn_and_scale = rotations(field) * field.scale[:, None, None]
-    vertex_room = int(np.diff(first_point)[field.prototype].sum())
-    face_room = int(np.diff(first_face)[field.prototype].sum())
-    vertices = np.empty((vertex_room, 3))
-    faces = np.empty((face_room, 3), dtype=np.int32)
+    vertices = np.empty((np.diff(first_point)[field.prototype].sum(), 3))
+    faces = np.empty((np.diff(first_face)[field.prototype].sum(), 3), dtype=np.int32)
     used_vertices, used_faces = _merge(
         vertices,
         faces,
@@ -145,8 +143,7 @@ def grouped(field: RockField, *keys: NDArray[Any]) -> Iterator[tuple[Any, ...]]:
 
 def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
     """Arrays one after the other, and where each begins (one more entry: the end)."""
-    begins = np.cumsum([0, *(len(array) for array in arrays)])
-    return np.concatenate(arrays), begins
+    return np.concatenate(arrays), np.cumsum([0, *map(len, arrays)])
 
 
 @inner

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, compass_to_direction
+from terrain_forge.base import Array, Record, compass_to_direction, shaped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -17,33 +17,25 @@ class GroundDetail(Record):
 
     size: float
     """Side of the tile on the ground [m]; tiles are counted from the site's origin."""
-    brightness: NDArray[np.uint8]
+    brightness: NDArray[np.uint8] = field(metadata=shaped("side", "side", dtype=np.uint8))
     """Linear factor on the ground's colour, `MIDDLE` for 1, rows run north, shape [side, side]."""
-    normals: NDArray[np.uint8]
+    normals: NDArray[np.uint8] = field(metadata=shaped("side", "side", 3, dtype=np.uint8))
     """Unit normals towards east, north and away from the ground, -1 to 1 as 0 to 255, rows run
     north, shape [side, side, 3]."""
 
     MIDDLE: ClassVar[int] = 128
-
-    def __post_init__(self) -> None:
-        self.freeze("brightness", np.uint8, ("side", "side"))
-        self.freeze("normals", np.uint8, (*self.brightness.shape, 3))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Appearance(Record):
     """What the ground and the rocks look like."""
 
-    ground_rgb: NDArray[np.uint8]
+    ground_rgb: NDArray[np.uint8] = field(metadata=shaped("rows", "columns", 3, dtype=np.uint8))
     """sRGB colour of each node of the ground, rows run north, shape [rows, columns, 3]."""
-    rock_rgb: NDArray[np.uint8]
+    rock_rgb: NDArray[np.uint8] = field(metadata=shaped("populations", 3, dtype=np.uint8))
     """sRGB colour of each population's rocks, shape [populations, 3]."""
     detail: GroundDetail | None = None
     """What the ground looks like close by; None if there is none."""
-
-    def __post_init__(self) -> None:
-        self.freeze("ground_rgb", np.uint8, ("rows", "columns", 3))
-        self.freeze("rock_rgb", np.uint8, ("populations", 3))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

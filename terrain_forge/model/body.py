@@ -136,10 +136,6 @@ class CraterConstants(Record):
     productions: tuple[ProductionFunction, ...] = ()
     """The production functions that were made for the body."""
 
-    def production(self, kind: str) -> ProductionFunction | None:
-        """The production function of a name; None if the body has none."""
-        return next((one for one in self.productions if one.kind == kind), None)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Soil(Record):

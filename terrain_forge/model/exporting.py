@@ -1,15 +1,14 @@
-"""Finding what can be plugged in: exporters, of ours and of other packages."""
+"""What exporters are and how they are found, of ours and of other packages; what they share."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, is_dataclass
-from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
 from terrain_forge.base import RecipeError, Spec, load_plugin, plugins, skip_plugin
+from terrain_forge.model.body import Body
 
 if TYPE_CHECKING:
     from terrain_forge.model.world import World
@@ -108,37 +107,51 @@ def exporter(name: str) -> Exporter:
     found = plugins(EXPORTERS)
     if name not in found:
         raise RecipeError(f"unknown exporter {name!r}, installed: {', '.join(sorted(found))}")
-    module = _load(found[name])
-    if module is None:
-        raise RecipeError(f"exporter {name!r} is installed but broken (see the warning above)")
-    return cast(Exporter, module)
+    module = load_plugin(found[name], EXPORTERS)
+    if module is not None:
+        missing = [part for part in ("Options", "export") if not hasattr(module, part)]
+        if not missing and is_dataclass(module.Options):
+            return cast(Exporter, module)
+        skip_plugin(found[name], EXPORTERS, f"has no {(*missing, 'dataclass Options')[0]}")
+    raise RecipeError(f"exporter {name!r} is installed but broken (see the warning above)")
 
 
 def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:
-    """Let an exporter refuse a world of that size before it is made, if it knows a limit.
-
-    Args:
-        exporter: The exporter.
-        options: Its options.
-        nodes: Nodes of the ground.
-        rocks: Expected number of rocks.
+    """Let an exporter refuse a world of so many nodes and rocks before it is made.
 
     Raises:
-        ExportError: if the format cannot hold such a world.
+        ExportError: if the format is known not to hold such a world.
     """
     check = getattr(exporter, "check_capacity", None)
     if check is not None:
         check(options, nodes=nodes, rocks=rocks)
 
 
-def _load(point: EntryPoint) -> ModuleType | None:
-    module = load_plugin(point, EXPORTERS)
-    if module is None:
-        return None
-    missing = [part for part in ("Options", "export") if not hasattr(module, part)]
-    if not missing and not is_dataclass(module.Options):
-        missing = ["dataclass Options"]
-    if missing:
-        skip_plugin(point, EXPORTERS, f"has no {missing[0]}")
-        return None
-    return module
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Coefficients of sliding friction of a world's fixed surfaces."""
+
+    ground: float
+    """On the ground."""
+    rock: float
+    """On static rocks."""
+
+
+class FrictionOptions(Protocol):
+    """What an export's options say of friction."""
+
+    @property
+    def surface(self) -> Literal["regolith", "bedrock"]:
+        """What the ground is."""
+
+    @property
+    def friction(self) -> float | None:
+        """Coefficient of both ground and rocks, instead of the body's."""
+
+
+def world_friction(body: Body, options: FrictionOptions) -> Friction:
+    """Friction that an export gives to the ground and the static rocks of a body."""
+    if options.friction is not None:
+        return Friction(ground=options.friction, rock=options.friction)
+    ground = body.friction.bedrock if options.surface == "bedrock" else body.friction.regolith
+    return Friction(ground=ground.coefficient, rock=body.friction.rock.coefficient)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, shaped
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north edge [m]."""
@@ -17,15 +17,12 @@ Bounds = tuple[float, float, float, float]
 class Heightfield(Record):
     """A grid of nodes; the surface triangulates it, cells cut south-west to north-east."""
 
-    elevation: NDArray[np.float32]
+    elevation: NDArray[np.float32] = field(metadata=shaped("rows", "columns", dtype=np.float32))
     """Heights [m], shape [rows, columns]; rows run north, columns run east."""
     spacing: float
     """Distance of neighbouring nodes [m]."""
     origin: tuple[float, float]
     """East and north coordinate of node [0, 0] [m]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("elevation", np.float32, ("rows", "columns"))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -83,8 +80,7 @@ class Heightfield(Record):
         nw, ne = z[j + 1, i].astype(np.float64), z[j + 1, i + 1].astype(np.float64)
         below = sw + u * (se - sw) + v * (ne - se)
         above = sw + v * (nw - sw) + u * (ne - nw)
-        result: Array = np.where(u >= v, below, above)
-        return result
+        return np.asarray(np.where(u >= v, below, above))
 
     def cut(self, *, column: int, row: int, columns: int, rows: int) -> Heightfield:
         """The sub-grid that starts at node (column, row) and has so many cells each way."""

@@ -1,14 +1,38 @@
-"""What was read of the recipe's input files when the site was planned."""
+"""What was read of the DTM and the recipe's other input files when the site was planned."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record
+from terrain_forge.base import Record, shaped
 from terrain_forge.model.mesh import Mesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DtmPatch(Record):
+    """Heights of a DTM over a site and its context, holes filled, in the source's grid."""
+
+    heights: NDArray[np.float64] = field(metadata=shaped("rows", "columns"))
+    """Heights above the body's datum [m], shape [rows, columns], in the source's row order."""
+    to_pixel: tuple[float, ...]
+    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
+    coordinates and whole numbers are sample centres."""
+    crs: str
+    """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    wrap: tuple[float, float]
+    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
+    posting: float
+    """Distance of the samples on the ground [m], the coarser of the two directions."""
+    filled: int
+    """Samples within the site that were holes."""
+    repairs: tuple[str, ...] = ()
+    """What was repaired and how, for the report."""
+    planar_fraction: float = 0.0
+    """Part of the samples in and around the site that lie in exact planes, as triangles that fill
+    gaps of stereo images do, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -17,11 +41,8 @@ class Image(Record):
 
     path: str
     """As the recipe writes it."""
-    values: NDArray[np.float64]
+    values: NDArray[np.float64] = field(metadata=shaped("rows", "columns"))
     """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
-
-    def __post_init__(self) -> None:
-        self.freeze("values", np.float64, ("rows", "columns"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +51,9 @@ class Orthoimage(Record):
 
     path: str
     """As the recipe writes it."""
-    albedo: NDArray[np.float32]
+    albedo: NDArray[np.float32] = field(
+        metadata=shaped("rows", "columns", "bands", dtype=np.float32)
+    )
     """Linear, in the source's row order, shape [rows, columns, 1 | 3]: one band tells brightness
     over its mean on the site, three bands tell colour, 0 to 1."""
     to_pixel: tuple[float, ...]
@@ -40,9 +63,6 @@ class Orthoimage(Record):
     """WKT of the source's CRS; empty where x, y are the site's own metres."""
     wrap: tuple[float, float]
     """Period of x where a meridian has several x (0 where not), and the x around which they are."""
-
-    def __post_init__(self) -> None:
-        self.freeze("albedo", np.float32, ("rows", "columns", "bands"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, shaped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mesh(Record):
     """A triangle mesh."""
 
-    vertices: Array
+    vertices: Array = field(metadata=shaped("vertices", 3))
     """Positions [m], shape [vertices, 3]."""
-    faces: NDArray[np.int32]
+    faces: NDArray[np.int32] = field(metadata=shaped("faces", 3, dtype=np.int32))
     """Corner indices, counter-clockwise seen from outside, shape [faces, 3]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("vertices", np.float64, ("vertices", 3))
-        self.freeze("faces", np.int32, ("faces", 3))
 
 
 class TexturedMesh(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, matrix_from_quaternion, to_plain
+from terrain_forge.base import (
+    Array,
+    Record,
+    Rows,
+    matrix_from_quaternion,
+    rectangle_distance,
+    shaped,
+    to_plain,
+)
 from terrain_forge.model.heightfield import Bounds, Heightfield
 from terrain_forge.model.mesh import Mesh
 
@@ -29,7 +37,7 @@ class RockPrototype(Record):
     """Convex collision parts."""
     volume: float
     """Volume of the first mesh [m³]."""
-    inertia: Array
+    inertia: Array = field(metadata=shaped(3, 3))
     """Inertia tensor of the first mesh about its centre of mass for a density of 1 kg/m³, shape
     [3, 3]."""
     hull_excess: float
@@ -51,7 +59,7 @@ class RockPrototype(Record):
     plane, as a fraction of the exposed diameter."""
 
     def __post_init__(self) -> None:
-        self.freeze("inertia", np.float64, (3, 3))
+        super().__post_init__()
         if not len(self.meshes) == len(self.uvs) == len(self.outline_errors):
             raise ValueError("RockPrototype: as many uvs and outline_errors as meshes")
         for uv, mesh in zip(self.uvs, self.meshes, strict=True):
@@ -68,12 +76,9 @@ class RockLibrary(Record):
     """The shapes; rocks name them by index."""
     seed: int
     """The library's own seed."""
-    texture: NDArray[np.uint8]
+    texture: NDArray[np.uint8] = field(metadata=shaped("rows", "columns", dtype=np.uint8))
     """Brightness of a rock's surface, which tiles both ways and which a population's colour
     multiplies, linear, 0 to 255, rows run up, shape [rows, columns]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("texture", np.uint8, ("rows", "columns"))
 
     @cached_property
     def content_hash(self) -> str:
@@ -87,70 +92,45 @@ class RockLibrary(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RockField(Record):
+class RockField(Rows):
     """The rocks of a world, one row each, ordered by id."""
 
     populations: tuple[str, ...]
     """Names of the populations; rocks name them by index."""
-    id: NDArray[np.int32]
+    id: NDArray[np.int32] = field(metadata=shaped("rocks", dtype=np.int32))
     """Unique within the site and the same in every window of it, shape [rocks]."""
-    population: NDArray[np.int32]
+    population: NDArray[np.int32] = field(metadata=shaped("rocks", dtype=np.int32))
     """Index into `populations`, shape [rocks]."""
-    prototype: NDArray[np.int32]
+    prototype: NDArray[np.int32] = field(metadata=shaped("rocks", dtype=np.int32))
     """Index into the library, shape [rocks]."""
-    position: Array
+    position: Array = field(metadata=shaped("rocks", 3))
     """Centre of mass in the world frame [m], shape [rocks, 3]."""
-    quaternion: Array
+    quaternion: Array = field(metadata=shaped("rocks", 4))
     """Rotation (w, x, y, z) from the prototype's axes to the world's, shape [rocks, 4]."""
-    scale: Array
+    scale: Array = field(metadata=shaped("rocks"))
     """Size in units of the prototype, shape [rocks]."""
-    diameter: Array
+    diameter: Array = field(metadata=shaped("rocks"))
     """Exposed plan diameter [m], shape [rocks]."""
-    height: Array
+    height: Array = field(metadata=shaped("rocks"))
     """Top of the rock above the ground's tangent plane at its centre [m], shape [rocks]."""
-    buried_fraction: Array
+    buried_fraction: Array = field(metadata=shaped("rocks"))
     """Part of the rock's extent across the tangent plane that lies below it, 0 to 1, shape
     [rocks]."""
-    volume: Array
+    volume: Array = field(metadata=shaped("rocks"))
     """Volume of the whole rock [m³], shape [rocks]."""
-    mass: Array
+    mass: Array = field(metadata=shaped("rocks"))
     """Mass [kg], shape [rocks]."""
-    dynamic: NDArray[np.bool_]
+    dynamic: NDArray[np.bool_] = field(metadata=shaped("rocks", dtype=np.bool_))
     """Which rocks lie on the ground as bodies that can be pushed; the others are fixed, shape
     [rocks]."""
-    collides: NDArray[np.bool_]
+    collides: NDArray[np.bool_] = field(metadata=shaped("rocks", dtype=np.bool_))
     """Which rocks can be touched; the others are visual-only, shape [rocks]."""
-
-    def __post_init__(self) -> None:
-        for name in ("id", "population", "prototype"):
-            self.freeze(name, np.int32, ("rocks",))
-        self.freeze("position", np.float64, ("rocks", 3))
-        self.freeze("quaternion", np.float64, ("rocks", 4))
-        for name in ("scale", "diameter", "height", "buried_fraction", "volume", "mass"):
-            self.freeze(name, np.float64, ("rocks",))
-        for name in ("dynamic", "collides"):
-            self.freeze(name, np.bool_, ("rocks",))
-
-    def __len__(self) -> int:
-        return len(self.id)
-
-    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> RockField:
-        """The rocks of a mask or of an index array."""
-        return self.replace(**{name: getattr(self, name)[rows] for name in ROCK_COLUMNS})
-
-
-ROCK_COLUMNS = tuple(field.name for field in fields(RockField) if field.name != "populations")
-"""Names of a rock field's arrays."""
 
 
 def merge(one: RockField, other: RockField) -> RockField:
     """Both fields' rocks, ordered by id."""
-    order = np.argsort(np.concatenate([one.id, other.id]), kind="stable")
-    joined = {
-        name: np.concatenate([getattr(one, name), getattr(other, name)])[order]
-        for name in ROCK_COLUMNS
-    }
-    return one.replace(**joined)
+    both = one.joined(other)
+    return both.select(np.argsort(both.id, kind="stable"))
 
 
 def owned(field: RockField, part: Heightfield, whole: Bounds) -> NDArray[np.bool_]:
@@ -161,20 +141,14 @@ def owned(field: RockField, part: Heightfield, whole: Bounds) -> NDArray[np.bool
     west, south, east, north = part.bounds
     x, y = field.position[:, 0], field.position[:, 1]
     inside_east = (x >= west) & ((x < east) | (east >= whole[2]))
-    result: NDArray[np.bool_] = inside_east & (y >= south) & ((y < north) | (north >= whole[3]))
-    return result
+    return np.asarray(inside_east & (y >= south) & ((y < north) | (north >= whole[3])))
 
 
 def touches(field: RockField, part: Heightfield, library: RockLibrary) -> NDArray[np.bool_]:
     """Which rocks may reach into a part of the ground: those whose circle of reach does."""
     reaches = np.array([prototype.reach for prototype in library.prototypes])
     reach = reaches[field.prototype] * field.diameter
-    west, south, east, north = part.bounds
-    x, y = field.position[:, 0], field.position[:, 1]
-    away_east = np.maximum(np.maximum(west - x, x - east), 0.0)
-    away_north = np.maximum(np.maximum(south - y, y - north), 0.0)
-    result: NDArray[np.bool_] = np.hypot(away_east, away_north) <= reach
-    return result
+    return np.asarray(rectangle_distance(field.position[:, :2], part.bounds) <= reach)
 
 
 def rotations(field: RockField) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, shaped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -19,11 +19,11 @@ class Route(Record):
 
     name: str
     """Name of the path."""
-    position: Array
+    position: Array = field(metadata=shaped("points", 2))
     """Points, east and north [m], shape [points, 2]; a closed route repeats its first point."""
-    heading: Array
+    heading: Array = field(metadata=shaped("points"))
     """Direction of travel, counter-clockwise from east [rad], continuous, shape [points]."""
-    distance: Array
+    distance: Array = field(metadata=shaped("points"))
     """Length along the route [m], from 0, shape [points]."""
     closed: bool
     """Whether it ends where it began."""
@@ -33,28 +33,21 @@ class Route(Record):
     """Width of the strip along the route that is kept free of rocks [m]; 0 for none."""
     corridor_clearance: float
     """Height above the ground that no rock within the corridor exceeds [m]."""
-    turns: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    turns: NDArray[np.int64] = field(
+        default_factory=lambda: np.zeros((0, 2), np.int64),
+        metadata=shaped("turns", 2, dtype=np.int64),
+    )
     """First and last point of each turn on the spot, in order, shape [turns, 2]."""
     acceleration: float = 0.0
     """Largest gain and loss of speed [m/s²]; 0 for constant speed from the first point on."""
     turn_rate: float = 1.0
     """Largest rate of turns on the spot [rad/s]."""
-    time: Array | None = None
+    time: Array | None = field(default=None, metadata=shaped("points"))
     """Recorded time at each point [s], from 0, shape [points]; None where speed, acceleration and
     turn rate tell it."""
-    attitude: Array | None = None
+    attitude: Array | None = field(default=None, metadata=shaped("points", 3))
     """Recorded height [m], roll and pitch [rad] at each point, shape [points, 3]; None where the
     ground tells them."""
-
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, ("points", 2))
-        self.freeze("heading", np.float64, (len(self.position),))
-        self.freeze("distance", np.float64, (len(self.position),))
-        self.freeze("turns", np.int64, ("turns", 2))
-        if self.time is not None:
-            self.freeze("time", np.float64, (len(self.position),))
-        if self.attitude is not None:
-            self.freeze("attitude", np.float64, (len(self.position), 3))
 
     @property
     def length(self) -> float:

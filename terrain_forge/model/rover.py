@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, shaped
 from terrain_forge.model.mesh import Mesh
 from terrain_forge.model.sensor import Sensor
 
@@ -20,9 +20,9 @@ class Shape(Record):
     size: tuple[float, ...]
     """Box, and box around a mesh: full lengths x, y, z; cylinder: radius, length; sphere: radius
     [m]."""
-    position: Array
+    position: Array = field(metadata=shaped(3))
     """Centre in the link's frame [m], shape [3]."""
-    rpy: Array
+    rpy: Array = field(metadata=shaped(3))
     """Roll, pitch, yaw in the link's frame [rad], shape [3]."""
     collides: bool
     """Whether physics sees it."""
@@ -33,10 +33,6 @@ class Shape(Record):
     mesh: Mesh | None = None
     """Triangles of a mesh, its box's centre as origin; a convex one where it collides. None for the
     other kinds."""
-
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, (3,))
-        self.freeze("rpy", np.float64, (3,))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,9 +48,9 @@ class Link(Record):
     """Name of the parent link; empty for the root, `base_link`."""
     joint: str
     """`free` (root), `fixed`, `passive` or `motor` (both revolute)."""
-    origin: Array
+    origin: Array = field(metadata=shaped(3))
     """The joint in the parent's frame, and origin of this link's frame [m], shape [3]."""
-    axis: Array
+    axis: Array = field(metadata=shaped(3))
     """Axis of a revolute joint, unit vector, shape [3]."""
     limits: tuple[float, float] | None = None
     """A revolute joint turns between these angles [rad]; None: without end."""
@@ -64,17 +60,12 @@ class Link(Record):
     """Dry friction of the joint [N m]."""
     mass: float
     """Mass [kg]."""
-    centre_of_mass: Array
+    centre_of_mass: Array = field(metadata=shaped(3))
     """In the link's frame [m], shape [3]."""
-    inertia: Array
+    inertia: Array = field(metadata=shaped(3, 3))
     """About the centre of mass [kg m²], shape [3, 3]."""
     shapes: tuple[Shape, ...]
     """Geometry."""
-
-    def __post_init__(self) -> None:
-        for name in ("origin", "axis", "centre_of_mass"):
-            self.freeze(name, np.float64, (3,))
-        self.freeze("inertia", np.float64, (3, 3))
 
 
 def moments(inertia: Array) -> dict[str, float]:
@@ -101,7 +92,7 @@ class Wheel(Record):
 
     link: str
     """Name of its link (whose joint is the motor)."""
-    centre: Array
+    centre: Array = field(metadata=shaped(3))
     """In base_link's frame at rest [m], shape [3]."""
     radius: float
     """Rolling radius [m]."""
@@ -109,9 +100,6 @@ class Wheel(Record):
     """Width [m]."""
     grousers: Grousers | None = None
     """What it grips with; None for a smooth tread."""
-
-    def __post_init__(self) -> None:
-        self.freeze("centre", np.float64, (3,))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-
-from terrain_forge.base import Array, Record, parts
+from terrain_forge.base import Array, Record, parts, shaped
 
 GROUP = "terrain_forge.sensor_kinds"
 """Entry points that name modules of other packages with kinds of sensors."""
@@ -63,16 +61,12 @@ class Sensor(Record):
     """Unique name."""
     link: str = "base_link"
     """Link that carries it."""
-    position: Array
+    position: Array = field(metadata=shaped(3))
     """In the link's frame [m], shape [3]."""
-    rpy: Array
+    rpy: Array = field(metadata=shaped(3))
     """Roll, pitch, yaw in the link's frame [rad]; a camera looks along its x axis, shape [3]."""
     rate: float
     """Samples per second [Hz]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("position", np.float64, (3,))
-        self.freeze("rpy", np.float64, (3,))
 
     @property
     def figures(self) -> dict[str, float]:

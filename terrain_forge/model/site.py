@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,14 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record
+from terrain_forge.base import Record, shaped
 from terrain_forge.model.body import Body
-from terrain_forge.model.dtm_patch import DtmPatch
-from terrain_forge.model.inputs import CustomMesh, Image, Orthoimage, Table
+from terrain_forge.model.heightfield import Heightfield
+from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
+from terrain_forge.model.route import Route
 from terrain_forge.model.rover import Rover
 
 if TYPE_CHECKING:
-    from terrain_forge.model.route import Route
     from terrain_forge.recipe import Recipe
 
 
@@ -38,6 +39,11 @@ class Window(Record):
         if min(self.columns, self.rows) < 1:
             raise ValueError(f"Window of {self.columns} × {self.rows} cells: at least 1 × 1")
 
+    def strips(self, most: int) -> Iterator[Window]:
+        """The window in strips of at most so many rows of cells, which share border nodes."""
+        for row in range(0, self.rows, most):
+            yield self.replace(row=self.row + row, rows=min(most, self.rows - row))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Roughness(Record):
@@ -57,13 +63,11 @@ class Roughness(Record):
     error."""
     resolved: int = 1
     """Shortest baseline that the DTM resolves [posts]."""
-    local: NDArray[np.float32] | None = None
+    local: NDArray[np.float32] | None = field(
+        default=None, metadata=shaped("rows", "columns", dtype=np.float32)
+    )
     """RMS deviation at 1 m around each post of the DTM [m], shape [rows, columns] of the patch;
     None where nothing local is known."""
-
-    def __post_init__(self) -> None:
-        if self.local is not None:
-            self.freeze("local", np.float32, ("rows", "columns"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,6 +184,11 @@ class Site(Record):
         columns = window.column + np.arange(window.columns + 1, dtype=np.float64)
         rows = window.row + np.arange(window.rows + 1, dtype=np.float64)
         return self.west + columns * self.spacing, self.south + rows * self.spacing
+
+    def first_node(self, ground: Heightfield) -> tuple[int, int]:
+        """Column and row of the site's nodes at which a part of its ground begins."""
+        east, north = ground.origin
+        return round((east - self.west) / self.spacing), round((north - self.south) / self.spacing)
 
     def padded(self, window: Window, margin: float) -> Window:
         """The window grown by at least `margin` [m] on each side, as far as the site goes."""

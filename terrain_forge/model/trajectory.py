@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, Record, quaternion_from_rpy
+from terrain_forge.base import Array, Record, quaternion_from_rpy, shaped
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -40,23 +40,17 @@ class Trajectory(Record):
 
     name: str
     """Name of the path."""
-    time: Array
+    time: Array = field(metadata=shaped("samples"))
     """Sample times, from 0 [s], shape [samples]."""
-    position: Array
+    position: Array = field(metadata=shaped("samples", 3))
     """Origin of base_link in the world frame [m], shape [samples, 3]."""
-    rpy: Array
+    rpy: Array = field(metadata=shaped("samples", 3))
     """Roll, pitch, yaw [rad], continuous (yaw is not wrapped), shape [samples, 3]."""
     closed: bool
     """Whether the path ends where it began."""
-    spot_turns: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    spot_turns: Array = field(default_factory=lambda: np.zeros((0, 2)), metadata=shaped("turns", 2))
     """Times at which the rover begins and ends to turn on the spot [s], in order, shape
     [turns, 2]; its place stays the same between them."""
-
-    def __post_init__(self) -> None:
-        self.freeze("time", np.float64, ("samples",))
-        self.freeze("position", np.float64, (len(self.time), 3))
-        self.freeze("rpy", np.float64, (len(self.time), 3))
-        self.freeze("spot_turns", np.float64, ("turns", 2))
 
     @property
     def quaternion(self) -> Array:

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from terrain_forge.base import Record
+from terrain_forge.base import OutputError, Record, from_plain, read_arrays, read_text, to_plain
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
 from terrain_forge.model.rover import Rover
+from terrain_forge.model.sensor import sensor_kinds
 from terrain_forge.model.site import Site, Window
 from terrain_forge.model.trajectory import Trajectory
+
+FORMAT = 5
+MAX_JSON = 2**30
+"""Bytes of a world's JSON."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,10 +88,22 @@ class World(Record):
         )
 
     def save(self, directory: Path) -> list[Path]:
-        """Store the world in `directory`/world; returns the files."""
-        from terrain_forge.model.storage import save_world
-
-        return save_world(self, Path(directory))
+        """Store the world as `directory`/world/world.json and arrays.npz; returns both."""
+        folder = Path(directory) / "world"
+        folder.mkdir(parents=True, exist_ok=True)
+        arrays: dict[str, NDArray[Any]] = {}
+        # A custom rover is the site's and the world's; its meshes are stored once.
+        shared = self.site.custom_rover == self.rover
+        stored = self.replace(site=self.site.replace(custom_rover=None)) if shared else self
+        plain = {
+            "format": FORMAT,
+            "shared_rover": shared,
+            "world": to_plain(stored, arrays, "world"),
+        }
+        text, binary = folder / "world.json", folder / "arrays.npz"
+        text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+        return [text, binary]
 
     @staticmethod
     def load(directory: Path | str) -> World:
@@ -92,9 +112,25 @@ class World(Record):
         Raises:
             OutputError: if the folder holds no world of this version.
         """
-        from terrain_forge.model.storage import load_world
-
-        return load_world(Path(directory))
+        sensor_kinds()  # registers them among the records
+        text = Path(directory) / "world" / "world.json"
+        try:
+            plain = json.loads(read_text(text, text.name, most=MAX_JSON))
+            if plain.get("format") != FORMAT:
+                found = plain.get("format")
+                raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
+            arrays = read_arrays(text.with_name("arrays.npz"))
+            world: World = from_plain(plain["world"], arrays)
+            if plain["shared_rover"]:
+                world = world.replace(site=world.site.replace(custom_rover=world.rover))
+            return world.replace(site=world.site.with_current_keys(text))
+        except OutputError:
+            raise
+        except Exception as error:  # a record stumbles over whatever stands there
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise OutputError(
+                f"{directory}: holds no readable terrain-forge world ({why})"
+            ) from None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,7 +3,10 @@
 from .curves import Curve as Curve
 from .curves import trace_polyline as trace_polyline
 from .curves import trace_spline as trace_spline
+from .files import columns as columns
+from .files import pose_columns as pose_columns
 from .files import write_trajectories as write_trajectories
+from .files import write_tum as write_tum
 from .interpolation import ANGLE_LIMIT as ANGLE_LIMIT
 from .interpolation import POSITION_LIMIT as POSITION_LIMIT
 from .interpolation import Deviation as Deviation
@@ -20,7 +23,6 @@ from .plan import overhang as overhang
 from .plan import plan_route as plan_route
 from .plan import require_inside as require_inside
 from .planner import plan_path as plan_path
-from .profile import duration as duration
 from .recorded import read_recorded as read_recorded
 from .routes import make_trajectories as make_trajectories
 from .routes import plan_routes as plan_routes
@@ -41,6 +43,7 @@ from .surroundings import FARTHEST as FARTHEST
 from .surroundings import Surroundings as Surroundings
 from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
+from .trajectory import duration as duration
 from .trajectory import make_trajectory as make_trajectory
 from .traversability_field import IMPASSABLE as IMPASSABLE
 from .traversability_field import UNKNOWN as UNKNOWN

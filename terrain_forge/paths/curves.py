@@ -55,7 +55,7 @@ def trace_spline(points: Array, *, closed: bool, key: Key) -> Curve:
     """
     from scipy.interpolate import CubicSpline
 
-    points = _closed(points) if closed else points
+    points = np.vstack([points, points[:1]]) if closed else points
     chords = _legs(points, closed, key)
     # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
     # doi:10.1016/0010-4485(89)90003-1).
@@ -76,13 +76,9 @@ def trace(
     *,
     samples: int,
 ) -> Curve:
-    """A parametric curve as dense points.
+    """A parametric curve and its derivative as dense points, between the parameter's two ends.
 
-    Args:
-        curve: Points [m], shape [n, 2], of parameters, shape [n].
-        tangent: Derivative of `curve` by the parameter.
-        ends: First and last parameter.
-        samples: Number of parameters from which the length is first measured.
+    Its length is first measured from so many samples.
     """
     fine = np.linspace(*ends, samples + 1)
     rough = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
@@ -117,75 +113,54 @@ def trace_polyline(points: Array, *, closed: bool, radius: float, key: Key) -> C
     Raises:
         RecipeError: if neighbouring points are the same, or an arc does not fit onto its legs.
     """
-    corners = _closed(points) if closed else np.asarray(points, np.float64)
+    corners = np.vstack([points, points[:1]]) if closed else points
     lengths = _legs(corners, closed, key)
     require_length(float(lengths.sum()), key=key)
     along = np.diff(corners, axis=0) / lengths[:, None]
     heading = portable.arctan2(along[:, 1], along[:, 0])
     following = np.roll(heading, -1) if closed else heading[1:]
-    turn = _wrap(following - heading[: len(following)])
+    change = following - heading[: len(following)]
+    turn = np.pi - (np.pi - change) % (2.0 * np.pi)
     if radius > 0.0:
         _require_arcs(corners, lengths, turn, radius, closed, (*key[:-1], "corner_radius_m"))
     cut = radius * portable.tan(0.5 * np.abs(turn)) if radius > 0.0 else np.zeros(len(turn))
     before = np.concatenate([[cut[-1] if closed else 0.0], cut])[: len(lengths)]
     after = np.concatenate([cut, np.zeros(len(lengths) - len(cut))])
-    builder = _Builder(heading[0])
+    ahead, turns = float(heading[0]), list[tuple[int, int]]()
+    parts: list[tuple[Array, Array]] = []  # each begins at the last point of the one before
     for leg, direction in enumerate(along):
         begin = corners[leg] + before[leg] * direction
-        builder.go(begin, corners[leg + 1] - after[leg] * direction)
-        if leg < len(turn):
-            builder.turn(float(turn[leg]), radius)
-    return builder.curve()
-
-
-class _Builder:
-    """Strings straight lines, arcs and spot turns together."""
-
-    def __init__(self, heading: float) -> None:
-        self.heading = float(heading)
-        self.parts: list[tuple[Array, Array]] = []
-        self.turns: list[tuple[int, int]] = []
-
-    def go(self, begin: Array, end: Array) -> None:
-        """Go straight from one point to another [m]."""
-        count = max(int(np.ceil(portable.norm(end - begin) / STEP)), 1)
-        share = np.linspace(0.0, 1.0, count + 1)[:, None]
-        self._add((1.0 - share) * begin + share * end, np.full(count + 1, self.heading))
-
-    def turn(self, angle: float, radius: float) -> None:
-        """Turn to the left by an angle [rad] on an arc [m], or on the spot for radius 0."""
-        if abs(angle) < 1e-9:
-            return
-        begin, heading = self.parts[-1][0][-1], self.heading
-        self.heading += angle
-        step = STEP / radius if radius else SPOT_STEP
-        headings = heading + angle * np.linspace(0.0, 1.0, max(int(abs(angle) / step), 1) + 1)
+        straight = _straight(begin, corners[leg + 1] - after[leg] * direction)
+        parts.append((straight, np.full(len(straight), ahead)))
+        if leg == len(turn) or abs(turn[leg]) < 1e-9:
+            continue
+        first = sum(len(part) - 1 for part, _ in parts)
+        parts.append(_turn(straight[-1], ahead, float(turn[leg]), radius))
+        ahead += float(turn[leg])
         if radius == 0.0:
-            first = sum(len(part) for part, _ in self.parts)
-            self.turns.append((first - 1, first + len(headings) - 2))
-            self._add(np.repeat(begin[None], len(headings), axis=0), headings)
-            return
-        side = np.copysign(radius, angle)
-        centre = begin + side * np.array([-np.sin(heading), np.cos(heading)])
-        arc = centre + side * np.stack([np.sin(headings), -np.cos(headings)], -1)
-        self._add(arc, headings)
-
-    def _add(self, position: Array, heading: Array) -> None:
-        skip = 1 if self.parts else 0
-        self.parts.append((position[skip:], heading[skip:]))
-
-    def curve(self) -> Curve:
-        """What was strung together."""
-        return Curve(
-            position=np.concatenate([position for position, _ in self.parts]),
-            heading=np.concatenate([heading for _, heading in self.parts]),
-            turns=tuple(self.turns),
-        )
+            turns.append((first, first + len(parts[-1][0]) - 1))
+    position, headings = (
+        np.concatenate([parts[0][n][:1], *(part[n][1:] for part in parts)]) for n in range(2)
+    )
+    return Curve(position=position, heading=headings, turns=tuple(turns))
 
 
-def _closed(points: Array) -> Array:
-    points = np.asarray(points, np.float64)
-    return np.vstack([points, points[:1]])
+def _straight(begin: Array, end: Array) -> Array:
+    """The points of a straight line [m], shape [points, 2]."""
+    count = max(int(np.ceil(portable.norm(end - begin) / STEP)), 1)
+    share = np.linspace(0.0, 1.0, count + 1)[:, None]
+    return np.asarray((1.0 - share) * begin + share * end)
+
+
+def _turn(begin: Array, heading: float, angle: float, radius: float) -> tuple[Array, Array]:
+    """Points and headings of a turn to the left on an arc, or on the spot for radius 0."""
+    step = STEP / radius if radius else SPOT_STEP
+    headings = heading + angle * np.linspace(0.0, 1.0, max(int(abs(angle) / step), 1) + 1)
+    if radius == 0.0:
+        return np.repeat(begin[None], len(headings), axis=0), headings
+    side = np.copysign(radius, angle)
+    centre = begin + side * np.array([-np.sin(heading), np.cos(heading)])
+    return centre + side * np.stack([np.sin(headings), -np.cos(headings)], -1), headings
 
 
 def _legs(points: Array, closed: bool, key: Key) -> Array:
@@ -198,12 +173,6 @@ def _legs(points: Array, closed: bool, key: Key) -> Array:
         following = (at + 1) % (len(points) - int(closed))
         raise RecipeError(f"points {at} and {following} of the route are the same", key=key)
     return lengths
-
-
-def _wrap(angle: Array) -> Array:
-    """Angles in (-π, π] [rad]."""
-    wrapped: Array = np.pi - (np.pi - angle) % (2.0 * np.pi)
-    return wrapped
 
 
 def _require_arcs(

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.base import xyzw
+from terrain_forge.base import Array, xyzw
 from terrain_forge.model import Trajectory
 from terrain_forge.writers import Column, write_table
 
@@ -26,17 +25,32 @@ def write_trajectory(trajectory: Trajectory, directory: Path) -> list[Path]:
     quaternions x, y, z, w.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    table = directory / f"{trajectory.name}.csv"
-    tum = directory / f"{trajectory.name}.tum"
-    time = [Column(name="time_s", values=trajectory.time, form="%.9f")]
-    position = _columns(trajectory.position, ("x_m", "y_m", "z_m"))
-    quaternion = _columns(trajectory.quaternion, ("qw", "qx", "qy", "qz"))
-    angles = _columns(trajectory.rpy, ("roll_rad", "pitch_rad", "yaw_rad"))
-    write_table(table, time + position + quaternion + angles)
-    rotation = _columns(xyzw(trajectory.quaternion), ("qx", "qy", "qz", "qw"))
-    write_table(tum, time + position + rotation, separator=" ", header=False)
+    table, tum = (directory / f"{trajectory.name}.{ending}" for ending in ("csv", "tum"))
+    quaternion = trajectory.quaternion
+    write_table(
+        table, pose_columns(trajectory.time, trajectory.position, quaternion, trajectory.rpy)
+    )
+    write_tum(tum, trajectory.time, trajectory.position, quaternion)
     return [table, tum]
 
 
-def _columns(values: NDArray[np.float64], names: tuple[str, ...]) -> list[Column]:
+def pose_columns(time: Array, position: Array, quaternion: Array, rpy: Array) -> list[Column]:
+    """Time [s], place [m], rotation (w, x, y, z), and roll, pitch and yaw [rad] of poses."""
+    return [
+        *columns(time[:, None], "time_s"),
+        *columns(position, "x_m", "y_m", "z_m"),
+        *columns(quaternion, "qw", "qx", "qy", "qz"),
+        *columns(rpy, "roll_rad", "pitch_rad", "yaw_rad"),
+    ]
+
+
+def write_tum(path: Path, time: Array, position: Array, quaternion: Array) -> None:
+    """Write poses in the TUM format; quaternions are given as w, x, y, z."""
+    poses = np.column_stack([time, position, xyzw(quaternion)])
+    names = ("time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+    write_table(path, columns(poses, *names), separator=" ", header=False)
+
+
+def columns(values: Array, *names: str) -> list[Column]:
+    """The columns of an array, shape [rows, columns], to nine decimals."""
     return [Column(name=name, values=values[:, n], form="%.9f") for n, name in enumerate(names)]

@@ -56,12 +56,8 @@ def deviation(
 ) -> Deviation:
     """How far off a trajectory a consumer is between the samples that it was given.
 
-    Args:
-        trajectory: The path.
-        times: Times of the samples [s], ascending, shape [samples].
-        position: Places of the samples [m], shape [samples, 3].
-        quaternion: Orientations (w, x, y, z) of the samples, shape [samples, 4].
-        places_between: `spline_places` or `straight_places`.
+    Those are times [s], ascending, places [m] and orientations (w, x, y, z); the places between
+    them are `spline_places` or `straight_places`.
     """
     asked = times_between(times)
     wanted = trajectory.at(asked)
@@ -75,8 +71,7 @@ def deviation(
 
 def times_between(times: Array) -> Array:
     """Some times within each step between samples [s]."""
-    between: Array = (times[:-1, None] + np.diff(times)[:, None] * _FRACTIONS).reshape(-1)
-    return between
+    return np.asarray(times[:-1, None] + np.diff(times)[:, None] * _FRACTIONS).reshape(-1)
 
 
 def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array:
@@ -86,7 +81,17 @@ def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array
     """
     steps = 1
     times = np.asarray(trajectory.time)
-    while steps < _MOST_STEPS and not _enough(trajectory, times, places_between):
+    while steps < _MOST_STEPS:
+        poses = trajectory.at(times)
+        found = deviation(
+            trajectory,
+            times=times,
+            position=poses.position,
+            quaternion=poses.quaternion,
+            places_between=places_between,
+        )
+        if found.within(_MARGIN):
+            break
         steps *= 2
         parts = np.arange(steps) / steps
         between = trajectory.time[:-1, None] + np.diff(trajectory.time)[:, None] * parts
@@ -94,25 +99,10 @@ def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array
     return times
 
 
-def _enough(trajectory: Trajectory, times: Array, places_between: Interpolation) -> bool:
-    poses = trajectory.at(times)
-    found = deviation(
-        trajectory,
-        times=times,
-        position=poses.position,
-        quaternion=poses.quaternion,
-        places_between=places_between,
-    )
-    return found.within(_MARGIN)
-
-
 def straight_places(times: Array, position: Array, asked: Array) -> Array:
     """Places on straight lines between samples, as USD draws them [m], shape [asked, 3].
 
-    Args:
-        times: Times of the samples [s], ascending, shape [samples].
-        position: Places of the samples [m], shape [samples, 3].
-        asked: Times within them [s], shape [asked].
+    Of samples' times [s], ascending, and places [m], shape [samples, 3], at times within them.
     """
     return np.stack([np.interp(asked, times, axis) for axis in position.T], axis=-1)
 
@@ -133,34 +123,27 @@ def spline_places(times: Array, position: Array, asked: Array) -> Array:
     rest = 1.0 - part
     begin = rest**2 * ((1.0 + 2.0 * part) * position[first] + part * tangents[first])
     end = part**2 * ((1.0 + 2.0 * rest) * position[first + 1] - rest * tangents[first + 1])
-    result: Array = begin + end
-    return result
+    return np.asarray(begin + end)
 
 
 def turns_between(times: Array, quaternion: Array, asked: Array) -> Array:
     """Quaternions between samples, turning at constant rate the short way, shape [asked, 4]."""
     first, part = _steps(times, asked)
     begin, end = quaternion[first], quaternion[first + 1]
-    cosine = np.sum(begin * end, axis=1)
-    end = np.where(cosine[:, None] < 0.0, -end, end)
-    angle = (
-        portable.arctan2(np.linalg.norm(begin - end, axis=1), np.linalg.norm(begin + end, axis=1))
-        * 2
-    )
+    end = np.where(np.sum(begin * end, axis=1)[:, None] < 0.0, -end, end)
+    angle = 0.5 * angles_between(begin, end)
     still = angle < 1e-9
     sine = np.sin(np.where(still, 1.0, angle))
     one = np.where(still, 1.0 - part, np.sin((1.0 - part) * angle) / sine)
     other = np.where(still, part, np.sin(part * angle) / sine)
-    result: Array = one[:, None] * begin + other[:, None] * end
-    return result
+    return np.asarray(one[:, None] * begin + other[:, None] * end)
 
 
 def angles_between(one: Array, other: Array) -> Array:
     """Angles of the turns between quaternions, shape [n, 4] each [rad]."""
     near = np.where(np.sum(one * other, axis=1)[:, None] < 0.0, -other, other)
-    half = portable.arctan2(np.linalg.norm(one - near, axis=1), np.linalg.norm(one + near, axis=1))
-    result: Array = 4.0 * half
-    return result
+    apart, along = (np.linalg.norm(v, axis=1) for v in (one - near, one + near))
+    return np.asarray(4.0 * portable.arctan2(apart, along))
 
 
 def _steps(times: Array, asked: Array) -> tuple[NDArray[np.intp], Array]:

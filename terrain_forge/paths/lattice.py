@@ -1,13 +1,18 @@
-"""Cheapest paths over a grid: A* (Hart, Nilsson & Raphael 1968, doi:10.1109/TSSC.1968.300136)."""
+"""Paths over a grid: the cheapest one by A* (Hart, Nilsson & Raphael 1968), made smooth.
+
+The search: doi:10.1109/TSSC.1968.300136. Smoothing: shortcuts of any angle, then a bending beam.
+"""
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import heap_pop, heap_push, inner, kernel
+from terrain_forge.base import Array, heap_pop, heap_push, inner, kernel
 
 MOVES = np.array(
     [
@@ -16,6 +21,11 @@ MOVES = np.array(
     ]
 )
 """Steps from a node in rows and columns, shape [16, 2]; no turn is sharper than 26.6°."""
+Weight = NDArray[np.float32]
+_ROUNDS = 400
+"""Rounds of smoothing: they round corners over about four of the line's points to each side."""
+_DEARER = 3.0
+"""Weight by which smoothing may make a point dearer: less leaves bends where the cost is uneven."""
 
 
 class GridPath(NamedTuple):
@@ -34,15 +44,11 @@ class GridPath(NamedTuple):
 def cheapest_path(
     weight: NDArray[np.float32], *, start: tuple[int, int], goal: tuple[int, int]
 ) -> GridPath:
-    """The cheapest path between two nodes of a grid in 16 directions.
+    """The cheapest path between two nodes, each a row and a column of a grid, in 16 directions.
 
     A step costs its length times the mean weight of the nodes that it joins and, for a knight's
-    step, of the two between them. No step leads over or diagonally past a node of infinite weight.
-
-    Args:
-        weight: At least 1, infinite where there is no passing, shape [rows, columns].
-        start: Row and column.
-        goal: Row and column.
+    step, of the two between them. No step leads over or diagonally past a node of infinite weight;
+    other weights are at least 1.
     """
     columns = weight.shape[1]
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
@@ -129,3 +135,77 @@ def _step_cost(weight, j, i, down, right):  # type: ignore[no-untyped-def]
     between = np.float64(weight[j + half_down, i + half_right])
     between += weight[j + rest_down, i + rest_right]
     return np.sqrt(5.0) * 0.25 * (ends + between)
+
+
+def straighten(weight: Weight, nodes: NDArray[np.int64], *, step: float) -> Array:
+    """A line of straight legs from the first to the last of some nodes, where they cost no more.
+
+    Nodes are rows and columns, the line's points columns and rows, `step` apart [cells].
+    """
+    line = np.asarray(nodes[:, ::-1], np.float64)
+    corners = line[_shortcuts(weight, line)]
+    points = [corners[:1]]
+    for begin, end in pairwise(corners):
+        count = max(math.ceil(math.dist(begin, end) / step), 1)
+        share = np.arange(1, count + 1)[:, None] / count
+        points.append((1.0 - share) * begin + share * end)
+    return np.concatenate(points)
+
+
+def bend(weight: Weight, line: Array, fixed: NDArray[np.bool_]) -> Array:
+    """The line of columns and rows without kinks, nowhere barred; fixed points and ends stay."""
+    smooth = np.array(line, np.float64)
+    _bend(weight, smooth, fixed, _ROUNDS)
+    return smooth
+
+
+@kernel
+def _shortcuts(weight, line):  # type: ignore[no-untyped-def]
+    """Indices of the points that remain when straight legs replace what costs no less."""
+    kept = np.empty(len(line), np.int64)
+    kept[0], count, anchor, way = 0, 1, 0, 0.0
+    for n in range(1, len(line)):
+        way += line_cost(weight, line[n - 1], line[n])
+        if line_cost(weight, line[anchor], line[n]) > way * (1.0 + 1e-9):
+            anchor = n - 1
+            kept[count] = anchor
+            count += 1
+            way = line_cost(weight, line[anchor], line[n])
+    kept[count] = len(line) - 1
+    return kept[: count + 1]
+
+
+@inner
+def line_cost(weight, begin, end):  # type: ignore[no-untyped-def]
+    """Length times weight along a straight line of columns and rows, infinite where barred."""
+    right, up = end[0] - begin[0], end[1] - begin[1]
+    length = np.sqrt(right * right + up * up)
+    count = int(np.ceil(4.0 * length))
+    total = 0.0
+    for n in range(count):
+        share = (n + 0.5) / count
+        total += weight[round(begin[1] + share * up), round(begin[0] + share * right)]
+    return total * length / max(count, 1)
+
+
+@kernel
+def _bend(weight, line, fixed, rounds):  # type: ignore[no-untyped-def]
+    """Move inner points to where an elastic beam through their neighbours would be (Gauss-Seidel).
+
+    A point stays where the move would lead onto a barred node or to a much dearer one.
+    """
+    count = len(line)
+    for _ in range(rounds):
+        for n in range(1, count - 1):
+            if fixed[n]:
+                continue
+            if n == 1 or n == count - 2:
+                x = 0.5 * (line[n - 1, 0] + line[n + 1, 0])
+                y = 0.5 * (line[n - 1, 1] + line[n + 1, 1])
+            else:
+                near_x, near_y = line[n - 1] + line[n + 1]
+                far_x, far_y = line[n - 2] + line[n + 2]
+                x, y = (4.0 * near_x - far_x) / 6.0, (4.0 * near_y - far_y) / 6.0
+            was = weight[round(line[n, 1]), round(line[n, 0])]
+            if weight[round(y), round(x)] <= was + _DEARER:
+                line[n, 0], line[n, 1] = x, y

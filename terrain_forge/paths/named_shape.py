@@ -41,10 +41,7 @@ class NamedShape(Spec):
     """Whether it ends where it begins."""
 
     def outline(self, key: Key) -> Curve:
-        """The curve around the origin, its x axis pointing east.
-
-        Args:
-            key: where the shape stands in the recipe.
+        """The curve around the origin, its x axis pointing east; the key is the shape's place.
 
         Raises:
             RecipeError: if length or size are too short for it.
@@ -74,13 +71,7 @@ class NamedShape(Spec):
     def smooth(
         self, curve: Planar, tangent: Planar, ends: tuple[float, float] = (0.0, 2.0 * np.pi)
     ) -> Curve:
-        """A smooth shape of the wanted length or size.
-
-        Args:
-            curve: the shape of any size, points of a parameter, shape [n, 2].
-            tangent: its derivative.
-            ends: the parameter's first and last value.
-        """
+        """A smooth shape of the wanted length or size, from one of any size and its derivative."""
         points = curve(np.linspace(*ends, _SAMPLES + 1))
         unit = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
         size = self.size_m or 0.0
@@ -90,15 +81,7 @@ class NamedShape(Spec):
     def check_side(
         self, side: float, *, least: float, pieces: int, length: float, key: Key
     ) -> None:
-        """Refuse sides that are too short for the arcs around their corners.
-
-        Args:
-            side: length of each of them [m].
-            least: what the arcs need [m].
-            pieces: how many sides there are.
-            length: length of the whole route [m].
-            key: where the shape stands in the recipe.
-        """
+        """Refuse sides of a route that are shorter than the arcs around their corners need [m]."""
         if side <= 0.0 or side < least * (1.0 - 1e-9):
             given = "size_m" if self.size_m else "length_m"
             shortest = length + pieces * (least - side)

@@ -64,45 +64,36 @@ class Obstacles(Record):
     def __len__(self) -> int:
         return len(self.id)
 
+    def describe(self, number: int) -> str:
+        """A rock, its place and its height in words."""
+        (x, y), height = self.centre[number], self.height[number]
+        return f"rock {self.id[number]} at ({x:.2f}, {y:.2f}) m, {height:.2f} m high"
+
     def distances(self, point: Array) -> Array:
         """Distance of a point, shape [2], to each outline [m], negative within it."""
-        offset = np.asarray(point, np.float64) - self.centre
-        result: Array = np.max(
-            portable.product(offset, UNITS) - self.support, axis=1, initial=-np.inf
-        )
-        return result
+        reach = portable.product(np.asarray(point, np.float64) - self.centre, UNITS)
+        return np.asarray(np.max(reach - self.support, axis=1, initial=-np.inf))
 
     def gaps(self, number: int, position: Array, heading: Array, rover: Rover) -> Array:
-        """Gap between one outline and the rover's own rectangle at poses [m], shape [poses].
+        """Gaps between one outline and the rover's own rectangle at poses [m], shape [poses].
 
-        By separating axes in the outline's directions: negative where they overlap, too small by
-        at most 3 % of the rover's half diagonal near its corners.
-
-        Args:
-            number: which obstacle.
-            position: east and north of base_link [m], shape [poses, 2].
-            heading: counter-clockwise from east [rad], shape [poses].
-            rover: gives length and width over its wheels.
+        Positions are those of base_link [m], shape [poses, 2]. By separating axes in the outline's
+        directions: negative where they overlap, too small by at most 3 % of the rover's half
+        diagonal near its corners.
         """
         offset = position - self.centre[number]
         turned = np.subtract.outer(heading, _ANGLES)
         along, across = np.abs(np.cos(turned)), np.abs(np.sin(turned))
         reach = 0.5 * (rover.length * along + rover.width * across)
-        result: Array = np.max(
-            portable.product(offset, UNITS) - reach - self.support[number], axis=1
-        )
-        return result
+        gaps = portable.product(offset, UNITS) - reach - self.support[number]
+        return np.asarray(np.max(gaps, axis=1))
 
     def beside(
         self, position: Array, heading: Array, rover: Rover, farthest: float
     ) -> Iterator[tuple[int, NDArray[np.intp], Array]]:
         """Obstacles near a track: which, the poses near it, and the rover's gaps to it there [m].
 
-        Args:
-            position: east and north of base_link [m], shape [poses, 2].
-            heading: counter-clockwise from east [rad], shape [poses].
-            rover: who drives.
-            farthest: gap up to which poses are near [m].
+        Positions of base_link [m], shape [poses, 2], are near up to a gap of `farthest` [m].
         """
         from scipy.spatial import cKDTree
 
@@ -113,6 +104,15 @@ class Obstacles(Record):
             if near:
                 poses = np.array(near)
                 yield number, poses, self.gaps(number, position[poses], heading[poses], rover)
+
+    def first_touched(self, position: Array, heading: Array, rover: Rover) -> str:
+        """The obstacle that the rover touches first along a track, in words; empty for none."""
+        first, found = len(position), ""
+        for number, poses, gaps in self.beside(position, heading, rover, 0.0):
+            at = int(poses[np.argmax(gaps < 0.0)])
+            if gaps.min() < 0.0 and at < first:
+                first, found = at, self.describe(number)
+        return found
 
 
 def find_obstacles(rocks: RockField, library: RockLibrary, rover: Rover) -> Obstacles:

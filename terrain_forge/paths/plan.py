@@ -10,7 +10,7 @@ from terrain_forge.paths.curves import Curve, trace_polyline, trace_spline
 from terrain_forge.paths.named_shape import NamedShape
 from terrain_forge.paths.obstacles import highest_step
 from terrain_forge.paths.recorded import RecordedPoses, follow
-from terrain_forge.paths.spec import Corridor, PathSpec, Planned, Polyline, Recorded, Spline
+from terrain_forge.paths.spec import Corridor, PathSpec, Planned, Polyline, Recorded, RouteSpec
 
 CORRIDOR_MARGIN = 0.4
 """What a default corridor is wider than the rover [m]."""
@@ -31,12 +31,8 @@ def plan_route(
 ) -> Route:
     """The route of a path that is known before the ground, its corridor resolved.
 
-    Args:
-        spec: the path as the recipe has it.
-        rover: who drives.
-        driven: whether the validation drives it, so that a corridor is the default.
-        recorded: the poses of its file, where it comes from one.
-        key: where the path stands in the recipe.
+    A corridor is the default where the validation drives it. A path from a file comes with the
+    poses of that; the key is where the path stands in the recipe.
 
     Raises:
         RecipeError: if two neighbouring points are the same, if the curve turns back on itself, or
@@ -63,14 +59,9 @@ def as_route(
     corridor: tuple[float, float] = (0.0, 0.0),
     key: Key = ("paths",),
 ) -> Route:
-    """A curve as the route of a path.
+    """A curve as the route of a path, with the recorded times of its points [s], if there are any.
 
-    Args:
-        curve: where it goes.
-        spec: the path as the recipe has it.
-        time: recorded times of the curve's points [s].
-        corridor: width [m], 0 for none, and clearance [m] of its strip without rocks.
-        key: where the route stands in the recipe.
+    The corridor is the width [m], 0 for none, and the clearance [m] of its strip without rocks.
 
     Raises:
         DataError: if a recorded path does not move at all.
@@ -78,48 +69,38 @@ def as_route(
     distance = curve.distance
     if distance[-1] <= 0.0:
         raise DataError("the path does not move", key=key)
-    stops = bool(curve.turns)
     return Route(
         name=spec.name,
         position=curve.position,
         heading=curve.heading,
         distance=distance,
-        closed=_closes(spec.route),
+        closed=time is None and not isinstance(spec.route, Planned) and spec.route.closed,
         speed=spec.speed_m_s if time is None else float(distance[-1] / time[-1]),
         corridor_width=corridor[0],
         corridor_clearance=corridor[1],
         turns=np.array(curve.turns, np.int64).reshape(-1, 2),
-        acceleration=spec.acceleration_m_s2 or (ACCELERATION if stops else 0.0),
+        acceleration=spec.acceleration_m_s2 or (ACCELERATION if curve.turns else 0.0),
         turn_rate=float(np.radians(spec.turn_rate_deg_s)),
         time=time,
         attitude=curve.attitude,
     )
 
 
-def _trace(route: object, recorded: RecordedPoses | None, key: Key) -> tuple[Curve, Array | None]:
+def _trace(
+    route: RouteSpec, recorded: RecordedPoses | None, key: Key
+) -> tuple[Curve, Array | None]:
     """The curve of a route, and its times where they are recorded."""
     if isinstance(route, Recorded):
         assert recorded is not None, "a route from a file comes with what was read from it"
         return follow(route, recorded, key=(*key, "file"))
     if isinstance(route, NamedShape):
         return route.curve(key), None
-    key = (*key, "points_m")
+    assert not isinstance(route, Planned), "it is found once there are ground and rocks"
+    points, key = np.asarray(route.points_m, np.float64), (*key, "points_m")
     if isinstance(route, Polyline):
-        points = np.asarray(route.points_m, np.float64)
-        curve = trace_polyline(points, closed=route.closed, radius=route.corner_radius_m, key=key)
-        return curve, None
-    assert isinstance(route, Spline), "a planned route is found once there are ground and rocks"
-    points = np.asarray(route.points_m, np.float64)
+        radius = route.corner_radius_m
+        return trace_polyline(points, closed=route.closed, radius=radius, key=key), None
     return trace_spline(points, closed=route.closed, key=key), None
-
-
-def _closes(route: object) -> bool:
-    if isinstance(route, NamedShape):
-        return route.closed
-    if isinstance(route, Recorded):
-        return route.closed and route.timing == "speed"
-    assert isinstance(route, Spline | Polyline | Planned)
-    return not isinstance(route, Planned) and route.closed
 
 
 def require_inside(
@@ -149,10 +130,7 @@ def overhang(
 ) -> tuple[float, tuple[float, float]]:
     """How far a corner of the rover gets beyond bounds [m] (negative: stays within), and where.
 
-    Args:
-        route: where it drives.
-        bounds: west, south, east, north [m].
-        rover: who drives.
+    The bounds are the west, south, east and north [m].
     """
     forward = np.stack([np.cos(route.heading), np.sin(route.heading)], -1)
     left = np.stack([-forward[:, 1], forward[:, 0]], -1)

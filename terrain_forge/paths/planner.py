@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
-from terrain_forge.paths.lattice import GridPath, cheapest_path
-from terrain_forge.paths.obstacles import Obstacles, half_diagonal
+from terrain_forge.paths.lattice import GridPath, bend, cheapest_path, straighten
+from terrain_forge.paths.obstacles import half_diagonal
 from terrain_forge.paths.plan import as_route
-from terrain_forge.paths.smoothing import bend, straighten
 from terrain_forge.paths.spec import PathSpec, Planned
 from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traversability
 
@@ -44,21 +43,14 @@ def plan_path(
 ) -> Route:
     """The planned route of a path on a finished world.
 
-    Args:
-        spec: The path as the recipe has it.
-        route: Its start, its goal, and what it passes on the way.
-        field: What ground and rocks mean to the rover.
-        rover: Who drives.
-        key: Where the path stands in the recipe.
+    The field says what ground and rocks mean to the rover; the key is the path's in the recipe.
 
     Raises:
         RecipeError: if a place is blocked, by what; if there is no way; or if the way is too narrow
             for the rover where it turns.
     """
     key = (*key, "route")
-    stops = [("start_m", route.start_m), *(("via_m", place) for place in route.via_m)]
-    stops.append(("goal_m", route.goal_m))
-    needed = field.half_width + route.margin_m
+    needed, stops = field.half_width + route.margin_m, route.stops
     turning = max(needed, half_diagonal(rover))
     for name, place in stops:
         reason = blocked_by(field, place, needed if name == "via_m" else turning)
@@ -79,7 +71,7 @@ def plan_path(
 
 
 def _line(
-    field: Traversability, stops: list[Stop], needed: float, key: Key
+    field: Traversability, stops: tuple[Stop, ...], needed: float, key: Key
 ) -> tuple[Array, NDArray[np.bool_]]:
     """A line through all stops, east and north [m], and which of its points are stops."""
     weight = node_weights(field, needed)
@@ -94,12 +86,7 @@ def _line(
 
 
 def node_weights(field: Traversability, needed: float) -> Weight:
-    """Cost of a metre at each node, from 1; infinite where the rover's centre must not be.
-
-    Args:
-        field: What ground and rocks mean to the rover.
-        needed: Least clearance [m].
-    """
+    """Cost of a metre at each node, from 1; infinite where less clearance is than needed [m]."""
     passable = (field.cost >= 0.0) & (field.cost < IMPASSABLE) & (field.clearance >= needed)
     weight = np.where(passable, 1.0 + DISLIKE * field.cost**2, np.inf)
     return weight.astype(np.float32)
@@ -116,11 +103,9 @@ def blocked_by(field: Traversability, place: Place, needed: float) -> str:
     away = np.minimum(*(field.obstacles.distances(point) for point in (np.array(place), node)))
     if len(away) and away.min() < needed:
         n = int(np.argmin(away))
-        x, y = field.obstacles.centre[n]
         gap = f"{away[n]:.2f} m from" if away[n] > 0.0 else "inside"
         return (
-            f"{gap} rock {field.obstacles.id[n]} at ({x:.2f}, {y:.2f}) m, "
-            f"{field.obstacles.height[n]:.2f} m high; the rover needs {needed:.2f} m beside rocks "
+            f"{gap} {field.obstacles.describe(n)}; the rover needs {needed:.2f} m beside rocks "
             f"above {field.highest_step:.2f} m"
         )
     if field.clearance[row, column] < needed:
@@ -163,16 +148,13 @@ def _grid_path(
     stride = max(math.ceil(max(weight.shape) / MOST_NODES), 1)
     while True:
         coarse = _coarsened(weight, stride)
-        start, goal = (_coarse_node(field.node(place), coarse.shape, stride) for place in ends)
+        last = np.array(coarse.shape) - 1
+        nodes = np.rint(np.array([field.node(place) for place in ends]) / stride).astype(int)
+        (start, goal) = map(tuple, np.minimum(nodes, last).tolist())
         path = cheapest_path(coarse, start=start, goal=goal)
         if len(path.nodes) or stride == 1:
             return path, stride
         stride = max(stride // 2, 1)
-
-
-def _coarse_node(node: tuple[int, int], shape: tuple[int, ...], stride: int) -> tuple[int, int]:
-    row, column = (min(round(n / stride), size - 1) for n, size in zip(node, shape, strict=True))
-    return row, column
 
 
 def _coarsened(weight: Weight, stride: int) -> Weight:
@@ -205,32 +187,15 @@ def _curve(
     if len(line) == 2:
         line = np.stack([line[0], line.mean(axis=0), line[1]])
         fixed = np.array([False, False, True])
+    stays = np.append(0, np.flatnonzero(fixed))
     for every in KNOTS:
-        curve = trace_spline(line[_knots(fixed, every)], closed=False, key=key)
-        touched = first_touch(curve, field.obstacles, rover)
+        # Every so manieth point, those that stay, and none close to these.
+        chosen = np.arange(len(line)) % every == 0
+        for n in stays.tolist():
+            chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
+        chosen[stays] = True
+        curve = trace_spline(line[chosen], closed=False, key=key)
+        touched = field.obstacles.first_touched(curve.position, curve.heading, rover)
         if not touched:
             break
     return curve, touched
-
-
-def _knots(fixed: NDArray[np.bool_], every: int) -> NDArray[np.intp]:
-    """Every so manieth point, those that are fixed, and none close to these."""
-    chosen = np.zeros(len(fixed), np.bool_)
-    chosen[::every] = True
-    stays = np.append(0, np.flatnonzero(fixed))
-    for n in stays.tolist():
-        chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
-    chosen[stays] = True
-    return np.flatnonzero(chosen)
-
-
-def first_touch(curve: Curve, obstacles: Obstacles, rover: Rover) -> str:
-    """The obstacle that the rover's rectangle touches first along a curve; empty for none."""
-    first, found = len(curve.position), ""
-    for n, poses, gaps in obstacles.beside(curve.position, curve.heading, rover, 0.0):
-        at = int(poses[np.argmax(gaps < 0.0)])
-        if gaps.min() < 0.0 and at < first:
-            (x, y), high = obstacles.centre[n], obstacles.height[n]
-            first = at
-            found = f"rock {obstacles.id[n]} at ({x:.2f}, {y:.2f}) m, {high:.2f} m high"
-    return found

@@ -58,10 +58,7 @@ class RecordedPoses:
 def read_recorded(spec: Recorded, folder: Path, *, key: Key) -> RecordedPoses:
     """The poses of a recipe's file, moved and turned to where the recipe wants them.
 
-    Args:
-        spec: The recipe's part.
-        folder: What the file is relative to.
-        key: Where in the recipe the file is named.
+    The file is relative to the folder; the key is where in the recipe it is named.
 
     Raises:
         DataError: if the file is missing, or no such path; says in which line.
@@ -91,10 +88,17 @@ def follow(spec: Recorded, poses: RecordedPoses, *, key: Key) -> tuple[Curve, Ar
 
     Raises:
         DataError: if the recorded timing or attitude is wanted and there is none, or nothing moves.
-        RecipeError: if the curve turns back on itself, or a attitude is wanted without its times.
+        RecipeError: if the curve turns back on itself, or an attitude is wanted without its times.
     """
-    if spec.attitude == "recorded":
-        _require_stance(spec, poses, key)
+    stands = spec.attitude == "recorded"
+    if stands and spec.timing != "recorded":
+        raise RecipeError(
+            "`attitude: recorded` needs `timing: recorded`", key=(*key[:-1], "attitude")
+        )
+    if stands and poses.attitude is None:
+        raise DataError(
+            f"{spec.file} needs columns z and qw, qx, qy, qz for `attitude: recorded`", key=key
+        )
     if spec.timing == "speed":
         points = _thinned(poses.position, spec.spacing_m, closed=spec.closed)
         if len(points) < 2:
@@ -102,18 +106,7 @@ def follow(spec: Recorded, poses: RecordedPoses, *, key: Key) -> tuple[Curve, Ar
         return trace_spline(points, closed=spec.closed, key=key), None
     if poses.time is None:
         raise DataError(f"{spec.file} has no times for `timing: recorded`", key=key)
-    return _replay(poses.time, poses, stands=spec.attitude == "recorded")
-
-
-def _require_stance(spec: Recorded, poses: RecordedPoses, key: Key) -> None:
-    if spec.timing != "recorded":
-        raise RecipeError(
-            "`attitude: recorded` needs `timing: recorded`", key=(*key[:-1], "attitude")
-        )
-    if poses.attitude is None:
-        raise DataError(
-            f"{spec.file} needs columns z and qw, qx, qy, qz for `attitude: recorded`", key=key
-        )
+    return _replay(poses.time, poses, stands=stands)
 
 
 def _replay(time: Array, poses: RecordedPoses, *, stands: bool) -> tuple[Curve, Array]:
@@ -130,18 +123,13 @@ def _replay(time: Array, poses: RecordedPoses, *, stands: bool) -> tuple[Curve, 
     if poses.yaw is not None:
         heading = CubicSpline(time, poses.yaw)(fine)
     else:
-        heading = _direction(track(fine, 1))
+        velocity = track(fine, 1)
+        moving = np.linalg.norm(velocity, axis=1) > _STILL
+        latest = np.maximum.accumulate(np.where(moving, np.arange(len(moving)), -1))
+        latest[latest < 0] = int(np.argmax(moving))
+        heading = np.unwrap(portable.arctan2(velocity[:, 1], velocity[:, 0])[latest])
     attitude = CubicSpline(time, poses.attitude)(fine) if stands else None
     return Curve(position=track(fine), heading=heading, attitude=attitude), fine
-
-
-def _direction(velocity: Array) -> Array:
-    """Heading of a motion, kept where it stands still [rad], continuous."""
-    moving = np.linalg.norm(velocity, axis=1) > _STILL
-    latest = np.maximum.accumulate(np.where(moving, np.arange(len(moving)), -1))
-    latest[latest < 0] = int(np.argmax(moving))
-    heading: Array = np.unwrap(portable.arctan2(velocity[:, 1], velocity[:, 0])[latest])
-    return heading
 
 
 def _thinned(points: Array, spacing: float, *, closed: bool) -> Array:
@@ -161,7 +149,7 @@ def _thinned(points: Array, spacing: float, *, closed: bool) -> Array:
 def _columns(file: str, text: str, key: Key) -> dict[str, Array]:
     """The columns by their plain names, in a table that may have no line of names."""
     lines = [
-        (number, _fields(line))
+        (number, [f.strip() for f in next(csv.reader([line]))] if "," in line else line.split())
         for number, line in enumerate(text.splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
@@ -177,9 +165,8 @@ def _columns(file: str, text: str, key: Key) -> dict[str, Array]:
     rows = lines if _is_numeric(lines[0][1]) else lines[1:]
     if not 2 <= len(rows) <= MAX_POSES:
         raise DataError(f"{file} has {len(rows):,} poses, allowed: 2 to {MAX_POSES:,}", key=key)
-    wanted = {name: n for n, name in enumerate(names) if name}
     values = np.array([_numbers(file, number, row, names, key) for number, row in rows])
-    return {name: values[:, n] for name, n in wanted.items()}
+    return {name: values[:, n] for n, name in enumerate(names) if name}
 
 
 def _names(file: str, first: list[str], key: Key) -> list[str]:
@@ -191,13 +178,12 @@ def _names(file: str, first: list[str], key: Key) -> list[str]:
         if twice:
             raise DataError(f"{file} has two columns for {twice}", key=key)
         return names
-    if len(first) == 2:
-        return ["x", "y"]
-    if len(first) == len(_TUM):
-        return list(_TUM)
-    raise DataError(
-        f"{file}: {len(first)} columns without names; 2 (x y) or 8 (TUM) need none", key=key
-    )
+    names = {2: ["x", "y"], 8: list(_TUM)}.get(len(first), [])
+    if not names:
+        raise DataError(
+            f"{file}: {len(first)} columns without names; 2 (x y) or 8 (TUM) need none", key=key
+        )
+    return names
 
 
 def _numbers(file: str, line: int, row: list[str], names: list[str], key: Key) -> list[float]:
@@ -217,12 +203,6 @@ def _numbers(file: str, line: int, row: list[str], names: list[str], key: Key) -
     return numbers
 
 
-def _fields(line: str) -> list[str]:
-    if "," in line:
-        return [field.strip() for field in next(csv.reader([line]))]
-    return line.split()
-
-
 def _is_numeric(row: list[str]) -> bool:
     try:
         [float(field) for field in row]
@@ -234,8 +214,9 @@ def _is_numeric(row: list[str]) -> bool:
 def _attitude(file: str, columns: dict[str, Array], key: Key) -> tuple[Array | None, Array | None]:
     """Yaw [rad], and height [m], roll and pitch [rad], as far as the columns tell them."""
     yaw = attitude = None
-    if all(name in columns for name in ("qw", "qx", "qy", "qz")):
-        quaternion = np.stack([columns[name] for name in ("qw", "qx", "qy", "qz")], -1)
+    parts = ("qw", "qx", "qy", "qz")
+    if columns.keys() >= set(parts):
+        quaternion = np.stack([columns[name] for name in parts], -1)
         norm = np.linalg.norm(quaternion, axis=1, keepdims=True)
         if norm.min() < _LEAST_NORM:
             raise DataError(

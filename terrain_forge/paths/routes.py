@@ -18,11 +18,10 @@ from terrain_forge.model import (
 )
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.planner import plan_path
-from terrain_forge.paths.profile import duration
 from terrain_forge.paths.recorded import read_recorded
 from terrain_forge.paths.spec import Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
-from terrain_forge.paths.trajectory import make_trajectory
+from terrain_forge.paths.trajectory import duration, make_trajectory
 from terrain_forge.paths.traversability_field import traversability
 from terrain_forge.rovers import require_ground
 
@@ -34,35 +33,26 @@ MOST_SAMPLES = 2_000_000
 
 
 def plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]:
-    """The routes that are known before the ground.
-
-    Args:
-        recipe: what to make.
-        rover: who drives.
-        folder: what the recipe's paths are relative to.
+    """The routes that are known before the ground; the recipe names files relative to `folder`.
 
     Raises:
         RecipeError, DataError: for a route that cannot be driven or leaves the site.
     """
-    driven = recipe.driven_path
+    driven, routes = recipe.driven_path, []
     if driven is not None or not isinstance(recipe.rover, str):
         require_ground(rover, spacing=recipe.terrain.spacing_m)
-    return tuple(
-        _plan_route(recipe, number, rover, folder, driven=path.name == driven)
-        for number, path in enumerate(recipe.paths)
-        if not isinstance(path.route, Planned)
-    )
-
-
-def _plan_route(recipe: Recipe, number: int, rover: Rover, folder: Path, *, driven: bool) -> Route:
-    path, key = recipe.paths[number], ("paths", number)
-    recorded = None
-    if isinstance(path.route, Recorded):
-        recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
-    route = plan_route(path, rover=rover, driven=driven, recorded=recorded, key=key)
-    require_inside(route, size=recipe.dtm.size_m, rover=rover, key=key)
-    require_samples(route, rate=path.rate_hz, key=key)
-    return route
+    for number, path in enumerate(recipe.paths):
+        key, recorded = ("paths", number), None
+        if isinstance(path.route, Planned):
+            continue
+        if isinstance(path.route, Recorded):
+            recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
+        here = path.name == driven
+        route = plan_route(path, rover=rover, driven=here, recorded=recorded, key=key)
+        require_inside(route, size=recipe.dtm.size_m, rover=rover, key=key)
+        require_samples(route, rate=path.rate_hz, key=key)
+        routes.append(route)
+    return tuple(routes)
 
 
 def make_trajectories(
@@ -73,17 +63,10 @@ def make_trajectories(
     library: RockLibrary,
     rover: Rover,
 ) -> tuple[Trajectory, ...]:
-    """The paths that lie wholly within a window, on its ground.
+    """The paths that lie wholly within a window, on its bare ground.
 
-    Planned ones depend on all of the ground and its rocks: only the whole site has them.
-
-    Args:
-        site: the place.
-        window: the part of it.
-        ground: the bare ground of the window.
-        rocks: its rocks, and those that reach into it.
-        library: their shapes.
-        rover: who drives.
+    Planned ones depend on all of the ground and its rocks: only the whole site has them. The rocks
+    are those of the window, and those that reach into it.
 
     Raises:
         RecipeError: if a planned path cannot be found, or the driven one starts within a rock.
@@ -108,17 +91,13 @@ def _plan_on_ground(
     site: Site, ground: Heightfield, rocks: RockField, library: RockLibrary, rover: Rover
 ) -> dict[str, Route]:
     """The planned routes, by name, over the whole site."""
-    planned = [
-        (("paths", number), spec, spec.route)
-        for number, spec in enumerate(site.recipe.paths)
-        if isinstance(spec.route, Planned)
-    ]
-    if not planned:
-        return {}
-    field = traversability(ground=ground, rocks=rocks, library=library, rover=rover)
-    routes = {}
-    for key, spec, request in planned:
-        route = plan_path(spec, request, field=field, rover=rover, key=key)
+    routes, field = dict[str, Route](), None
+    for number, spec in enumerate(site.recipe.paths):
+        if not isinstance(spec.route, Planned):
+            continue
+        key = ("paths", number)
+        field = field or traversability(ground=ground, rocks=rocks, library=library, rover=rover)
+        route = plan_path(spec, spec.route, field=field, rover=rover, key=key)
         require_inside(route, size=site.size, rover=rover, key=key)
         require_samples(route, rate=spec.rate_hz, key=key)
         routes[route.name] = route

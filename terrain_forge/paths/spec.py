@@ -76,6 +76,12 @@ class Planned(Spec):
     margin_m: Annotated[float, Interval(ge=0, le=10)] = 0.1
     """Distance that the rover's side keeps from what it cannot pass [m]."""
 
+    @property
+    def stops(self) -> tuple[tuple[str, Pair], ...]:
+        """All places in their order, each after the name of its key."""
+        between = (("via_m", place) for place in self.via_m)
+        return ("start_m", self.start_m), *between, ("goal_m", self.goal_m)
+
 
 if TYPE_CHECKING:
     RouteSpec = Spline | Polyline | NamedShape | Recorded | Planned

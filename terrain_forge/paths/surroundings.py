@@ -45,14 +45,7 @@ class Surroundings(Record):
 def survey_path(
     trajectory: Trajectory, *, ground: Heightfield, obstacles: Obstacles, rover: Rover
 ) -> Surroundings:
-    """Look along a path that lies within the ground.
-
-    Args:
-        trajectory: The path.
-        ground: The bare ground.
-        obstacles: Rocks that the rover does not go over.
-        rover: Who drives.
-    """
+    """Look along a path that lies within the bare ground, beside what the rover cannot go over."""
     count = min(len(trajectory.time), MOST_POSES)
     sample = np.linspace(0, len(trajectory.time) - 1, count).astype(np.int64)
     position, heading = trajectory.position[sample, :2], trajectory.rpy[sample, 2]
@@ -94,17 +87,15 @@ def require_free_start(
     Raises:
         RecipeError: names the rock and its place.
     """
-    obstacles = find_obstacles(rocks, library, rover)
     position, heading = trajectory.position[:1, :2], trajectory.rpy[:1, 2]
-    for number, _, gaps in obstacles.beside(position, heading, rover, 0.0):
-        if gaps[0] < 0.0:
-            (x, y), (east, north) = position[0], obstacles.centre[number]
-            raise RecipeError(
-                f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within rock "
-                f"{obstacles.id[number]} at ({east:.2f}, {north:.2f}) m, "
-                f"{obstacles.height[number]:.2f} m high; rocks.exclusion_zones keeps a circle free",
-                key=(*key, "route"),
-            )
+    touched = find_obstacles(rocks, library, rover).first_touched(position, heading, rover)
+    if touched:
+        x, y = position[0]
+        raise RecipeError(
+            f"path {trajectory.name!r} starts at ({x:.2f}, {y:.2f}) m within {touched}; "
+            "rocks.exclusion_zones keeps a circle free",
+            key=(*key, "route"),
+        )
 
 
 def _steps(position: Array, heading: Array, ground: Heightfield, rover: Rover) -> Array:
@@ -115,5 +106,5 @@ def _steps(position: Array, heading: Array, ground: Heightfield, rover: Rover) -
     north = position[:, 1:] + np.outer(sin, x) + np.outer(cos, y)
     column = np.rint((east - ground.origin[0]) / ground.spacing).astype(np.int64)
     row = np.rint((north - ground.origin[1]) / ground.spacing).astype(np.int64)
-    largest: Array = steps_at(ground.elevation, row, column, wheel_reach(rover, ground.spacing))
-    return largest
+    reach = wheel_reach(rover, ground.spacing)
+    return np.asarray(steps_at(ground.elevation, row, column, reach))

@@ -1,12 +1,17 @@
-"""From a route to a trajectory: the motion of the rover's base_link on the ground."""
+"""From a route to a trajectory: when the rover is where, and how it stands on the ground.
+
+It drives at constant speed, with ramps between stops, or by recorded times.
+"""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from terrain_forge.base import Array, portable, rpy_from_matrix, stage_key, uniforms
 from terrain_forge.model import Heightfield, Route, Rover, Trajectory
-from terrain_forge.paths.profile import Stretch, attitude_at, duration, pose_at, stretches
 from terrain_forge.paths.spec import PathSpec
 
 _FOOTPRINT = 5
@@ -29,11 +34,13 @@ def make_trajectory(
     moments = np.linspace(0.0, planned, steps + 1)
     place, heading = pose_at(route, moments)
     height, rpy = stand(ground, rover, place, heading)
-    attitude = attitude_at(route, moments)
-    if attitude is not None:
-        height, rpy[:, :2] = attitude[:, 0], attitude[:, 1:]
+    if route.time is not None and route.attitude is not None:
+        height, rpy[:, 0], rpy[:, 1] = (
+            np.interp(moments, route.time, column) for column in route.attitude.T
+        )
     rpy += _shake(spec, steps, seed)
-    turns = [(part.begin, part.end) for part in _spot_turns(route)]
+    parts = stretches(route) if route.time is None else ()
+    turns = [(part.begin, part.end) for part in parts if part.turning]
     return Trajectory(
         name=route.name,
         time=time,
@@ -44,22 +51,12 @@ def make_trajectory(
     )
 
 
-def _spot_turns(route: Route) -> list[Stretch]:
-    if route.time is not None:
-        return []
-    return [part for part in stretches(route) if part.turning]
-
-
 def stand(
     ground: Heightfield, rover: Rover, position: Array, heading: Array
 ) -> tuple[Array, Array]:
     """Height of the ground plane under the rover [m] and its roll, pitch, yaw [rad].
 
-    Args:
-        ground: what it stands on.
-        rover: who stands there.
-        position: east and north [m], shape [places, 2].
-        heading: counter-clockwise from east [rad], shape [places].
+    At places east and north [m], shape [places, 2], and headings [rad], shape [places].
     """
     x = np.linspace(-0.5, 0.5, _FOOTPRINT) * rover.length
     y = np.linspace(-0.5, 0.5, _FOOTPRINT) * rover.width
@@ -81,8 +78,7 @@ def stand(
 
 
 def _unit(vectors: Array) -> Array:
-    result: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return result
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _shake(spec: PathSpec, steps: int, seed: int) -> Array:
@@ -99,3 +95,100 @@ def _shake(spec: PathSpec, steps: int, seed: int) -> Array:
     rms = np.sqrt(np.mean(noise**2, axis=0))
     noise *= np.radians(spec.shake.rms_deg) / np.where(rms > 0.0, rms, 1.0)
     return np.vstack([noise, noise[:1]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A part of a route between two stops: a drive, or a turn on the spot."""
+
+    first: int
+    """Its first point of the route."""
+    last: int
+    """Its last point."""
+    begin: float
+    """When it begins [s]."""
+    duration: float
+    """How long it takes [s]."""
+    turning: bool
+    """Whether it is a turn on the spot."""
+
+    @property
+    def end(self) -> float:
+        """When it ends [s]."""
+        return self.begin + self.duration
+
+
+def stretches(route: Route) -> tuple[Stretch, ...]:
+    """The drives and spot turns of a route without recorded times, one after the other."""
+    found: list[Stretch] = []
+    point, clock = 0, 0.0
+    for first, last in [*route.turns.tolist(), (len(route.position) - 1, -1)]:
+        length = float(route.distance[first] - route.distance[point])
+        driving = _driving_time(length, route.speed, route.acceleration)
+        # A turn of this time that begins and ends smoothly reaches the turn rate half-way.
+        turning = 1.5 * abs(float(route.heading[last] - route.heading[first])) / route.turn_rate
+        pieces = (point, first, driving, False), (first, last, turning, True)
+        for a, b, takes, turns in pieces:
+            if b > a:
+                part = Stretch(first=a, last=b, begin=clock, duration=takes, turning=turns)
+                found.append(part)
+                clock = part.end
+        point = last
+    return tuple(found)
+
+
+def duration(route: Route) -> float:
+    """How long a route takes [s]."""
+    if route.time is not None:
+        return float(route.time[-1])
+    return stretches(route)[-1].end
+
+
+def pose_at(route: Route, time: Array) -> tuple[Array, Array]:
+    """East and north [m], shape [times, 2], and heading [rad], shape [times], at times [s]."""
+    columns = np.column_stack([route.position, route.heading])
+    if route.time is not None:
+        values = np.stack([np.interp(time, route.time, column) for column in columns.T], -1)
+        return values[:, :2], values[:, 2]
+    values = np.empty((len(time), 3))
+    parts = stretches(route)
+    begins = np.array([part.begin for part in parts])
+    which = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, len(parts) - 1)
+    for number, part in enumerate(parts):
+        asked = which == number
+        since = time[asked] - part.begin
+        points = slice(part.first, part.last + 1)
+        if part.turning:
+            share = np.clip(since / part.duration, 0.0, 1.0)
+            at = share * share * (3.0 - 2.0 * share)  # smooth at both ends
+            heading = route.heading[points]
+            along = (heading - heading[0]) / (heading[-1] - heading[0])
+        else:
+            length = float(route.distance[part.last] - route.distance[part.first])
+            at = _driven(since, length, route.speed, route.acceleration)
+            along = route.distance[points] - route.distance[part.first]
+        for axis in range(3):
+            values[asked, axis] = np.interp(at, along, columns[points, axis])
+    return values[:, :2], values[:, 2]
+
+
+def _driving_time(length: float, speed: float, acceleration: float) -> float:
+    if acceleration == 0.0:
+        return length / speed
+    if length < speed**2 / acceleration:
+        return 2.0 * math.sqrt(length / acceleration)
+    return length / speed + speed / acceleration
+
+
+def _driven(time: Array, length: float, speed: float, acceleration: float) -> Array:
+    """Distance [m] at times [s] of a drive that speeds up, keeps its speed and brakes."""
+    if acceleration == 0.0:
+        return speed * time
+    whole = _driving_time(length, speed, acceleration)
+    top = min(speed, math.sqrt(length * acceleration))
+    ramp = top / acceleration
+    rest = np.clip(whole - time, 0.0, ramp)
+    begun = np.clip(time, 0.0, ramp)
+    even = np.clip(time - ramp, 0.0, whole - 2.0 * ramp)
+    braking = 0.5 * acceleration * (ramp**2 - rest**2)
+    return np.asarray(0.5 * acceleration * begun**2 + top * even + braking)

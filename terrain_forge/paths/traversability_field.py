@@ -46,13 +46,11 @@ class Traversability(Record):
     slope: Grid
     """Slope of the least-squares plane under the footprint [rad], shape [rows, columns]; `UNKNOWN`
     at the border, as in step and cost."""
-    ground_step: Grid
-    """Step of the bare ground within a wheel's reach [m], shape [rows, columns]."""
     step: Grid
     """Step of ground and rocks [m], shape [rows, columns]."""
     clearance: Grid
     """Distance to the nearest rock or step that the rover does not go over [m], negative within a
-    rock, at most `farthest`, shape [rows, columns]."""
+    rock, at most twice what it needs to turn on the spot, shape [rows, columns]."""
     cost: Grid
     """0 for smooth level ground to `IMPASSABLE`, shape [rows, columns]."""
     obstacles: Obstacles
@@ -61,14 +59,12 @@ class Traversability(Record):
     """Height of steps and rocks that it still goes over [m]."""
     half_width: float
     """Half of the rover's width [m]: the clearance that its centre needs."""
-    farthest: float
-    """Largest clearance that is told [m]: twice what it needs to turn on the spot."""
     steepest: float
     """Slope that it may still be driven on [rad]."""
 
     def __post_init__(self) -> None:
         self.freeze("slope", np.float32, ("rows", "columns"))
-        for name in ("ground_step", "step", "clearance", "cost"):
+        for name in ("step", "clearance", "cost"):
             self.freeze(name, np.float32, self.slope.shape)
 
     def node(self, point: tuple[float, float]) -> tuple[int, int]:
@@ -99,24 +95,27 @@ def traversability(
     far = 2.0 * half_diagonal(rover)
     footprint, lag = max(round(0.5 * rover.length / spacing), 1), wheel_reach(rover, spacing)
     border = max(footprint, 2 * lag, math.ceil(half_diagonal(rover) / spacing))
-    slope, roughness, ground_step = _measure(ground, footprint, lag, border)
+    slope, roughness, step = (np.full(ground.shape, UNKNOWN, np.float32) for _ in range(3))
+    reaches = footprint, lag, border
+    args = ground.elevation, spacing, reaches, slope, roughness, step
+    over_chunks(_measure_ground, len(slope), *args)
     obstacles = find_obstacles(rocks, library, rover)
-    clearance = _clearance(ground, ground_step, obstacles, limit, far)
-    step = _with_rocks(ground_step, rocks.select(rocks.collides), ground)
+    clearance = _clearance(ground, step, obstacles, limit, far)
+    solid = rocks.select(rocks.collides)
+    radii = 0.5 * solid.diameter / spacing + 0.5
+    _stamp_heights(step, _columns_and_rows(solid.position, ground), radii, solid.height)
     widest = border + math.ceil(far / spacing)
     margins = tuple(widest if cut else border for cut in cut_sides)
     return Traversability(
         origin=ground.origin,
         spacing=spacing,
         slope=slope,
-        ground_step=ground_step,
         step=step,
         clearance=clearance,
         cost=_cost((slope, roughness, step, clearance), rover, spacing, margins),
         obstacles=obstacles,
         highest_step=limit,
         half_width=0.5 * rover.width,
-        farthest=far,
         steepest=rover.tilt_limit,
     )
 
@@ -127,46 +126,17 @@ def wheel_reach(rover: Rover, spacing: float) -> int:
     return max(math.ceil(largest / spacing - 1e-9), 1)
 
 
-def _measure(ground: Heightfield, footprint: int, lag: int, border: int) -> tuple[Grid, Grid, Grid]:
-    """Slope [rad], RMS residual of the plane [m] and step [m] of the bare ground."""
-    slope, roughness, step = (np.full(ground.shape, UNKNOWN, np.float32) for _ in range(3))
-    over_chunks(
-        _measure_ground,
-        len(slope),
-        ground.elevation,
-        ground.spacing,
-        (footprint, lag, border),
-        slope,
-        roughness,
-        step,
-    )
-    return slope, roughness, step
-
-
 def _clearance(
     ground: Heightfield, step: Grid, obstacles: Obstacles, limit: float, farthest: float
 ) -> Grid:
-    clearance = np.full(ground.shape, farthest, np.float32)
+    from scipy.ndimage import distance_transform_edt
+
+    clearance, spacing = np.full(ground.shape, farthest, np.float32), ground.spacing
     if bool(np.any(step > limit)):
-        reach = math.ceil(farthest / ground.spacing)
-        over_chunks(_nearest_step, len(step), step, limit, reach, ground.spacing, clearance)
-    _stamp_obstacles(
-        clearance,
-        _columns_and_rows(obstacles.centre, ground),
-        obstacles.support / ground.spacing,
-        UNITS,
-        farthest / ground.spacing,
-        ground.spacing,
-    )
+        np.minimum(clearance, distance_transform_edt(step <= limit) * spacing, out=clearance)
+    centre, support = _columns_and_rows(obstacles.centre, ground), obstacles.support / spacing
+    _stamp_obstacles(clearance, centre, support, UNITS, farthest / spacing, spacing)
     return clearance
-
-
-def _with_rocks(ground_step: Grid, rocks: RockField, ground: Heightfield) -> Grid:
-    """The ground's steps, raised to the heights of the rocks that stand within half a cell [m]."""
-    step = ground_step.copy()
-    centre = _columns_and_rows(rocks.position, ground)
-    _stamp_heights(step, centre, 0.5 * rocks.diameter / ground.spacing + 0.5, rocks.height)
-    return step
 
 
 def _cost(
@@ -183,8 +153,7 @@ def _cost(
 
 
 def _columns_and_rows(position: NDArray[np.float64], ground: Heightfield) -> NDArray[np.float64]:
-    result: NDArray[np.float64] = (position[:, :2] - ground.origin) / ground.spacing
-    return result
+    return np.asarray((position[:, :2] - ground.origin) / ground.spacing)
 
 
 @kernel
@@ -262,30 +231,6 @@ def steps_at(elevation, row, column, lag):  # type: ignore[no-untyped-def]
             if 2 * lag <= min(j, i, rows - 1 - j, columns - 1 - i):
                 largest[n] = max(largest[n], _step(elevation, j, i, lag))
     return largest
-
-
-@kernel
-def _nearest_step(first, last, step, limit, reach, spacing, clearance):  # type: ignore[no-untyped-def]
-    """Lower `clearance` [m] to the distance of the nearest node whose step exceeds the limit."""
-    rows, columns = step.shape
-    low, high = max(first - reach, 0), min(last + reach, rows)
-    beside = np.full((high - low, columns), reach + 1, np.int32)
-    for j in range(high - low):
-        away = reach + 1
-        for i in range(columns):
-            away = 0 if step[low + j, i] > limit else min(away + 1, reach + 1)
-            beside[j, i] = away
-        away = reach + 1
-        for i in range(columns - 1, -1, -1):
-            away = 0 if step[low + j, i] > limit else min(away + 1, reach + 1)
-            beside[j, i] = min(beside[j, i], away)
-    for j in range(first, last):
-        for i in range(columns):
-            best = (reach + 1) ** 2
-            for k in range(max(j - reach, 0), min(j + reach + 1, rows)):
-                across = beside[k - low, i]
-                best = min(best, across * across + (k - j) ** 2)
-            clearance[j, i] = min(clearance[j, i], np.sqrt(best) * spacing)
 
 
 @kernel

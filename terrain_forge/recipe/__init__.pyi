@@ -19,13 +19,13 @@ from .limits import require_paths as require_paths
 from .limits import rocks_of as rocks_of
 from .renames import RENAMES as RENAMES
 from .renames import current_json as current_json
+from .schema import DriveSpec as DriveSpec
 from .schema import Recipe as Recipe
+from .schema import StartsSpec as StartsSpec
 from .schema import SunSpec as SunSpec
 from .schema import TerrainSpec as TerrainSpec
+from .schema import ValidateSpec as ValidateSpec
 from .schema import json_schema as json_schema
 from .schema import recipe_from_json as recipe_from_json
 from .schema import recipe_json as recipe_json
 from .starter import write_starter as write_starter
-from .validate_spec import DriveSpec as DriveSpec
-from .validate_spec import StartsSpec as StartsSpec
-from .validate_spec import ValidateSpec as ValidateSpec

@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from itertools import combinations
+from typing import Any
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import exporter
+from terrain_forge.model import Exporter, exporter
 from terrain_forge.recipe.schema import Recipe
-
-if TYPE_CHECKING:
-    from terrain_forge.model import Exporter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,25 +45,15 @@ def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
             raise RecipeError("a format is named twice", key=("exports",))
         exports = {name: {} for name in exports}
     orders = tuple(_order(folder, dict(options)) for folder, options in exports.items())
-    for number, order in enumerate(orders):
-        _require_another(order, orders[:number])
-    return orders
-
-
-def _require_another(order: ExportOrder, earlier: tuple[ExportOrder, ...]) -> None:
-    """Refuse a folder that is one before it again, by its name or by all that is in it."""
-    key = ("exports", order.folder)
-    for other in earlier:
+    for other, order in combinations(orders, 2):
+        same = ""
         if other.folder.lower() == order.folder.lower():
-            raise RecipeError(
-                f"a folder before is called {other.folder!r}, which is the same, case aside",
-                key=key,
-            )
-        if (other.kind, other.options) == (order.kind, order.options):
-            raise RecipeError(
-                f"{order.kind} with the same options as {other.folder!r}: one of them is enough",
-                key=key,
-            )
+            same = f"a folder before is called {other.folder!r}, which is the same, case aside"
+        elif (other.kind, other.options) == (order.kind, order.options):
+            same = f"{order.kind} with the same options as {other.folder!r}: one of them is enough"
+        if same:
+            raise RecipeError(same, key=("exports", order.folder))
+    return orders
 
 
 def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
@@ -80,19 +68,19 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
         checked = TypeAdapter(found.Options).validate_json(json.dumps(options), strict=True)
     except RecipeError as error:
         raise RecipeError(str(error), key=(*key, *error.key)) from None
-    except ValueError as error:
-        option = error.errors()[0]["loc"][:1]  # type: ignore[attr-defined]
-        message = _option_message(kind, found, error)
-        raise RecipeError(message, key=(*key, *option)) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        option = ".".join(map(str, first["loc"]))
+        message = f"option {option!r} of {kind}: {first['msg']}, found {first['input']!r}"
+        if first["type"] == "unexpected_keyword_argument":
+            allowed = sorted(field.name for field in fields(found.Options) if field.name != "kind")
+            has = ", ".join(allowed) or "none"
+            message = f"{kind} has no option {option!r}{hint_at(option, allowed)}, it has: {has}"
+        raise RecipeError(message, key=(*key, *first["loc"][:1])) from None
     return ExportOrder(folder=folder, kind=kind, exporter=found, options=checked)
 
 
-def _option_message(kind: str, found: Exporter, error: ValueError) -> str:
-    first = error.errors()[0]  # type: ignore[attr-defined]
-    option = ".".join(map(str, first["loc"]))
-    if first["type"] == "unexpected_keyword_argument":
-        allowed = sorted(field.name for field in fields(found.Options) if field.name != "kind")
-        close = get_close_matches(option, allowed, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        return f"{kind} has no option {option!r}{hint}, it has: {', '.join(allowed) or 'none'}"
-    return f"option {option!r} of {kind}: {first['msg']}, found {first['input']!r}"
+def hint_at(word: str, allowed: list[str]) -> str:
+    """The allowed word that is meant, as a question; empty where none is like it."""
+    close = get_close_matches(word, allowed, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""

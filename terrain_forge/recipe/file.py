@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from terrain_forge.base import (
     TerrainForgeError,
     read_text,
 )
+from terrain_forge.recipe.exports import hint_at
 from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter, json_schema
 
@@ -74,7 +74,14 @@ def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFil
     """
     path = Path(path)
     data, lines = _read(path)
-    _rename(data, path, lines)
+    try:
+        renamed = rename_keys(data)
+    except RecipeError as error:
+        raise RecipeError(_locate(path, lines, error.key, str(error))) from None
+    for old, new in renamed:
+        warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new, above=3)
+        for key in [key for key in lines if key[: len(old)] == old]:
+            lines[*new, *key[len(new) :]] = lines.pop(key)
     for change in changes:
         _apply(data, change)
     try:
@@ -170,18 +177,6 @@ def _deep_line(text: str) -> int:
     return 1
 
 
-def _rename(data: Any, path: Path, lines: dict[Key, int]) -> None:
-    """Give the data the names that keys have now, and the lines of the old names to them."""
-    try:
-        renamed = rename_keys(data)
-    except RecipeError as error:
-        raise RecipeError(_locate(path, lines, error.key, str(error))) from None
-    for old, new in renamed:
-        warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new)
-        for key in [key for key in lines if key[: len(old)] == old]:
-            lines[*new, *key[len(new) :]] = lines.pop(key)
-
-
 def _apply(data: Any, change: str) -> None:
     """Put one `key=value` of the command line into the data."""
     name, equals, text = change.partition("=")
@@ -268,9 +263,7 @@ def _message(error: dict[str, Any], key: Key) -> str:
             return f"must be a list or a mapping, found {_shown(found)}"
         case "dataclass_type" | "dataclass_exact_type" | "dict_type":
             return f"must be a mapping of keys, found {_shown(found)}"
-        case "union_tag_not_found" if not isinstance(found, dict):
-            return f"must be a mapping of keys, found {_shown(found)}"
-        case "union_tag_invalid" if not isinstance(found, dict):
+        case "union_tag_not_found" | "union_tag_invalid" if not isinstance(found, dict):
             return f"must be a mapping of keys, found {_shown(found)}"
         case "tuple_type" | "list_type":
             return f"must be a list, found {_shown(found)}"
@@ -283,9 +276,9 @@ def _message(error: dict[str, Any], key: Key) -> str:
         case "missing" | "missing_argument" | "missing_keyword_only_argument":
             return "is missing"
         case "union_tag_invalid":
-            close = difflib.get_close_matches(str(context["tag"]), _words(context["expected_tags"]))
-            hint = f" (did you mean {close[0]!r}?)" if close else ""
-            return f"unknown kind {context['tag']!r}{hint}, allowed: {context['expected_tags']}"
+            kinds = context["expected_tags"]
+            hint = hint_at(str(context["tag"]), [kind.strip(" '") for kind in kinds.split(",")])
+            return f"unknown kind {context['tag']!r}{hint}, allowed: {kinds}"
         case "union_tag_not_found":
             return "needs a `kind`"
         case "predicate_failed":
@@ -293,10 +286,6 @@ def _message(error: dict[str, Any], key: Key) -> str:
         case "value_error":
             return f"{error['msg'].removeprefix('Value error, ')}, found {_shown(found)}"
     return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"
-
-
-def _words(expected: str) -> list[str]:
-    return [word.strip(" '") for word in expected.split(",")]
 
 
 def _shown(found: Any) -> str:
@@ -307,20 +296,12 @@ def _shown(found: Any) -> str:
 
 
 def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
-    allowed = _allowed_keys(loc[:-1])
-    close = difflib.get_close_matches(name, allowed, n=1)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"unknown key {name!r}{hint}, allowed: {', '.join(allowed)}"
-
-
-def _allowed_keys(loc: tuple[str | int, ...]) -> list[str]:
-    """Keys of the mapping at a location, from the JSON Schema."""
-    schema = json_schema()
-    node: dict[str, Any] = schema
-    for step in loc:
+    """What is wrong with a key, and which keys the JSON Schema allows there."""
+    schema = node = json_schema()
+    for step in loc[:-1]:
         node = _descend(schema, node, step)
-    node = _resolve(schema, node)
-    return sorted(node.get("properties", {}))
+    allowed = sorted(_resolve(schema, node).get("properties", {}))
+    return f"unknown key {name!r}{hint_at(name, allowed)}, allowed: {', '.join(allowed)}"
 
 
 def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
@@ -333,11 +314,9 @@ def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
 def _descend(schema: dict[str, Any], node: dict[str, Any], step: str | int) -> dict[str, Any]:
     node = _resolve(schema, node)
     if isinstance(step, int):
-        inner: dict[str, Any] = node.get("items", {})
-        return inner
+        return dict(node.get("items", {}))
     if step in node.get("properties", {}):
-        found: dict[str, Any] = node["properties"][step]
-        return found
+        return dict(node["properties"][step])
     for option in node.get("oneOf", []):  # a step into a union is the member's kind
         member = _resolve(schema, option)
         kind = member.get("properties", {}).get("kind", {})

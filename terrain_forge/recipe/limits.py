@@ -66,17 +66,15 @@ def _require_plannable(
                 f"path {path.name!r} is planned on the finished ground and cannot shape it",
                 key=("terrain", "layers", number, "mask", "route", "path"),
             )
-    stops = [("start_m", route.start_m), *(("via_m", place) for place in route.via_m)]
-    stops.append(("goal_m", route.goal_m))
     east, north = 0.5 * recipe.dtm.size_m[0], 0.5 * recipe.dtm.size_m[1]
-    for name, (x, y) in stops:
+    for name, (x, y) in route.stops:
         if abs(x) > east or abs(y) > north:
             raise RecipeError(
                 f"({x:g}, {y:g}) m lies outside the site, which reaches {east:g} m east and "
                 f"{north:g} m north",
                 key=(*key, "route", name),
             )
-    for (_, begin), (name, end) in pairwise(stops):
+    for (_, begin), (name, end) in pairwise(route.stops):
         if dist(begin, end) < NEAREST_STOPS:
             raise RecipeError(
                 f"({end[0]:g}, {end[1]:g}) m is {dist(begin, end):.3g} m from the place before it, "

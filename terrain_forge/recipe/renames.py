@@ -92,7 +92,7 @@ def current_json(text: str, file: Path) -> str:
     lines = file.read_text(encoding="utf-8").splitlines() if renamed else []
     line = next((n for n, text in enumerate(lines, 1) if '"recipe_json":' in text), 1)
     for old, new in renamed:
-        warn_renamed(f"{file}:{line}", old, new, above=6)  # the caller of World.load
+        warn_renamed(f"{file}:{line}", old, new, above=5)  # the caller of World.load
     return json.dumps(data, sort_keys=True, separators=(",", ":")) if renamed else text
 
 

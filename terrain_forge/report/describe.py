@@ -36,7 +36,8 @@ def measured(value: Any, unit: str = "") -> str:
         return "yes" if value else "no"
     if isinstance(value, str):
         return value
-    text = thousands(value) if isinstance(value, int) else _digits(value)
+    digits = f"{value:.4g}".replace("-", "\u2212")
+    text = thousands(value) if isinstance(value, int) else digits
     shown = {"deg": "°"}.get(unit, f" {unit}" if unit else "")
     return f"{text}{shown}"
 
@@ -52,14 +53,19 @@ def named(key: str) -> tuple[str, str]:
 def describe(content: Mapping[str, Any]) -> list[Block]:
     """Single values as facts, lists of like objects as tables, objects under a heading.
 
-    Long tables are folded away; long lists of numbers are left out, being there to be plotted.
+    An object of like objects is a table whose first column has their names. Long tables are folded
+    away; long lists of numbers are left out, being there to be plotted.
     """
     single: list[tuple[str, Shown]] = []
     below: list[Block] = []
     for key, value in content.items():
         words, unit = named(key)
         if isinstance(value, Mapping):
-            below += [heading(words), *_object(value)]
+            parts = value.values()
+            if value and all(isinstance(part, Mapping) for part in parts):
+                below += [heading(words), _rows([{"name": n, **p} for n, p in value.items()])]
+            else:
+                below += [heading(words), *describe(value)]
         elif isinstance(value, Sequence) and not isinstance(value, str):
             if value and all(isinstance(row, Mapping) for row in value):
                 below += [heading(words), _rows(value)]
@@ -68,13 +74,6 @@ def describe(content: Mapping[str, Any]) -> list[Block]:
         else:
             single.append((words, measured(value, unit)))
     return [*([facts(single)] if single else []), *below]
-
-
-def _object(value: Mapping[str, Any]) -> list[Block]:
-    """An object; one of like objects as a table whose first column has their names."""
-    if value and all(isinstance(part, Mapping) for part in value.values()):
-        return [_rows([{"name": name, **part} for name, part in value.items()])]
-    return describe(value)
 
 
 def _rows(rows: Sequence[Mapping[str, Any]]) -> Block:
@@ -104,7 +103,3 @@ def _list(values: Sequence[Any], unit: str) -> str:
 def _words(key: str) -> str:
     words = key.replace("_", " ").strip()
     return words[:1].upper() + words[1:]
-
-
-def _digits(value: float) -> str:
-    return f"{value:.4g}".replace("-", "\u2212")

@@ -36,19 +36,12 @@ def ground_lines(built: Built) -> list[Line]:
         Line(f"path {path.name}", _PATHS[n % len(_PATHS)], _thinned(path.position[:, :2]), False)
         for n, path in enumerate(built.world.trajectories)
     ]
-    tables = sorted((built.directory / "validation").glob("drive*.csv"))
-    found = ((table.stem, _places(table)) for table in tables)
-    tracks = [
-        Line(_track_name(stem), _TRACK, _thinned(points), True)
-        for stem, points in found
-        if len(points) > 1
-    ]
+    tracks = []
+    for table in sorted((built.directory / "validation").glob("drive*.csv")):
+        points, which = _places(table), table.stem.removeprefix("drive").strip("_-. ")
+        if len(points) > 1:
+            tracks.append(Line(f"driven {which}".strip(), _TRACK, _thinned(points), True))
     return paths + tracks
-
-
-def _track_name(stem: str) -> str:
-    which = stem.removeprefix("drive").strip("_-. ")
-    return f"driven {which}".strip()
 
 
 def _places(table: Path) -> Array:

@@ -7,6 +7,7 @@ import re
 from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ _log = logging.getLogger(__name__)
 
 SECTIONS = "terrain_forge.report_sections"
 """Entry points of other packages' sections."""
+_PREVIEW = "The world seen from a rover's height"
 
 
 def write_report_page(
@@ -53,22 +55,26 @@ def write_report_page(
         TerrainForgeError: where Embree is missing, which takes the pictures.
     """
     built = Built(world, directory, exports, above)
-    kinds = sorted(parts(Section, "terrain_forge.report.sections", SECTIONS), key=_place)
+    found = parts(Section, "terrain_forge.report.sections", SECTIONS)
     sections = [
         {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}
-        for kind in kinds
+        for kind in sorted(found, key=attrgetter("place"))
         if (blocks := _blocks(kind, built))
     ]
+    # The colour of the body's ground, dark enough to read on white.
+    red, green, blue = (round(200 * part) for part in world.site.body.ground_rgb)
+    preview = directory / "preview.png"
+    picture = photograph(read_picture(preview), _PREVIEW) if preview.is_file() else None
     text = render(
         "page.html",
-        accent=_accent(world),
+        accent=f"#{red:02x}{green:02x}{blue:02x}",
         policy=_policy(),
         style=bundled("page.css"),
         title=world.site.name,
         lead=_lead(built),
         **_verdict(built.validation),
         sections=sections,
-        preview=_preview(directory / "preview.png"),
+        preview=picture,
         version=__version__,
     )
     report = directory / "report.html"
@@ -100,10 +106,6 @@ def render(template: str, **values: Any) -> str:
     return environment.get_template(template).render(**values)
 
 
-def _place(kind: type[Section]) -> int:
-    return kind.place
-
-
 def _anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
@@ -116,12 +118,6 @@ def _policy() -> str:
         "default-src 'none'; img-src data: blob:; connect-src blob:; "
         f"style-src 'unsafe-inline'; script-src {allowed}"
     )
-
-
-def _accent(world: World) -> str:
-    """The colour of the body's ground, dark enough to read on white."""
-    red, green, blue = (round(200 * part) for part in world.site.body.ground_rgb)
-    return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def _lead(built: Built) -> str:
@@ -144,10 +140,3 @@ def _verdict(validation: dict[str, Any]) -> dict[str, Any]:
     else:
         verdict = Cell(f"all {len(checks)} checks passed", "good")
     return {"verdict": verdict, "failed": failed}
-
-
-def _preview(path: Path) -> Block | None:
-    """The world as a rover's camera sees it, where the folder has that picture."""
-    if not path.is_file():
-        return None
-    return photograph(read_picture(path), "The world seen from a rover's height")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import ANIMATED, Block
+from terrain_forge.validation import read_json
 
 MAP_PIXELS = 1024
 """Pixels along the longer side of the picture from above."""
@@ -52,11 +53,7 @@ class Built:
 
     def json(self, path: str) -> Content:
         """The content of a JSON file of the folder, empty where it was not written."""
-        file = self.directory / path
-        if not file.is_file():
-            return {}
-        content: Content = json.loads(file.read_text(encoding="utf-8"))
-        return content
+        return read_json(self.directory / path)
 
     @cached_property
     def validation(self) -> Content:
@@ -66,17 +63,13 @@ class Built:
     @cached_property
     def recipe(self) -> Content:
         """The recipe as it was resolved."""
-        content: Content = json.loads(self.world.site.recipe_json)
-        return content
+        return dict(json.loads(self.world.site.recipe_json))
 
     def pictures(self, *names: str) -> list[Path]:
         """The validation's pictures whose names begin so, in the order of their names."""
         found = sorted((self.directory / "validation").glob("*"))
-        return [
-            path
-            for path in found
-            if path.suffix in (".png", *ANIMATED) and path.stem.startswith(names)
-        ]
+        shown = (path for path in found if path.suffix in (".png", *ANIMATED))
+        return [path for path in shown if path.stem.startswith(names)]
 
     @cached_property
     def map(self) -> NDArray[np.uint8]:

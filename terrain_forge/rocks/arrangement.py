@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, hypot, pi
+from math import exp, pi
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import ArrayLike
 
-from terrain_forge.base import BY_KIND, FileName, Pair, Positive, Spec, portable
+from terrain_forge.base import BY_KIND, Array, FileName, Pair, Positive, Spec, portable
 
 RIM_FALL = 0.7
 """Distance [crater radii] over which the density of a crater's rocks falls to 1/e outside its rim.
@@ -70,12 +71,22 @@ class Crater(Spec):
         """
         return float(0.25 * self.diameter_m**0.7)
 
-    def weight(self, x: float, y: float) -> float:
-        """Density of its rocks at a place [m] over that at a fresh rim."""
-        away = 2.0 * hypot(x - self.centre_m[0], y - self.centre_m[1]) / self.diameter_m
-        if away > FARTHEST:
-            return 0.0
-        return self.strength * (INTERIOR if away < 1.0 else exp((1.0 - away) / RIM_FALL))
+    @property
+    def effective_area(self) -> float:
+        """Integral of the weight over endless ground [m²].
+
+        π R² (i + 2 ∫ x exp((1 - x) / s) dx from the rim to f radii), with s the range of the fall.
+        """
+        falling = (1.0 + RIM_FALL) - (FARTHEST + RIM_FALL) * exp((1.0 - FARTHEST) / RIM_FALL)
+        radius = 0.5 * self.diameter_m
+        return self.strength * pi * radius**2 * (INTERIOR + 2.0 * RIM_FALL * falling)
+
+    def weight(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Density of its rocks at places [m] over that at a fresh rim."""
+        away = np.hypot(np.subtract(x, self.centre_m[0]), np.subtract(y, self.centre_m[1]))
+        away *= 2.0 / self.diameter_m
+        outside = np.where(away > FARTHEST, 0.0, portable.exp((1.0 - away) / RIM_FALL))
+        return self.strength * np.where(away < 1.0, INTERIOR, outside)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,24 +126,12 @@ def crowding(arrangement: Arrangement) -> float:
     if isinstance(arrangement, Clustered):
         own = 1.0 / (4.0 * pi * arrangement.clusters_per_m2 * arrangement.radius_m**2)
         return float(1.0 + 2.0 * own + own**0.5)
-    if isinstance(arrangement, AroundCraters):
-        return _crowding_at_rims(arrangement.craters)
+    if isinstance(arrangement, AroundCraters) and arrangement.craters:
+        x, y = np.array([crater.centre_m for crater in arrangement.craters]).T[:, :, None]
+        radius = np.array([[0.5 * crater.diameter_m] for crater in arrangement.craters])
+        angle = 2.0 * pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+        east = x + radius * (1.0 + 1e-9) * np.cos(angle)
+        north = y + radius * (1.0 + 1e-9) * np.sin(angle)
+        weights = [crater.weight(east, north) for crater in arrangement.craters]
+        return float(np.sum(weights, axis=0).max())
     return 1.0
-
-
-def _crowding_at_rims(craters: tuple[Crater, ...]) -> float:
-    """Largest sum of the craters' weights just outside any of their rims."""
-    if not craters:
-        return 1.0
-    x, y = np.array([crater.centre_m for crater in craters]).T
-    radius = np.array([0.5 * crater.diameter_m for crater in craters])
-    angle = 2.0 * pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-    east = x[:, None] + radius[:, None] * (1.0 + 1e-9) * np.cos(angle)
-    north = y[:, None] + radius[:, None] * (1.0 + 1e-9) * np.sin(angle)
-    total = np.zeros(east.shape)
-    for crater in craters:
-        away = np.hypot(east - crater.centre_m[0], north - crater.centre_m[1])
-        away *= 2.0 / crater.diameter_m
-        outside = np.where(away > FARTHEST, 0.0, portable.exp((1.0 - away) / RIM_FALL))
-        total += crater.strength * np.where(away < 1.0, INTERIOR, outside)
-    return float(total.max())

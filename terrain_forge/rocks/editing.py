@@ -62,9 +62,22 @@ def add_rock(
         DataError: for values out of range, a rock that could reach beyond the world's ground, one
             that overlaps another, or a dynamic one that finds no rest there.
     """
-    _check_numbers(world, diameter=diameter, prototype=prototype, yaw=yaw, density=density)
-    if not 0.0 <= buried_fraction <= MAX_BURIED:
-        raise DataError(f"buried fraction {buried_fraction:g}: 0 to {MAX_BURIED:g} is allowed")
+    last = len(world.library.prototypes) - 1
+    for fine, found in (
+        (0 <= prototype <= last, f"prototype {prototype}: the library's shapes are 0 to {last}"),
+        (0.0 < diameter < np.inf, f"diameter {diameter:g} m: must be above 0"),
+        (np.isfinite(yaw), f"yaw {yaw:g} rad: must be finite"),
+        (
+            density is None or 0.0 < density < np.inf,
+            f"density {density or 0.0:g} kg/m³: must be above 0",
+        ),
+        (
+            0.0 <= buried_fraction <= MAX_BURIED,
+            f"buried fraction {buried_fraction:g}: 0 to {MAX_BURIED:g} is allowed",
+        ),
+    ):
+        if not fine:
+            raise DataError(found)
     _check_place(world, east, north, world.library.prototypes[prototype].reach * diameter)
     world = _with_population(world, population)
     scattered = Scattered(
@@ -80,7 +93,8 @@ def add_rock(
         collides=np.array([True]),
         unplaced=(0,),
     )
-    density = density or _density(world, population)
+    densities = {one.name: one.density_kg_m3 for one in world.site.recipe.rocks.populations}
+    density = density or densities.get(population) or world.site.body.rock_density
     embedded = embed(
         scattered=scattered, library=world.library, ground=world.ground, density=[density]
     )
@@ -122,20 +136,6 @@ def remove_rocks(world: World, ids: Iterable[int]) -> World:
     )
 
 
-def _check_numbers(
-    world: World, *, diameter: float, prototype: int, yaw: float, density: float | None
-) -> None:
-    shapes = len(world.library.prototypes)
-    if not 0 <= prototype < shapes:
-        raise DataError(f"prototype {prototype}: the library's shapes are 0 to {shapes - 1}")
-    if not (np.isfinite(diameter) and diameter > 0.0):
-        raise DataError(f"diameter {diameter:g} m: must be above 0")
-    if not np.isfinite(yaw):
-        raise DataError(f"yaw {yaw:g} rad: must be finite")
-    if density is not None and not (np.isfinite(density) and density > 0.0):
-        raise DataError(f"density {density:g} kg/m³: must be above 0")
-
-
 def _check_place(world: World, east: float, north: float, reach: float) -> None:
     if not world.ground.holds(np.array([[east, north]]), margin=reach):
         west, south, east_edge, north_edge = world.ground.bounds
@@ -173,14 +173,6 @@ def _next_id(world: World) -> int:
     if following > np.iinfo(np.int32).max:
         raise DataError(f"no id is left beside {len(world.field.populations)} populations")
     return following
-
-
-def _density(world: World, population: str) -> float:
-    """Density [kg/m³] of a population's rocks."""
-    for spec in world.site.recipe.rocks.populations:
-        if spec.name == population and spec.density_kg_m3:
-            return spec.density_kg_m3
-    return world.site.body.rock_density
 
 
 def _refuse_overlap(world: World, rock: RockField) -> None:

@@ -1,28 +1,61 @@
-"""The rock library: random shapes at rest, with levels of detail, hulls and mass properties."""
+"""The rock library: random shapes at rest, with levels of detail, hulls and mass properties.
+
+Libraries are kept on disk, so that a second build, or another world, need not make them again. The
+folder is `terrain-forge` in the user's cache folder (XDG_CACHE_HOME, ~/.cache); the environment
+variable TERRAIN_FORGE_CACHE names another one, or `off`. It can be deleted at any time.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import platform
+import tempfile
+import zlib
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from pathlib import PurePosixPath
-from typing import Annotated
+from dataclasses import asdict, dataclass
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
+from logging import getLogger
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any
+from zipfile import BadZipFile
 
 import numpy as np
 from annotated_types import Interval, MinLen
 from numba import get_num_threads
 from numpy.random import Generator, Philox
+from numpy.typing import NDArray
 
-from terrain_forge.base import Array, InputFile, Spec, mix, portable, stage_key
+from terrain_forge.base import (
+    Array,
+    InputFile,
+    Spec,
+    from_plain,
+    mix,
+    portable,
+    read_arrays,
+    stage_key,
+    to_plain,
+)
 from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
 from terrain_forge.rocks.shapes.families import FAMILIES, Family
 from terrain_forge.rocks.shapes.shapes import projections
-from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
 from terrain_forge.rocks.shapes.texture import box_projection, rock_texture
 
+logger = getLogger(__name__)
+
+MOST_FILES = 64
+"""Libraries that are kept; the oldest go first."""
+
+_VARIABLE = "TERRAIN_FORGE_CACHE"
+_MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
+_BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
 _OUTLINE_TOLERANCE = 2e-3  # of a mean axis
 
 
@@ -99,14 +132,10 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     files = {mesh.path: mesh.mesh for mesh in custom}
     with ThreadPoolExecutor(get_num_threads()) as threads:
         prototypes = [*threads.map(made, range(spec.shapes))]
-    prototypes += [_own_prototype(own, files[own.file], spec) for own in spec.meshes]
+    for own in spec.meshes:
+        laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
+        prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))
     return RockLibrary(prototypes=tuple(prototypes), seed=spec.seed, texture=rock_texture())
-
-
-def _own_prototype(own: MeshSpec, mesh: Mesh, spec: LibrarySpec) -> RockPrototype:
-    """The prototype of a shape that the user brings."""
-    meshes = lay_as_it_is(levels_of_detail(mesh), upright=own.keep_up)
-    return _prototype(own.family_name, meshes, spec, name=own.file)
 
 
 def _prototype(
@@ -121,6 +150,11 @@ def _prototype(
         distance=spec.hull_distance,
         name=name,
     )
+    # No outline differs by more, from any side, than the surfaces do: their Hausdorff distance.
+    errors = [
+        hausdorff_distance(mesh, shape, tolerance=_OUTLINE_TOLERANCE) + _OUTLINE_TOLERANCE
+        for mesh in meshes[1:]
+    ]
     reach, rise = bounds(shape)
     return RockPrototype(
         family=family,
@@ -131,56 +165,37 @@ def _prototype(
         hull_excess=collision.excess,
         hull_distance=collision.distance,
         uvs=tuple(box_projection(mesh) for mesh in meshes),
-        outline_errors=(0.0, *(_outline_error(mesh, shape) for mesh in meshes[1:])),
+        outline_errors=(0.0, *errors),
         reach=reach,
         rise=rise,
     )
 
 
-def _outline_error(mesh: Mesh, shape: Mesh) -> float:
-    """How far the outline of a mesh is off the shape's from any side, at most [m].
-
-    No outline differs by more than the surfaces do, whose Hausdorff distance this is.
-    """
-    return hausdorff_distance(mesh, shape, tolerance=_OUTLINE_TOLERANCE) + _OUTLINE_TOLERANCE
-
-
-def lay_down(meshes: tuple[Mesh, ...], axes: Array) -> tuple[Mesh, ...]:
+def lay_down(
+    meshes: tuple[Mesh, ...], axes: Array | None = None, *, upright: bool = False
+) -> tuple[Mesh, ...]:
     """Turn a rock onto its most stable side and give it its extents.
 
     The first mesh decides: z is up when it lies on the facet of its hull over which its centre of
     mass is lowest (which always projects into that facet), x is its longer horizontal principal
-    axis. Stretching along these axes to the extents `axes` [m] leaves that facet level and the
-    centre of mass above it. Coarser meshes are grown to the volume of the first, all about its
-    centre of mass, which becomes the origin.
-    """
-    solid = mass_properties(meshes[0])
-    rotation = lying_axes(meshes[0].vertices - solid.centre, solid.inertia)
-    turned = [projections(mesh.vertices - solid.centre, rotation) for mesh in meshes]
-    stretch = axes / np.ptp(turned[0], axis=0)
-    return _same_volume([vertices * stretch for vertices in turned], meshes)
-
-
-def lay_as_it_is(meshes: tuple[Mesh, ...], *, upright: bool) -> tuple[Mesh, ...]:
-    """Lay a rock down without stretching it: its mean axis becomes 1 m, the rest as `lay_down`.
+    axis. Stretching along these axes to the extents `axes` leaves that facet level and the centre
+    of mass above it. Coarser meshes are grown to the volume of the first, all about its centre of
+    mass, which becomes the origin.
 
     Args:
         meshes: The levels of detail, finest first.
-        upright: Whether z stays up; else the rock is turned onto its most stable side.
+        axes: The extents [m]; by default those of the mesh, scaled to a mean axis of 1 m.
+        upright: Whether the rock stays as it is, whatever its most stable side.
     """
     solid = mass_properties(meshes[0])
-    centred = meshes[0].vertices - solid.centre
-    rotation = np.eye(3) if upright else lying_axes(centred, solid.inertia)
-    extents = np.ptp(projections(centred, rotation), axis=0)
-    return _same_volume(
-        [projections(mesh.vertices - solid.centre, rotation) / extents.mean() for mesh in meshes],
-        meshes,
-    )
-
-
-def _same_volume(vertices: list[Array], meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
-    """Meshes with new vertices, the coarser ones grown about the origin to the first's volume."""
-    laid = [mesh.replace(vertices=v) for mesh, v in zip(meshes, vertices, strict=True)]
+    centred = [mesh.vertices - solid.centre for mesh in meshes]
+    rotation = np.eye(3) if upright else lying_axes(centred[0], solid.inertia)
+    turned = [projections(vertices, rotation) for vertices in centred]
+    extents = np.ptp(turned[0], axis=0)
+    laid = [
+        mesh.replace(vertices=v / extents.mean() if axes is None else v * (axes / extents))
+        for mesh, v in zip(meshes, turned, strict=True)
+    ]
     volumes = [mass_properties(mesh).volume for mesh in laid]
     return tuple(
         mesh.replace(vertices=mesh.vertices * portable.cbrt(volumes[0] / volume))
@@ -189,14 +204,9 @@ def _same_volume(vertices: list[Array], meshes: tuple[Mesh, ...]) -> tuple[Mesh,
 
 
 def lying_axes(vertices: Array, inertia: Array) -> Array:
-    """Axes of a rock that lies on its most stable side: x long and level, z up.
+    """Axes, as rows, of a rock that lies on its most stable side: x long and level, z up.
 
-    Args:
-        vertices: Corners relative to the centre of mass, shape [vertices, 3].
-        inertia: Inertia tensor about the centre of mass, shape [3, 3].
-
-    Returns:
-        The axes as rows, a rotation matrix, shape [3, 3].
+    Vertices and inertia are relative to its centre of mass.
     """
     from scipy.spatial import ConvexHull
 
@@ -213,3 +223,96 @@ def lying_axes(vertices: Array, inertia: Array) -> Array:
     angle = 0.5 * portable.arctan2(-2.0 * product, i_across - i_level)
     x = np.cos(angle) * level + np.sin(angle) * across
     return np.stack([x, np.cross(up, x), up])
+
+
+def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> RockLibrary:
+    """The library that `make_library` makes, to the bit, from the cache where it holds it.
+
+    A cache that cannot be read or written is only logged: the library is then made.
+
+    Args:
+        spec: What is wanted.
+        custom: The user's own shapes, by the paths that the spec names.
+
+    Raises:
+        RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return make_library(spec, custom=custom)
+    file = folder / f"rocks-{library_key(spec, custom)}.npz"
+    library = _read(file)
+    if library is None:
+        library = make_library(spec, custom=custom)
+        store(file, library)
+    return library
+
+
+def cache_folder() -> Path | None:
+    """Where libraries are kept; None where they are not."""
+    chosen = os.environ.get(_VARIABLE)
+    if chosen in ("", "off"):
+        return None
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    try:
+        if chosen is not None:
+            return Path(chosen).expanduser()
+        return Path(base or Path.home() / ".cache") / "terrain-forge"
+    except RuntimeError:  # no home folder
+        return None
+
+
+def library_key(spec: LibrarySpec, custom: tuple[CustomMesh, ...]) -> str:
+    """SHA-256 of all that a library follows from, hexadecimal: wishes, meshes, code, packages."""
+    wishes = json.dumps(asdict(spec), sort_keys=True)
+    digest = sha256(f"{wishes}\n{_origin()}".encode())
+    for own in custom:
+        digest.update(f"{own.path}\n{len(own.mesh.vertices)}\n".encode())
+        digest.update(own.mesh.vertices.tobytes())
+        digest.update(own.mesh.faces.tobytes())
+    return digest.hexdigest()
+
+
+@cache
+def _origin() -> str:
+    """The code that makes libraries, and what it runs on."""
+    rocks, package = Path(__file__).parents[:2]
+    sources = [*sorted((rocks / "shapes").glob("*.py")), rocks / "library.py"]
+    sources += [rocks / "embedding" / f"{name}.py" for name in ("footprint", "outline")]
+    sources += [package / "base" / f"{name}.py" for name in ("geometry", "heap", "seeds")]
+    sources += [package / "model" / "mesh.py"]
+    code = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+    return "\n".join([code, platform.machine(), *(f"{n} {version(n)}" for n in _MAKERS)])
+
+
+def _read(file: Path) -> RockLibrary | None:
+    if not file.is_file():
+        return None
+    try:
+        arrays = read_arrays(file)
+        plain = json.loads(arrays.pop("plain").tobytes())
+        library = from_plain(plain["library"], arrays)
+        if isinstance(library, RockLibrary) and library.content_hash == plain["content_hash"]:
+            return library
+        logger.info("rock cache: %s does not hold what it should", file)
+    except _BROKEN as error:
+        logger.info("rock cache: %s cannot be read (%s)", file, error)
+    return None
+
+
+def store(file: Path, library: RockLibrary) -> None:
+    """Keep a library; readers see all of the file or none of it."""
+    arrays: dict[str, NDArray[Any]] = {}
+    plain = {"library": to_plain(library, arrays, "library"), "content_hash": library.content_hash}
+    text = np.frombuffer(json.dumps(plain).encode(), dtype=np.uint8)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=file.parent, prefix="new-") as folder:
+            new = Path(folder) / file.name
+            np.savez(new, allow_pickle=False, plain=text, **arrays)  # type: ignore[arg-type]
+            new.replace(file)
+        kept = sorted(file.parent.glob("rocks-*.npz"), key=lambda one: one.stat().st_mtime)
+        for old in kept[:-MOST_FILES]:
+            old.unlink(missing_ok=True)
+    except OSError as error:
+        logger.info("rock cache: %s cannot be written (%s)", file, error)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import (
+    BY_KIND,
     Array,
     FileName,
     Fraction,
@@ -17,11 +18,19 @@ from terrain_forge.base import (
     Positive,
     RecipeError,
     Spec,
+    parts,
+    portable,
 )
 from terrain_forge.model import Site, Window
 from terrain_forge.rocks.arrangement import Arrangement, Poisson
+from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.library import LibrarySpec
-from terrain_forge.rocks.size_frequency import SizeFrequency, largest_diameter
+
+if TYPE_CHECKING:
+    SizeFrequency = SizeLaw
+else:
+    _LAWS = parts(SizeLaw, "terrain_forge.rocks.laws", "terrain_forge.size_laws")
+    SizeFrequency = Annotated[Union[_LAWS], BY_KIND]  # noqa: UP007 (a tuple, not a list)
 
 MAX_POPULATIONS = 64
 """Populations and lists of a site; a rock's id holds the population's index and its number."""
@@ -37,7 +46,26 @@ ROCK_LIST = InputFile(
 have the turn anticlockwise [degrees], the buried part of the height, and the index of the shape in
 the library."""
 
+_RANGE = 1e-9, 1e6
+"""Diameters [m] among which the largest rock is looked for."""
+
 BuriedFraction = Annotated[float, Interval(ge=0, le=0.5)]
+
+
+def largest_diameter(law: SizeLaw, area: float) -> float:
+    """The diameter D [m] that one rock of an area [m²] is expected to exceed: N(>D) · area = 1.
+
+    0 where less than one rock of any size is expected.
+    """
+    from scipy.optimize import brentq
+
+    def surplus(log_diameter: float) -> Any:
+        return law.cumulative_number(portable.exp(log_diameter)) * area - 1.0
+
+    low, high = portable.log(_RANGE)
+    if surplus(low) <= 0.0:
+        return 0.0
+    return float(portable.exp(brentq(surplus, low, high, xtol=1e-14)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +135,25 @@ class PopulationSpec(Spec):
         if smallest is None or largest is None:
             raise ValueError(f"{self.name!r} needs both diameters: see with_diameters")
         return smallest, largest
+
+    @property
+    def dynamic_diameters(self) -> tuple[float, float] | None:
+        """Smallest and largest diameter [m] of its dynamic rocks; None where all are static."""
+        if self.dynamic_m is None:
+            return None
+        return max(self.diameters[0], self.dynamic_m[0]), min(self.diameters[1], self.dynamic_m[1])
+
+    def density(self, smallest: float, largest: float) -> float:
+        """Rocks between two diameters [m] on a square metre, by the law [1/m²]."""
+        law = self.size_frequency
+        return float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+
+    @property
+    def cover(self) -> float:
+        """Part of the ground that the rocks cover, by the law."""
+        smallest, largest = self.diameters
+        law = self.size_frequency
+        return float(law.cumulative_area(smallest) - law.cumulative_area(largest))
 
 
 @dataclass(frozen=True, kw_only=True)

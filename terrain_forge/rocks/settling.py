@@ -23,15 +23,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_num_threads
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
-from terrain_forge.rocks.embedding.dynamic import DynamicContact, dynamic_contact
-from terrain_forge.rocks.embedding.embed import embed
-from terrain_forge.rocks.embedding.footprint import fits, footprint
-from terrain_forge.rocks.embedding.hull import mean_width
-from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
+from terrain_forge.rocks.embedding.dynamic import dynamic_contact
+from terrain_forge.rocks.embedding.embed import Lattice, embed, lattice, piece
+from terrain_forge.rocks.embedding.footprint import fits, footprints
+from terrain_forge.rocks.embedding.outline import mean_width
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 
@@ -107,16 +105,12 @@ def settle(
         The same rocks; of those that are `dynamic`, pose and size are the settled ones.
     """
     wanted = np.flatnonzero(rocks.dynamic)
-    grid = lattice(ground)
-    supports = {
-        n: footprint(library.prototypes[n].meshes[0])
-        for n in np.unique(rocks.prototype[wanted]).tolist()
-    }
+    grid, supports = lattice(ground), footprints(library, rocks.prototype[wanted])
 
-    def settled(row: int) -> _Settled | None:
-        prototype = int(rocks.prototype[row])
-        shape, support = library.prototypes[prototype], supports[prototype]
-        return _settled(DynamicRock.of(rocks, row, shape, support, gravity), grid)
+    def settled(row: int) -> tuple[Pose, float] | None:
+        n = int(rocks.prototype[row])
+        rock = DynamicRock.of(rocks, row, library.prototypes[n], supports[n], gravity)
+        return _settled(rock, grid)
 
     found = []
     with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -124,7 +118,19 @@ def settle(
             found.append(outcome)
             if progress and len(found) % 16 == 0:
                 progress(len(found) / len(wanted))
-    return _with_poses(rocks, library, wanted, found)
+    columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
+    new = {name: getattr(rocks, name).copy() for name in (*columns, "dynamic")}
+    for row, outcome in zip(wanted.tolist(), found, strict=True):
+        new["dynamic"][row] = outcome is not None
+        if outcome is None:
+            continue
+        pose, new["height"][row] = outcome
+        for name, value in pose._asdict().items():
+            new[name][row] = value
+        new["buried_fraction"][row] = 0.0
+        new["volume"][row] = library.prototypes[rocks.prototype[row]].volume * pose.scale**3
+        new["mass"][row] *= new["volume"][row] / rocks.volume[row]
+    return rocks.replace(**new)
 
 
 class DynamicRock(NamedTuple):
@@ -150,19 +156,13 @@ class DynamicRock(NamedTuple):
         cls, rocks: RockField, row: int, prototype: RockPrototype, support: Array, gravity: float
     ) -> DynamicRock:
         """One of some embedded rocks."""
-        return cls(
-            prototype=prototype,
-            diameter=float(rocks.diameter[row]),
-            density=float(rocks.mass[row] / rocks.volume[row]),
-            position=rocks.position[row],
-            quaternion=rocks.quaternion[row],
-            support=support,
-            gravity=gravity,
-        )
+        density = float(rocks.mass[row] / rocks.volume[row])
+        pose = rocks.position[row], rocks.quaternion[row]
+        return cls(prototype, float(rocks.diameter[row]), density, *pose, support, gravity)
 
 
 class Pose(NamedTuple):
-    """A rock on its piece of ground, in that piece's coordinates."""
+    """How a rock lies, on its piece of ground in that piece's coordinates."""
 
     position: Array
     """Centre of mass [m], shape [3]."""
@@ -172,39 +172,32 @@ class Pose(NamedTuple):
     """Size in units of the prototype."""
 
 
-class _Settled(NamedTuple):
-    """A rock that has come to rest."""
+def _settled(rock: DynamicRock, grid: Lattice) -> tuple[Pose, float] | None:
+    """The pose in the world in which a rock stays on its own, with its exact diameter.
 
-    pose: Pose
-    """How it lies on its piece of ground."""
-    place: Array
-    """Where the origin of that piece is in the world frame [m], shape [3]."""
-    height: float
-    """Top of the rock above the ground's tangent plane [m]."""
-
-
-def _settled(rock: DynamicRock, grid: Lattice) -> _Settled | None:
-    """The pose in which a rock stays on its own, with its exact diameter; None if it finds none."""
+    And its top above the ground's tangent plane [m]; None if it finds no such pose.
+    """
     reach = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=reach + grid.spacing)
     pose = _upright(rock, ground, rock.position - place)
     for _ in range(_TESTS):
-        pose = _sized(rock, ground, _come_to_rest(rock, ground, pose))
+        model, data = simulation(rock, ground, pose)
+        _calm(rock, model, data)
+        pose = _sized(rock, ground, _moved(pose, data))
         height = _top(rock, ground, pose)
         # No rock stands higher than its rise, which keeps corridors clear.
         if not _in_its_space(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
             return None
         after = after_test(rock, ground, pose)
         if stays_put(rock, pose, after):
-            return _Settled(pose=pose, place=place, height=height)
+            return pose._replace(position=pose.position + place), height
         pose = after
     return None
 
 
 def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     """The rock upright on its tangent plane, none of it below the ground."""
-    turn = matrix_from_quaternion(rock.quaternion)
-    turned = portable.product(rock.prototype.meshes[0].vertices, turn.T)
+    turned = _turned(rock, rock.quaternion)
     scale = rock.diameter / float(mean_width(turned[:, :2].copy()))
     corners = position + scale * turned
     sunk = float((_height(ground, corners) - corners[:, 2]).max())
@@ -212,29 +205,24 @@ def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
     return Pose(position=raised, quaternion=rock.quaternion, scale=scale)
 
 
-def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
-    """The rock with its exact diameter, grown from the ground under its centre of mass.
+def _turned(rock: DynamicRock, quaternion: Array) -> Array:
+    """Vertices of a rock's prototype, turned, shape [vertices, 3]."""
+    return portable.product(rock.prototype.meshes[0].vertices, matrix_from_quaternion(quaternion).T)
 
-    A rock at rest has the centre of what carries it there.
-    """
-    turn = matrix_from_quaternion(pose.quaternion)
-    plan = portable.product(rock.prototype.meshes[0].vertices, turn[:2].T)
-    scale = rock.diameter / float(mean_width(plan))
+
+def _sized(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
+    """The rock with its exact diameter, grown from the ground under its centre of mass."""
+    plan = _turned(rock, pose.quaternion)[:, :2]
+    scale = rock.diameter / float(mean_width(plan.copy()))
     floor = float(_height(ground, pose.position[None])[0])
     raised = floor + (pose.position[2] - floor) * scale / pose.scale
     return pose._replace(position=np.array([*pose.position[:2], raised]), scale=scale)
 
 
 def _in_its_space(rock: DynamicRock, pose: Pose, place: Array) -> bool:
-    """Whether a rock, seen from above, is within the area that was kept free for it.
-
-    It must also be within its prototype's reach of where it now is, which windows go by.
-    """
+    """Whether a rock is within the area that was kept free for it, and its reach of its place."""
     reach = rock.prototype.reach
-    turned = portable.product(
-        rock.prototype.meshes[0].vertices, matrix_from_quaternion(pose.quaternion)[:2].T
-    )
-    plan = pose.scale / rock.diameter * turned
+    plan = pose.scale / rock.diameter * _turned(rock, pose.quaternion)[:, :2]
     moved = (pose.position + place - rock.position)[:2] / rock.diameter
     yaw = 2.0 * math.atan2(rock.quaternion[3], rock.quaternion[0])
     space = DYNAMIC_SPACE * rock.support
@@ -247,13 +235,6 @@ def stays_put(rock: DynamicRock, before: Pose, after: Pose) -> bool:
     shift = portable.norm(after.position - before.position)
     cosine = min(abs(float(portable.product(after.quaternion, before.quaternion))), 1.0)
     return bool(shift <= _SHIFT * rock.diameter and 2.0 * portable.arccos(cosine) <= _TURN)
-
-
-def _come_to_rest(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
-    """Let a rock go from standstill, damped, until it hardly moves."""
-    model, data = simulation(rock, ground, pose)
-    _calm(rock, model, data)
-    return _moved(pose, data)
 
 
 def _moved(pose: Pose, data: Any) -> Pose:
@@ -283,9 +264,11 @@ def after_test(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
     model, data = simulation(rock, ground, pose)
     steps = round(_LEAN_TIME / _DAMPED_TIMESTEP)
     for direction in range(_DIRECTIONS):
-        model.opt.gravity = _leaning(rock.gravity, _LEAN, 2.0 * np.pi * direction / _DIRECTIONS)
+        level, towards = np.sin(_LEAN), 2.0 * np.pi * direction / _DIRECTIONS
+        down = level * np.cos(towards), level * np.sin(towards), -np.cos(_LEAN)
+        model.opt.gravity = rock.gravity * np.array(down)
         mujoco.mj_step(model, data, nstep=steps)
-    model.opt.gravity = _leaning(rock.gravity, 0.0, 0.0)
+    model.opt.gravity = 0.0, 0.0, -rock.gravity
     _calm(rock, model, data)
     leaned = _moved(pose, data)
     if not stays_put(rock, pose, leaned):
@@ -296,12 +279,6 @@ def after_test(rock: DynamicRock, ground: Heightfield, pose: Pose) -> Pose:
         data.qvel[3:] = spin * np.sqrt(rock.gravity / rock.diameter) * upward
         mujoco.mj_step(model, data, nstep=round(_FREE_TIME / TIMESTEP))
     return _moved(pose, data)
-
-
-def _leaning(gravity: float, lean: float, towards: float) -> Array:
-    """Gravity [m/s²] that leans out of the vertical, both angles in rad, shape [3]."""
-    level = np.sin(lean)
-    return gravity * np.array([level * np.cos(towards), level * np.sin(towards), -np.cos(lean)])
 
 
 def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any, Any]:
@@ -315,7 +292,8 @@ def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any,
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = contact.impratio
-    _add_ground(spec, ground, contact)
+    touch = {"friction": contact.friction, "solref": contact.solref}
+    _add_ground(spec, ground, touch)
     body = spec.worldbody.add_body(pos=pose.position, quat=pose.quaternion)
     mass = rock.density * rock.prototype.volume * pose.scale**3
     inertia = rock.density * rock.prototype.inertia * pose.scale**5
@@ -323,26 +301,22 @@ def simulation(rock: DynamicRock, ground: Heightfield, pose: Pose) -> tuple[Any,
     body.fullinertia = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     body.add_freejoint()
     for n, hull in enumerate(rock.prototype.hulls):
-        spec.add_mesh(
-            name=f"hull_{n}",
-            uservert=pose.scale * hull.vertices.ravel(),
-            userface=hull.faces.ravel(),
-        )
+        vertices, faces = pose.scale * hull.vertices.ravel(), hull.faces.ravel()
+        spec.add_mesh(name=f"hull_{n}", uservert=vertices, userface=faces)
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=f"hull_{n}",
             contype=1,
             conaffinity=0,
             condim=_CONDIM,
-            friction=contact.friction,
-            solref=contact.solref,
+            **touch,
         )
     model = spec.compile()
     model.dof_damping[:] = _DAMPING * np.repeat([mass, np.trace(inertia) / 3.0], 3)
     return model, mujoco.MjData(model)
 
 
-def _add_ground(spec: Any, ground: Heightfield, contact: DynamicContact) -> None:
+def _add_ground(spec: Any, ground: Heightfield, touch: dict[str, Any]) -> None:
     import mujoco
 
     west, south, east, north = ground.bounds
@@ -360,8 +334,7 @@ def _add_ground(spec: Any, ground: Heightfield, contact: DynamicContact) -> None
         pos=((west + east) / 2, (south + north) / 2, lowest),
         contype=0,
         conaffinity=1,
-        friction=contact.friction,
-        solref=contact.solref,
+        **touch,
     )
 
 
@@ -379,23 +352,3 @@ def _top(rock: DynamicRock, ground: Heightfield, pose: Pose) -> float:
     turned = portable.product(vertices, matrix_from_quaternion(pose.quaternion).T)
     above = pose.position[2] - float(_height(ground, pose.position[None])[0])
     return float((portable.product(turned, normal)).max() / normal[2] + above)
-
-
-def _with_poses(
-    rocks: RockField, library: RockLibrary, rows: NDArray[np.intp], outcomes: list[_Settled | None]
-) -> RockField:
-    """The rocks with the poses that were found; those without one are fixed."""
-    columns = ("position", "quaternion", "scale", "height", "buried_fraction", "volume", "mass")
-    new = {name: getattr(rocks, name).copy() for name in (*columns, "dynamic")}
-    for row, found in zip(rows.tolist(), outcomes, strict=True):
-        new["dynamic"][row] = found is not None
-        if found is None:
-            continue
-        volume = library.prototypes[rocks.prototype[row]].volume * found.pose.scale**3
-        new["position"][row] = found.pose.position + found.place
-        new["quaternion"][row] = found.pose.quaternion
-        new["scale"][row], new["height"][row] = found.pose.scale, found.height
-        new["buried_fraction"][row] = 0.0
-        new["mass"][row] *= volume / rocks.volume[row]
-        new["volume"][row] = volume
-    return rocks.replace(**new)

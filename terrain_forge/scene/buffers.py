@@ -27,14 +27,16 @@ def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
     ground = subject.ground
     east, north, middle = triple(scene.origin)
     lean = 1.0 / max(float(sun[2]), 0.3)
+    z = ground.elevation
+    border = np.concatenate([z[0], z[-1], z[:, 0], z[:, -1]]).mean(dtype=np.float64)
     return Land(
-        elevation=(ground.elevation - middle).astype(np.float32),
+        elevation=(z - middle).astype(np.float32),
         rgb=subject.ground_rgb,
         linear=linear_from_srgb(np.arange(256) / 255.0),
         corner=(ground.origin[0] - east, ground.origin[1] - north),
         shift=(east, north),
         spacing=ground.spacing,
-        edge=_border_height(ground.elevation) - middle,
+        edge=float(border) - middle,
         key=stage_key(subject.seed, "grain"),
         clast_share=CLAST_SHARE,
         shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
@@ -73,10 +75,7 @@ def prepare_tracks(scene: RayScene) -> Tracks:
 def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Light:
     """Sun and sky, exposed so that level sunlit ground shows in its own colour.
 
-    Args:
-        subject: what is lit.
-        lighting: Sun and sky; need not be the subject's own.
-        facing: cosine of the angle that level ground is seen under.
+    `facing` is the cosine of the angle that level ground is seen under.
     """
     sky = np.asarray(lighting.sky_rgb, dtype=np.float64)
     radius = 0.5 * subject.sun_diameter
@@ -106,14 +105,7 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
     )
 
 
-def _border_height(elevation: NDArray[np.float32]) -> float:
-    border = elevation[0], elevation[-1], elevation[:, 0], elevation[:, -1]
-    return float(np.concatenate(border).mean(dtype=np.float64))
-
-
-def _shapes(
-    meshes: Sequence[Mesh],
-) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
+def _shapes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
     """All shapes' faces, all vertices' normals, and where the faces of each shape begin."""
     if not meshes:
         return np.empty((0, 3), np.int64), np.empty((0, 3)), np.empty(0, np.int64)

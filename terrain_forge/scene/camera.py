@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Record, shaped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,13 +18,13 @@ class Camera(Record):
     parallel ray leaves position + x·right + y·down along `forward`.
     """
 
-    position: Array
+    position: Array = field(metadata=shaped(3))
     """The pinhole, or the middle of the plane that parallel rays start from [m], shape [3]."""
-    forward: Array
+    forward: Array = field(metadata=shaped(3))
     """Unit vector of the line of sight, shape [3]."""
-    right: Array
+    right: Array = field(metadata=shaped(3))
     """One pixel to the right: at unit distance for a pinhole, else [m], shape [3]."""
-    down: Array
+    down: Array = field(metadata=shaped(3))
     """One pixel downwards, like `right`, shape [3]."""
     width: int
     """Columns of pixels."""
@@ -32,10 +32,6 @@ class Camera(Record):
     """Rows of pixels."""
     pinhole: bool
     """Whether all rays leave one point."""
-
-    def __post_init__(self) -> None:
-        for name in ("position", "forward", "right", "down"):
-            self.freeze(name, np.float64, (3,))
 
     def rays(self) -> tuple[Array, Array]:
         """Origins and directions through all pixels, row by row, shape [height · width, 3]."""
@@ -51,15 +47,10 @@ class Camera(Record):
 def pinhole_camera(
     *, position: Array, yaw: float, pitch: float, field_of_view: float, width: int, height: int
 ) -> Camera:
-    """A level pinhole camera.
+    """A level pinhole camera at a position in the world frame [m].
 
-    Args:
-        position: the pinhole in the world frame [m], shape [3].
-        yaw: direction of view, counter-clockwise from east [rad].
-        pitch: downwards from the horizontal [rad].
-        field_of_view: across the width [rad].
-        width: columns of pixels.
-        height: rows of pixels.
+    It looks towards `yaw`, counter-clockwise from east, and `pitch`, downwards from the horizontal,
+    and sees `field_of_view` across its width [rad].
     """
     pixel = 2.0 * np.tan(0.5 * field_of_view) / width
     level = np.array([np.cos(yaw), np.sin(yaw), 0.0])
@@ -79,15 +70,7 @@ def pinhole_camera(
 def map_camera(
     *, middle: tuple[float, float], top: float, pixel: float, width: int, height: int
 ) -> Camera:
-    """Parallel rays straight down, north up.
-
-    Args:
-        middle: east and north coordinate of the picture's middle [m].
-        top: height that the rays start from [m].
-        pixel: size of a pixel on the ground [m].
-        width: columns of pixels.
-        height: rows of pixels.
-    """
+    """Parallel rays straight down from a height `top` [m], north up, a `pixel` in metres."""
     return Camera(
         position=np.array([*middle, top]),
         forward=np.array([0.0, 0.0, -1.0]),

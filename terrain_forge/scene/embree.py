@@ -11,6 +11,7 @@ import ctypes
 from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -86,12 +87,8 @@ def _library_file() -> Path:
         raise _missing("embreex is not installed")
     home = Path(package.origin).parent
     folders = (home.with_name("embreex.libs"), home / ".dylibs", home)
-    found = [
-        file
-        for folder in folders
-        for pattern in ("libembree4*", "embree4*.dll")
-        for file in sorted(folder.glob(pattern))
-    ]
+    patterns = product(folders, ("libembree4*", "embree4*.dll"))
+    found = [file for folder, pattern in patterns for file in sorted(folder.glob(pattern))]
     if not found:
         raise _missing(f"no Embree library beside {home}")
     return found[0]
@@ -165,14 +162,14 @@ class EmbreeScene:
                 f"ray tracing: {columns} × {rows} nodes, at most {_LARGEST_GRID} each way"
             )
         grid = np.array([(0, columns, columns, rows)], dtype=_GRID_RECORD)
-        geometry = self._new(_GRID)
+        geometry = load_library().rtcNewGeometry(device(), _GRID)
         self._share(geometry, _GRIDS, _GRID_FORMAT, grid)
         self._share(geometry, _VERTEX, _FLOAT3, _padded(vertices.reshape(-1, 3)), rows * columns)
         self._attach(geometry)
 
     def add_triangles(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
         """Add a mesh: vertices [m], shape [vertices, 3], and corner indices, shape [faces, 3]."""
-        geometry = self._new(_TRIANGLES)
+        geometry = load_library().rtcNewGeometry(device(), _TRIANGLES)
         self._share(geometry, _INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32))
         self._share(geometry, _VERTEX, _FLOAT3, _padded(vertices), len(vertices))
         self._attach(geometry)
@@ -184,16 +181,14 @@ class EmbreeScene:
         which: NDArray[np.int32],
         transforms: NDArray[np.float32],
     ) -> None:
-        """Add copies of committed scenes.
+        """Add copies of committed scenes, which are kept until this one is released.
 
-        Args:
-            scenes: what is copied; kept until this scene is released.
-            which: index into `scenes` of each copy, shape [copies].
-            transforms: to this scene's frame, shape [copies, 3, 4].
+        `which` has each copy's index into them, `transforms` lead to this scene's frame, shape
+        [copies, 3, 4].
         """
         if len(which) == 1:  # Embree then takes the first scene, whatever the index says
             scenes, which = [scenes[int(which[0])]], np.zeros(1, np.int32)
-        geometry = self._new(_INSTANCES)
+        geometry = load_library().rtcNewGeometry(device(), _INSTANCES)
         handles = (_pointer * len(scenes))(*(scene.handle for scene in scenes))
         load_library().rtcSetGeometryInstancedScenes(
             geometry, ctypes.cast(handles, _pointer), len(scenes)
@@ -214,9 +209,6 @@ class EmbreeScene:
             load_library().rtcReleaseScene(self.handle)
         self.handle = 0
         self._kept.clear()
-
-    def _new(self, kind: int) -> int:
-        return int(load_library().rtcNewGeometry(device(), kind))
 
     def _share(
         self, geometry: int, slot: int, form: int, array: NDArray[np.generic], count: int = 0

@@ -124,20 +124,11 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
 
 @inner
 def ground_grain(key, share, sun_x, sun_y, east, north, spacing, footprint):  # type: ignore[no-untyped-def]
-    """Soil and small stones at a place of the world, down to the size of a pixel.
+    """Soil and small stones at a place of the world [m], down to the size of a pixel [m].
 
-    Args:
-        key: what they hang on.
-        share: part of the cells that hold a stone.
-        sun_x: east of the way from the end of a shadow to the foot of a thing of unit height.
-        sun_y: north of it.
-        east: the place [m].
-        north: the place [m].
-        spacing: of the ground's grid [m].
-        footprint: size of a pixel on the ground [m].
-
-    Returns:
-        Brightness, depth of the stones' shadows (0 to 1), rise per metre along east and north.
+    Such a `share` of cells holds a stone, `spacing` is that of the ground's grid [m], and (sun_x,
+    sun_y) leads from the end of a shadow to the foot of a thing of unit height. Returns brightness,
+    depth of the stones' shadows (0 to 1), rise per metre along east and north.
     """
     coarsest = min(SOIL_COARSEST, 1.5 * spacing)
     tint, rise_x, rise_y = soil(key, east, north, coarsest, footprint)

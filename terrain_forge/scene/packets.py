@@ -77,37 +77,25 @@ def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
     return x / length, y / length, z / length
 
 
-@inner
-def _load(ray, word, origins, directions, first, filled, far):  # type: ignore[no-untyped-def]
-    """Put the rays of some rows into a packet's first lanes, and let the others idle."""
-    for lane in range(LANES):
-        word[ACTIVE, lane] = 0
-    for lane in range(filled):
-        o, d = origins[first + lane], directions[first + lane]
-        origin = (np.float64(o[0]), np.float64(o[1]), np.float64(o[2]))
-        direction = (np.float64(d[0]), np.float64(d[1]), np.float64(d[2]))
-        set_ray(ray, word, lane, origin, direction, 0.0, far)
-
-
-@inner
-def _share(chunk, count):  # type: ignore[no-untyped-def]
-    """First row of a chunk of whole packets, and one past its last."""
-    rows = -(-count // (LANES * CHUNKS)) * LANES
-    return chunk * rows, min((chunk + 1) * rows, count)
-
-
 @kernel
 def cast_packets(  # type: ignore[no-untyped-def]
     begin, end, scene, query, origins, directions, rotation, packets, distance, normal, rock
 ):
     """Fill `distance`, `normal` and `rock` with the first hit of each ray of some chunks."""
+    rows = -(-len(origins) // (LANES * CHUNKS)) * LANES  # of a chunk of whole packets
     for chunk in range(begin, end):
         ray = packets[chunk]
         word, address = ray.view(np.uint32), ray.ctypes.data
-        start, stop = _share(chunk, len(origins))
-        for first in range(start, stop, LANES):
+        stop = min((chunk + 1) * rows, len(origins))
+        for first in range(chunk * rows, stop, LANES):
             filled = min(LANES, stop - first)
-            _load(ray, word, origins, directions, first, filled, np.inf)
+            for lane in range(LANES):
+                word[ACTIVE, lane] = 0
+            for lane in range(filled):
+                o, d = origins[first + lane], directions[first + lane]
+                origin = (np.float64(o[0]), np.float64(o[1]), np.float64(o[2]))
+                direction = (np.float64(d[0]), np.float64(d[1]), np.float64(d[2]))
+                set_ray(ray, word, lane, origin, direction, 0.0, np.inf)
             intersect8(address + 4 * ACTIVE * LANES, scene, address, query)
             for lane in range(filled):
                 row, hit = first + lane, hit_rock(word, lane)

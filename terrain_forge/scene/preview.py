@@ -36,33 +36,25 @@ def render_preview(world: World, *, width: int = 1280, height: int = 720) -> NDA
 
 
 def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
-    """The world from above, north up, lit from the north-west.
+    """The world from above, north up, lit from the north-west, sRGB, shape [height, width, 3].
 
-    Args:
-        world: what is shown.
-        size: pixels along the longer side.
-
-    Returns:
-        sRGB, shape [height, width, 3].
+    Its longer side has `size` pixels.
 
     Raises:
         TerrainForgeError: where Embree is missing.
     """
     north_west = world.lighting.replace(sun_azimuth=np.radians(315.0), sun_elevation=0.5)
-    with open_scene(world) as scene:
-        return take_picture(scene, _camera_above(world, size), north_west)
-
-
-def _camera_above(world: World, size: int) -> Camera:
     west, south, east, north = world.ground.bounds
     pixel = max(east - west, north - south) / size
-    return map_camera(
+    camera = map_camera(
         middle=(0.5 * (west + east), 0.5 * (south + north)),
         top=float(world.ground.elevation.max()) + _MAP_HEIGHT,
         pixel=pixel,
         width=max(1, round((east - west) / pixel)),
         height=max(1, round((north - south) / pixel)),
     )
+    with open_scene(world) as scene:
+        return take_picture(scene, camera, north_west)
 
 
 def write_preview(world: World, path: Path) -> None:
@@ -92,15 +84,14 @@ def choose_view(world: World, scene: RayScene, *, width: int, height: int) -> Ca
         (place, yaw) for place in _places(world) for yaw in 2.0 * np.pi * np.arange(_YAWS) / _YAWS
     ]
     sketches = [_camera(world, place, yaw, *_SKETCH) for place, yaw in views]
-    rays = [sketch.rays() for sketch in sketches]
-    hits = scene.cast(
-        np.concatenate([origins for origins, _ in rays]),
-        np.concatenate([directions for _, directions in rays]),
-    )
+    origins, directions = zip(*(sketch.rays() for sketch in sketches), strict=True)
+    hits = scene.cast(np.concatenate(origins), np.concatenate(directions))
     distance = hits.distance.reshape(len(views), -1).astype(np.float64)
     shape = (len(views), _SKETCH[1], _SKETCH[0])
     scores = _rock_score(hits.rock.reshape(shape)) + _depth_score(distance)
-    scores += _sun_score(np.array([yaw for _, yaw in views]), world.lighting.sun_azimuth)
+    # The Sun from the side, rather behind the camera than in front of it.
+    away = np.array([yaw for _, yaw in views]) - (0.5 * np.pi - world.lighting.sun_azimuth)
+    scores += 0.5 * np.abs(np.sin(away)) - 0.5 * np.maximum(np.cos(away), 0.0)
     scores += _path_score(world, sketches)
     return _camera(world, *views[int(np.argmax(scores))], width, height)
 
@@ -137,10 +128,8 @@ def _rock_score(rock: NDArray[np.int32]) -> Array:
     """Rocks are welcome on up to a fifth of the picture, and all over its width."""
     share = (rock > GROUND).mean(axis=(1, 2))
     spread = (rock > GROUND).any(axis=1).mean(axis=1)
-    result: Array = (
-        3.0 * np.minimum(share, 0.15) - 4.0 * np.maximum(share - 0.2, 0.0) + 0.5 * spread
-    )
-    return result
+    crowded = np.maximum(share - 0.2, 0.0)
+    return np.asarray(3.0 * np.minimum(share, 0.15) - 4.0 * crowded + 0.5 * spread)
 
 
 def _depth_score(distance: Array) -> Array:
@@ -151,13 +140,6 @@ def _depth_score(distance: Array) -> Array:
     far = np.where(seen, np.minimum(distance, 80.0), 0.0).max(axis=1)
     crowded = np.maximum(2.2 - nearest, 0.0)
     return np.asarray(0.01 * far - 2.0 * np.abs(sky - 0.22) - crowded)
-
-
-def _sun_score(yaw: Array, sun_azimuth: float) -> Array:
-    """The Sun from the side, rather behind the camera than in front of it."""
-    away = yaw - (0.5 * np.pi - sun_azimuth)
-    result: Array = 0.5 * np.abs(np.sin(away)) - 0.5 * np.maximum(np.cos(away), 0.0)
-    return result
 
 
 def _path_score(world: World, cameras: list[Camera]) -> Array:

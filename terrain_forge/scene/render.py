@@ -313,15 +313,12 @@ def develop(image: NDArray[np.float32]) -> NDArray[np.uint8]:
     shoulder = np.where(exposure < 0.5, exposure, 1.0 - 0.5 * np.exp(1.0 - 2.0 * exposure))
     table = (255.0 * np.clip(srgb_from_linear(shoulder), 0.0, 1.0)).astype(np.float32)
     index = np.minimum(image * ((steps - 1) / 4.0), steps - 1).astype(np.int32)
-    dithered = table[index] + _dither(*image.shape[:2])[:, :, None]
-    return np.asarray(dithered, dtype=np.uint8)
-
-
-def _dither(rows: int, columns: int) -> NDArray[np.float32]:
-    """Interleaved gradient noise, 0 to 1 (Jimenez 2014), which hides the steps of a smooth sky."""
+    # Interleaved gradient noise (Jimenez 2014) hides the steps of a smooth sky.
+    rows, columns = image.shape[:2]
     noise = 0.06711056 * np.arange(columns)[None, :] + 0.00583715 * np.arange(rows)[:, None]
     whole = np.empty_like(noise)
     for factor in (52.9829189, 0.999):
         noise -= np.floor(noise, out=whole)
         noise *= factor
-    return noise.astype(np.float32)
+    dithered = table[index] + noise.astype(np.float32)[:, :, None]
+    return np.asarray(dithered, dtype=np.uint8)

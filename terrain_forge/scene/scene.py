@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from threading import Lock
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -15,7 +14,7 @@ from terrain_forge.base import Array, TerrainForgeError, over_chunks
 from terrain_forge.model import Heightfield, World
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
-from terrain_forge.scene.subject import Instances, Subject, subject_of
+from terrain_forge.scene.subject import Subject, subject_of
 
 GROUND = -1
 """What `Hits.rock` holds where a ray met the ground."""
@@ -49,18 +48,20 @@ class RayScene:
             _check_engine()
         self.subject = subject
         """What the rays are cast at."""
-        self.origin: Array = _middle(subject.ground)
+        ground, copies = subject.ground, subject.instances
+        west, south, east, north = ground.bounds
+        heights = float(ground.elevation.min()) + float(ground.elevation.max())
+        self.origin: Array = 0.5 * np.array([west + east, south + north, heights])
         """Where the scene's own frame lies in the world [m], shape [3]."""
         self._shapes: list[EmbreeScene] = []
         self._whole = EmbreeScene()
-        self._whole.add_grid(_vertices(subject.ground, self.origin))
-        if len(subject.instances):
-            self._shapes = [_shape(mesh.vertices, mesh.faces) for mesh in subject.instances.meshes]
-            self._whole.add_instances(
-                self._shapes,
-                which=subject.instances.mesh,
-                transforms=_transforms(subject.instances, self.origin),
-            )
+        self._whole.add_grid(_vertices(ground, self.origin))
+        if len(copies):
+            self._shapes = [_shape(mesh.vertices, mesh.faces) for mesh in copies.meshes]
+            transforms = np.empty((len(copies), 3, 4), dtype=np.float32)
+            transforms[:, :, :3] = copies.rotation * copies.scale[:, None, None]
+            transforms[:, :, 3] = copies.position - self.origin
+            self._whole.add_instances(self._shapes, which=copies.mesh, transforms=transforms)
         self._whole.commit()
 
     @property
@@ -78,21 +79,24 @@ class RayScene:
             directions: of any length but zero, shape [rays, 3] or [3].
             coherent: neighbouring rays run side by side (faster; the result is the same).
         """
-        start, towards = self._rays(origins, directions)
+        start, towards = np.broadcast_arrays(
+            np.atleast_2d(np.asarray(origins, np.float64)) - self.origin,
+            np.atleast_2d(np.asarray(directions, np.float64)),
+        )
+        unit = towards / np.linalg.norm(towards, axis=1, keepdims=True)
         distance = np.empty(len(start), dtype=np.float32)
         normal = np.empty((len(start), 3), dtype=np.float32)
         rock = np.empty(len(start), dtype=np.int32)
         query = COHERENT if coherent else INCOHERENT
-        memory = packets.packet_memory()
         over_chunks(
             packets.cast_packets,
             packets.CHUNKS,
             self.handle,
             query,
-            start,
-            towards,
+            np.ascontiguousarray(start, np.float32),
+            np.ascontiguousarray(unit, np.float32),
             self.subject.instances.rotation,
-            memory,
+            packets.packet_memory(),
             distance,
             normal,
             rock,
@@ -107,23 +111,8 @@ class RayScene:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
-
-    def _rays(
-        self, origins: ArrayLike, directions: ArrayLike
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        start, towards = np.broadcast_arrays(
-            np.atleast_2d(np.asarray(origins, np.float64)) - self.origin,
-            np.atleast_2d(np.asarray(directions, np.float64)),
-        )
-        unit = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-        return np.ascontiguousarray(start, np.float32), np.ascontiguousarray(unit, np.float32)
 
 
 def open_scene(world: World) -> RayScene:
@@ -133,12 +122,6 @@ def open_scene(world: World) -> RayScene:
         TerrainForgeError: where Embree is missing or of another version.
     """
     return RayScene(subject_of(world))
-
-
-def _middle(ground: Heightfield) -> Array:
-    west, south, east, north = ground.bounds
-    lowest, highest = float(ground.elevation.min()), float(ground.elevation.max())
-    return 0.5 * np.array([west + east, south + north, lowest + highest])
 
 
 def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:
@@ -157,13 +140,6 @@ def _shape(vertices: Array, faces: NDArray[np.int32]) -> EmbreeScene:
     return scene
 
 
-def _transforms(copies: Instances, origin: Array) -> NDArray[np.float32]:
-    transforms = np.empty((len(copies), 3, 4), dtype=np.float32)
-    transforms[:, :, :3] = copies.rotation * copies.scale[:, None, None]
-    transforms[:, :, 3] = copies.position - origin
-    return transforms
-
-
 @cache
 def _check_engine() -> None:
     """Cast one ray at a copy of a triangle, so that a foreign memory layout cannot go unnoticed."""
@@ -178,14 +154,13 @@ def _check_engine() -> None:
         [triangle], which=np.zeros(2, np.int32), transforms=lifts.astype(np.float32)
     )
     whole.commit()
+    start, towards = np.array([[0.2, 0.2, 5.0]], np.float32), np.array([[0, 0, -1]], np.float32)
+    turns = np.broadcast_to(np.eye(3), (2, 3, 3)).copy()
+    turns.setflags(write=False)  # as those of scenes are: one kernel serves both
     distance, normal = np.empty(1, np.float32), np.empty((1, 3), np.float32)
     rock = np.empty(1, np.int32)
-    start, towards = np.array([[0.2, 0.2, 5.0]], np.float32), np.array([[0, 0, -1]], np.float32)
-    turns, memory = np.broadcast_to(np.eye(3), (2, 3, 3)).copy(), packets.packet_memory()
-    turns.setflags(write=False)  # as those of scenes are: one kernel serves both
-    packets.cast_packets(
-        0, 1, whole.handle, INCOHERENT, start, towards, turns, memory, distance, normal, rock
-    )
+    given = whole.handle, INCOHERENT, start, towards, turns, packets.packet_memory()
+    packets.cast_packets(0, 1, *given, distance, normal, rock)
     found = [float(distance[0]), int(rock[0]), *normal[0].tolist()]
     whole.release()
     triangle.release()

@@ -2,60 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, linear_from_srgb
+from terrain_forge.base import Array, Record, Rows, linear_from_srgb, shaped
 from terrain_forge.model import Heightfield, Lighting, Mesh, World, merge, rotations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Instances(Record):
+class Instances(Rows):
     """Copies of meshes, each with a pose, a size and a colour."""
 
     meshes: tuple[Mesh, ...]
     """The meshes, in frames of their own."""
-    mesh: NDArray[np.int32]
+    mesh: NDArray[np.int32] = field(metadata=shaped("copies", dtype=np.int32))
     """Index into `meshes` of each copy, shape [copies]."""
-    position: Array
+    position: Array = field(metadata=shaped("copies", 3))
     """Where their frames begin in the world [m], shape [copies, 3]."""
-    rotation: Array
+    rotation: Array = field(metadata=shaped("copies", 3, 3))
     """From their frames to the world's, shape [copies, 3, 3]."""
-    scale: Array
+    scale: Array = field(metadata=shaped("copies"))
     """Their size over that of their meshes, shape [copies]."""
-    grain: Array
+    grain: Array = field(metadata=shaped("copies"))
     """Diameter that the fine texture on them is made for [m], shape [copies]."""
-    rgb: Array
+    rgb: Array = field(metadata=shaped("copies", 3))
     """Linear albedo, shape [copies, 3]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("mesh", np.int32, ("copies",))
-        for name in ("scale", "grain"):
-            self.freeze(name, np.float64, ("copies",))
-        for name in ("position", "rgb"):
-            self.freeze(name, np.float64, ("copies", 3))
-        self.freeze("rotation", np.float64, ("copies", 3, 3))
-
-    def __len__(self) -> int:
-        """How many copies there are."""
-        return len(self.mesh)
-
-    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Instances:
-        """Some of the copies."""
-        return self.replace(**{name: getattr(self, name)[rows] for name in _COLUMNS})
 
     def add(self, other: Instances) -> Instances:
         """These copies and others after them."""
         moved = other.replace(mesh=other.mesh + np.int32(len(self.meshes)))
-        joined = {
-            name: np.concatenate([getattr(self, name), getattr(moved, name)]) for name in _COLUMNS
-        }
-        return self.replace(meshes=(*self.meshes, *other.meshes), **joined)
-
-
-_COLUMNS = ("mesh", "position", "rotation", "scale", "grain", "rgb")
+        return self.joined(moved).replace(meshes=(*self.meshes, *other.meshes))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,10 +6,10 @@ from .appearance import colour_ground as colour_ground
 from .appearance import paint as paint
 from .appearance import stencil_reach as stencil_reach
 from .cratering.craters import Craters as Craters
-from .cratering.equilibrium import LIMITS as LIMITS
-from .cratering.fresh import fresh_shapes as fresh_shapes
+from .cratering.degradation import fresh_shapes as fresh_shapes
 from .cratering.layer_craters import make_craters as make_craters
 from .cratering.layer_craters import population_of as population_of
+from .cratering.population import LIMITS as LIMITS
 from .cratering.production import BodyProduction as BodyProduction
 from .cratering.production import CraterProduction as CraterProduction
 from .cratering.productions.power_law import CraterPowerLaw as CraterPowerLaw
@@ -28,9 +28,9 @@ from .layers.ripples import Ripples as Ripples
 from .masks import mask_weight as mask_weight
 from .orthoimage import OrthoimageSpec as OrthoimageSpec
 from .orthoimage import read_orthoimage as read_orthoimage
-from .spectra import radial_spectrum as radial_spectrum
-from .spectra import rms_deviation as rms_deviation
 from .statistics import TerrainStatistics as TerrainStatistics
+from .statistics import radial_spectrum as radial_spectrum
+from .statistics import rms_deviation as rms_deviation
 from .statistics import slope_statistics as slope_statistics
 from .statistics import terrain_statistics as terrain_statistics
 from .terrain_figure import write_terrain_figure as write_terrain_figure

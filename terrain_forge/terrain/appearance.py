@@ -21,9 +21,10 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import BODIES, Appearance, Heightfield, Site, Window
 from terrain_forge.terrain.detail import DetailSpec, ground_detail
+from terrain_forge.terrain.ground import STRIP
 from terrain_forge.terrain.layer import Layer
-from terrain_forge.terrain.masks import mask_weight
-from terrain_forge.terrain.noise import fbm
+from terrain_forge.terrain.masks import mask_weight, stencil_cells
+from terrain_forge.terrain.noise import octaves
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
 
 if TYPE_CHECKING:
@@ -31,10 +32,9 @@ if TYPE_CHECKING:
 else:
     SoilName = Literal[tuple(soil.name for body in BODIES.values() for soil in body.soils)]
 
-_STENCIL_M = 0.5
-_MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN = 23.0, 7, 0.68
-_STRIP = 1024
-"""Most rows that are worked on at once in double precision."""
+_STENCIL_M = 1.0
+_WAVELENGTHS = 23.0 * 0.5 ** np.arange(7.0)
+_AMPLITUDES = 0.68 ** np.arange(7.0)
 _STEPS = 4096
 _ENCODED = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
 """sRGB bytes of linear light, which is spaced by its square root as sRGB nearly is."""
@@ -77,7 +77,7 @@ def check_appearance(spec: AppearanceSpec, site: Site) -> None:
 def stencil_reach(site: Site, layers: tuple[Layer, ...] = ()) -> float:
     """How far around a node its colour looks at the ground [m]: the margin that a window needs."""
     masks = [layer.mask.reach(site) for layer in layers if layer.mask is not None]
-    return max(_cells(site.spacing) * site.spacing, *masks, 0.0)
+    return max(stencil_cells(_STENCIL_M, site.spacing) * site.spacing, *masks, 0.0)
 
 
 def colour_ground(
@@ -92,33 +92,37 @@ def colour_ground(
 
     Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is
     addressed by position mottles all of it, so that nothing repeats. Layers brighten it, as fresh
-    ejecta do.
+    ejecta do; their masks are taken on the finished ground.
 
-    Args:
-        site: the place.
-        window: what is coloured.
-        ground: heights of at least the window. A node has the same colour in every window if this
-            reaches `stencil_reach` beyond the window, or to the site's edge.
-        spec: the recipe's wishes.
-        layers: the layers that shaped the ground; their masks are taken on the finished ground.
+    A node has the same colour in every window if the ground reaches `stencil_reach` beyond the
+    window, or to the site's edge.
     """
     rgb = np.empty((window.rows + 1, window.columns + 1, 3), np.uint8)
-    for first in range(0, window.rows, _STRIP):
-        rows = min(_STRIP, window.rows - first)
-        strip = Window(
-            column=window.column, row=window.row + first, columns=window.columns, rows=rows
+    key = stage_key(site.seed, "appearance")
+    for strip in window.strips(STRIP):
+        east, north = site.axes(strip)
+        first = strip.row - window.row
+        over_chunks(
+            _paint,
+            len(north),
+            ground.elevation,
+            *_first_node(site, strip, ground),
+            stencil_cells(_STENCIL_M, site.spacing),
+            site.spacing,
+            octaves(key, east=east, north=north, wavelengths=_WAVELENGTHS, amplitudes=_AMPLITUDES),
+            _base(site, strip, spec),
+            _brightness(site, strip, ground, layers),
+            spec.variation,
+            _ENCODED,
+            rgb[first : first + strip.rows + 1],
         )
-        _colour_strip(site, strip, ground, spec, layers, rgb[first : first + rows + 1])
     return rgb
 
 
 def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
     """What the window's ground and the site's rocks look like, as the recipe wants it.
 
-    Args:
-        site: the place.
-        window: what is coloured.
-        ground: heights of at least the window, and `stencil_reach` around it within the site.
+    The ground reaches `stencil_reach` around the window, within the site.
     """
     terrain = site.recipe.terrain
     spec = terrain.appearance
@@ -132,42 +136,9 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
     )
 
 
-def _colour_strip(
-    site: Site,
-    window: Window,
-    ground: Heightfield,
-    spec: AppearanceSpec,
-    layers: tuple[Layer, ...],
-    rgb: NDArray[np.uint8],
-) -> None:
-    east, north = site.axes(window)
-    mottle = fbm(
-        stage_key(site.seed, "appearance"), east, north, _MOTTLE_M, _MOTTLE_OCTAVES, _MOTTLE_GAIN
-    )
-    over_chunks(
-        _paint,
-        len(mottle),
-        ground.elevation,
-        *_first_node(site, window, ground),
-        _cells(site.spacing),
-        site.spacing,
-        mottle,
-        _base(site, window, spec),
-        _brightness(site, window, ground, layers),
-        spec.variation,
-        _ENCODED,
-        rgb,
-    )
-
-
-def _cells(spacing: float) -> int:
-    return max(1, round(_STENCIL_M / spacing))
-
-
 def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
     """Column and row of the ground that lie under the window's first node."""
-    column = round((ground.origin[0] - site.west) / site.spacing)
-    row = round((ground.origin[1] - site.south) / site.spacing)
+    column, row = site.first_node(ground)
     return window.column - column, window.row - row
 
 
@@ -219,10 +190,8 @@ def _paint(  # type: ignore[no-untyped-def]
             west, east = max(column + i - cells, 0), min(column + i + cells, last_column)
             here = np.float64(elevation[row + j, column + i])
             w, e = np.float64(elevation[row + j, west]), np.float64(elevation[row + j, east])
-            s, n = (
-                np.float64(elevation[south, column + i]),
-                np.float64(elevation[north, column + i]),
-            )
+            s = np.float64(elevation[south, column + i])
+            n = np.float64(elevation[north, column + i])
             slope_x = (e - w) / ((east - west) * spacing)
             slope_y = (n - s) / ((north - south) * spacing)
             hollow = (0.25 * (w + e + s + n) - here) / (cells * spacing)

@@ -24,11 +24,17 @@ from terrain_forge.base import (
     Positive,
     RecipeError,
     Spec,
+    inner,
+    kernel,
+    over_chunks,
     portable,
+    segment_square_distance,
 )
 from terrain_forge.dtm import bilinear
 from terrain_forge.model import Site, Window
-from terrain_forge.terrain.route_distance import route_distance
+
+_BLOCK, _TILE = 128, 16
+"""Nodes of a block and of a tile of it each way, among which far segments are sorted out."""
 
 Angle = Annotated[float, Interval(ge=0, lt=90)]
 
@@ -118,39 +124,44 @@ class Mask(Spec):
         if self.image is not None:
             _check_image(site.image(self.image), self.image, site, (*key, "image"))
         if self.route is not None:
-            _check_route(self.route, site, (*key, "route"))
+            names, path = [route.name for route in site.routes], self.route.path
+            if path is not None and path not in names:
+                raise RecipeError(
+                    f"no path is called {path!r}, there are: {', '.join(names) or 'none'}",
+                    key=(*key, "route", "path"),
+                )
+            if not names:
+                raise RecipeError(
+                    "the recipe has no path to keep a distance to", key=(*key, "route")
+                )
 
 
 def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> Array:
-    """Weight of the window's nodes, 0 to 1, shape [rows, columns].
+    """Weight of the window's nodes, 0 to 1, by their heights [m], shape [rows, columns].
 
-    Args:
-        mask: the conditions.
-        site: the place.
-        window: whose nodes are asked.
-        elevation: heights of its nodes [m]. A node's weight is the same in every window if this
-            reaches `Mask.reach` around it, or to the site's edge.
+    A node's weight is the same in every window if the heights reach `Mask.reach` around it, or to
+    the site's edge.
     """
     weight = np.ones_like(elevation)
+    east, north = site.axes(window)
     if mask.height is not None:
         band = mask.height
         weight *= _within(elevation, band.above_m, band.below_m, band.fade_m)
     if mask.slope is not None:
         weight *= _slope_weight(mask.slope, elevation, site.spacing)
     if mask.image is not None:
-        weight *= image_weight(site.image(mask.image), site=site, window=window)
+        values = site.image(mask.image)
+        rows, columns = values.shape
+        across = _between((east - site.west) / site.size[0] * (columns - 1), columns)
+        down = _between((north - site.south) / site.size[1] * (rows - 1), rows)
+        weight *= bilinear(values, across, down)
     if mask.route is not None:
-        weight *= _route_weight(mask.route, site, window)
+        near = mask.route
+        lines = [route.position for route in site.routes if near.path in (None, route.name)]
+        farthest = max(near.beyond_m or 0.0, (near.within_m or 0.0) + near.fade_m) + site.spacing
+        away = route_distance(lines, east=east, north=north, farthest=farthest)
+        weight *= _within(away, near.beyond_m, near.within_m, near.fade_m)
     return 1.0 - weight if mask.invert else weight
-
-
-def image_weight(values: Array, *, site: Site, window: Window) -> Array:
-    """An image over the whole site at the window's nodes, bilinear, shape [rows, columns]."""
-    east, north = site.axes(window)
-    rows, columns = values.shape
-    across = _between((east - site.west) / site.size[0] * (columns - 1), columns)
-    down = _between((north - site.south) / site.size[1] * (rows - 1), rows)
-    return bilinear(values, across, down)
 
 
 def fade(value: Array, start: float, end: float) -> Array:
@@ -167,14 +178,9 @@ def stencil_cells(baseline: float, spacing: float) -> int:
 
 
 def steepness(elevation: Array, cells: int, spacing: float) -> Array:
-    """Rise per metre of the steepest way up at each node, shape [rows, columns].
+    """Rise per metre of the steepest way up at each node, from heights [m], shape [rows, columns].
 
     From differences over so many cells to either side, fewer at the border.
-
-    Args:
-        elevation: heights of the nodes [m].
-        cells: half of the baseline, in cells.
-        spacing: distance of the nodes [m].
     """
     east = _differences(elevation, cells, spacing)
     north = _differences(elevation.T, cells, spacing).T
@@ -202,25 +208,13 @@ def _slope_weight(band: SlopeBand, elevation: Array, spacing: float) -> Array:
     """As `_within`, in angles; the fade ends at level ground or the vertical."""
     rise = steepness(elevation, stencil_cells(band.baseline_m, spacing), spacing)
     weight = np.ones_like(rise)
-    if band.above_deg is not None:
-        none, full = _tangents(max(band.above_deg - band.fade_deg, 0.0), band.above_deg)
+    above, below, width = band.above_deg, band.below_deg, band.fade_deg
+    if above is not None:
+        none, full = portable.tan(np.radians([max(above - width, 0.0), above]))
         weight *= fade(-rise, -full, -none)
-    if band.below_deg is not None:
-        weight *= fade(rise, *_tangents(band.below_deg, min(band.below_deg + band.fade_deg, 89.9)))
+    if below is not None:
+        weight *= fade(rise, *portable.tan(np.radians([below, min(below + width, 89.9)])))
     return weight
-
-
-def _tangents(one: float, other: float) -> tuple[float, float]:
-    return float(portable.tan(np.radians(one))), float(portable.tan(np.radians(other)))
-
-
-def _route_weight(band: RouteBand, site: Site, window: Window) -> Array:
-    routes = [route for route in site.routes if band.path in (None, route.name)]
-    farthest = max(band.beyond_m or 0.0, (band.within_m or 0.0) + band.fade_m) + site.spacing
-    east, north = site.axes(window)
-    lines = [route.position for route in routes]
-    away = route_distance(lines, east=east, north=north, farthest=farthest)
-    return _within(away, band.beyond_m, band.within_m, band.fade_m)
 
 
 def _between(place: Array, count: int) -> tuple[NDArray[np.int64], Array]:
@@ -255,12 +249,72 @@ def _check_image(values: Array, name: str, site: Site, key: Key) -> None:
         )
 
 
-def _check_route(band: RouteBand, site: Site, key: Key) -> None:
-    names = [route.name for route in site.routes]
-    if band.path is not None and band.path not in names:
-        raise RecipeError(
-            f"no path is called {band.path!r}, there are: {', '.join(names) or 'none'}",
-            key=(*key, "path"),
+def route_distance(lines: list[Array], *, east: Array, north: Array, farthest: float) -> Array:
+    """Distance [m] of a grid's nodes to the nearest of some polylines, shape [north, east].
+
+    Lines are points, east and north [m], shape [points, 2]. Exact up to `farthest` [m]; what is
+    farther may be told as infinite.
+    """
+    segments = np.concatenate([np.hstack([line[:-1], line[1:]]) for line in lines])
+    distance = np.full((len(north), len(east)), np.inf)
+    blocks = -(-len(north) // _BLOCK)
+    over_chunks(_measure, blocks, segments, east, north, farthest, distance)
+    return distance
+
+
+@inner
+def _keep_near(segments, some, count, corners, farthest, kept, away):  # type: ignore[no-untyped-def]
+    """Keep those of some segments that can be nearest to a point of a rectangle; their number.
+
+    A point's nearest segment is no farther from the rectangle's middle than the middle's own
+    nearest one by the rectangle's diagonal.
+    """
+    west, south, east, north = corners
+    wide, high = east - west, north - south
+    diagonal = np.sqrt(wide * wide + high * high) * (1.0 + 1e-9) + 1e-9
+    nearest = np.inf
+    for n in range(count):
+        square = segment_square_distance(
+            segments[some[n]], 0.5 * (west + east), 0.5 * (south + north)
         )
-    if not names:
-        raise RecipeError("the recipe has no path to keep a distance to", key=key)
+        away[n] = np.sqrt(square)
+        nearest = min(nearest, away[n])
+    found = 0
+    if nearest <= farthest + diagonal:
+        for n in range(count):
+            if away[n] <= nearest + diagonal:
+                kept[found] = some[n]
+                found += 1
+    return found
+
+
+@inner
+def _measure_tile(segments, near, count, east, north, distance):  # type: ignore[no-untyped-def]
+    """Distances of a tile's nodes to the nearest of some segments."""
+    for j in range(len(north)):
+        for i in range(len(east)):
+            square = np.inf
+            for n in range(count):
+                square = min(square, segment_square_distance(segments[near[n]], east[i], north[j]))
+            distance[j, i] = np.sqrt(square)
+
+
+@kernel
+def _measure(first, last, segments, east, north, farthest, distance):  # type: ignore[no-untyped-def]
+    """Distances of rows of square blocks of nodes; blocks and tiles sort out what is far."""
+    every = np.arange(len(segments))
+    around, near = np.empty_like(every), np.empty_like(every)
+    away = np.empty(len(segments))
+    for block in range(first * _BLOCK, last * _BLOCK, _BLOCK):
+        end = min(block + _BLOCK, len(north))
+        for west in range(0, len(east), _BLOCK):
+            right = min(west + _BLOCK, len(east))
+            corners = east[west], north[block], east[right - 1], north[end - 1]
+            some = _keep_near(segments, every, len(every), corners, farthest, around, away)
+            for j in range(block, end if some else block, _TILE):
+                for i in range(west, right, _TILE):
+                    x, y = east[i : min(i + _TILE, right)], north[j : min(j + _TILE, end)]
+                    corners = x[0], y[0], x[-1], y[-1]
+                    count = _keep_near(segments, around, some, corners, farthest, near, away)
+                    part = distance[j : j + len(y), i : i + len(x)]
+                    _measure_tile(segments, near, count, x, y, part)

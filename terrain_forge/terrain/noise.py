@@ -77,14 +77,9 @@ def _sum_octaves(  # type: ignore[no-untyped-def]
 def octaves(
     key: np.uint64, *, east: Array, north: Array, wavelengths: Array, amplitudes: Array
 ) -> Array:
-    """Sum of noise octaves at the nodes of a grid, shape [north, east].
+    """Sum of noise octaves at the nodes of a grid [m], shape [north, east].
 
-    Args:
-        key: what the noise is, from `seeds.stage_key`.
-        east: coordinates of the columns [m].
-        north: coordinates of the rows [m].
-        wavelengths: lattice distance of each octave [m].
-        amplitudes: factor of each octave, in the unit of the result.
+    Octaves have lattices of `wavelengths` [m] and factors `amplitudes`, in the unit of the result.
     """
     total = np.zeros((len(north), len(east)))
     over_chunks(
@@ -98,17 +93,3 @@ def octaves(
         total,
     )
     return total
-
-
-def fbm(
-    key: np.uint64, east: Array, north: Array, wavelength: float, count: int, gain: float = 0.5
-) -> Array:
-    """Fractal sum of `count` octaves from `wavelength` [m] down, each `gain` times the last."""
-    steps = np.arange(count, dtype=np.float64)
-    return octaves(
-        key,
-        east=east,
-        north=north,
-        wavelengths=wavelength * 0.5**steps,
-        amplitudes=gain**steps,
-    )

@@ -55,11 +55,7 @@ class OrthoimageSpec(Spec):
 def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path) -> Orthoimage:
     """The piece of the picture that a site needs, averaged where it is finer than the grid.
 
-    Args:
-        spec: the recipe's wish.
-        name: how the world calls the file.
-        site: the place.
-        folder: what the recipe's paths are relative to.
+    The world calls the file by `name`; the recipe's paths are relative to `folder`.
 
     Raises:
         DataError: if the file is no raster, lies on another body or does not show the
@@ -75,7 +71,10 @@ def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path
         with dataset:
             whole = _place(dataset, name, site, spec.image)
             values, valid, placed = _read(dataset, whole, site, spec.image)
-    column, row = map(_nearest, _sample(placed, site), valid.shape[::-1])
+    column, row = (
+        np.clip(np.rint(index), 0, length - 1).astype(np.int64)
+        for index, length in zip(_sample(placed, site), valid.shape[::-1], strict=True)
+    )
     inside = valid[row, column]
     if not inside.all():
         raise DataError(
@@ -102,29 +101,27 @@ def orthoimage_albedo(picture: Orthoimage, *, site: Site, window: Window) -> Arr
 
 def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
     """Where the whole picture lies; nothing of it is read yet."""
-    nothing = np.zeros((1, 1, 1), np.float32)
+    crs, wrap = "", (0.0, 0.0)
     if dataset.crs is None or dataset.transform.is_identity:
         across, down = dataset.width / site.size[0], -dataset.height / site.size[1]
         to_pixel = (across, 0.0, 0.5 * dataset.width - 0.5, 0.0, down, 0.5 * dataset.height - 0.5)
-        return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs="", wrap=(0.0, 0.0))
-    if not site.georeferenced:
-        raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
-    crs = dataset.crs.to_wkt()
-    if abs(ellipsoid(crs)[0] / site.body.mean_radius - 1.0) > 0.05:
-        raise DataError(
-            f"{image} lies on a body of {ellipsoid(crs)[0] / 1e3:.0f} km radius, {site.body.name} "
-            f"has {site.body.mean_radius / 1e3:.0f} km",
-            key=_KEY,
-        )
-    a, b, c, d, e, f = (~dataset.transform)[:6]
-    middle = dataset.transform * (0.5 * dataset.width, 0.5 * dataset.height)
-    return Orthoimage(
-        path=name,
-        albedo=nothing,
-        to_pixel=(a, b, c - 0.5, d, e, f - 0.5),
-        crs=crs,
-        wrap=wrap_around(crs, site.crs, middle[0]),
-    )
+    else:
+        if not site.georeferenced:
+            raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
+        crs, own = dataset.crs.to_wkt(), site.body.mean_radius
+        radius, _ = ellipsoid(crs)
+        if abs(radius / own - 1.0) > 0.05:
+            raise DataError(
+                f"{image} lies on a body of {radius / 1e3:.0f} km radius, {site.body.name} has "
+                f"{own / 1e3:.0f} km",
+                key=_KEY,
+            )
+        a, b, c, d, e, f = (~dataset.transform)[:6]
+        to_pixel = (a, b, c - 0.5, d, e, f - 0.5)
+        middle = dataset.transform * (0.5 * dataset.width, 0.5 * dataset.height)
+        wrap = wrap_around(crs, site.crs, middle[0])
+    nothing = np.zeros((1, 1, 1), np.float32)
+    return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs=crs, wrap=wrap)
 
 
 def _sample(picture: Orthoimage, site: Site) -> tuple[Array, Array]:
@@ -134,10 +131,6 @@ def _sample(picture: Orthoimage, site: Site) -> tuple[Array, Array]:
     return patch_pixels(picture, site.crs, east, north)
 
 
-def _nearest(index: Array, length: int) -> NDArray[np.int64]:
-    return np.clip(np.rint(index), 0, length - 1).astype(np.int64)
-
-
 def _read(
     dataset: Any, whole: Orthoimage, site: Site, image: str
 ) -> tuple[Array, NDArray[np.bool_], Orthoimage]:
@@ -145,14 +138,19 @@ def _read(
     from rasterio.windows import Window as RasterWindow
 
     column, row = _sample(whole, site)
-    columns, rows = _span(column, dataset.width), _span(row, dataset.height)
-    if _outside(column, dataset.width) or _outside(row, dataset.height):
+    ends, slack = (dataset.width, dataset.height), 0.5 + 1e-6
+    low, high = np.array([[index.min(), index.max()] for index in (column, row)]).T
+    if np.any(low < -slack) or np.any(high > np.array(ends) - 1 + slack):
         raise DataError(
             f"the site needs columns {column.min():.0f} to {column.max():.0f} and rows "
             f"{row.min():.0f} to {row.max():.0f} of {image}, which has {dataset.width} × "
             f"{dataset.height}",
             key=_KEY,
         )
+    columns, rows = (
+        slice(max(int(first) - _STENCIL, 0), min(int(last) + _STENCIL + 1, end))
+        for first, last, end in zip(np.floor(low), np.ceil(high), ends, strict=True)
+    )
     window = RasterWindow.from_slices(rows, columns)
     bands = [1, 2, 3] if dataset.count >= 3 else [1]
     values = _linear(dataset.read(bands, window=window))
@@ -189,13 +187,3 @@ def _linear(values: NDArray[Any]) -> Array:
         return moved.astype(np.float64)
     scaled: Array = moved / float(np.iinfo(values.dtype).max)
     return linear_from_srgb(scaled) if len(values) == 3 else scaled
-
-
-def _span(index: Array, length: int) -> slice:
-    low, high = int(np.floor(index.min())) - _STENCIL, int(np.ceil(index.max())) + _STENCIL + 1
-    return slice(max(low, 0), min(high, length))
-
-
-def _outside(index: Array, length: int) -> bool:
-    slack = 0.5 + 1e-6
-    return bool(index.min() < -slack or index.max() > length - 1 + slack)

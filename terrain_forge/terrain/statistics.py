@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import portable
+from terrain_forge.base import Array, portable
 from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
-from terrain_forge.model import Heightfield, Site
-from terrain_forge.terrain.spectra import radial_spectrum, spectral_exponent, structure_function
+from terrain_forge.model import Heightfield, Roughness, Site
 
 _PER_DEGREE = 100
 _MOST = 2048
@@ -30,7 +29,7 @@ class SlopeStatistics:
     """Slope of the steepest triangle [deg]."""
     rms_deg: float
     """Root mean square of the gradient, as an angle [deg]."""
-    shares: NDArray[np.float64]
+    shares: Array
     """Part of the ground in each degree of slope, shape [90]."""
 
 
@@ -60,56 +59,16 @@ class Curves:
 
     spacing: float
     """Distance of the samples [m]."""
-    wave_number: NDArray[np.float64]
+    wave_number: Array
     """Wave numbers [1/m]."""
-    density: NDArray[np.float64]
+    density: Array
     """Power spectral density in two dimensions [m⁴]."""
-    baseline: NDArray[np.float64]
+    baseline: Array
     """Baselines [m]."""
-    deviation: NDArray[np.float64]
+    deviation: Array
     """RMS height difference over each baseline [m]."""
-    slope_shares: NDArray[np.float64]
+    slope_shares: Array
     """Part of the ground in each degree of slope between neighbouring samples, shape [90]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DtmState:
-    """What was read of the DTM and what it needed."""
-
-    samples: tuple[int, int]
-    """Rows and columns of samples, of the site and the context around it."""
-    filled: int
-    """Samples within the site that were holes."""
-    repairs: tuple[str, ...]
-    """What was repaired and how."""
-    planar_fraction: float
-    """Part of the samples that lie in exact planes, as triangles do that fill gaps, 0 to 1."""
-    scale_error: float | None
-    """How far off lengths are at the site's edge, as a fraction; None where not georeferenced."""
-
-    @classmethod
-    def of(cls, site: Site) -> DtmState | None:
-        """That of a site's DTM; None for a flat site."""
-        if site.dtm is None:
-            return None
-        rows, columns = site.dtm.heights.shape
-        return cls(
-            samples=(rows, columns),
-            filled=site.dtm.filled,
-            repairs=site.dtm.repairs,
-            planar_fraction=site.dtm.planar_fraction,
-            scale_error=scale_error(site.crs, site.size) if site.georeferenced else None,
-        )
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values for a report."""
-        return {
-            "samples": list(self.samples),
-            "filled_samples": self.filled,
-            "repairs": list(self.repairs),
-            "planar_fraction": self.planar_fraction,
-            "scale_error_at_the_edge": self.scale_error,
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,63 +79,64 @@ class TerrainStatistics:
     """The ground as built."""
     dtm: Curves | None
     """The DTM's samples over the site and its context; None for a flat site."""
-    hurst: float
-    """Exponent of the detail."""
-    deviation: float
-    """RMS deviation of the detail at 1 m [m]."""
-    source: str
-    """Where exponent and deviation come from."""
-    fitted: tuple[float, float] | None
-    """Exponent as fitted to the DTM's increments at the joint, and its standard error."""
+    roughness: Roughness
+    """Of the detail, and the exponent as fitted to the DTM's increments at the joint."""
     spectral: tuple[float, float] | None
     """Exponent of the DTM's spectrum over 1/32 to 1/5 of a cycle per posting, and its standard
     error; None without a DTM or with too few samples."""
     worst_mean: float | None
     """Largest difference of the ground's mean over a pixel from the DTM's post [m]; None where no
     pixel lies wholly in the ground, or the lattice is no finer than half the posting."""
-    state: DtmState | None
-    """What was read of the DTM and what it needed; None for a flat site."""
+    dtm_state: dict[str, Any] | None
+    """What was read of the DTM and what it needed, as plain values: rows and columns of its
+    samples, those within the site that were holes, what was repaired, the part of the samples that
+    lie in exact planes, and how far off lengths are at the site's edge, as a fraction (None where
+    not georeferenced); None for a flat site."""
 
     def as_json(self) -> dict[str, Any]:
         """Plain values for a report."""
         return {
-            "hurst": self.hurst,
-            "deviation_1m_m": self.deviation,
-            "source": self.source,
-            "exponent_at_the_joint": _with_error(self.fitted),
+            "hurst": self.roughness.hurst,
+            "deviation_1m_m": self.roughness.deviation,
+            "source": self.roughness.source,
+            "exponent_at_the_joint": _with_error(self.roughness.exponent),
             "exponent_of_the_spectrum": _with_error(self.spectral),
             "worst_pixel_mean_m": self.worst_mean,
             "ground": _curves_json(self.ground),
             "dtm": _curves_json(self.dtm) if self.dtm else None,
-            "dtm_state": self.state.as_json() if self.state else None,
+            "dtm_state": self.dtm_state,
         }
 
 
 def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
     """Spectrum, structure function and slopes of a ground and of the DTM below it.
 
-    Args:
-        site: the place.
-        ground: the whole of it or a window.
+    The ground is the whole of it or a window.
     """
-    found = site.roughness
-    dtm, spectral = None, None
+    dtm, spectral, state = None, None, None
     if site.dtm is not None:
         posting = site.dtm.posting
         dtm = _curves(site.dtm.heights, posting)
         band = (1.0 / (32.0 * posting), 1.0 / (5.0 * posting))
         exponent = spectral_exponent(dtm.wave_number, dtm.density, band)
         spectral = exponent if np.isfinite(exponent[0]) else None
+        off = scale_error(site.crs, site.size) if site.georeferenced else None
+        state = {
+            "samples": list(site.dtm.heights.shape),
+            "filled_samples": site.dtm.filled,
+            "repairs": list(site.dtm.repairs),
+            "planar_fraction": site.dtm.planar_fraction,
+            "scale_error_at_the_edge": off,
+        }
+    # The middle of a large site tells as much and costs less.
+    middle = tuple(slice(max(n - _MOST, 0) // 2, (n + _MOST) // 2) for n in ground.shape)
     return TerrainStatistics(
-        ground=_curves(_centre(ground.elevation), ground.spacing),
+        ground=_curves(ground.elevation[middle].astype(np.float64), ground.spacing),
         dtm=dtm,
-        hurst=found.hurst,
-        deviation=found.deviation,
-        source=found.source,
-        fitted=found.exponent,
+        roughness=site.roughness,
         spectral=spectral,
         worst_mean=worst_mean(site, ground),
-        state=DtmState.of(site),
+        dtm_state=state,
     )
 
 
@@ -184,12 +144,8 @@ def worst_mean(site: Site, ground: Heightfield) -> float | None:
     """Largest difference of the ground's mean over a pixel from the DTM's post [m]."""
     if site.dtm is None or 2.0 * site.spacing > site.dtm.posting:
         return None
-    first = (
-        round((ground.origin[0] - site.west) / site.spacing),
-        round((ground.origin[1] - site.south) / site.spacing),
-    )
-    rows, columns = ground.shape
-    nodes = Nodes(column=first[0], row=first[1], columns=columns, rows=rows)
+    (column, row), (rows, columns) = site.first_node(ground), ground.shape
+    nodes = Nodes(column=column, row=row, columns=columns, rows=rows)
     pixels = Pixels.under(site, nodes, 0)
     east, north = pixels.centres(site)
     wide, high = (0.5 * (n - 1) * ground.spacing for n in (columns, rows))
@@ -198,27 +154,21 @@ def worst_mean(site: Site, ground: Heightfield) -> float | None:
     inside &= np.abs(north - ground.origin[1] - high) < high - reach
     if not inside.any():
         return None
-    row, column = np.nonzero(inside)
     means = pixels.means(site, nodes, ground.elevation.astype(np.float64))[inside]
     means += site.datum_height + site.slope[0] * east[inside] + site.slope[1] * north[inside]
     tilt = _tilt(site, pixels, nodes)[inside]
-    posts = site.dtm.heights[row + pixels.row, column + pixels.column]
+    down, across = np.nonzero(inside)
+    posts = site.dtm.heights[down + pixels.row, across + pixels.column]
     return float(np.abs(means - tilt - posts).max())
 
 
-def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
+def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> Array:
     """What the ground's slope adds to a mean over cells that a pixel's edge cuts unevenly [m]."""
     assert site.dtm is not None
     per_row, per_column = (np.asarray(g) for g in np.gradient(site.dtm.heights))
-    rows, columns = (
-        np.clip(first + np.arange(count), 0, length - 1)
-        for first, count, length in zip(
-            (pixels.row, pixels.column),
-            (pixels.rows, pixels.columns),
-            site.dtm.heights.shape,
-            strict=True,
-        )
-    )
+    last_row, last_column = np.array(site.dtm.heights.shape) - 1
+    rows = np.clip(pixels.row + np.arange(pixels.rows), 0, last_row)
+    columns = np.clip(pixels.column + np.arange(pixels.columns), 0, last_column)
     across, down = per_column[np.ix_(rows, columns)], per_row[np.ix_(rows, columns)]
     frame = np.array(PixelFrame.of(site).per_metre)
     total = np.zeros((pixels.rows, pixels.columns))
@@ -229,7 +179,7 @@ def _tilt(site: Site, pixels: Pixels, nodes: Nodes) -> NDArray[np.float64]:
     return total
 
 
-def _slope_shares(gradients: NDArray[Any], per_degree: int) -> NDArray[np.float64]:
+def _slope_shares(gradients: NDArray[Any], per_degree: int) -> Array:
     """Parts of the ground with slopes in bins from 0 to 90 degrees, from its rises per metre."""
     count = 90 * per_degree
     edges = portable.tan(np.radians(np.arange(count + 1) / per_degree)).astype(gradients.dtype)
@@ -239,23 +189,14 @@ def _slope_shares(gradients: NDArray[Any], per_degree: int) -> NDArray[np.float6
     bins = np.minimum(near, count - 1)
     bins -= gradients < edges[bins]
     bins += gradients >= edges[bins + 1]
-    shares: NDArray[np.float64] = np.bincount(bins, minlength=count) / gradients.size
-    return shares
+    return np.asarray(np.bincount(bins, minlength=count) / gradients.size)
 
 
-def _centre(elevation: NDArray[np.float32]) -> NDArray[np.float64]:
-    """At most 2048 × 2048 nodes from the middle, so that a large site costs no more."""
-    rows, columns = (slice(max(n - _MOST, 0) // 2, (n + _MOST) // 2) for n in elevation.shape)
-    return elevation[rows, columns].astype(np.float64)
-
-
-def _curves(heights: NDArray[np.float64], spacing: float) -> Curves:
+def _curves(heights: Array, spacing: float) -> Curves:
     number, density = radial_spectrum(heights, spacing)
     baseline, deviation = structure_function(heights, spacing)
-    east, north = (
-        np.diff(heights, axis=1)[:-1] / spacing,
-        np.diff(heights, axis=0)[:, :-1] / spacing,
-    )
+    east = np.diff(heights, axis=1)[:-1] / spacing
+    north = np.diff(heights, axis=0)[:, :-1] / spacing
     return Curves(
         spacing=spacing,
         wave_number=number,
@@ -279,3 +220,77 @@ def _curves_json(curves: Curves) -> dict[str, Any]:
 
 def _with_error(value: tuple[float, float] | None) -> dict[str, float] | None:
     return {"value": value[0], "standard_error": value[1]} if value else None
+
+
+def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Array, Array]:
+    """Wave numbers [1/m] and power spectral density [m⁴] of a grid of heights [m].
+
+    Two-sided, in two dimensions, averaged over directions in rings that are equally wide in the
+    logarithm; empty ones are left out, and there are none of 6 samples a side or less. The best
+    plane is taken off and a Hann window laid over, normalised so that the density's integral over
+    the plane of wave numbers is the variance.
+    """
+    rows, columns = heights.shape
+    low, high = 3.0 / (min(rows, columns) * spacing), 0.5 / spacing
+    if low >= high:
+        return np.empty(0), np.empty(0)
+    window = np.hanning(rows)[:, None] * np.hanning(columns)[None, :]
+    window /= np.sqrt(np.mean(window**2))
+    power = np.abs(np.fft.rfft2((heights - best_plane(heights)) * window)) ** 2
+    power *= spacing**2 / heights.size
+    north, east = np.fft.fftfreq(rows, spacing), np.fft.rfftfreq(columns, spacing)
+    number = np.hypot(north[:, None], east[None, :])
+    ring = np.digitize(number.ravel(), portable.geomspace(low, high, bins + 1)) - 1
+    kept = (ring >= 0) & (ring < bins)
+    count = np.bincount(ring[kept], minlength=bins)
+    full = count > 0
+    sums = [
+        np.bincount(ring[kept], values.ravel()[kept], minlength=bins)[full] / count[full]
+        for values in (number, power)
+    ]
+    return sums[0], sums[1]
+
+
+def structure_function(heights: Array, spacing: float) -> tuple[Array, Array]:
+    """Baselines up to a quarter of a grid of heights [m], and RMS deviations ν(L) over them [m].
+
+    Both directions together; Shepard et al. 2001, doi:10.1029/2000JE001429.
+    """
+    longest = max(min(heights.shape) // 4, 1)
+    lags = np.unique(portable.geomspace(1, longest, 18).round().astype(int))
+    return lags * spacing, np.array([rms_deviation(heights, int(lag)) for lag in lags])
+
+
+def rms_deviation(heights: Array, lag: int) -> float:
+    """RMS height difference of samples `lag` apart along rows and along columns [m]."""
+    east = heights[:, lag:] - heights[:, :-lag]
+    north = heights[lag:] - heights[:-lag]
+    return float(np.sqrt(0.5 * (np.mean(east**2) + np.mean(north**2))))
+
+
+def spectral_exponent(
+    number: Array, density: Array, band: tuple[float, float]
+) -> tuple[float, float]:
+    """Hurst exponent of a spectrum A·k^-(2H+2) over a band of wave numbers, and its standard error.
+
+    NaN where fewer than three rings lie in the band.
+    """
+    inside = (number >= band[0]) & (number <= band[1]) & (density > 0.0)
+    if inside.sum() < 3:
+        return float("nan"), float("nan")
+    x, y = portable.log(number[inside]), portable.log(density[inside])
+    x = x - x.mean()
+    slope = float(np.sum(x * y) / np.sum(x**2))
+    rest = y - y.mean() - slope * x
+    error = np.sqrt(np.sum(rest**2) / max(inside.sum() - 2, 1) / np.sum(x**2))
+    return -0.5 * slope - 1.0, float(0.5 * error)
+
+
+def best_plane(heights: Array) -> Array:
+    """The plane of least squares through a grid of heights [m]."""
+    rows, columns = heights.shape
+    x = np.linspace(-1.0, 1.0, columns)[None, :]
+    y = np.linspace(-1.0, 1.0, rows)[:, None]
+    across = np.mean(heights * x) / np.mean(x**2)
+    along = np.mean(heights * y) / np.mean(y**2)
+    return np.asarray(heights.mean() + across * x + along * y)

@@ -13,7 +13,7 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from terrain_forge.base import portable
-from terrain_forge.terrain.statistics import Curves, TerrainStatistics
+from terrain_forge.terrain.statistics import TerrainStatistics
 from terrain_forge.writers import log_axes
 
 _GROUND, _DTM, _INK, _LINE = "#b4552d", "#2f6f8f", "#4a433d", "#d9cfc3"
@@ -25,7 +25,11 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     FigureCanvasAgg(figure)
     structure, spectrum, slopes = figure.subplots(1, 3)
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.135, top=0.9, wspace=0.24)
-    for curves, colour, name in _pairs(statistics):
+    ground, dtm, detail = statistics.ground, statistics.dtm, statistics.roughness
+    curved = [(ground, _GROUND, f"ground, {ground.spacing:g} m")]
+    if dtm is not None:
+        curved.insert(0, (dtm, _DTM, f"DTM, {dtm.spacing:.3g} m"))
+    for curves, colour, name in curved:
         _draw(structure, curves.baseline, curves.deviation, color=colour, lw=1.8, label=name)
         _draw(spectrum, curves.wave_number, curves.density, color=colour, lw=1.8, label=name)
         shares = 100.0 * curves.slope_shares
@@ -33,9 +37,15 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     _finish(structure, "Structure function", "Baseline [m]", "RMS height difference [m]")
     _finish(spectrum, "Power spectrum", "Wave number [1/m]", "Density [m⁴]")
     _finish(slopes, "Slopes between neighbouring samples", "Slope [°]", "Part of the ground [%]")
-    slopes.set_xlim(0.0, _steepest(statistics))
-    _draw_law(structure, statistics)
-    _draw_joint(structure, spectrum, statistics)
+    # All but a thousandth of the ground.
+    steepest = np.searchsorted(np.cumsum(ground.slope_shares), 0.999) + 2.0
+    slopes.set_xlim(0.0, float(min(max(steepest, 10.0), 90.0)))
+    law = detail.deviation * portable.power(ground.baseline, detail.hurst)
+    label = f"ν = {detail.deviation:.2g} m · (L / 1 m)^{detail.hurst:.2f}"
+    _draw(structure, ground.baseline, law, color=_LINE, lw=4.0, zorder=0, label=label)
+    if dtm is not None:  # where it ends: its posting, half a cycle per posting
+        structure.axvline(dtm.spacing, color=_INK, lw=0.8, ls=":")
+        spectrum.axvline(0.5 / dtm.spacing, color=_INK, lw=0.8, ls=":")
     structure.legend(frameon=False, fontsize=9, labelcolor=_INK)
     figure.savefig(path, metadata={"Software": None})
 
@@ -47,35 +57,6 @@ def _draw(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], **style: A
         log_axes(axes)
     else:
         axes.plot([], [], **style)
-
-
-def _pairs(statistics: TerrainStatistics) -> list[tuple[Curves, str, str]]:
-    pairs = [(statistics.ground, _GROUND, f"ground, {statistics.ground.spacing:g} m")]
-    if statistics.dtm is not None:
-        pairs.insert(0, (statistics.dtm, _DTM, f"DTM, {statistics.dtm.spacing:.3g} m"))
-    return pairs
-
-
-def _draw_law(axes: Axes, statistics: TerrainStatistics) -> None:
-    """The law that the detail follows, over the ground's baselines."""
-    length = statistics.ground.baseline
-    label = f"ν = {statistics.deviation:.2g} m · (L / 1 m)^{statistics.hurst:.2f}"
-    law = statistics.deviation * portable.power(length, statistics.hurst)
-    _draw(axes, length, law, color=_LINE, lw=4.0, zorder=0, label=label)
-
-
-def _draw_joint(structure: Axes, spectrum: Axes, statistics: TerrainStatistics) -> None:
-    """Where the DTM ends: its posting, half a cycle per posting."""
-    if statistics.dtm is not None:
-        spacing = statistics.dtm.spacing
-        structure.axvline(spacing, color=_INK, lw=0.8, ls=":")
-        spectrum.axvline(0.5 / spacing, color=_INK, lw=0.8, ls=":")
-
-
-def _steepest(statistics: TerrainStatistics) -> float:
-    """The slope that all but a thousandth of the ground stays below [degrees]."""
-    total = np.cumsum(statistics.ground.slope_shares)
-    return float(min(max(np.searchsorted(total, 0.999) + 2.0, 10.0), 90.0))
 
 
 def _finish(axes: Axes, title: str, x: str, y: str) -> None:

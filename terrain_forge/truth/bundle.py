@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from terrain_forge.model import World
@@ -21,25 +22,16 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     """
     truth = directory / "truth"
     truth.mkdir(parents=True, exist_ok=True)
-    ground, site = world.ground, world.site
     top, rock_id = rock_rasters(world)
-
-    surface = truth / "surface.tif"
-    write_geotiff(
-        surface, ground.elevation, world_ground=ground, site=site, description="bare ground"
-    )
-    surface_with_rocks = truth / "surface_with_rocks.tif"
-    write_geotiff(
-        surface_with_rocks, top, world_ground=ground, site=site, description="ground and rocks"
-    )
-    ids = truth / "rock_id.tif"
-    write_geotiff(
-        ids, rock_id, world_ground=ground, site=site, units="", nodata=-1,
-        description="id of the rock on top, -1 where there is none",
-    )  # fmt: skip
+    files = [truth / f"{name}.tif" for name in ("surface", "surface_with_rocks", "rock_id")]
+    write = partial(write_geotiff, world_ground=world.ground, site=world.site)
+    write(files[0], world.ground.elevation, description="bare ground")
+    write(files[1], top, description="ground and rocks")
+    about = "id of the rock on top, -1 where there is none"
+    write(files[2], rock_id, units="", nodata=-1, description=about)
     rocks = truth / "rocks.csv"
     write_rocks(world, rocks)
     verification = write_size_frequency(world, truth, rock_id=rock_id)
     craters = write_craters(world, truth)
     rated = write_traversability(world, truth)
-    return [surface, surface_with_rocks, ids, rocks, *verification, *craters, *rated]
+    return [*files, rocks, *verification, *craters, *rated]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -42,19 +42,17 @@ class ExpectedCounts:
 
     def number_above(self, diameter: ArrayLike) -> Array:
         """Expected number of rocks above each diameter [m]."""
-        number = np.zeros(np.shape(diameter))
-        for area, largest in self.expectation.parts:
-            at = self._clipped(diameter, largest)
-            number += area * (self.law.cumulative_number(at) - self.law.cumulative_number(largest))
-        return number
+        return self._above(diameter, self.law.cumulative_number)
 
     def area_above(self, diameter: ArrayLike) -> Array:
         """Expected sum of πD²/4 of rocks above each diameter [m²]."""
-        covered = np.zeros(np.shape(diameter))
+        return self._above(diameter, self.law.cumulative_area)
+
+    def _above(self, diameter: ArrayLike, cumulative: Callable[[ArrayLike], Array]) -> Array:
+        total = np.zeros(np.shape(diameter))
         for area, largest in self.expectation.parts:
-            at = self._clipped(diameter, largest)
-            covered += area * (self.law.cumulative_area(at) - self.law.cumulative_area(largest))
-        return covered
+            total += area * (cumulative(self._clipped(diameter, largest)) - cumulative(largest))
+        return total
 
     def number_variance_above(self, diameter: ArrayLike) -> Array:
         """Variance of the number of rocks above each diameter: more than Poisson's in clusters."""
@@ -97,8 +95,10 @@ class Sample:
         """The rocks whose centre lies in the window."""
         self.unplaced = dict(zip(world.field.populations, world.unplaced, strict=True))
         """Rocks of each population that found no place."""
+        populations = world.field.populations
         inside = in_corridor(world.site, world.field.position[:, :2])
-        self.in_corridors = _count(world.field, inside)
+        counts = np.bincount(world.field.population[inside], minlength=len(populations))
+        self.in_corridors = dict(zip(populations, counts.tolist(), strict=True))
         """Rocks of each population in corridors and exclusion zones."""
         self._seen = _outside(merge(world.field, world.neighbours), world)
         self._nodes = _count_nodes(self._seen, rock_id)
@@ -119,12 +119,6 @@ class Sample:
         return nodes * scale, float(np.sqrt(nodes)) * scale
 
 
-def _count(field: RockField, chosen: NDArray[np.bool_]) -> dict[str, int]:
-    """How many of some rocks each population has."""
-    counts = np.bincount(field.population[chosen], minlength=len(field.populations))
-    return dict(zip(field.populations, counts.tolist(), strict=True))
-
-
 def _outside(field: RockField, world: World) -> RockField:
     return field.select(~in_corridor(world.site, field.position[:, :2]))
 
@@ -132,8 +126,7 @@ def _outside(field: RockField, world: World) -> RockField:
 def _named(field: RockField, names: Sequence[str]) -> NDArray[np.bool_]:
     """Which rocks belong to populations of these names."""
     asked = np.array([name in names for name in field.populations], np.bool_)
-    result: NDArray[np.bool_] = asked[field.population]
-    return result
+    return np.asarray(asked[field.population])
 
 
 def _count_nodes(field: RockField, rock_id: NDArray[np.int32]) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, rectangle_distance
 from terrain_forge.model import World
 from terrain_forge.terrain import (
     CraterLayer,
@@ -21,7 +21,7 @@ from terrain_forge.terrain import (
     shape_ground,
 )
 from terrain_forge.truth.statistics import clark_evans, count_band, deviation, kolmogorov_smirnov
-from terrain_forge.truth.tables import geographic
+from terrain_forge.truth.tables import columns_of, lonlat_columns
 from terrain_forge.writers import Column, quoted, write_table
 
 
@@ -36,7 +36,8 @@ def write_craters(world: World, truth: Path) -> list[Path]:
         return []
     table, counts = truth / "craters.csv", truth / "crater_counts.json"
     write_crater_table(world, made, table)
-    report = {"format": 1, "layers": crater_counts(world)}
+    layers = [_counts(world, layer, found) for layer, found in made]
+    report = {"format": 1, "layers": layers}
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False)
     counts.write_text(text + "\n", encoding="utf-8", newline="\n")
     return [table, counts]
@@ -49,16 +50,10 @@ def craters_of(world: World) -> list[tuple[CraterLayer, Craters]]:
     for layer in world.site.recipe.terrain.layers:
         if isinstance(layer, CraterLayer):
             craters = make_craters(layer, site=world.site, area=area)
-            beyond = np.maximum(area[:2] - craters.xy, craters.xy - np.array(area[2:]))
-            touching = np.hypot(*np.maximum(beyond, 0.0).T) < 0.5 * craters.diameter
+            touching = rectangle_distance(craters.xy, area) < 0.5 * craters.diameter
             craters = craters.select(touching)
             made.append((layer, craters.select(np.lexsort((craters.id, -craters.diameter)))))
     return made
-
-
-def crater_counts(world: World) -> list[dict[str, Any]]:
-    """For each layer: its craters in the window, counted and tested against its law."""
-    return [_counts(world, layer, found) for layer, found in craters_of(world)]
 
 
 def write_crater_table(world: World, made: list[tuple[CraterLayer, Craters]], path: Path) -> None:
@@ -75,33 +70,22 @@ def write_crater_table(world: World, made: list[tuple[CraterLayer, Craters]], pa
     columns = {name: np.concatenate([getattr(c, name) for _, c in made]) for name in _TAKEN}
     layers = np.repeat([quoted(layer.name) for layer, _ in made], [len(c) for _, c in made])
     fresh, depth = columns["fresh_depth"], columns["depth"]
-    xy = columns["xy"].reshape(-1, 2)
+    xy, sizes = columns["xy"].reshape(-1, 2), (columns["diameter"], depth, fresh)
+    weights = np.concatenate([_mask_weights(world, layer, c.xy) for layer, c in made])
     written = [
         Column(name="id", values=columns["id"], form="%016x"),
         Column(name="layer", values=layers.astype(object), form="%s"),
-        Column(name="x_m", values=xy[:, 0], form="%.7f"),
-        Column(name="y_m", values=xy[:, 1], form="%.7f"),
-        Column(name="diameter_m", values=columns["diameter"], form="%.7f"),
-        Column(name="depth_m", values=depth, form="%.7f"),
-        Column(name="fresh_depth_m", values=fresh, form="%.7f"),
+        *columns_of(("x_m", "y_m"), xy.T, "%.7f"),
+        *columns_of(("diameter_m", "depth_m", "fresh_depth_m"), sizes, "%.7f"),
         Column(name="fresh_rim_m", values=columns["fresh_rim"], form="%.7f"),
         Column(name="age_ga", values=columns["age"], form="%.9g"),
         Column(name="degradation", values=1.0 - depth / fresh, form="%.7f"),
         Column(name="wear", values=columns["wear"], form="%.9g"),
         Column(name="inside", values=_inside(world, xy), form="%d"),
         Column(name="listed", values=columns["listed"], form="%d"),
-        Column(
-            name="mask_weight",
-            values=np.concatenate([_mask_weights(world, layer, c.xy) for layer, c in made]),
-            form="%.4f",
-        ),
+        Column(name="mask_weight", values=weights, form="%.4f"),
+        *lonlat_columns(world.site, xy),
     ]
-    if world.site.georeferenced:
-        longitude, latitude = geographic(world.site, xy[:, 0], xy[:, 1])
-        written += [
-            Column(name="lon_deg", values=longitude, form="%.10f"),
-            Column(name="lat_deg", values=latitude, form="%.10f"),
-        ]
     write_table(path, written)
 
 
@@ -168,5 +152,4 @@ def _mask_weights(world: World, layer: CraterLayer, xy: Array) -> Array:
 def _inside(world: World, xy: Array) -> NDArray[np.bool_]:
     """Which places lie in the window."""
     west, south, east, north = world.ground.bounds
-    found: NDArray[np.bool_] = np.all((xy >= (west, south)) & (xy <= (east, north)), axis=1)
-    return found
+    return np.asarray(np.all((xy >= (west, south)) & (xy <= (east, north)), axis=1))

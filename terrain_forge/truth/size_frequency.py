@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, portable
-from terrain_forge.model import Mesh, RockField, RockLibrary, RockPrototype, World
+from terrain_forge.model import Mesh, RockLibrary, World
 from terrain_forge.rocks import find_overlaps
 from terrain_forge.truth.counts import ExpectedCounts, Sample
 from terrain_forge.truth.rasters import rock_rasters
@@ -101,6 +101,7 @@ def size_frequency(
     if populations:
         names = [spec.name for spec in populations]
         together = {**_verification(sample, wanted, names), "unplaced": sum(world.unplaced)}
+    scattered, listed = find_overlaps(world, lists=[spec.name for spec in rocks.lists])
     return {
         "area_m2": sample.area,
         "corridor_area_m2": sample.left_out,
@@ -110,7 +111,11 @@ def size_frequency(
         ],
         "together": together,
         "lists": [_list(sample, spec) for spec in rocks.lists],
-        "overlaps": _overlaps(world, [spec.name for spec in rocks.lists]),
+        "overlaps": {
+            "pairs": len(scattered),
+            "first": scattered[0] if scattered else None,
+            "of_listed_rocks": len(listed),
+        },
         "shapes": {
             **shape_figures(world.library),
             "hull_excess_limit": rocks.library.hull_excess,
@@ -120,38 +125,28 @@ def size_frequency(
 
 
 def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) -> dict[str, Any]:
-    field = sample.select([spec.name])
+    field, law = sample.select([spec.name]), spec.size_frequency.report()
+    known, (smallest, _) = spec.size_frequency.smallest_known, spec.diameters
+    if known is not None and smallest < known:
+        law = {**law, "extrapolated_below_m": known}
+    dynamic = None
+    if spec.dynamic_m is not None:
+        low, high = spec.dynamic_m
+        within = (field.diameter >= low) & (field.diameter <= high)
+        dynamic = {
+            "expected": int(np.count_nonzero(within)),
+            "dynamic": int(np.count_nonzero(field.dynamic)),
+            "fixed": int(np.count_nonzero(within & ~field.dynamic)),
+        }
     return {
         "name": spec.name,
-        "law": _law(spec),
+        "law": law,
         "arrangement": spec.arrangement.kind,
         "effective_area_m2": wanted.expectation.area,
         **_verification(sample, [wanted], [spec.name]),
-        "dynamic": _dynamic(field, spec.dynamic_m),
+        "dynamic": dynamic,
         "visual_only": int(np.count_nonzero(~field.collides)),
         "unplaced": sample.unplaced.get(spec.name, 0),
-    }
-
-
-def _law(spec: PopulationSpec) -> dict[str, Any]:
-    """The law's own report, and below which diameter [m] it goes on beyond what was counted."""
-    known, report = spec.size_frequency.smallest_known, spec.size_frequency.report()
-    if known is None or spec.diameters[0] >= known:
-        return report
-    return {**report, "extrapolated_below_m": known}
-
-
-def _dynamic(field: RockField, diameters: tuple[float, float] | None) -> dict[str, int] | None:
-    """Rocks of the diameters that are to be dynamic, and how many of them are dynamic and fixed."""
-    if diameters is None:
-        return None
-    low, high = diameters
-    within = (field.diameter >= low) & (field.diameter <= high)
-    dynamic = int(np.count_nonzero(field.dynamic))
-    return {
-        "expected": int(np.count_nonzero(within)),
-        "dynamic": dynamic,
-        "fixed": int(np.count_nonzero(within & ~field.dynamic)),
     }
 
 
@@ -177,15 +172,6 @@ def _list(sample: Sample, spec: RockListSpec) -> dict[str, Any]:
             "number_observed": (larger / sample.area).tolist(),
             "cover_observed": (found / sample.area).tolist(),
         },
-    }
-
-
-def _overlaps(world: World, lists: Sequence[str]) -> dict[str, Any]:
-    scattered, listed = find_overlaps(world, lists=lists)
-    return {
-        "pairs": len(scattered),
-        "first": scattered[0] if scattered else None,
-        "of_listed_rocks": len(listed),
     }
 
 
@@ -228,26 +214,12 @@ def _verification(
     }
 
 
-def _expected_above(
-    wanted: Sequence[ExpectedCounts], at: Array
-) -> tuple[Array, Array, Array, Array]:
+def _expected_above(wanted: Sequence[ExpectedCounts], at: Array) -> list[Array]:
     """Expected number above diameters and its variance, then summed πD²/4 [m²] and its variance."""
-    sums = [
-        np.sum(values, axis=0)
-        for values in zip(
-            *(
-                (
-                    part.number_above(at),
-                    part.number_variance_above(at),
-                    part.area_above(at),
-                    part.area_variance_above(at),
-                )
-                for part in wanted
-            ),
-            strict=True,
-        )
-    ]
-    return sums[0], sums[1], sums[2], sums[3]
+    kind = ExpectedCounts
+    numbers = kind.number_above, kind.number_variance_above
+    areas = kind.area_above, kind.area_variance_above
+    return [np.sum([one(part, at) for part in wanted], axis=0) for one in (*numbers, *areas)]
 
 
 def _curve(
@@ -291,7 +263,20 @@ def shape_figures(library: RockLibrary) -> dict[str, Any]:
       any side, over the mean axis;
     - `watertight`: whether all its meshes and collision parts are closed and face outward.
     """
-    shapes = [_shape(prototype) for prototype in library.prototypes]
+    shapes = [
+        {
+            "family": prototype.family,
+            "axes": np.ptp(prototype.meshes[0].vertices, axis=0).tolist(),
+            "faces": [len(mesh.faces) for mesh in prototype.meshes],
+            "collision_parts": len(prototype.hulls),
+            "collision_vertices": sum(len(hull.vertices) for hull in prototype.hulls),
+            "hull_excess": prototype.hull_excess,
+            "hull_distance": prototype.hull_distance,
+            "outline_errors": list(prototype.outline_errors),
+            "watertight": all(map(is_closed, (*prototype.meshes, *prototype.hulls))),
+        }
+        for prototype in library.prototypes
+    ]
     return {
         "count": len(shapes),
         "watertight": sum(shape["watertight"] for shape in shapes),
@@ -301,20 +286,6 @@ def shape_figures(library: RockLibrary) -> dict[str, Any]:
             (error for shape in shapes for error in shape["outline_errors"]), default=0.0
         ),
         "shapes": shapes,
-    }
-
-
-def _shape(prototype: RockPrototype) -> dict[str, Any]:
-    return {
-        "family": prototype.family,
-        "axes": np.ptp(prototype.meshes[0].vertices, axis=0).tolist(),
-        "faces": [len(mesh.faces) for mesh in prototype.meshes],
-        "collision_parts": len(prototype.hulls),
-        "collision_vertices": sum(len(hull.vertices) for hull in prototype.hulls),
-        "hull_excess": prototype.hull_excess,
-        "hull_distance": prototype.hull_distance,
-        "outline_errors": list(prototype.outline_errors),
-        "watertight": all(map(is_closed, (*prototype.meshes, *prototype.hulls))),
     }
 
 

@@ -20,6 +20,7 @@ _COLOURS = (
 _NAMED = 10
 _TOGETHER = "#d9cfc3"
 _INK = "#4a433d"
+_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9, "labelcolor": _INK}
 _BARE = 1e-4, 1.0
 _TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
 
@@ -43,15 +44,14 @@ def write_figure(verification: dict[str, Any], path: Path) -> None:
     if parts:
         handles, _ = number.get_legend_handles_labels()
         more = len(handles) - _NAMED
-        number.legend(
-            handles=handles[:_NAMED],
-            loc="lower left",
-            frameon=False,
-            fontsize=9,
-            labelcolor=_INK,
-            title=f"and {more} more" if more > 0 else None,
-        )
-        _explain(cover, verification["confidence"])
+        title = f"and {more} more" if more > 0 else None
+        number.legend(handles=handles[:_NAMED], loc="lower left", title=title, **_LEGEND)
+        right = f"{verification['confidence']:.0%} of right samples"
+        cover.plot([], [], color=_INK, linewidth=1.8, label="this world")
+        cover.plot([], [], color=_INK, linewidth=1, linestyle="--", label="the law")
+        cover.fill_between([], [], [], color=_INK, alpha=0.16, label=right)
+        handles, _ = cover.get_legend_handles_labels()
+        cover.legend(handles=handles[-3:], loc="lower left", **_LEGEND)
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -122,13 +122,3 @@ def _limit(axes: Axes, part: dict[str, Any], quantity: str, area: float) -> None
         d for d, high in zip(curve["diameter_m"], curve["number_high"], strict=True) if high
     ]
     axes.set_xlim(0.95 * curve["diameter_m"][0], 1.1 * possible[-1] if possible else None)
-
-
-def _explain(axes: Axes, confidence: float) -> None:
-    axes.plot([], [], color=_INK, linewidth=1.8, label="this world")
-    axes.plot([], [], color=_INK, linewidth=1, linestyle="--", label="the law")
-    axes.fill_between(
-        [], [], [], color=_INK, alpha=0.16, label=f"{confidence:.0%} of right samples"
-    )
-    handles, _ = axes.get_legend_handles_labels()
-    axes.legend(handles=handles[-3:], loc="lower left", frameon=False, fontsize=9, labelcolor=_INK)

@@ -30,13 +30,7 @@ def kolmogorov_smirnov(
     The p-value is the asymptotic one with Vrbik's correction for small samples (2018, Pioneer
     Journal of Theoretical and Applied Statistics 15); within 0.01 of the exact one from 5 rocks on.
 
-    Args:
-        diameters: What was found, ascending [m].
-        number_above: Expected number of rocks above each diameter.
-        total: Expected number of all rocks.
-
-    Returns:
-        `distance`, `p_value` and the `critical_distance` at 5 %; None where there is no rock.
+    What was found ascends; `total` is the expected number of all rocks. None where there is none.
     """
     count = len(diameters)
     if count == 0 or total <= 0.0:
@@ -58,13 +52,7 @@ def clark_evans(points: Array, area: float, perimeter: float) -> dict[str, float
 
     Clark & Evans 1954, doi:10.2307/1931034, with the edge correction of Donnelly 1978.
 
-    Args:
-        points: East and north [m], shape [points, 2].
-        area: Area that holds them [m²].
-        perimeter: Its perimeter [m].
-
-    Returns:
-        `ratio` and `z`; None for less than two points.
+    Points [m] are of the shape [points, 2], in an area [m²]; None for less than two.
     """
     from scipy.spatial import cKDTree
 
@@ -82,17 +70,10 @@ def clark_evans(points: Array, area: float, perimeter: float) -> dict[str, float
 
 
 def count_band(mean: Array, variance: Array) -> tuple[Array, Array]:
-    """Numbers between which `CONFIDENCE` of all right counts lie.
+    """Lowest and highest numbers between which `CONFIDENCE` of all right counts lie.
 
     Poisson where the variance is the mean; else negative binomial, which is what a Poisson count
     with a gamma-distributed mean is.
-
-    Args:
-        mean: Expected counts.
-        variance: Their variances, at least the means.
-
-    Returns:
-        Lowest and highest counts, of the same shape.
     """
     tail = 0.5 * (1.0 - CONFIDENCE)
     wide = variance > mean * (1.0 + 1e-9)

@@ -1,13 +1,14 @@
-"""The table of all rocks, truth/rocks.csv."""
+"""The table of all rocks, truth/rocks.csv, and columns that tables share."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from terrain_forge.base import Array
+from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Site, World
 from terrain_forge.writers import Column, quoted, write_table
 
@@ -25,26 +26,22 @@ def write_rocks(world: World, path: Path) -> None:
     """
     rocks, shapes = world.field, world.library.prototypes
     names = np.array([quoted(name) for name in rocks.populations], dtype=object)
+    sizes = rocks.diameter, rocks.height, rocks.buried_fraction
     columns = [
         Column(name="id", values=rocks.id, form="%d"),
         Column(name="population", values=names[rocks.population], form="%s"),
         Column(name="prototype", values=rocks.prototype, form="%d"),
-        *_columns(("x_m", "y_m", "z_m"), rocks.position.T, "%.7f"),
-        *_columns(("qw", "qx", "qy", "qz"), rocks.quaternion.T, "%.10f"),
-        Column(name="diameter_m", values=rocks.diameter, form="%.7f"),
-        Column(name="height_m", values=rocks.height, form="%.7f"),
-        Column(name="buried_fraction", values=rocks.buried_fraction, form="%.7f"),
-        Column(name="volume_m3", values=rocks.volume, form="%.9g"),
-        Column(name="mass_kg", values=rocks.mass, form="%.9g"),
+        *columns_of(("x_m", "y_m", "z_m"), rocks.position.T, "%.7f"),
+        *columns_of(("qw", "qx", "qy", "qz"), rocks.quaternion.T, "%.10f"),
+        *columns_of(("diameter_m", "height_m", "buried_fraction"), sizes, "%.7f"),
+        *columns_of(("volume_m3", "mass_kg"), (rocks.volume, rocks.mass), "%.9g"),
     ]
-    if world.site.georeferenced:
-        lonlat = geographic(world.site, rocks.position[:, 0], rocks.position[:, 1])
-        columns += _columns(("lon_deg", "lat_deg"), lonlat, "%.10f")
     extents = np.array([np.ptp(shape.meshes[0].vertices, axis=0) for shape in shapes])
     axes = extents.reshape(-1, 3)[rocks.prototype] * rocks.scale[:, None]
     parts = np.array([len(shape.hulls) for shape in shapes], np.int64)[rocks.prototype]
     columns += [
-        *_columns(("a_m", "b_m", "c_m"), axes.T, "%.7f"),
+        *lonlat_columns(world.site, rocks.position[:, :2]),
+        *columns_of(("a_m", "b_m", "c_m"), axes.T, "%.7f"),
         Column(name="collision_parts", values=parts * rocks.collides, form="%d"),
         Column(name="dynamic", values=rocks.dynamic, form="%d"),
         Column(name="collides", values=rocks.collides, form="%d"),
@@ -52,22 +49,14 @@ def write_rocks(world: World, path: Path) -> None:
     write_table(path, columns)
 
 
-def geographic(site: Site, east: Array, north: Array) -> tuple[Array, Array]:
-    """Longitudes and latitudes [deg] of points [m] of a georeferenced site on its ellipsoid."""
-    from rasterio.crs import CRS
-    from rasterio.warp import transform
-
-    local = CRS.from_wkt(site.crs)
-    parameters: dict[str, Any] = local.to_dict()
-    figure = {name: parameters[name] for name in _FIGURE if name in parameters}
-    ellipsoidal = CRS.from_dict({"proj": "longlat", "no_defs": True, **figure})
-    longitude, latitude = transform(local, ellipsoidal, east, north)
-    return np.asarray(longitude), np.asarray(latitude)
+def lonlat_columns(site: Site, xy: Array) -> list[Column]:
+    """Longitudes and latitudes [deg] of points [m] on the ellipsoid of a georeferenced site."""
+    if not site.georeferenced:
+        return []
+    lonlat = transform(site.crs, geographic_crs(site.crs), *xy.T)
+    return columns_of(("lon_deg", "lat_deg"), lonlat, "%.10f")
 
 
-_FIGURE = ("R", "a", "b", "rf", "ellps", "datum")
-"""The PROJ parameters that give the figure of the body."""
-
-
-def _columns(names: tuple[str, ...], values: Any, form: str) -> list[Column]:
+def columns_of(names: tuple[str, ...], values: Iterable[Array], form: str) -> list[Column]:
+    """Columns of numbers that are written alike."""
     return [Column(name=n, values=v, form=form) for n, v in zip(names, values, strict=True)]

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
-from terrain_forge.model import Trajectory, World, merge
+from terrain_forge.model import World, merge
 from terrain_forge.paths import (
     IMPASSABLE,
     UNKNOWN,
-    Surroundings,
     Traversability,
     survey_path,
     traversability,
 )
-from terrain_forge.writers import Column, write_geotiff, write_table
+from terrain_forge.truth.tables import columns_of
+from terrain_forge.writers import write_geotiff, write_table
 
 OCCUPIED, FREE = 0.65, 0.196
 """Thresholds of darkness as map_saver writes them: above the first a cell is occupied, below the
@@ -50,14 +50,12 @@ def write_traversability(world: World, truth: Path) -> list[Path]:
         "step": (field.step, "m", "step of ground and rocks within a wheel's reach"),
         "cost": (field.cost, "", "cost for the rover's centre, 1 where it cannot be"),
     }  # fmt: skip
+    write = partial(write_geotiff, world_ground=world.ground, site=world.site, nodata=UNKNOWN)
     files = []
     for name, (grid, units, description) in rasters.items():
         files.append(truth / f"{name}.tif")
         finest = np.float32(_FINEST[name])
-        write_geotiff(
-            files[-1], np.rint(grid / finest) * finest, world_ground=world.ground,
-            site=world.site, units=units, nodata=UNKNOWN, description=description,
-        )  # fmt: skip
+        write(files[-1], np.rint(grid / finest) * finest, units=units, description=description)
     files += write_map(field, truth / "map")
     return files + write_surroundings(world, field, truth / "paths")
 
@@ -89,27 +87,21 @@ def write_map(field: Traversability, folder: Path) -> list[Path]:
     unknown, barred = field.cost < 0.0, field.cost >= IMPASSABLE
     cells = np.select([unknown, barred], [GREY, BLACK], WHITE)
     costs = np.where(unknown, RAW_UNKNOWN, np.rint(100.0 * field.cost))
-    return [
-        *_write_occupancy(cells, field, folder / "map.pgm", mode="trinary"),
-        *_write_occupancy(costs, field, folder / "cost.pgm", mode="raw"),
-    ]
-
-
-def _write_occupancy(
-    cells: NDArray[Any], field: Traversability, image: Path, *, mode: str
-) -> list[Path]:
-    pixels: NDArray[np.uint8] = image_rows(cells.astype(np.uint8))
-    rows, columns = pixels.shape
     west, south = (edge - 0.5 * field.spacing for edge in field.origin)
-    text = image.with_suffix(".yaml")
-    image.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())
-    text.write_text(
-        f"image: {image.name}\nmode: {mode}\nresolution: {field.spacing!r}\n"
-        f"origin: [{west!r}, {south!r}, 0.0]\nnegate: 0\n"
-        f"occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n",
-        encoding="utf-8",
-    )
-    return [image, text]
+    files = []
+    for name, mode, values in (("map", "trinary", cells), ("cost", "raw", costs)):
+        pixels: NDArray[np.uint8] = image_rows(values.astype(np.uint8))
+        rows, columns = pixels.shape
+        image, text = folder / f"{name}.pgm", folder / f"{name}.yaml"
+        image.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())
+        text.write_text(
+            f"image: {image.name}\nmode: {mode}\nresolution: {field.spacing!r}\n"
+            f"origin: [{west!r}, {south!r}, 0.0]\nnegate: 0\n"
+            f"occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n",
+            encoding="utf-8",
+        )
+        files += [image, text]
+    return files
 
 
 def write_surroundings(world: World, field: Traversability, folder: Path) -> list[Path]:
@@ -124,22 +116,18 @@ def write_surroundings(world: World, field: Traversability, folder: Path) -> lis
     files = []
     for path in world.trajectories:
         met = survey_path(path, ground=world.ground, obstacles=field.obstacles, rover=world.rover)
+        place = path.position[met.sample, :2]
+        column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
+        figures = {
+            "time_s": path.time[met.sample],
+            "x_m": place[:, 0],
+            "y_m": place[:, 1],
+            "tilt_deg": np.degrees(met.tilt),
+            "step_m": met.step,
+            "clearance_m": field.clearance[row, column],
+            "gap_m": met.gap,
+            "cost": field.cost[row, column],
+        }
         files.append(folder / f"{path.name}.csv")
-        write_table(files[-1], _columns(path, met, field))
+        write_table(files[-1], columns_of(tuple(figures), figures.values(), "%.4f"))
     return files
-
-
-def _columns(path: Trajectory, met: Surroundings, field: Traversability) -> list[Column]:
-    place = path.position[met.sample, :2]
-    column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
-    figures = {
-        "time_s": path.time[met.sample],
-        "x_m": place[:, 0],
-        "y_m": place[:, 1],
-        "tilt_deg": np.degrees(met.tilt),
-        "step_m": met.step,
-        "clearance_m": field.clearance[row, column],
-        "gap_m": met.gap,
-        "cost": field.cost[row, column],
-    }
-    return [Column(name=name, values=values, form="%.4f") for name, values in figures.items()]

@@ -96,13 +96,9 @@ def python_with(module: str, variable: str) -> Path:
         if find_spec(module) is None:
             raise NotRun(f"{module} is not installed here, and {variable} names no Python with it")
         return Path(sys.executable)
-    command = [
-        chosen,
-        "-c",
-        f"import importlib.util as u, sys; sys.exit(not u.find_spec({module!r}))",
-    ]
+    code = f"import importlib.util as u, sys; sys.exit(not u.find_spec({module!r}))"
     try:
-        found = subprocess.run(command, capture_output=True, check=False)
+        found = subprocess.run([chosen, "-c", code], capture_output=True, check=False)
     except OSError:
         raise NotRun(f"{variable}={chosen} is no Python") from None
     if found.returncode:

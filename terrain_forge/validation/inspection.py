@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,12 @@ class BuiltFolder:
         """The folder of its first MJCF export."""
         found = (export.folder for export in self.exports if export.kind == "mjcf")
         return next((self.directory / folder for folder in found), None)
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """The content of a JSON file, empty where it was not written."""
+    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    return content
 
 
 class Inspection:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,6 @@ from terrain_forge.base import Array, matrix_from_quaternion
 from terrain_forge.geometry import inertias
 from terrain_forge.model import Check, Heightfield, Trajectory, at_most, failed, rotations
 from terrain_forge.paths import ANGLE_LIMIT, POSITION_LIMIT, Deviation
-from terrain_forge.validation.entry import ASPECTS, Entry, Status
 from terrain_forge.validation.outlines import rock_errors
 from terrain_forge.validation.reading import Body, Reading, SolidsOfRocks, Track
 from terrain_forge.validation.sample import Sample
@@ -40,6 +41,53 @@ SUNK_STEPS = 4.0
 edges of a heightmap's triangles (3.2 steps was the most of 300 balls on 8 bits in DART)."""
 
 
+ASPECTS = (
+    *("findings", "ground", "rock tops", "rock outlines", "masses", "gravity", "frames", "path"),
+    "balls",
+)
+"""What is compared, in the order of the table's columns."""
+
+Status = Literal["pass", "fail", "not carried", "not run"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A cell of the conformance table: what was found of one aspect of an export in a consumer."""
+
+    export: str
+    """Folder of the export."""
+    kind: str
+    """The exporter."""
+    consumer: str
+    """The program that read it, with its version where it was run."""
+    aspect: str
+    """One of ASPECTS; empty where the consumer was not run at all."""
+    status: Status
+    """`pass`, `fail`, `not carried` (the format or the consumer does not have it), `not run`."""
+    figure: float | None = None
+    """The largest error."""
+    unit: str = ""
+    """Unit of figure and limit; empty for ratios and counts."""
+    limit: float | None = None
+    """The largest error that passes."""
+    note: str = ""
+    """What the figure means, or why there is none."""
+
+    @property
+    def check(self) -> Check | None:
+        """The entry as a check; None where nothing was measured, which neither passes nor fails."""
+        if self.status not in ("pass", "fail"):
+            return None
+        return Check(
+            name=f"{self.export} in {self.consumer}: {self.aspect or 'reading'}",
+            figure=self.figure,
+            unit=self.unit,
+            limit=self.limit,
+            passed=self.status == "pass",
+            note=self.note,
+        )
+
+
 def ground_limit(ground: Heightfield) -> float:
     """How far a format's ground may be off [m]."""
     extent = float(np.ptp(ground.elevation.astype(np.float64)))
@@ -49,14 +97,7 @@ def ground_limit(ground: Heightfield) -> float:
 def measure(
     sample: Sample, entry: Entry, reading: Reading, aspects: Sequence[str] = ASPECTS
 ) -> list[Entry]:
-    """Some aspects of a reading, in the order of the table.
-
-    Args:
-        sample: What was looked at.
-        entry: Which export it is of.
-        reading: What the consumer made of it.
-        aspects: Which.
-    """
+    """Some aspects of what a consumer made of the entry's export, in the order of the table."""
     entries = []
     for aspect in aspects:
         blank = replace(entry, consumer=reading.consumer, aspect=aspect)
@@ -67,12 +108,7 @@ def measure(
 
 
 def replay_checks(title: str, replays: Sequence[Deviation | None]) -> list[Check]:
-    """How far replays leave their paths between samples; none without replays.
-
-    Args:
-        title: What the checks are called.
-        replays: Of each path; None where there is none of it.
-    """
+    """How far paths are left by replays between samples; None stands for one without a replay."""
     found = [replay for replay in replays if replay]
     if len(found) < len(replays):
         missing = len(replays) - len(found)
@@ -122,15 +158,7 @@ def _ground(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
     return _judged(entry, float(off.max()), limit, unit="m", note=note)
 
 
-def _rock_tops(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
-    return _rocks(sample, reading, entry, slice(-1, None))
-
-
-def _rock_outlines(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
-    return _rocks(sample, reading, entry, slice(-1))
-
-
-def _rocks(sample: Sample, reading: Reading, entry: Entry, along: slice) -> Entry | None:
+def _rocks(sample: Sample, reading: Reading, entry: Entry, *, along: slice) -> Entry | None:
     """The rock that is worst for what it may be off, among those touched and those seen."""
     field = sample.world.field.select(sample.rows)
     if reading.touched is None and reading.seen is None:
@@ -195,18 +223,17 @@ def _gravity(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
 
 def _frames(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
     extent = reading.extent
-    if extent is None and reading.ground:
-        low = np.min([mesh.vertices[:, :2].min(axis=0) for mesh in reading.ground], axis=0)
-        high = np.max([mesh.vertices[:, :2].max(axis=0) for mesh in reading.ground], axis=0)
-        extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-    if extent is None:
+    if extent is None and not reading.ground:
         return None
+    if extent is None:
+        corners = np.concatenate([mesh.vertices[:, :2] for mesh in reading.ground])
+        extent = *corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()
     worst = float(np.abs(np.array(extent) - sample.world.ground.bounds).max())
-    what = ["edges of the ground"]
+    note = "edges of the ground"
     if reading.bodies:
         worst = max(worst, _body_error(sample, reading.bodies))
-        what.append("poses of dynamic rocks")
-    return _judged(entry, worst, PLACE_LIMIT, unit="m", note=" and ".join(what))
+        note += " and poses of dynamic rocks"
+    return _judged(entry, worst, PLACE_LIMIT, unit="m", note=note)
 
 
 def _body_error(sample: Sample, bodies: Mapping[int, Body]) -> float:
@@ -229,17 +256,15 @@ def _path(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
         return replace(entry, status="not carried", note="there are no paths")
     worst, samples = 0.0, 0
     for trajectory in trajectories:
-        tracks = [track for track in reading.tracks if _is_same(trajectory.name, track.name)]
+        name = trajectory.name
+        names = (name, file_name(name), identifier(name))
+        tracks = [track for track in reading.tracks if track.name in names]
         if not tracks:
-            return replace(entry, status="fail", note=f"path {trajectory.name} is missing")
+            return replace(entry, status="fail", note=f"path {name} is missing")
         worst = max(worst, *(_track_error(trajectory, track) for track in tracks))
         samples += sum(len(track.position) for track in tracks)
     note = f"largest error of place, and at 1 m of turn, {samples} samples"
     return _judged(entry, worst, PATH_LIMIT, unit="m", note=note)
-
-
-def _is_same(name: str, found: str) -> bool:
-    return found in (name, file_name(name), identifier(name))
 
 
 def _track_error(trajectory: Trajectory, track: Track) -> float:
@@ -283,8 +308,8 @@ def _balls(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:
 _MEASURES: dict[str, Callable[[Sample, Reading, Entry], Entry | None]] = {
     "findings": _findings,
     "ground": _ground,
-    "rock tops": _rock_tops,
-    "rock outlines": _rock_outlines,
+    "rock tops": partial(_rocks, along=slice(-1, None)),
+    "rock outlines": partial(_rocks, along=slice(-1)),
     "masses": _masses,
     "gravity": _gravity,
     "frames": _frames,

@@ -1,13 +1,16 @@
-"""How far rocks are off in an export: the furthest points of each, seen along nine directions."""
+"""The rocks of an export, told from its ground, and how far off they are along nine directions."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion
-from terrain_forge.model import Mesh
-from terrain_forge.validation.reading import MERGED, SolidsOfRocks
+from terrain_forge.model import Heightfield, Mesh
+from terrain_forge.validation.reading import MERGED, SolidsOfRocks, is_ground, rock_of
 from terrain_forge.validation.sample import Sample
 
 _TURNS = np.arange(8) * np.pi / 4
@@ -27,7 +30,8 @@ def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
     nearer; one that is merged with others is the nearest solid there. NaN along directions in
     which the ground hides the rock, infinite where there is no such rock.
     """
-    found = _supports(solids)
+    found = np.full((len(solids.rock), len(DIRECTIONS)), -np.inf)
+    np.maximum.at(found, solids.solid, solids.vertices @ DIRECTIONS.T)
     named = {rock: number for number, rock in enumerate(solids.rock) if rock != MERGED}
     merged = np.flatnonzero(np.array(solids.rock) == MERGED)
     centre = 0.5 * (found[:, [0, 2]] - found[:, [4, 6]])[merged]
@@ -43,20 +47,20 @@ def rock_errors(sample: Sample, solids: SolidsOfRocks) -> Array:
     return errors
 
 
-def _supports(solids: SolidsOfRocks) -> Array:
-    """How far each solid reaches along each direction [m], shape [solids, 9]."""
-    furthest = np.full((len(solids.rock), len(DIRECTIONS)), -np.inf)
-    np.maximum.at(furthest, solids.solid, solids.vertices @ DIRECTIONS.T)
-    return furthest
-
-
 def _nearest(sample: Sample, row: int, candidates: Array) -> Array:
-    """Errors of the candidate that is least off, against the nearer of the rock's two forms."""
+    """Errors of the candidate that is least off, against a rock's shape or its convex parts."""
+    field = sample.world.field
+    prototype = sample.world.library.prototypes[field.prototype[row]]
+    turn = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
+    hulls = np.concatenate([hull.vertices for hull in prototype.hulls])
     best = np.full(len(DIRECTIONS), np.inf)
-    for wanted, counts in _forms(sample, row):
-        if not len(candidates):
-            continue
-        off = np.abs(candidates - wanted)
+    for vertices in (prototype.meshes[0].vertices, hulls) if len(candidates) else ():
+        points = vertices @ turn.T + field.position[row]
+        along = points @ DIRECTIONS.T
+        above = heights_above(sample.world.ground, points[along.argmax(axis=0)])
+        counts = above > _HIDDEN * field.diameter[row]
+        counts[-1] = True
+        off = np.abs(candidates - along.max(axis=0))
         off[:, ~counts] = np.nan
         worst = np.where(counts, off, 0.0).max(axis=1)
         least = int(worst.argmin())
@@ -65,24 +69,41 @@ def _nearest(sample: Sample, row: int, candidates: Array) -> Array:
     return best
 
 
-def _forms(sample: Sample, row: int) -> list[tuple[Array, NDArray[np.bool_]]]:
-    """Reach along each direction of a rock's shape and of its convex parts, and which count."""
-    field, ground = sample.world.field, sample.world.ground
-    prototype = sample.world.library.prototypes[field.prototype[row]]
-    turn = matrix_from_quaternion(field.quaternion[row]) * field.scale[row]
-    hulls = np.concatenate([hull.vertices for hull in prototype.hulls])
-    forms = []
-    for vertices in (prototype.meshes[0].vertices, hulls):
-        points = vertices @ turn.T + field.position[row]
-        along = points @ DIRECTIONS.T
-        ends = points[along.argmax(axis=0)]
-        inside = ground.covers(ends[:, 0], ends[:, 1])
-        counts = np.zeros(len(ends), np.bool_)
-        above = ends[inside, 2] - ground.height_at(ends[inside, 0], ends[inside, 1])
-        counts[inside] = above > _HIDDEN * field.diameter[row]
-        counts[-1] = True
-        forms.append((along.max(axis=0), counts))
-    return forms
+def heights_above(ground: Heightfield, points: Array) -> Array:
+    """Heights of points above the ground [m], NaN beside it; points have the shape [..., 3]."""
+    inside = ground.covers(points[..., 0], points[..., 1])
+    above = np.full(inside.shape, np.nan)
+    seen = points[inside]
+    above[inside] = seen[:, 2] - ground.height_at(seen[:, 0], seen[:, 1])
+    return above
+
+
+def scene_parts(scene: Any) -> Iterator[tuple[str, Array, Any]]:
+    """Name, matrix and mesh of every node of a trimesh scene that has one."""
+    for node in scene.graph.nodes_geometry:
+        matrix, geometry = scene.graph[node]
+        yield str(node), matrix, scene.geometry[geometry]
+
+
+def ground_and_rocks(
+    sample: Sample, parts: Iterable[tuple[str, Array, Any]]
+) -> tuple[list[Mesh], SolidsOfRocks]:
+    """Ground and rocks of placed meshes: name, upper rows of a homogeneous matrix, and mesh."""
+    ground: list[Mesh] = []
+    solids = SolidsOfRocks(sample.rocks)
+    for name, matrix, mesh in parts:
+        rock = rock_of(name)
+        if rock is not None and not solids.wants(rock):
+            continue
+        vertices = mesh.vertices @ matrix[:, :3].T + matrix[:, 3]
+        if rock is not None:
+            solids.add(rock, vertices)
+        elif is_ground(name):
+            ground.append(Mesh(vertices=vertices, faces=mesh.faces))
+        else:
+            merged = split_merged(sample, Mesh(vertices=vertices, faces=mesh.faces))
+            solids.add_merged(*merged)
+    return ground, solids
 
 
 def split_merged(sample: Sample, mesh: Mesh) -> tuple[Array, NDArray[np.int64]]:

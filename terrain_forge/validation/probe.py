@@ -1,4 +1,4 @@
-"""The answers of the small programs that run a consumer in a process of its own.
+"""The answers of the small programs that run a consumer in a process of its own, and Newton.
 
 A probe prints a line per fact, its parts split by tabs: `consumer` text; `finding` text; `gravity`
 x y z; `mesh` vertices faces, whose float64 positions and int32 corners follow each other in a
@@ -10,51 +10,52 @@ and `seen`.
 
 from __future__ import annotations
 
+import json
+import tempfile
+from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from terrain_forge.base import Array
 from terrain_forge.model import Mesh
-from terrain_forge.validation.names import is_ground, rock_of
-from terrain_forge.validation.outlines import split_merged
-from terrain_forge.validation.reading import (
-    Body,
-    Reading,
-    SolidsOfRocks,
-    Track,
-    placed,
-)
-from terrain_forge.validation.sample import Sample
+from terrain_forge.validation.consumer import Consumer, python_with, read_probe, run
+from terrain_forge.validation.outlines import ground_and_rocks
+from terrain_forge.validation.reading import Body, Reading, Track, rock_of
+from terrain_forge.validation.sample import SETTLING, Sample
 
 
 def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
-    """The reading that a probe's answer tells.
-
-    Args:
-        sample: What is looked at.
-        text: What the probe printed.
-        binary: The file of its meshes; it may be missing where there are none.
-    """
-    lines = [line.split("\t") for line in text.splitlines()]
-    facts: dict[str, list[list[str]]] = {}
-    for word, *parts in lines:
-        facts.setdefault(word, []).append(parts)
-    meshes = list(_meshes(facts.get("mesh", []), binary))
-    ground, solids = _shapes(sample, facts.get("shape", []), meshes)
-    gravity = facts.get("gravity")
+    """The reading that a probe's printed answer tells; the file of its meshes may be missing."""
+    facts = defaultdict[str, list[list[str]]](list)
+    for line in text.splitlines():
+        word, *parts = line.split("\t")
+        facts[word].append(parts)
+    meshes = list(_meshes(facts["mesh"], binary))
+    shapes = {
+        kind: (
+            (f"{name}/{model}", np.array(matrix, np.float64).reshape(3, 4), meshes[int(mesh)])
+            for found, model, name, mesh, *matrix in facts["shape"]
+            if found == kind
+        )
+        for kind in ("touched", "seen")
+    }
+    ground, touched = ground_and_rocks(sample, shapes["touched"])
+    gravity = facts["gravity"]
     return Reading(
-        consumer=", ".join(parts[0] for parts in facts.get("consumer", [])),
+        consumer=", ".join(parts[0] for parts in facts["consumer"]),
         ground=tuple(ground),
-        quantum=max(map(_quantum, facts.get("heightmap", [])), default=0.0),
-        touched=solids["touched"],
-        seen=solids["seen"],
+        quantum=max((float(span) / float(most) for span, most in facts["heightmap"]), default=0.0),
+        touched=touched,
+        seen=ground_and_rocks(sample, shapes["seen"])[1],
         gravity=float(gravity[0][2]) if gravity else None,
-        bodies=_bodies(facts.get("body", [])),
-        tracks=tuple(_tracks(facts.get("waypoint", []))),
+        bodies=_bodies(facts["body"]),
+        tracks=tuple(_tracks(facts["waypoint"])),
         balls=resting_balls(text),
-        findings=tuple(parts[0] for parts in facts.get("finding", [])),
+        findings=tuple(parts[0] for parts in facts["finding"]),
     )
 
 
@@ -62,12 +63,6 @@ def resting_balls(text: str) -> Array | None:
     """Where a probe's balls rest [m]; None where it let none down."""
     heights = [line.split("\t")[1] for line in text.splitlines() if line.startswith("ball\t")]
     return np.array(heights, np.float64) if heights else None
-
-
-def _quantum(heightmap: list[str]) -> float:
-    """The step of a heightmap's heights [m]."""
-    span, largest = map(float, heightmap)
-    return span / largest
 
 
 def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
@@ -85,29 +80,6 @@ def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
         at = end
 
 
-def _shapes(
-    sample: Sample, shapes: list[list[str]], meshes: list[Mesh]
-) -> tuple[list[Mesh], dict[str, SolidsOfRocks]]:
-    """The ground's meshes as they are touched, and the rocks'."""
-    ground = []
-    solids = {kind: SolidsOfRocks(sample.rocks) for kind in ("touched", "seen")}
-    for kind, model, name, mesh, *matrix in shapes:
-        rock = rock_of(name, model)
-        if rock is not None and not solids[kind].wants(rock):
-            continue
-        shape = meshes[int(mesh)]
-        vertices = placed(shape.vertices, np.array(matrix, np.float64).reshape(3, 4))
-        if is_ground(name):
-            if kind == "touched":
-                ground.append(Mesh(vertices=vertices, faces=shape.faces))
-        elif rock is not None:
-            solids[kind].add(rock, vertices)
-        else:
-            merged = split_merged(sample, Mesh(vertices=vertices, faces=shape.faces))
-            solids[kind].add_merged(*merged)
-    return ground, solids
-
-
 def _bodies(lines: list[list[str]]) -> dict[int, Body]:
     found = {}
     for model, *numbers in lines:
@@ -123,3 +95,49 @@ def _tracks(lines: list[list[str]]) -> Iterator[Track]:
     for name in dict.fromkeys(line[0] for line in lines):
         rows = np.array([line[1:] for line in lines if line[0] == name], np.float64)
         yield Track(name=name, time=rows[:, 0], position=rows[:, 1:4], quaternion=rows[:, 4:])
+
+
+VARIABLE = "TERRAIN_FORGE_NEWTON_PYTHON"
+"""The environment variable that names a Python with Newton."""
+
+
+def newton(file: str, *, rock_error: float = 0.0, gravity_kept: bool = True) -> Consumer:
+    """Newton's importer of an export, and its solver.
+
+    Args:
+        file: Name of the MJCF or USD file in the export's folder.
+        rock_error: How far the format's rocks may be off, besides what the options allow.
+        gravity_kept: Whether Newton takes gravity from such a file.
+    """
+    reasons = {
+        "path": "Newton imports no motion",
+        "findings": "Newton has no validator",
+        "gravity": "Newton takes none from MJCF",
+    }
+
+    def read(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
+        python, world = python_with("newton", VARIABLE), folder / file
+        with tempfile.TemporaryDirectory(dir=scratch) as temporary:
+            binary, answer = Path(temporary) / "meshes.bin", Path(temporary) / "answer.txt"
+            order = {
+                "world": str(world.absolute()),
+                "binary": str(binary),
+                "answer": str(answer),
+                "balls": sample.balls.start.tolist(),
+                "radius": sample.balls.radius,
+                "seconds": SETTLING,
+            }
+            command: list[str | Path] = [python, "-c", read_probe(__file__, "newton_probe.py")]
+            run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
+            reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
+        return replace(
+            reading,
+            gravity=reading.gravity if gravity_kept else None,
+            rock_error=rock_error + getattr(options, "outline_error", 0.0),
+            tracks=None,
+            seen=None,
+            findings=None,
+            reasons=reasons,
+        )
+
+    return Consumer(name="Newton", read=read)

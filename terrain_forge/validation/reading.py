@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -16,6 +17,18 @@ from terrain_forge.paths import Deviation
 
 MERGED = -1
 """Rock of a solid that the export does not name."""
+_ROCK = re.compile(r"(?:^|/)rock_(\d+)(?:$|_|/)")
+
+
+def rock_of(name: str) -> int | None:
+    """The id of the rock that a name or a part of a path tells, as `rock_<id>…`."""
+    found = _ROCK.search(name)
+    return int(found[1]) if found else None
+
+
+def is_ground(name: str) -> bool:
+    """Whether a shape of that name is ground."""
+    return name.lower().startswith("ground")
 
 
 class Body(NamedTuple):
@@ -141,9 +154,3 @@ class SolidsOfRocks:
     def _append(self, vertices: Array, solid: NDArray[np.int64]) -> None:
         self._vertices.append(np.asarray(vertices, np.float64))
         self._solid.append(solid.astype(np.int64))
-
-
-def placed(vertices: Array, matrix: Array) -> Array:
-    """Vertices [n, 3] moved by the upper rows of a homogeneous matrix, shape [3, 4]."""
-    result: Array = vertices @ matrix[:, :3].T + matrix[:, 3]
-    return result

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, kernel, mix, stage_key, uniform, uniforms
-from terrain_forge.model import Heightfield, Mesh, World
+from terrain_forge.base import Array, mix, stage_key, uniforms
+from terrain_forge.model import Heightfield, Mesh, RockField, World
 
 ROCKS = 200
 """How many rocks are looked at."""
@@ -72,13 +72,7 @@ class Sample:
     @cached_property
     def reach(self) -> Array:
         """How far each of these rocks reaches from its centre of mass at most [m], [rocks]."""
-        radii = [
-            float(np.linalg.norm(shape.meshes[0].vertices, axis=1).max())
-            for shape in self.world.library.prototypes
-        ]
-        field = self.world.field
-        reach: Array = np.array(radii)[field.prototype[self.rows]] * field.scale[self.rows]
-        return reach
+        return _reaches(self.world, self.world.field.select(self.rows))
 
     def near(self, mesh: Mesh) -> NDArray[np.bool_]:
         """Which faces of a mesh may belong to one of these rocks, seen from above, [faces]."""
@@ -93,11 +87,9 @@ class Sample:
             high = int((y + reach - south) / cell) + 2, int((x + reach - west) / cell) + 2
             marked[max(low[0], 0) : high[0], max(low[1], 0) : high[1]] = True
         corner = mesh.vertices[mesh.faces[:, 0], :2]
-        column, row = ((corner - (west, south)) / cell).astype(np.int64).T
-        inside: NDArray[np.bool_] = marked[
-            np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)
-        ]
-        return inside
+        places = ((corner - (west, south)) / cell).astype(np.int64)[:, ::-1]
+        row, column = np.clip(places, 0, np.array(shape) - 1).T
+        return np.asarray(marked[row, column])
 
 
 def draw_sample(world: World, *, points: int, quick: bool = False) -> Sample:
@@ -114,17 +106,9 @@ def draw_sample(world: World, *, points: int, quick: bool = False) -> Sample:
 def random_points(world: World, count: int) -> Array:
     """Points all over the world's ground, drawn by the site's seed, shape [count, 2] [m]."""
     west, south, east, north = world.ground.bounds
-    unit = _unit_pairs(stage_key(world.site.seed, "agreement"), count)
+    key = stage_key(world.site.seed, "agreement")
+    unit = np.array([uniforms(np.uint64(mix(key, n)), 2) for n in range(count)])
     return np.asarray((west, south) + unit * (east - west, north - south))
-
-
-@kernel
-def _unit_pairs(key, count):  # type: ignore[no-untyped-def]
-    pairs = np.empty((count, 2))
-    for n in range(count):
-        for axis in range(2):
-            pairs[n, axis] = uniform(mix(mix(key, n), axis))
-    return pairs
 
 
 def _rock_rows(world: World) -> NDArray[np.int64]:
@@ -162,17 +146,20 @@ def free_of_rocks(world: World, xy: Array, *, margin: float) -> NDArray[np.bool_
     """Which places, shape [n, 2], no rock reaches within a margin [m], seen from above."""
     from scipy.spatial import cKDTree
 
-    radii = [
-        float(np.linalg.norm(shape.meshes[0].vertices, axis=1).max())
-        for shape in world.library.prototypes
-    ]
     free = np.ones(len(xy), np.bool_)
     for field in (world.field, world.neighbours):
         if len(field) and len(xy):
-            reach = np.array(radii)[field.prototype] * field.scale + margin
+            reach = _reaches(world, field) + margin
             for places in cKDTree(xy).query_ball_point(field.position[:, :2], reach):
                 free[places] = False
     return free
+
+
+def _reaches(world: World, rocks: RockField) -> Array:
+    """How far each rock reaches from its centre of mass at most [m], shape [rocks]."""
+    shapes = world.library.prototypes
+    radii = [np.linalg.norm(shape.meshes[0].vertices, axis=1).max() for shape in shapes]
+    return np.asarray(np.array(radii)[rocks.prototype] * rocks.scale)
 
 
 def resting_height(ground: Heightfield, x: float, y: float, radius: float) -> float:
@@ -184,8 +171,7 @@ def resting_height(ground: Heightfield, x: float, y: float, radius: float) -> fl
     step, offset, best = radius / 100, np.zeros(2), 0.0
     for _ in range(2):
         line = np.arange(-100, 101) * step
-        east, north = (line[None, :] + offset[0], line[:, None] + offset[1])
-        east, north = np.broadcast_arrays(east, north)
+        east, north = np.meshgrid(line + offset[0], line + offset[1])
         square = east**2 + north**2
         inside = square < radius**2
         touch = ground.height_at(x + east[inside], y + north[inside])

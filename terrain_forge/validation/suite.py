@@ -16,8 +16,14 @@ from numpy.typing import NDArray
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Check, Export, World
 from terrain_forge.validation.consumer import Consumer, NotRun
-from terrain_forge.validation.entry import ASPECTS, Entry, Status
-from terrain_forge.validation.measures import BALL_LIMIT, measure, replay_checks
+from terrain_forge.validation.measures import (
+    ASPECTS,
+    BALL_LIMIT,
+    Entry,
+    Status,
+    measure,
+    replay_checks,
+)
 from terrain_forge.validation.reading import Reading
 from terrain_forge.validation.sample import Sample, draw_sample
 from terrain_forge.validation.tracks import PATHS
@@ -36,17 +42,7 @@ _QUICK = {
 def quick_checks(
     world: World, directory: Path, exports: Sequence[Export], *, points: int
 ) -> list[Check]:
-    """Compare each export with the world as the quick ones of its consumers read it.
-
-    Args:
-        world: The world.
-        directory: Its built folder.
-        exports: What lies in it.
-        points: Random points at which the ground is compared.
-
-    Returns:
-        The checks, each named after its export's folder.
-    """
+    """Compare each export with the world as its quick consumers read it, at random points."""
     sample = draw_sample(world, points=points, quick=True)
     quick = [(e, c, o) for e in exports for c, o in consumers(e) if c.quick]
     with ThreadPoolExecutor(2) as pool:
@@ -77,16 +73,10 @@ def conformance(
     points: int,
     progress: Callable[[float], None] | None = None,
 ) -> list[Entry]:
-    """Measure each export in all of its consumers, and the world's paths.
+    """Measure each export in all of its consumers, at so many random points, and the world's paths.
 
-    What a consumer has to say besides is kept in `directory`/validation/consumers.
-
-    Args:
-        world: The world.
-        directory: Its built folder.
-        exports: What lies in it.
-        points: Random points at which the ground is compared.
-        progress: Told the share of the exports that are done, 0 to 1.
+    What a consumer has to say besides is kept in `directory`/validation/consumers; `progress` is
+    told the share of the exports that are done, 0 to 1.
     """
     sample = draw_sample(world, points=points)
     readings = [(export, consumers(export)) for export in exports]

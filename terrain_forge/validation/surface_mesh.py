@@ -49,6 +49,7 @@ def highest_on(meshes: Iterable[Mesh], points: Array) -> Array:
 @kernel
 def _raise_to_faces(vertices, faces, points, order, heights):  # type: ignore[no-untyped-def]
     """Raise each height to that of the faces there; points ascend in x, `order` is their place."""
+    x = points[:, 0].copy()
     for face in range(len(faces)):
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
         ax, ay = vertices[a, 0], vertices[a, 1]
@@ -58,28 +59,15 @@ def _raise_to_faces(vertices, faces, points, order, heights):  # type: ignore[no
         if area == 0.0:
             continue
         slack = 1e-9
-        n = _first_from(points, ax + min(0.0, bx, cx))
-        while n < len(points) and points[n, 0] <= ax + max(0.0, bx, cx):
-            px, py = points[n, 0] - ax, points[n, 1] - ay
+        n = np.searchsorted(x, ax + min(0.0, bx, cx))
+        while n < len(points) and x[n] <= ax + max(0.0, bx, cx):
+            px, py = x[n] - ax, points[n, 1] - ay
             u, v = (px * cy - py * cx) / area, (bx * py - by * px) / area
             if u >= -slack and v >= -slack and u + v <= 1.0 + slack:
                 base = vertices[a, 2]
                 z = base + u * (vertices[b, 2] - base) + v * (vertices[c, 2] - base)
                 heights[order[n]] = max(heights[order[n]], z)
             n += 1
-
-
-@inlined
-def _first_from(points, x):  # type: ignore[no-untyped-def]
-    """The first of the points, ascending in x, that is not west of `x`."""
-    low, high = 0, len(points)
-    while low < high:
-        middle = (low + high) // 2
-        if points[middle, 0] < x:
-            low = middle + 1
-        else:
-            high = middle
-    return low
 
 
 @kernel

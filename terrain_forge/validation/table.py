@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.validation.entry import ASPECTS
+from terrain_forge.validation.measures import ASPECTS
 
 _MARKS = {"pass": "", "fail": " FAIL", "not carried": "–"}
 

@@ -11,12 +11,9 @@ import numpy as np
 
 from terrain_forge.base import Array, quaternion_from_rpy
 from terrain_forge.validation.consumer import Consumer
+from terrain_forge.validation.measures import ASPECTS
 from terrain_forge.validation.reading import Reading, Track
 from terrain_forge.validation.sample import Sample
-
-_ASPECTS = (
-    *("findings", "ground", "rock tops", "rock outlines", "masses", "gravity", "frames", "balls"),
-)
 
 
 def read_paths(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
@@ -27,8 +24,8 @@ def read_paths(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
     del sample, options, scratch
     return Reading(
         consumer="CSV and TUM",
-        tracks=(*_csv_tracks(folder), *_tum_tracks(folder)),
-        reasons=dict.fromkeys(_ASPECTS, "a path is poses alone"),
+        tracks=tuple(_tracks(folder)),
+        reasons=dict.fromkeys(set(ASPECTS) - {"path"}, "a path is poses alone"),
     )
 
 
@@ -50,7 +47,7 @@ def track_of(name: str, columns: dict[str, Array]) -> Track:
     )
 
 
-def _csv_tracks(folder: Path) -> Iterator[Track]:
+def _tracks(folder: Path) -> Iterator[Track]:
     for path in sorted(folder.glob("*.csv")):
         columns = table_columns(path)
         track = track_of(path.stem, columns)
@@ -58,9 +55,6 @@ def _csv_tracks(folder: Path) -> Iterator[Track]:
         angles = [columns[f"{angle}_rad"] for angle in ("roll", "pitch", "yaw")]
         turned = quaternion_from_rpy(np.column_stack(angles))
         yield Track(name=track.name, time=track.time, position=track.position, quaternion=turned)
-
-
-def _tum_tracks(folder: Path) -> Iterator[Track]:
     for path in sorted(folder.glob("*.tum")):
         values = np.loadtxt(path, ndmin=2)
         yield Track(

@@ -98,7 +98,7 @@ def validate(
     files = _write(built, folder, checks, made)
     return ValidationResult(
         checks=checks,
-        drive=next(one.driven.drive for one in made if isinstance(one, Drives)),
+        drive=next(one.drive for one in made if isinstance(one, Drives)),
         timings=tuple(timing for one in made for timing in one.timings()),
         files=tuple(files),
         exports=built.exports,

@@ -1,7 +1,5 @@
 """Fast writers of file formats that several rooms share."""
 
-from .digits import put_integer as put_integer
-from .digits import put_number as put_number
 from .geotiff import write_geotiff as write_geotiff
 from .glb import LARGEST_FILE as LARGEST_FILE
 from .glb import Gltf as Gltf
@@ -10,22 +8,29 @@ from .image import write_png as write_png
 from .log_scale import log_axes as log_axes
 from .mesh import Floats as Floats
 from .mesh import Indices as Indices
+from .mesh import MattMaterial as MattMaterial
 from .mesh import index_corners as index_corners
+from .mesh import put_integer as put_integer
+from .mesh import put_number as put_number
 from .mesh import vertex_normals as vertex_normals
+from .mesh import write_mtl as write_mtl
 from .mesh import write_obj as write_obj
 from .mesh import write_obj_faces as write_obj_faces
 from .mesh import write_obj_rows as write_obj_rows
 from .mesh import write_stl as write_stl
 from .mesh import write_stl_faces as write_stl_faces
 from .mesh import write_stl_header as write_stl_header
-from .mtl import MattMaterial as MattMaterial
-from .mtl import write_mtl as write_mtl
 from .naming import ROCK as ROCK
 from .naming import figure_text as figure_text
 from .naming import file_name as file_name
 from .naming import identifier as identifier
 from .naming import rock_name as rock_name
-from .obj_grid import write_obj_grid_faces as write_obj_grid_faces
 from .table import Column as Column
 from .table import quoted as quoted
 from .table import write_table as write_table
+from .xml import Lines as Lines
+from .xml import Value as Value
+from .xml import element as element
+from .xml import leaves as leaves
+from .xml import numbers as numbers
+from .xml import write_xml as write_xml

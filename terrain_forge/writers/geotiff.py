@@ -47,17 +47,30 @@ def write_geotiff(
     from rasterio.enums import ColorInterp
     from rasterio.errors import NotGeoreferencedWarning
     from rasterio.io import MemoryFile
+    from rasterio.transform import from_origin
 
     if grid.shape[:2] != world_ground.shape:
         raise ValueError(f"{path.name}: grid {grid.shape}, ground {world_ground.shape}")
-    bands = np.atleast_3d(image_rows(grid))
+    rise_east, rise_north = map(float, site.slope)
+    tags = {
+        "TERRAIN_FORGE_SITE": site.name,
+        "TERRAIN_FORGE_BODY": site.body.name,
+        "TERRAIN_FORGE_DATUM_HEIGHT_M": repr(float(site.datum_height)),
+        "TERRAIN_FORGE_LEVEL_SLOPE_EAST": repr(rise_east),
+        "TERRAIN_FORGE_LEVEL_SLOPE_NORTH": repr(rise_north),
+        "TERRAIN_FORGE_HEIGHT_ABOVE_DATUM": (
+            "z + DATUM_HEIGHT_M + LEVEL_SLOPE_EAST * x + LEVEL_SLOPE_NORTH * y"
+        ),
+    }
+    bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
+    west, _, _, north = world_ground.bounds
     profile: dict[str, Any] = {
         "width": grid.shape[1],
         "height": grid.shape[0],
         "count": bands.shape[2],
         "dtype": grid.dtype,
         "crs": site.crs or None,
-        "transform": _pixel_to_world(world_ground),
+        "transform": from_origin(west - step / 2, north + step / 2, step, step),
         "nodata": nodata,
         "compress": "deflate",
         **_layout(grid, cloud_optimized=cloud_optimized),
@@ -74,7 +87,7 @@ def write_geotiff(
                     file.set_band_unit(band + 1, units)
                 if bands.shape[2] == 3:
                     file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
-                file.update_tags(AREA_OR_POINT="Area", **_height_tags(site))
+                file.update_tags(AREA_OR_POINT="Area", **tags)
             path.write_bytes(memory.getbuffer())
 
 
@@ -86,26 +99,3 @@ def _layout(grid: NDArray[Any], *, cloud_optimized: bool) -> dict[str, Any]:
     colours = {"photometric": "rgb", "interleave": "pixel"} if grid.ndim == 3 else {}
     predictor = {"f": 3}.get(grid.dtype.kind, 2 if grid.ndim == 3 else 1)
     return {"driver": "GTiff", "zlevel": 1, "predictor": predictor, **colours}
-
-
-def _pixel_to_world(ground: Heightfield) -> Any:
-    """Affine from the image's pixel corners to east and north [m]."""
-    from rasterio.transform import from_origin
-
-    west, _, _, north = ground.bounds
-    half = 0.5 * ground.spacing
-    return from_origin(west - half, north + half, ground.spacing, ground.spacing)
-
-
-def _height_tags(site: Site) -> dict[str, str]:
-    east, north = site.slope
-    return {
-        "TERRAIN_FORGE_SITE": site.name,
-        "TERRAIN_FORGE_BODY": site.body.name,
-        "TERRAIN_FORGE_DATUM_HEIGHT_M": repr(float(site.datum_height)),
-        "TERRAIN_FORGE_LEVEL_SLOPE_EAST": repr(float(east)),
-        "TERRAIN_FORGE_LEVEL_SLOPE_NORTH": repr(float(north)),
-        "TERRAIN_FORGE_HEIGHT_ABOVE_DATUM": (
-            "z + DATUM_HEIGHT_M + LEVEL_SLOPE_EAST * x + LEVEL_SLOPE_NORTH * y"
-        ),
-    }

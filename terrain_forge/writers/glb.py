@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import struct
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -78,7 +79,9 @@ class Gltf:
         wrap = 10497 if tiles else 33071
         linear, trilinear = 9729, 9987
         filters = {"magFilter": linear, "minFilter": trilinear, "wrapS": wrap, "wrapT": wrap}
-        return self.add("textures", {"source": image, "sampler": self._once("samplers", filters)})
+        known = self._parts.get("samplers", [])
+        sampler = known.index(filters) if filters in known else self.add("samplers", filters)
+        return self.add("textures", {"source": image, "sampler": sampler})
 
     def write(self, path: Path, *, nodes: Iterable[str], **entries: Any) -> None:
         """Write the file.
@@ -99,18 +102,19 @@ class Gltf:
         with path.open("wb") as file:
             file.write(bytes(_FILE_HEADER + _CHUNK_HEADER))
             file.write(f'{head[:-1]},"nodes":['.encode())
-            _write_joined(file, nodes)
+            for number, text in enumerate(nodes):
+                file.write(f"{',' if number else ''}{text}".encode())
             file.write(b"]}")
             file.write(b" " * (-file.tell() % 4))
             text_end = file.tell()
             _check_capacity(text_end + _CHUNK_HEADER + self._length)
-            file.write(_chunk_header(self._length, b"BIN\0"))
+            file.write(struct.pack("<I4s", self._length, b"BIN\0"))
             self._binary.seek(0)
             shutil.copyfileobj(self._binary, file, 1 << 20)
             total = file.tell()
             file.seek(0)
-            file.write(b"glTF" + _integer(2) + _integer(total))
-            file.write(_chunk_header(text_end - _FILE_HEADER - _CHUNK_HEADER, b"JSON"))
+            described_in = text_end - _FILE_HEADER - _CHUNK_HEADER
+            file.write(struct.pack("<4sIII4s", b"glTF", 2, total, described_in, b"JSON"))
 
     def _add_array(self, values: NDArray[Any], view: dict[str, int], *, bounded: bool) -> int:
         values = np.ascontiguousarray(values)
@@ -135,18 +139,6 @@ class Gltf:
         self._length += length + -length % 4
         return self.add("bufferViews", {**place, **view})
 
-    def _once(self, kind: str, part: dict[str, Any]) -> int:
-        """The index of such a part, which is added where there is none."""
-        parts = self._parts.get(kind, [])
-        return parts.index(part) if part in parts else self.add(kind, part)
-
-
-def _write_joined(file: BinaryIO, texts: Iterable[str]) -> None:
-    separator = b""
-    for text in texts:
-        file.write(separator + text.encode())
-        separator = b","
-
 
 def _check_capacity(length: int) -> None:
     if length > LARGEST_FILE:
@@ -154,11 +146,3 @@ def _check_capacity(length: int) -> None:
             f"a GLB holds 4 GiB at most, this world has more than {length / 2**30:.1f} GiB: choose "
             "a smaller area, a coarser spacing_m, or the format usd"
         )
-
-
-def _chunk_header(length: int, kind: bytes) -> bytes:
-    return _integer(length) + kind
-
-
-def _integer(value: int) -> bytes:
-    return value.to_bytes(4, "little")

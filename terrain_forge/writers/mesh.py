@@ -1,4 +1,4 @@
-"""Triangle meshes as OBJ text and as binary STL, written at the speed of the disk.
+"""Triangle meshes as OBJ text with materials and as binary STL, written at the speed of the disk.
 
 OBJ carries normals and texture coordinates and shares vertices; STL is smaller than an OBJ with
 normals and is read faster. Both hold plain coordinates: no hidden unit, axis swap or offset.
@@ -6,6 +6,8 @@ normals and is read faster. Both hold plain coordinates: no hidden unit, axis sw
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inner, kernel
-from terrain_forge.writers.digits import put_integer, put_number
 
 Floats = NDArray[np.float64] | NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -25,6 +26,30 @@ _LARGEST = 1e12
 # Lines or faces written at once: the text then stays in the processor's cache.
 _CHUNK = 8192
 _STL_HEADER = b"binary STL by terrain-forge, metres, z up"
+_STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+@dataclass(frozen=True, kw_only=True)
+class MattMaterial:
+    """A matt material."""
+
+    name: str
+    """What `usemtl` calls it."""
+    rgb: Sequence[float] = (1.0, 1.0, 1.0)
+    """Colour as viewers show it (sRGB, 0 to 1), which multiplies the texture."""
+    texture: str = ""
+    """File of its texture beside the material file; empty for none."""
+
+
+def write_mtl(path: Path, materials: Iterable[MattMaterial]) -> None:
+    """Write a material file, which OBJ files name in an `mtllib` line."""
+    texts = []
+    for material in materials:
+        colour = " ".join(f"{channel:.6g}" for channel in material.rgb)
+        texture = f"map_Kd {material.texture}\n" if material.texture else ""
+        look = f"Ka 0 0 0\nKd {colour}\nKs 0 0 0\nillum 1\n{texture}"
+        texts.append(f"newmtl {material.name}\n{look}")
+    path.write_text("\n".join(texts), encoding="utf-8", newline="\n")
 
 
 def write_obj(
@@ -124,21 +149,64 @@ def write_stl_header(file: BinaryIO, count: int) -> None:
 
 def write_stl_faces(file: BinaryIO, vertices: Floats, faces: Indices) -> None:
     """Write faces of a binary STL; see `write_stl`."""
-    # A record is 12 float32 and one uint16: as rows of 25 uint16 it needs no unaligned access.
-    records = np.empty((_CHUNK, 25), dtype="<u2")
-    points = np.array(vertices, np.float64, order="C")
+    points = np.asarray(vertices, np.float32)
     for start in range(0, len(faces), _CHUNK):
-        some = np.array(faces[start : start + _CHUNK], np.int32, order="C")
-        _fill_stl(records, points, some)
-        file.write(records[: len(some)].data)
+        corners = points[faces[start : start + _CHUNK]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        x, y, z = normals.T
+        length = np.sqrt(x * x + y * y + z * z).astype(np.float64)
+        scale = np.divide(1.0, length, out=np.zeros(len(length)), where=length > 0)
+        records: NDArray[np.void] = np.zeros(len(corners), _STL_FACE)
+        records["normal"] = normals * scale[:, None]
+        records["corners"] = corners
+        file.write(records.data)
 
 
 def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
     """Unit normals of the vertices of a mesh, the faces weighted by area, shape [vertices, 3]."""
-    normals = np.zeros((len(vertices), 3))
-    points = np.array(vertices, np.float64, order="C")
-    _add_normals(normals, points, np.array(faces, np.int32, order="C"))
-    return normals
+    points, corner = np.asarray(vertices, np.float64), faces.reshape(-1)
+    a, b, c = (points[faces[:, n]] for n in range(3))
+    areas = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    x, y, z = (np.bincount(corner, axis, minlength=len(points)) for axis in areas.T)
+    length = np.sqrt(x * x + y * y + z * z)
+    normals = np.stack([x, y, np.where(length > 0, z, 1.0)], axis=-1)
+    return normals / np.where(length > 0, length, 1.0)[:, None]
+
+
+@inner
+def put_integer(text, at, number):  # type: ignore[no-untyped-def]
+    """Write a positive integer in decimal; returns where the text goes on."""
+    width = 1
+    power = 10
+    while number >= power:
+        width += 1
+        power *= 10
+    for place in range(width):
+        text[at + width - 1 - place] = 48 + number % 10
+        number //= 10
+    return at + width
+
+
+@inner
+def put_number(text, at, value, decimals, unit):  # type: ignore[no-untyped-def]
+    """Write a number rounded to so many decimals (unit = 10**decimals), without trailing zeros."""
+    scaled = np.int64(np.rint(abs(value) * unit))
+    if value < 0 and scaled > 0:
+        text[at] = 45
+        at += 1
+    whole = scaled // unit
+    fraction = scaled - whole * unit
+    at = put_integer(text, at, whole)
+    if fraction == 0:
+        return at
+    while fraction % 10 == 0:
+        fraction //= 10
+        decimals -= 1
+    text[at] = 46
+    for place in range(decimals):
+        text[at + decimals - place] = 48 + fraction % 10
+        fraction //= 10
+    return at + decimals + 1
 
 
 @kernel
@@ -155,14 +223,6 @@ def _put_rows(text, tag, values, decimals):  # type: ignore[no-untyped-def]
         text[at] = 10
         at += 1
     return at
-
-
-@inner
-def _repeat(text, at, start, width):  # type: ignore[no-untyped-def]
-    """Write again what stands at `start`; returns where the text goes on."""
-    for place in range(width):
-        text[at + place] = text[start + place]
-    return at + width
 
 
 @kernel
@@ -183,58 +243,9 @@ def _put_faces(text, faces, texture_faces):  # type: ignore[no-untyped-def]
             if textured:
                 at = put_integer(text, at, np.int64(texture_faces[face, corner]) + 1)
             text[at] = 47
-            at = _repeat(text, at + 1, start, width)
+            for place in range(width):
+                text[at + 1 + place] = text[start + place]
+            at += 1 + width
         text[at] = 10
         at += 1
     return at
-
-
-@kernel
-def _fill_stl(records, vertices, faces):  # type: ignore[no-untyped-def]
-    number = np.empty(12, dtype=np.float32)
-    halves = number.view(np.uint16)
-    for face in range(len(faces)):
-        for corner in range(3):
-            for axis in range(3):
-                number[3 + 3 * corner + axis] = vertices[faces[face, corner], axis]
-        ax, ay, az = number[6] - number[3], number[7] - number[4], number[8] - number[5]
-        bx, by, bz = number[9] - number[3], number[10] - number[4], number[11] - number[5]
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        length = np.sqrt(nx * nx + ny * ny + nz * nz)
-        scale = 1.0 / length if length > 0 else 0.0
-        number[0], number[1], number[2] = nx * scale, ny * scale, nz * scale
-        for half in range(24):
-            records[face, half] = halves[half]
-        records[face, 24] = 0
-
-
-@kernel
-def _add_normals(normals, vertices, faces):  # type: ignore[no-untyped-def]
-    """Sum the faces' normals, of the length of their areas, at their corners; make them units."""
-    for face in range(len(faces)):
-        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        ux, uy, uz = (
-            vertices[b, 0] - vertices[a, 0],
-            vertices[b, 1] - vertices[a, 1],
-            vertices[b, 2] - vertices[a, 2],
-        )
-        vx, vy, vz = (
-            vertices[c, 0] - vertices[a, 0],
-            vertices[c, 1] - vertices[a, 1],
-            vertices[c, 2] - vertices[a, 2],
-        )
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        for corner in range(3):
-            vertex = faces[face, corner]
-            normals[vertex, 0] += nx
-            normals[vertex, 1] += ny
-            normals[vertex, 2] += nz
-    for vertex in range(len(normals)):
-        x, y, z = normals[vertex, 0], normals[vertex, 1], normals[vertex, 2]
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0:
-            normals[vertex, 0] = x / length
-            normals[vertex, 1] = y / length
-            normals[vertex, 2] = z / length
-        else:
-            normals[vertex, 2] = 1.0

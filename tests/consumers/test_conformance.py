@@ -9,8 +9,7 @@ from terrain_forge.dtm.projection import body_crs, local_crs
 from terrain_forge.model import Export, Heightfield, exporter, plain_options
 from terrain_forge.paths import write_trajectories
 from terrain_forge.validation import NotRun, python_with
-from terrain_forge.validation.entry import Entry
-from terrain_forge.validation.measures import measure
+from terrain_forge.validation.measures import Entry, measure
 from terrain_forge.validation.sample import draw_sample, free_of_rocks, resting_height
 from terrain_forge.validation.suite import conformance, consumers, quick_checks, read
 from terrain_forge.validation.table import table_text

@@ -11,8 +11,7 @@ import rasterio
 
 import terrain_forge as tf
 from terrain_forge.building.checking import check_raster
-from terrain_forge.model import BODIES, exporter
-from terrain_forge.model.storage import load_world, save_world
+from terrain_forge.model import BODIES, World, exporter
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.terrain import LIMITS, fresh_shapes
 
@@ -78,8 +77,8 @@ def test_a_world_has_craters_rocks_and_the_body_s_soil(worlds, body):
 
 @ALL
 def test_a_saved_world_knows_its_body_without_asking_for_it(worlds, body, tmp_path):
-    save_world(worlds[body.name], tmp_path)
-    assert load_world(tmp_path).site.body == body
+    worlds[body.name].save(tmp_path)
+    assert World.load(tmp_path).site.body == body
 
 
 def sdf(folder, name):
@@ -154,7 +153,7 @@ def test_mercury_is_built_end_to_end(tmp_path):
     assert result.passed
     with rasterio.open(tmp_path / "out" / "truth" / "surface.tif") as file:
         assert file.tags()["TERRAIN_FORGE_BODY"] == "mercury"
-    world = load_world(tmp_path / "out")
+    world = World.load(tmp_path / "out")
     assert world.site.body == BODIES["mercury"]
     assert world.lighting.irradiance == 9082.7
     for name in ("sdf", "mjcf", "usd"):

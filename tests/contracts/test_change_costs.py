@@ -279,9 +279,9 @@ def test_a_route_shape_is_one_module(built):
 
 
 def test_a_body_is_one_module(built):
-    from terrain_forge.model.storage import load_world
+    from terrain_forge.model import World
 
-    world = load_world(built)  # here, where Callisto is not installed
+    world = World.load(built)  # here, where Callisto is not installed
     assert world.site.body.name == "callisto"
     assert world.lighting.irradiance == 50.26
     assert np.allclose(world.field.mass, 1100.0 * world.field.volume)

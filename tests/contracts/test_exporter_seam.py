@@ -13,7 +13,7 @@ from terrain_forge.building import exports_in, write_export, write_manifest
 from terrain_forge.model import Export, Opening, exporter, plain_options
 from terrain_forge.recipe import ExportOrder, ValidateSpec
 from terrain_forge.report.section import Built
-from terrain_forge.report.sections.usage import Usage
+from terrain_forge.report.sections.summary import Usage
 from terrain_forge.validation import BuiltFolder, Consumer, NotRun
 from terrain_forge.validation.suite import conformance, quick_checks
 from tests.helpers.places import ROOT

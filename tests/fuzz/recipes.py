@@ -32,7 +32,8 @@ ODD: tuple[Any, ...] = (
 )
 TEXTS = (
     b"\x00", b"\xff\xfe", b"\xc3\x28", b"\t", b"\r", b"\x1b[31m", b"&a ", b"*a", b"<<: *a",
-    b"!!python/object:os.system ", b"? ", b"- ", b": ", b"{", b"}", b"[", b"]", b"'", b'"', b"#", b"|", b">", b"%", b"@",
+    b"!!python/object:os.system ", b"? ", b"- ", b": ", b"{", b"}", b"[", b"]", b"'",
+    b'"', b"#", b"|", b">", b"%", b"@",
     b"---\n", b"...\n",
     b"\xef\xbb\xbf", b"\xe2\x80\xa8", b"9" * 5000, b"[" * 5000, b"{a: " * 3000, b"- " * 4000,
     b"1e400", b"0x10", b"0o7", b"1_000", b"1:30", b"~", b"yes", b".inf", b".nan",

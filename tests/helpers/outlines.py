@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.rocks.embedding.hull import convex_hull
-from terrain_forge.rocks.embedding.outline import edges, exposed_points, extent
+from terrain_forge.rocks.embedding.outline import convex_hull, edges, exposed_points, extent
 
 
 def exposed_outline(mesh, *, rotation, normal, buried):

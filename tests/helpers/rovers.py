@@ -184,13 +184,13 @@ def in_mujoco(model):
 def on_the_flat(rover, folder):
     """A MuJoCo model of a rover on a level plane."""
     import mujoco
-    from terrain_forge.exporters.rover.mjcf import write_mjcf
+    from terrain_forge.exporters.mjcf.rover import write_rover
 
     from terrain_forge.geometry import write_rover_meshes
 
     folder.mkdir(parents=True, exist_ok=True)
     write_rover_meshes(rover, folder / "meshes")
-    write_mjcf(folder / "rover.xml", rover, gravity=3.71, friction=0.7)
+    write_rover(folder / "rover.xml", rover, gravity=3.71, friction=0.7)
     plane = '<geom type="plane" size="50 50 1" contype="0" conaffinity="1"/>'
     text = (folder / "rover.xml").read_text().replace("<worldbody>", f"<worldbody>{plane}", 1)
     (folder / "flat.xml").write_text(text)

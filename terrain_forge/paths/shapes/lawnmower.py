@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, Key, NotNegative, Positive, RecipeError
+from terrain_forge.base import Key, NotNegative, Positive, RecipeError
 from terrain_forge.paths.curves import Curve, trace_polyline
 from terrain_forge.paths.named_shape import NamedShape, shortening
 
@@ -42,11 +42,8 @@ class Lawnmower(NamedShape):
         length = self.rows * row + extra
         self.check_side(row, least=2.0 * radius, pieces=self.rows, length=length, key=key)
         key = (*key, "corner_radius_m")
-        return trace_polyline(self._ends(row), closed=False, radius=radius, key=key)
-
-    def _ends(self, length: float) -> Array:
-        """Ends of the rows, in the order of the drive."""
         rows = np.arange(self.rows)
-        north = (rows - 0.5 * (self.rows - 1)) * self.row_spacing_m
-        east = 0.5 * length * np.where(rows % 2, 1.0, -1.0)
-        return np.stack([np.stack([east, -east], -1).ravel(), np.repeat(north, 2)], -1)
+        north = (rows - 0.5 * (self.rows - 1)) * across
+        east = 0.5 * row * np.where(rows % 2, 1.0, -1.0)  # where each row begins
+        ends = np.stack([np.stack([east, -east], -1).ravel(), np.repeat(north, 2)], -1)
+        return trace_polyline(ends, closed=False, radius=radius, key=key)

@@ -13,7 +13,7 @@ from terrain_forge.base import linear_from_srgb, xyzw
 from terrain_forge.geometry import rock_texture, surface
 from terrain_forge.model import RockField, World
 from terrain_forge.report.blocks import jpeg
-from terrain_forge.report.model.relief import Relief
+from terrain_forge.report.model.ground import Relief
 from terrain_forge.writers import Gltf
 
 INSTANCING = "EXT_mesh_gpu_instancing"
@@ -32,11 +32,6 @@ def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, A
     """Add the shown rocks; yields a node for each shape, level of detail and population.
 
     Rocks rise and sink with the coarser ground beneath them.
-
-    Args:
-        world: The world.
-        relief: The shown ground.
-        gltf: The asset.
     """
     rocks = shown_rocks(world.field)
     plan = rocks.position[:, :2]
@@ -44,7 +39,8 @@ def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, A
     position = rocks.position + lift[:, None] * (0.0, 0.0, 1.0)
     prototypes = world.library.prototypes
     shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
-    look = cache(lambda population: _add_look(world, population, gltf))
+    names = world.field.populations
+    look = cache(lambda n: add_painted(gltf, names[n], jpeg(rock_texture(world, n)), tiles=True))
     kinds = np.stack([rocks.prototype, _levels(world, rocks), rocks.population], axis=-1)
     for prototype, level, population in np.unique(kinds, axis=0).tolist():
         rows = np.all(kinds == (prototype, level, population), axis=1)
@@ -64,20 +60,14 @@ def _levels(world: World, rocks: RockField) -> NDArray[np.int64]:
     wanted = np.full(len(rocks), 2)
     wanted[:_FINE], wanted[:_FINEST] = 1, 0
     coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
-    result: NDArray[np.int64] = np.minimum(wanted, coarsest[rocks.prototype])
-    return result
+    return np.asarray(np.minimum(wanted, coarsest[rocks.prototype]))
 
 
-def _add_look(world: World, population: int, gltf: Gltf) -> int:
-    pixels = jpeg(rock_texture(world, population))
-    texture = gltf.add_texture(pixels, tiles=True, media_type="image/jpeg")
-    look = {
-        "baseColorTexture": {"index": texture},
-        "metallicFactor": 0.0,
-        "roughnessFactor": 1.0,
-    }
-    name = world.field.populations[population]
-    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look})
+def add_painted(gltf: Gltf, name: str, image: bytes, *, tiles: bool, **more: Any) -> int:
+    """Add a material that a JPEG covers."""
+    texture = gltf.add_texture(image, tiles=tiles, media_type="image/jpeg")
+    look = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look, **more})
 
 
 def picture_gain(picture: NDArray[np.uint8], world: World) -> float:

@@ -21,9 +21,7 @@ MOST_FACES = 100_000
 class Solids:
     """The meshes of a rover's shapes; simple ones are scaled from unit solids, each added once.
 
-    Args:
-        gltf: The asset.
-        most_faces: A mesh of more faces is shown as the box around it.
+    A mesh of more faces than `most_faces` is shown as the box around it.
     """
 
     def __init__(self, gltf: Gltf, *, most_faces: int) -> None:
@@ -31,23 +29,26 @@ class Solids:
         self._most_faces = most_faces
         self._solid = cache(lambda kind: self._add(*unit_solid(kind)))
         self._look = cache(self._add_look)
-        self._mesh = cache(self._add_mesh)
+        self._simple = cache(lambda kind, rgb: self._add_mesh(self._solid(kind), rgb))
 
     def node(self, shape: Shape, origin: Array) -> dict[str, Any]:
         """The node of a shape whose link's frame begins at `origin`, in base_link's frame [m]."""
         turn = xyzw(quaternion_from_rpy(shape.rpy))
         place = {"translation": (origin + shape.position).tolist(), "rotation": turn.tolist()}
-        if shape.mesh is not None and len(shape.mesh.faces) <= self._most_faces:
-            mesh = shape.mesh
+        rgb, mesh = tuple(shape.rgb), shape.mesh
+        if mesh is not None and len(mesh.faces) <= self._most_faces:
             normals = vertex_normals(mesh.vertices, mesh.faces)
-            primitive = self._add(mesh.vertices, normals, mesh.faces)
-            primitive["material"] = self._look(tuple(shape.rgb))
-            return {"mesh": self._gltf.add("meshes", {"primitives": [primitive]}), **place}
+            solid = self._add(mesh.vertices, normals, mesh.faces)
+            return {"mesh": self._add_mesh(solid, rgb), **place}
         kind = "box" if shape.kind == "mesh" else shape.kind
-        return {"mesh": self._mesh(kind, tuple(shape.rgb)), **place, "scale": _lengths(shape)}
+        # Unit solids: a box of side 1, a cylinder and a sphere of diameter 1.
+        across, length = 2.0 * shape.size[0], shape.size[-1]
+        round_size = [across, across, length if kind == "cylinder" else across]
+        scale = list(shape.size) if kind == "box" else round_size
+        return {"mesh": self._simple(kind, rgb), **place, "scale": scale}
 
-    def _add_mesh(self, kind: str, rgb: tuple[float, ...]) -> int:
-        primitive = {**self._solid(kind), "material": self._look(rgb)}
+    def _add_mesh(self, solid: dict[str, Any], rgb: tuple[float, ...]) -> int:
+        primitive = {**solid, "material": self._look(rgb)}
         return self._gltf.add("meshes", {"primitives": [primitive]})
 
     def _add_look(self, rgb: tuple[float, ...]) -> int:
@@ -68,25 +69,11 @@ def rover_nodes(rover: Rover, gltf: Gltf) -> list[dict[str, Any]]:
 
     Where its meshes have too many faces in all, the largest ones are shown as boxes.
     """
-    shapes = [shape for link in rover.links for shape in link.shapes if shape.visible]
-    faces = sorted(len(shape.mesh.faces) for shape in shapes if shape.mesh is not None)
+    shapes = [(link.name, shape) for link in rover.links for shape in link.shapes if shape.visible]
+    faces = sorted(len(shape.mesh.faces) for _, shape in shapes if shape.mesh is not None)
     fitting = [n for n, total in zip(faces, accumulate(faces), strict=True) if total <= MOST_FACES]
-    solids = Solids(gltf, most_faces=max(fitting, default=0))
-    origins = rover.origins
-    return [
-        solids.node(shape, origins[link.name])
-        for link in rover.links
-        for shape in link.shapes
-        if shape.visible
-    ]
-
-
-def _lengths(shape: Shape) -> list[float]:
-    """Scale of the unit solid: a box of side 1, a cylinder and a sphere of diameter 1."""
-    if shape.kind in ("box", "mesh"):
-        return list(shape.size)
-    across = 2.0 * shape.size[0]
-    return [across, across, shape.size[1] if shape.kind == "cylinder" else across]
+    solids, origins = Solids(gltf, most_faces=max(fitting, default=0)), rover.origins
+    return [solids.node(shape, origins[name]) for name, shape in shapes]
 
 
 def unit_solid(kind: str) -> tuple[Array, Array, NDArray[np.int64]]:

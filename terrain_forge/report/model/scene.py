@@ -16,9 +16,8 @@ from terrain_forge.geometry import grid_faces
 from terrain_forge.model import World
 from terrain_forge.report.blocks import jpeg
 from terrain_forge.report.lines import Line
-from terrain_forge.report.model.overlays import Overlay
-from terrain_forge.report.model.relief import Relief, coarsen
-from terrain_forge.report.model.rocks import INSTANCING, rock_nodes
+from terrain_forge.report.model.ground import Overlay, Relief, coarsen
+from terrain_forge.report.model.rocks import INSTANCING, add_painted, rock_nodes
 from terrain_forge.report.model.rover import rover_nodes
 from terrain_forge.writers import Gltf
 
@@ -41,53 +40,38 @@ def page_model(
     """The GLB: ground of at most 257² nodes, the largest rocks, lines, the rover at its start.
 
     The children of its one root are named `ground`, `rocks`, `rover` and `lines`. The ground has
-    the picture, which is the first material; those of the overlays, which nothing wears, follow.
-
-    Args:
-        world: The world.
-        picture: The world from above, sRGB, north up, shape [height, width, 3].
-        overlays: What else the ground can be painted with.
-        lines: Paths and tracks, which are laid a little above the ground.
+    the picture, the world from above with north up, which is the first material; those of the
+    overlays, which nothing wears, follow. Lines are laid a little above the ground.
     """
     relief = coarsen(world.ground)
     with TemporaryDirectory() as folder, (Path(folder) / "arrays").open("w+b") as binary:
         gltf = Gltf(binary)
-        tree = _Tree(world.site.name)
-        tree.add("ground", [_ground(gltf, relief, picture)])
+        groups = {"ground": [_ground(gltf, relief, picture)]}
         for overlay in overlays:
-            _add_painted(gltf, overlay.name, overlay.pixels)
-        tree.add("rocks", rock_nodes(world, relief, gltf))
-        tree.add("lines", [_line(gltf, relief, line) for line in lines])
-        tree.add("rover", rover_nodes(world.rover, gltf), **_start(world, relief))
+            _paint(gltf, overlay.name, overlay.pixels)
+        groups["rocks"] = list(rock_nodes(world, relief, gltf))
+        groups["lines"] = [_line(gltf, relief, line) for line in lines]
+        groups["rover"] = rover_nodes(world.rover, gltf)
+        # The root stands upright in glTF's frame; its children are the groups.
+        root = {"name": world.site.name, "rotation": _Z_UP_TO_Y_UP}
+        nodes: list[dict[str, Any]] = [{**root, "children": []}]
+        for name, parts in groups.items():
+            place = _start(world, relief) if name == "rover" else {}
+            nodes[0]["children"].append(len(nodes))
+            first = len(nodes) + 1
+            below = {"children": list(range(first, first + len(parts)))} if parts else {}
+            nodes += [{"name": name, **place, **below}, *parts]
         path = Path(folder) / "world.glb"
         used = [_UNLIT, *([INSTANCING] if len(world.field) else [])]
         gltf.write(
             path,
-            nodes=map(json.dumps, tree.nodes),
+            nodes=map(json.dumps, nodes),
             asset={"version": "2.0", "generator": "terrain-forge"},
             extensionsUsed=used,
             scene=0,
             scenes=[{"nodes": [0]}],
         )
         return path.read_bytes()
-
-
-class _Tree:
-    """Nodes under one root that stands upright in glTF's frame."""
-
-    def __init__(self, name: str) -> None:
-        self.nodes: list[dict[str, Any]] = [
-            {"name": name, "rotation": _Z_UP_TO_Y_UP, "children": []}
-        ]
-
-    def add(self, name: str, children: Any, **place: Any) -> None:
-        """Add a named group of nodes."""
-        group = len(self.nodes)
-        self.nodes[0]["children"].append(group)
-        self.nodes.append({"name": name, **place})
-        self.nodes += children
-        if len(self.nodes) > group + 1:
-            self.nodes[group]["children"] = list(range(group + 1, len(self.nodes)))
 
 
 def _ground(gltf: Gltf, relief: Relief, picture: NDArray[np.uint8]) -> dict[str, Any]:
@@ -98,17 +82,15 @@ def _ground(gltf: Gltf, relief: Relief, picture: NDArray[np.uint8]) -> dict[str,
     primitive = {
         "attributes": attributes,
         "indices": gltf.add_indices(grid_faces(*relief.unit.shape)),
-        "material": _add_painted(gltf, "Picture", picture),
+        "material": _paint(gltf, "Picture", picture),
     }
     return {"mesh": gltf.add("meshes", {"primitives": [primitive]})}
 
 
-def _add_painted(gltf: Gltf, name: str, pixels: NDArray[np.uint8]) -> int:
+def _paint(gltf: Gltf, name: str, pixels: NDArray[np.uint8]) -> int:
     """Add a material that shows an image as it is."""
-    texture = gltf.add_texture(jpeg(pixels, _QUALITY), tiles=False, media_type="image/jpeg")
-    look = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    unlit: dict[str, Any] = {"extensions": {_UNLIT: {}}}
-    return gltf.add("materials", {"name": name, "pbrMetallicRoughness": look, **unlit})
+    image = jpeg(pixels, _QUALITY)
+    return add_painted(gltf, name, image, tiles=False, extensions={_UNLIT: {}})
 
 
 def _line(gltf: Gltf, relief: Relief, line: Line) -> dict[str, Any]:

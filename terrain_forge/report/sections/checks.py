@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from terrain_forge.report.blocks import Block, Cell, Shown, facts, heading, paragraph, plot, table
@@ -31,8 +30,9 @@ class Checks(Section):
             return [paragraph(missing)]
         shown = _tables([check for check in checks if not _is_measure(check)])
         measures = measure_facts([check for check in checks if not is_drive(check)])
-        pictures = [plot(path, description=path.stem) for path in _other_pictures(built)]
-        return [*shown, *measures, *pictures]
+        elsewhere = built.pictures("drive", "terrain")
+        others = [path for path in built.pictures("") if path not in elsewhere]
+        return [*shown, *measures, *(plot(path, description=path.stem) for path in others)]
 
 
 def is_drive(check: Check) -> bool:
@@ -100,16 +100,6 @@ class Further(Section):
 
     def blocks(self, built: Built) -> Sequence[Block]:
         """Facts and tables."""
-        known = (*_SHOWN_ELSEWHERE, *_OF_THE_FILE)
-        return describe(
-            {
-                name: content
-                for name, content in built.validation.items()
-                if content and name not in known and not name.startswith("drive")
-            }
-        )
-
-
-def _other_pictures(built: Built) -> list[Path]:
-    elsewhere = {*built.pictures("drive", "terrain")}
-    return [path for path in built.pictures("") if path not in elsewhere]
+        said = {name: content for name, content in built.validation.items() if content}
+        new = said.keys() - {*_SHOWN_ELSEWHERE, *_OF_THE_FILE}
+        return describe({n: said[n] for n in said if n in new and not n.startswith("drive")})

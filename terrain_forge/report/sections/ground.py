@@ -1,4 +1,4 @@
-"""The ground on the report page: from above, its slopes, and how it continues its DTM."""
+"""The ground on the report page: from above, its slopes, how it continues its DTM, its craters."""
 
 from __future__ import annotations
 
@@ -15,11 +15,16 @@ from terrain_forge.report.blocks import (
     jpeg,
     paragraph,
     plot,
+    signed,
     source,
+    table,
+    thousands,
 )
 from terrain_forge.report.lines import Line, ground_lines
 from terrain_forge.report.section import Built, Section
 from terrain_forge.terrain import slope_statistics
+
+_CRATER_HEADINGS = ("Diameter", "Expected", "95 %", "Observed")
 
 
 class Ground(Section):
@@ -95,38 +100,63 @@ def _scales(built: Built) -> list[Block]:
 
 
 def dtm_part(terrain: dict[str, Any]) -> list[Block]:
-    """What a page says of a world's DTM; nothing of a flat site, or of one not validated.
-
-    Args:
-        terrain: The part `terrain` of validation/report.json.
-    """
+    """What the report's `terrain` says of a world's DTM; nothing of a flat site or without one."""
     state = terrain.get("dtm_state")
     if not state:
         return []
-    return [heading("The terrain model"), facts([*_state(state), *_detail(terrain)])]
-
-
-def _state(state: dict[str, Any]) -> list[tuple[str, Shown]]:
     rows, columns = state["samples"]
-    error = state["scale_error_at_the_edge"]
+    error, worst = state["scale_error_at_the_edge"], terrain["worst_pixel_mean_m"]
     lengths = "as given" if error is None else f"{1e6 * error:.2g} in a million off at the edge"
-    return [
+    listed: list[tuple[str, Shown]] = [
         ("Samples read", f"{columns} × {rows}"),
         ("Repairs", "; ".join(state["repairs"]) or "none"),
         ("In exact planes", f"{100.0 * state['planar_fraction']:.1f} % of the samples"),
         ("Lengths", lengths),
-    ]
-
-
-def _detail(terrain: dict[str, Any]) -> list[tuple[str, Shown]]:
-    worst = terrain["worst_pixel_mean_m"]
-    return [
         ("Exponent at the joint", _with_error(terrain["exponent_at_the_joint"])),
         ("Exponent of the spectrum", _with_error(terrain["exponent_of_the_spectrum"])),
         ("Exponent of the detail", f"{terrain['hurst']:.2f}"),
         ("Means over pixels", "–" if worst is None else f"{1000.0 * worst:.2g} mm off at most"),
     ]
+    return [heading("The terrain model"), facts(listed)]
 
 
 def _with_error(found: dict[str, float] | None) -> str:
     return f"{found['value']:.2f} ± {found['standard_error']:.2f}" if found else "not fitted"
+
+
+class Craters(Section):
+    """The numbers of craters that truth/crater_counts.json has."""
+
+    kind, title, place = "craters", "The craters", 50
+
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """A line and a table for each layer."""
+        shown = []
+        for layer in built.json("truth/crater_counts.json").get("layers", ()):
+            shown.append(paragraph(_summary(layer)))
+            if "cumulative" in layer:
+                shown.append(table(_CRATER_HEADINGS, _rows(layer["cumulative"]), figures="lrrr"))
+        return shown
+
+
+def _summary(layer: dict[str, Any]) -> str:
+    text = f"{layer['name']}: {thousands(layer['listed'])} listed one by one."
+    if "number" not in layer:
+        return text
+    number, sizes = layer["number"], layer["sizes"]
+    smallest, largest = layer["diameter_m"]
+    text += (
+        f" Of {layer['production']} production, {layer['age_ga']:g}·10⁹ years, equilibrium "
+        f"{layer['equilibrium']}, from {smallest:g} to {largest:g} m: "
+        f"{thousands(number['found'])} in the area, {number['expected']:.1f} expected "
+        f"(z = {signed(number['z'])})"
+    )
+    return text + (f", sizes p = {sizes['p_value']:.3f}." if sizes else ".")
+
+
+def _rows(cumulative: dict[str, list[float]]) -> list[list[Shown]]:
+    columns = (cumulative[name] for name in ("diameter_m", "expected", "low", "high", "found"))
+    return [
+        [f"≥ {diameter:g} m", f"{expected:.1f}", f"{low:.0f}–{high:.0f}", thousands(found)]
+        for diameter, expected, low, high, found in zip(*columns, strict=True)
+    ]

@@ -63,16 +63,13 @@ class Drive(Section):
         measures = measure_facts([c for c in built.validation.get("checks", []) if is_drive(c)])
         files = sorted(built.pictures("drive"), key=lambda path: path.suffix not in ANIMATED)
         pictures = [plot(path, description=_described(path)) for path in files]
-        facts = [part for content in said.values() if content for part in _facts(content)]
-        return [*_arrival(said), *pictures, *facts, *measures]
+        facts = list[Block]()
+        for content in filter(None, said.values()):
+            facts += describe(content if isinstance(content, dict) else {"drives": content})
+        return [*_arrival(said.get("drive") or {}), *pictures, *facts, *measures]
 
 
-def _facts(content: Any) -> list[Block]:
-    return describe(content if isinstance(content, dict) else {"drives": content})
-
-
-def _arrival(said: dict[str, Any]) -> list[Block]:
-    drive = said.get("drive") or {}
+def _arrival(drive: dict[str, Any]) -> list[Block]:
     if "reason" not in drive:
         return []
     if drive.get("completed"):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from terrain_forge.model import RockPrototype, World
+from terrain_forge.model import World
 from terrain_forge.report.blocks import (
     Block,
     Cell,
@@ -172,7 +173,11 @@ def _sheet(world: World) -> Block:
     """Some of the library's shapes, each family once before any comes twice."""
     from terrain_forge.rocks import SIZES, render_contact_sheet
 
-    shapes = _chosen(world.library.prototypes)
+    seen, turns = Counter[str](), list[tuple[int, int]]()
+    for number, prototype in enumerate(world.library.prototypes):
+        seen[prototype.family] += 1
+        turns.append((seen[prototype.family], number))
+    shapes = [world.library.prototypes[number] for _, number in sorted(turns)[:_SHOWN]]
     width, height = _SHEET
     pixels = render_contact_sheet(shapes, body=world.site.body, width=width, height=height)
     sizes = ", ".join(f"{size:g}" for size in SIZES)
@@ -183,15 +188,6 @@ def _sheet(world: World) -> Block:
     )
     shown = pixels[_FIRST_ROW:_LAST_ROW]
     return photograph(shown, "Rock shapes of this world's library", caption)
-
-
-def _chosen(prototypes: tuple[RockPrototype, ...]) -> list[RockPrototype]:
-    seen: dict[str, int] = {}
-    turn = []
-    for number, prototype in enumerate(prototypes):
-        seen[prototype.family] = seen.get(prototype.family, 0) + 1
-        turn.append((seen[prototype.family], number))
-    return [prototypes[number] for _, number in sorted(turn)[:_SHOWN]]
 
 
 def _figures(verification: dict[str, Any]) -> list[Block]:

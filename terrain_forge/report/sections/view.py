@@ -9,8 +9,7 @@ from pathlib import Path
 
 from terrain_forge.report.blocks import Block, thousands
 from terrain_forge.report.lines import ground_lines
-from terrain_forge.report.model.overlays import overlays
-from terrain_forge.report.model.relief import MOST_CELLS
+from terrain_forge.report.model.ground import MOST_CELLS, overlays
 from terrain_forge.report.model.rocks import MOST, picture_gain, shown_rocks
 from terrain_forge.report.model.scene import page_model
 from terrain_forge.report.section import Built, Section

@@ -65,9 +65,9 @@ def require_dynamic(populations: Populations, *, size: tuple[float, float], spac
     Raises:
         RecipeError: with what was found and what is allowed.
     """
-    area, count = size[0] * size[1], 0.0
-    for number, low, high in _dynamic_sizes(populations):
+    for number, population in enumerate(populations):
         key = ("rocks", "populations", number, "dynamic_m")
+        _, high = population.dynamic_diameters or (0.0, 0.0)
         if high > LARGEST_DYNAMIC * spacing:
             raise RecipeError(
                 f"dynamic rocks of up to {high:.3g} m, at most {LARGEST_DYNAMIC:g} times the "
@@ -75,7 +75,7 @@ def require_dynamic(populations: Populations, *, size: tuple[float, float], spac
                 "in MuJoCo",
                 key=key,
             )
-        count += _expected_number(populations[number], area, low, high)
+        count = expected_dynamic(populations[: number + 1], size=size)
         if count > MOST_DYNAMIC:
             raise RecipeError(
                 f"about {count:.3g} dynamic rocks, at most {MOST_DYNAMIC}: settling one takes "
@@ -86,25 +86,5 @@ def require_dynamic(populations: Populations, *, size: tuple[float, float], spac
 
 def expected_dynamic(populations: Populations, *, size: tuple[float, float]) -> float:
     """Expected number of dynamic rocks of populations whose laws are resolved, on an area [m]."""
-    area = size[0] * size[1]
-    return sum(
-        _expected_number(populations[number], area, low, high)
-        for number, low, high in _dynamic_sizes(populations)
-    )
-
-
-def _dynamic_sizes(populations: Populations) -> list[tuple[int, float, float]]:
-    """Numbers of the populations with dynamic rocks, and the smallest and largest of these [m]."""
-    sizes = []
-    for number, population in enumerate(populations):
-        if population.dynamic_m is not None:
-            smallest, largest = population.diameters
-            low, high = population.dynamic_m
-            sizes.append((number, max(smallest, low), min(largest, high)))
-    return sizes
-
-
-def _expected_number(population: PopulationSpec, area: float, low: float, high: float) -> float:
-    """Expected number of a population's rocks between two diameters [m] on an area [m²]."""
-    law = population.size_frequency
-    return area * float(law.cumulative_number(low) - law.cumulative_number(high))
+    ranges = ((population, population.dynamic_diameters) for population in populations)
+    return sum(size[0] * size[1] * one.density(*sizes) for one, sizes in ranges if sizes)

@@ -23,8 +23,7 @@ from terrain_forge.rocks.embedding.exposure import (
     exposure,
     upright_width,
 )
-from terrain_forge.rocks.embedding.footprint import fits, footprint
-from terrain_forge.rocks.embedding.lattice import Lattice, height, lattice, onto
+from terrain_forge.rocks.embedding.footprint import fits, footprints
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
@@ -64,39 +63,73 @@ def embed(
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
-    shapes, grid = _shapes(library), lattice(ground)
+    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
+    longest = max(map(len, feet))
+    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
+    shapes, grid = (exposure(library), np.array(padded)), lattice(ground)
     rocks = _Rocks(
         scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
     )
-    lying = _embed(rocks, shapes, grid, MAX_BURIED)
+    lying = _embed(rocks, np.arange(len(scattered)), shapes, grid, MAX_BURIED)
     _sink_deeper(lying, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
+    names = ("populations", "id", "population", "prototype", "diameter", "dynamic", "collides")
+    same: dict[str, Any] = {name: getattr(scattered, name) for name in names}
     return RockField(
-        populations=scattered.populations,
-        id=scattered.id,
-        population=scattered.population,
-        prototype=scattered.prototype,
+        **same,
         position=np.column_stack([scattered.xy, lying.z]),
         quaternion=lying.quaternion,
         scale=lying.scale,
-        diameter=scattered.diameter,
         height=lying.height,
         buried_fraction=lying.buried,
         volume=volume,
         mass=np.asarray(density, np.float64)[scattered.population] * volume,
-        dynamic=scattered.dynamic,
-        collides=scattered.collides,
     )
 
 
-class _Shapes(NamedTuple):
-    """What embedding needs to know of the prototypes."""
+class Lattice(NamedTuple):
+    """A grid of ground, placed on the lattice of its site, whichever window it was made for."""
 
-    exposure: Exposure
-    """Their exposed diameters."""
-    foot: Array
-    """Points that must be below the ground, shape [prototypes, points, 3]."""
+    elevation: NDArray[np.float32]
+    """Heights of the nodes [m], rows run north, shape [rows, columns]."""
+    spacing: float
+    """Distance of neighbouring nodes [m]."""
+    fraction: Array
+    """Where the lattice's nodes lie, east and north, in parts of a cell, shape [2]."""
+    corner: NDArray[np.int64]
+    """Whole cells from the site's origin to the south-western node, shape [2]."""
+
+
+def lattice(ground: Heightfield) -> Lattice:
+    """The ground on the lattice of its site."""
+    # In cells, and rounded, the origin of every window of a site has the same fraction of a cell.
+    origin = np.round(np.array(ground.origin) / ground.spacing, 6)
+    corner = np.floor(origin)
+    return Lattice(ground.elevation, ground.spacing, origin - corner, corner.astype(np.int64))
+
+
+def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfield, Array]:
+    """A square of the ground around a point, in coordinates of its own.
+
+    It goes `half_width` [m] around it at least, as far as the ground goes.
+
+    Returns:
+        The piece, relative to a place near the point; that place's east, north and height [m],
+        shape [3]. Both are the same, bit for bit, whatever part of the site the ground is.
+    """
+    cell = np.floor(centre / grid.spacing - grid.fraction).astype(np.int64)
+    around = int(np.ceil(half_width / grid.spacing))
+    rows, columns = grid.elevation.shape
+    last = np.array([columns - 1, rows - 1])
+    low = np.clip(cell - around - grid.corner, 0, last - 1)
+    high = np.clip(cell + 1 + around - grid.corner, 1, last)
+    nodes = grid.elevation[low[1] : high[1] + 1, low[0] : high[0] + 1]
+    base = float(nodes.min())
+    west, south = ((low + grid.corner - cell) * grid.spacing).tolist()
+    place = np.array([*((cell + grid.fraction) * grid.spacing), base])
+    relative = (nodes.astype(np.float64) - base).astype(np.float32)
+    return Heightfield(elevation=relative, spacing=grid.spacing, origin=(west, south)), place
 
 
 class _Rocks(NamedTuple):
@@ -124,28 +157,26 @@ class _Embedded(NamedTuple):
     """Part of the extent below the tangent plane, shape [rocks]."""
 
 
-def _shapes(library: RockLibrary) -> _Shapes:
-    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
-    longest = max(map(len, feet))
-    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
-    return _Shapes(exposure(library), np.array(padded))
-
-
 def _foot(mesh: Mesh) -> Array:
     """Where a rock's edges are at the height of its foot, all around it, shape [points, 3]."""
     vertices, ends = mesh.vertices, mesh.vertices[edges(mesh)]
     level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
     ends = ends[(ends[:, 0, 2] < level) != (ends[:, 1, 2] < level)]
     part = (level - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
-    foot: Array = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
-    return foot
+    return np.asarray(ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0]))
 
 
-def _embed(rocks: _Rocks, shapes: _Shapes, ground: Lattice, deepest: float) -> _Embedded:
-    """How rocks lie; daylight buries none deeper than to a part of its extent."""
-    count = len(rocks.yaw)
+_Shapes = tuple[Exposure, Array]
+"""Exposed diameters of the prototypes, and points of each that must be below the ground."""
+
+
+def _embed(
+    rocks: _Rocks, rows: NDArray[np.int64], shapes: _Shapes, ground: Lattice, deepest: float
+) -> _Embedded:
+    """How some of the rocks lie; daylight buries none deeper than to a part of its extent."""
+    count = len(rows)
     lying = _Embedded(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
-    over_chunks(_embed_some, count, rocks, shapes.exposure, shapes.foot, ground, deepest, lying)
+    over_chunks(_embed_some, count, rocks, rows, shapes, ground, deepest, lying)
     return lying
 
 
@@ -157,12 +188,8 @@ def _sink_deeper(
     Few rocks on the roughest ground need it. They grow, since less of them is exposed.
     """
     rows = np.flatnonzero(lying.buried >= MAX_BURIED)
-    short = _Rocks(**{name: _part(column, rows) for name, column in rocks._asdict().items()})
-    deeper = _embed(short, shapes, ground, DEEPEST)
-    supports = {
-        n: footprint(library.prototypes[n].meshes[0])
-        for n in np.unique(rocks.prototype[rows]).tolist()
-    }
+    deeper = _embed(rocks, rows, shapes, ground, DEEPEST)
+    supports = footprints(library, rocks.prototype[rows])
     for n, row in enumerate(rows.tolist()):
         prototype = library.prototypes[rocks.prototype[row]]
         turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
@@ -175,32 +202,27 @@ def _sink_deeper(
                 column[row] = values[n]
 
 
-def _part(column: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-    """Rows of a column, as read-only as it is: for another type the kernel is compiled again."""
-    part = column[rows]
-    part.flags.writeable = column.flags.writeable
-    return part
-
-
 @kernel
-def _embed_some(first, last, rocks, exposure, foot, ground, deepest, lying):  # type: ignore[no-untyped-def]
-    diameter, prototype = rocks.diameter, rocks.prototype
+def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # type: ignore[no-untyped-def]
+    exposure, foot = shapes
     for n in range(first, last):
-        p, x, y = prototype[n], rocks.xy[n, 0], rocks.xy[n, 1]
+        rock = rows[n]
+        p, diameter, yaw = rocks.prototype[rock], rocks.diameter[rock], rocks.yaw[rock]
+        x, y = rocks.xy[rock, 0], rocks.xy[rock, 1]
         low, span = exposure.low[p], exposure.span[p]
-        plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter[n], ground.spacing))
+        plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter, ground.spacing))
         upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
-        turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[n])
+        turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, yaw)
         rotation = rotation_matrix(turn)
-        burial = rocks.buried[n]
-        size = diameter[n] / upright_width(exposure, p, low + burial * span)
+        burial = rocks.buried[rock]
+        size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
             needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
             deeper = min((needed - low) / span, deepest)
             sinks = deeper > burial + _NEGLIGIBLE
             burial = max(burial, deeper)
             level = low + burial * span
-            size = diameter[n] / exposed_width(exposure, p, rotation, level)
+            size = diameter / exposed_width(exposure, p, rotation, level)
             if not sinks:
                 break
         for k in range(4):
@@ -251,3 +273,30 @@ def _covering(ground, foot, rotation, size, x, y, plane, upright):  # type: igno
         gap -= height(ground, east, north)
         level = max(level, foot[n, 2] + gap * upright / size)
     return level
+
+
+@inner
+def onto(grid, x, y):  # type: ignore[no-untyped-def]
+    """The nearest point of the grid's rectangle [m]."""
+    rows, columns = grid.elevation.shape
+    west, south = grid.corner[0] + grid.fraction[0], grid.corner[1] + grid.fraction[1]
+    east, north = west + (columns - 1), south + (rows - 1)
+    x, y = max(x, west * grid.spacing), max(y, south * grid.spacing)
+    return min(x, east * grid.spacing), min(y, north * grid.spacing)
+
+
+@inner
+def height(grid, x, y):  # type: ignore[no-untyped-def]
+    """Height [m] of the triangulated ground, cells cut from south-west to north-east."""
+    elevation = grid.elevation
+    rows, columns = elevation.shape
+    u, v = x / grid.spacing - grid.fraction[0], y / grid.spacing - grid.fraction[1]
+    i = min(max(int(np.floor(u)) - grid.corner[0], 0), columns - 2)
+    j = min(max(int(np.floor(v)) - grid.corner[1], 0), rows - 2)
+    u, v = u - (i + grid.corner[0]), v - (j + grid.corner[1])
+    sw, ne = np.float64(elevation[j, i]), np.float64(elevation[j + 1, i + 1])
+    if u >= v:
+        se = np.float64(elevation[j, i + 1])
+        return sw + u * (se - sw) + v * (ne - se)
+    nw = np.float64(elevation[j + 1, i])
+    return sw + v * (nw - sw) + u * (ne - nw)

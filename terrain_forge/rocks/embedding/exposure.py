@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel
 from terrain_forge.model import RockLibrary, RockPrototype
-from terrain_forge.rocks.embedding.hull import mean_width
-from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter
+from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter, mean_width
 
 DEEPEST = 0.9
 """Largest part of a rock's extent below its tangent plane that exposures are known for."""
@@ -79,18 +78,15 @@ def _outermost(prototype: RockPrototype) -> tuple[list[Array], list[Array]]:
     lines = mesh.vertices[edges(mesh)].reshape(-1, 6)
     low, span = points[-1, 2], points[0, 2] - points[-1, 2]
     borders = low + span * np.linspace(0.0, DEEPEST, _BRACKETS + 1)
-    marked = _outermost_vertices(points, borders, _directions())
-    crossed = _outermost_crossings(lines, np.union1d(points[:, 2], borders), borders)
-    return [points[row] for row in marked], [lines[row] for row in crossed]
-
-
-def _directions() -> Array:
-    """Directions that a tilt of up to `MAX_TILT` can make level, shape [directions, 3]."""
     azimuth = 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     elevation = np.linspace(-MAX_TILT, MAX_TILT, _ELEVATIONS)[:, None]
     level = np.cos(elevation)
     parts = np.broadcast_arrays(level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation))
-    return np.stack([part.ravel() for part in parts], axis=-1)
+    # Directions that a tilt of up to `MAX_TILT` can make level.
+    directions = np.stack([part.ravel() for part in parts], axis=-1)
+    marked = _outermost_vertices(points, borders, directions)
+    crossed = _outermost_crossings(lines, np.union1d(points[:, 2], borders), borders)
+    return [points[row] for row in marked], [lines[row] for row in crossed]
 
 
 def _upright(prototype: RockPrototype) -> list[float]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, portable
-from terrain_forge.model import Mesh
-from terrain_forge.rocks.embedding.hull import convex_hull, farthest
+from terrain_forge.model import Mesh, RockLibrary
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
+    convex_hull,
     edges,
     embedding_rotation,
     exposed_diameter,
     extent,
+    farthest,
     rotation_matrix,
 )
 
@@ -31,12 +33,9 @@ def bounds(mesh: Mesh) -> tuple[float, float]:
     """Reach and rise of a prototype over all the ways in which it may come to rest.
 
     Sweeps the tilt of the ground (0 to `MAX_TILT`), the rock's yaw on it and its burial (0 to
-    `MAX_BURIED`), with a margin of 4 % for what lies between the samples.
-
-    Returns:
-        Reach: largest horizontal distance of any vertex, buried or not, from the mesh's origin;
-        rise: largest vertical distance of a vertex above the tangent plane; both over the exposed
-        diameter.
+    `MAX_BURIED`), with a margin of 4 % for what lies between the samples. Reach is the largest
+    horizontal distance of any vertex, buried or not, from the mesh's origin, rise the largest
+    vertical one above the tangent plane; both over the exposed diameter.
     """
     reach, rise, _ = _sweep(mesh.vertices.copy(), edges(mesh))
     return float(reach) * _BOUND_MARGIN, float(rise) * _BOUND_MARGIN
@@ -46,25 +45,23 @@ def footprint(mesh: Mesh) -> Array:
     """Support function of the plan area that holds a rock however it comes to rest.
 
     Over the same tilts and burials as `bounds` and with the same margin: how far the rock, buried
-    parts too, reaches from its origin along each of `FOOTPRINT_DIRECTIONS` directions.
-
-    Returns:
-        Distances over the exposed diameter, along directions counter-clockwise from where the yaw
-        turns the prototype's x axis, shape [directions].
+    parts too, reaches from its origin over its diameter, along `FOOTPRINT_DIRECTIONS` directions
+    counter-clockwise from where the yaw turns the prototype's x axis, shape [directions].
     """
     _, _, support = _sweep(mesh.vertices.copy(), edges(mesh))
     return np.asarray(support * _BOUND_MARGIN)
 
 
+def footprints(library: RockLibrary, prototypes: NDArray[np.integer]) -> dict[int, Array]:
+    """Footprints of those of a library's prototypes that some rocks have, by their index."""
+    chosen = np.unique(prototypes).tolist()
+    return {n: footprint(library.prototypes[n].meshes[0]) for n in chosen}
+
+
 def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
     """Whether points of a rock lie within its footprint and within its reach.
 
-    Args:
-        plan: East and north of the points, over the diameter, shape [points, 2]; the footprint's
-            origin is at (0, 0).
-        yaw: Turn of the footprint [rad].
-        support: The footprint, as `footprint` has it.
-        reach: Largest distance of a point from (0, 0), over the diameter.
+    Points and reach are over the diameter, from the origin of the footprint, which has the yaw.
     """
     angles = yaw + 2.0 * np.pi * np.arange(FOOTPRINT_DIRECTIONS) / FOOTPRINT_DIRECTIONS
     along = (portable.product(plan, np.stack([np.cos(angles), np.sin(angles)]))).max(axis=0)
@@ -87,7 +84,7 @@ def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
             rise = max(rise, (high - level) / np.cos(_tilt(step)) / diameter)
             smallest[step] = diameter if burial == 0 else min(smallest[step], diameter)
     for step in range(_BOUND_LEANS):
-        hull = _plan_hull(vertices, _leaning(step))
+        hull = convex_hull(vertices @ _leaning(step)[:2].T)
         reach = max(reach, np.sqrt(farthest(hull, 0.0, 0.0)[1]) / smallest[step])
         for d in range(FOOTPRINT_DIRECTIONS):
             angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS
@@ -123,9 +120,3 @@ def _waterline(vertices, edges, level):  # type: ignore[no-untyped-def]
             kept[count, 0], kept[count, 1] = a, b
             count += 1
     return kept[:count]
-
-
-@inner
-def _plan_hull(vertices, rotation):  # type: ignore[no-untyped-def]
-    """Convex hull, in plan, of all vertices of a turned mesh."""
-    return convex_hull(vertices @ rotation[:2].T)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import inner, kernel
 from terrain_forge.model import Mesh
-from terrain_forge.rocks.embedding.hull import mean_width
 
 MAX_TILT = np.radians(40.0)
 """Steepest ground that a rock follows [rad]; on steeper ground it lies as on this."""
@@ -29,11 +28,7 @@ def edges(mesh: Mesh) -> NDArray[np.int32]:
 
 @kernel
 def embedding_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
-    """The rotation that turns by `yaw` [rad] about z, then leans z the short way to a unit normal.
-
-    Returns:
-        Quaternion (w, x, y, z).
-    """
+    """The quaternion that turns by `yaw` [rad] about z, then leans z to a unit normal."""
     w = np.sqrt(0.5 * (1.0 + up))
     x, y = -0.5 * north / w, 0.5 * east / w
     cos, sin = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
@@ -106,3 +101,103 @@ def exposed_points(vertices, edges, rotation, up, level):  # type: ignore[no-unt
             points[found, 1] = north[a] + part * (north[b] - north[a])
             found += 1
     return points[:found]
+
+
+@kernel
+def convex_hull(points):  # type: ignore[no-untyped-def]
+    """Convex hull of points in the plane, counter-clockwise, shape [corners, 2] (Andrew 1979)."""
+    kept, count = _sorted(points.copy()), len(points)
+    chain = np.empty(2 * count + 1, dtype=np.int64)
+    size = 0
+    for sweep in range(2):
+        start = size + 1
+        for n in range(count):
+            p = n if sweep == 0 else count - 1 - n
+            while size > start and _turn(kept, chain[size - 2], chain[size - 1], p) <= 0.0:
+                size -= 1
+            chain[size] = p
+            size += 1
+        size -= 1
+    hull = np.empty((max(size, 1), 2))
+    for n in range(len(hull)):
+        hull[n, 0], hull[n, 1] = kept[chain[n], 0], kept[chain[n], 1]
+    return hull
+
+
+@kernel
+def mean_width(points):  # type: ignore[no-untyped-def]
+    """Mean of the diameter of points in the plane (or of their hull) and of the width across it."""
+    if len(points) == 0:
+        return 0.0
+    east, north = _longest(points)
+    low, high = np.inf, -np.inf
+    for n in range(len(points)):
+        across = east * points[n, 1] - north * points[n, 0]
+        low, high = min(low, across), max(high, across)
+    length = np.sqrt(east * east + north * north)
+    return 0.5 * (length + (high - low) / length) if length > 0.0 else 0.0
+
+
+@inner
+def _longest(points):  # type: ignore[no-untyped-def]
+    """East and north of the difference of the most distant pair of points.
+
+    A distant pair is found by walking from point to farthest point. A more distant one can only
+    lie in the rim that is farther from its middle than its length less the largest distance.
+    """
+    x = y = 0.0
+    for n in range(len(points)):
+        x, y = x + points[n, 0], y + points[n, 1]
+    corner, _ = farthest(points, x / len(points), y / len(points))
+    a, _ = farthest(points, points[corner, 0], points[corner, 1])
+    b, longest = farthest(points, points[a, 0], points[a, 1])
+    east, north = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    x, y = points[a, 0] + 0.5 * east, points[a, 1] + 0.5 * north
+    _, largest = farthest(points, x, y)
+    inner = max(np.sqrt(longest) - np.sqrt(largest), 0.0) * (1.0 - 1e-12)
+    rim = np.empty((len(points) + 1, 2))
+    size = 0
+    for n in range(len(points)):
+        rim[size, 0], rim[size, 1] = points[n, 0], points[n, 1]
+        dx, dy = points[n, 0] - x, points[n, 1] - y
+        size += dx * dx + dy * dy >= inner * inner
+    for n in range(size):
+        for m in range(n):
+            dx, dy = rim[n, 0] - rim[m, 0], rim[n, 1] - rim[m, 1]
+            if dx * dx + dy * dy > longest:
+                longest, east, north = dx * dx + dy * dy, dx, dy
+    return east, north
+
+
+@inner
+def farthest(points, x, y):  # type: ignore[no-untyped-def]
+    """Index of the point that is farthest from a place, and the square of its distance."""
+    largest, farthest = -1.0, 0
+    for n in range(len(points)):
+        dx, dy = points[n, 0] - x, points[n, 1] - y
+        if dx * dx + dy * dy > largest:
+            largest, farthest = dx * dx + dy * dy, n
+    return farthest, largest
+
+
+@inner
+def _turn(points, a, b, c):  # type: ignore[no-untyped-def]
+    """Twice the area of the triangle a, b, c: positive for a turn to the left."""
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    return ux * (points[c, 1] - points[a, 1]) - uy * (points[c, 0] - points[a, 0])
+
+
+@inner
+def _sorted(points):  # type: ignore[no-untyped-def]
+    """Sort points in place by east, then north (Shell's method: short lists, no recursion)."""
+    for gap in (701, 301, 132, 57, 23, 10, 4, 1):
+        for n in range(gap, len(points)):
+            x, y = points[n, 0], points[n, 1]
+            m = n
+            while m >= gap and (
+                points[m - gap, 0] > x or (points[m - gap, 0] == x and points[m - gap, 1] > y)
+            ):
+                points[m, 0], points[m, 1] = points[m - gap, 0], points[m - gap, 1]
+                m -= gap
+            points[m, 0], points[m, 1] = x, y
+    return points

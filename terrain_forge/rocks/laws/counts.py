@@ -73,11 +73,20 @@ class Counts(SizeLaw):
     @cached_property
     def count(self) -> RockCount:
         """The rocks that the law is fitted to."""
+        least = self.complete_from_m
         if self.bins is not None:
-            return self._binned(np.array([(a, b or np.inf, n) for a, b, n in self.bins], float))
+            bins = np.array([(a, b or np.inf, n) for a, b, n in self.bins], float)
+            bins = bins[bins[:, 0] >= (least or 0.0)]
+            first = float(bins[:, 0].min(initial=np.inf))
+            return RockCount(area=self.area_m2, smallest=first, bins=bins[:, :2], counts=bins[:, 2])
         if self.diameters_m is None:
             raise RecipeError("counts needs one of file, diameters_m and bins")
-        return self._single(np.array(self.diameters_m))
+        diameters = np.array(self.diameters_m)
+        first = least or float(diameters.min())
+        # A smallest rock that sets the limit tells no more than that: counted too, it would bend
+        # the fit.
+        counted = diameters >= first if least else diameters > first
+        return RockCount(area=self.area_m2, smallest=first, diameters=diameters[counted])
 
     @cached_property
     def fitted(self) -> Fit:
@@ -121,23 +130,26 @@ class Counts(SizeLaw):
 
     def check(self, key: Key) -> None:
         """Refuse a count that is missing, doubled, too small, or beyond the law's family."""
-        given = [n for n in ("file", "diameters_m", "bins") if getattr(self, n) is not None]
-        if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise RecipeError(
-                f"counts needs one of file, diameters_m and bins, found {found}", key=key
-            )
+        wanted = "one of file, diameters_m and bins"
+        self.require_one(key, wanted, ("file",), ("diameters_m",), ("bins",))
         if self.q_of_k and self.fit != "golombek":
             raise RecipeError(f"q_of_k is golombek's, the fit is {self.fit}", key=(*key, "q_of_k"))
         if self.file:
             return
-        if self.bins:
-            self._check_bins(self.bins, (*key, "bins"))
+        ordered = sorted((low, high or np.inf) for low, high, _ in self.bins or ())
+        for low, high in ordered:
+            if high <= low:
+                text = f"a bin from {low:g} to {high:g} m: low comes first"
+                raise RecipeError(text, key=(*key, "bins"))
+        for (low, high), (following, _) in pairwise(ordered):
+            if high > following * (1.0 + 1e-9):
+                text = f"the bin from {low:g} to {high:g} m overlaps that from {following:g} m"
+                raise RecipeError(text, key=(*key, "bins"))
         if self.count.rocks < LEAST_COUNTED:
             raise RecipeError(
                 f"{self.count.rocks} rocks above {self.count.smallest:g} m, at least "
                 f"{LEAST_COUNTED} are needed for a fit",
-                key=(*key, given[0]),
+                key=(*key, "bins" if self.bins else "diameters_m"),
             )
         self._check_fit((*key, "fit"))
 
@@ -153,72 +165,29 @@ class Counts(SizeLaw):
             "goodness": goodness(self.count, self.fitted),
         }
 
-    def _single(self, diameters: Array) -> RockCount:
-        smallest = self.complete_from_m or float(diameters.min())
-        # A smallest rock that sets the limit tells no more than that: counted too, it would bend
-        # the fit.
-        counted = diameters >= smallest if self.complete_from_m else diameters > smallest
-        return RockCount(
-            area=self.area_m2,
-            smallest=smallest,
-            diameters=diameters[counted],
-            bins=np.zeros((0, 2)),
-            counts=np.zeros(0),
-        )
-
-    def _binned(self, bins: Array) -> RockCount:
-        kept = bins[bins[:, 0] >= (self.complete_from_m or 0.0)]
-        return RockCount(
-            area=self.area_m2,
-            smallest=float(kept[:, 0].min(initial=np.inf)),
-            diameters=np.zeros(0),
-            bins=kept[:, :2],
-            counts=kept[:, 2],
-        )
-
-    def _check_bins(self, bins: tuple[Bin, ...], key: Key) -> None:
-        ordered = sorted((low, high or np.inf) for low, high, _ in bins)
-        for low, high in ordered:
-            if high <= low:
-                raise RecipeError(f"a bin from {low:g} to {high:g} m: low comes first", key=key)
-        for (low, high), (next_low, _) in pairwise(ordered):
-            if high > next_low * (1.0 + 1e-9):
-                raise RecipeError(
-                    f"the bin from {low:g} to {high:g} m overlaps that from {next_low:g} m", key=key
-                )
-
     def _check_fit(self, key: Key) -> None:
         """Refuse a fit that the count does not determine, or that ends beyond the law's family."""
-        wanted, told = len(self.fitted.parameters), self.count.different
-        if told < wanted:
+        parameters, told = self.fitted.parameters, self.count.different
+        names = " and ".join(parameters)
+        if told < len(parameters):
             what = "bins that hold rocks" if self.bins else "different diameters"
             raise RecipeError(
-                f"{what}: {told}, at least {wanted} are needed to fit {' and '.join(self._names)}",
-                key=key,
+                f"{what}: {told}, at least {len(parameters)} are needed to fit {names}", key=key
             )
         advice = "look at the diameters and the area, or fit another law"
+        shown = ", ".join(f"{name} = {one.value:.3g}" for name, one in parameters.items())
         if self.fitted.at_limit:
             raise RecipeError(
-                f"no {self.fit} law is likeliest: the fit runs to the end of its range, "
-                f"{self._shown()}; {advice}",
+                f"no {self.fit} law is likeliest: the fit runs to the end of its range, {shown}; "
+                f"{advice}",
                 key=key,
             )
-        k = self.fitted.parameters.get("k")
+        k = parameters.get("k")
         if k is not None and k.value > MAX_K:
             raise RecipeError(
                 f"the likeliest law has k = {k.value:.3g}, at most {MAX_K}; {advice}", key=key
             )
-        if not self.fitted.determined:
+        if any(one.standard_error is None for one in parameters.values()):
             raise RecipeError(
-                f"the count does not tell {' and '.join(self._names)} apart, "
-                f"{self._shown()} is one of many; {advice}",
-                key=key,
+                f"the count does not tell {names} apart, {shown} is one of many; {advice}", key=key
             )
-
-    @property
-    def _names(self) -> list[str]:
-        return list(self.fitted.parameters)
-
-    def _shown(self) -> str:
-        values = self.fitted.parameters.items()
-        return ", ".join(f"{name} = {one.value:.3g}" for name, one in values)

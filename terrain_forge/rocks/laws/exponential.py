@@ -27,8 +27,7 @@ class Exponential(SizeLaw):
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) = N0 exp(-λ D) [1/m²]."""
         decay = portable.exp(-self.decay_per_m * np.asarray(diameter, np.float64))
-        number: Array = self.number_per_m2 * decay
-        return number
+        return self.number_per_m2 * decay
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D) = (π/4) N0 exp(-λ D) (D² + 2 D / λ + 2 / λ²)."""
@@ -38,8 +37,7 @@ class Exponential(SizeLaw):
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(N0 λ) - λ D."""
         d = np.asarray(diameter, np.float64)
-        density: Array = portable.log(self.number_per_m2 * self.decay_per_m) - self.decay_per_m * d
-        return density
+        return portable.log(self.number_per_m2 * self.decay_per_m) - self.decay_per_m * d
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """(π/4)² (M(a) - M(b)) / area.
@@ -55,8 +53,7 @@ class Exponential(SizeLaw):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] by inversion of the truncated law."""
-        diameters: Array = _sample(hashes, smallest, largest, self.decay_per_m)
-        return diameters
+        return np.asarray(_sample(hashes, smallest, largest, self.decay_per_m))
 
 
 @kernel

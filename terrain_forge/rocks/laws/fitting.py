@@ -10,7 +10,8 @@ was counted is part of the likelihood:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,11 +42,11 @@ class RockCount:
     """Area that was searched [m²]."""
     smallest: float
     """Diameter from which on every rock was counted [m]."""
-    diameters: Array
+    diameters: Array = field(default_factory=lambda: np.zeros(0))
     """Their diameters [m], if they were measured one by one, shape [rocks]."""
-    bins: Array
+    bins: Array = field(default_factory=lambda: np.zeros((0, 2)))
     """Else the bins' lower and upper diameters [m], shape [bins, 2]."""
-    counts: Array
+    counts: Array = field(default_factory=lambda: np.zeros(0))
     """Rocks in each bin, shape [bins]."""
 
     @property
@@ -63,8 +64,7 @@ class RockCount:
         if not len(self.bins):
             return self.area * np.atleast_1d(law.cumulative_number(self.smallest))
         number = law.cumulative_number(self.bins)
-        result: Array = self.area * (number[:, 0] - number[:, 1])
-        return result
+        return self.area * (number[:, 0] - number[:, 1])
 
     def log_likelihood(self, law: FittedLaw) -> float:
         """Logarithm of the likelihood of a law, up to a constant."""
@@ -97,14 +97,8 @@ class Fit:
     at_limit: bool
     """Whether an end of the range that the shape is searched in is as likely as any shape."""
 
-    @property
-    def determined(self) -> bool:
-        """Whether the count tells all parameters."""
-        return all(one.standard_error is not None for one in self.parameters.values())
 
-
-@dataclass(frozen=True, kw_only=True)
-class _Family:
+class _Family(NamedTuple):
     """Laws of one form: one parameter shapes them; the other, if any, is their amplitude."""
 
     make: Callable[..., FittedLaw]
@@ -117,20 +111,12 @@ def _family(fit: str, decay: str | None, smallest: float) -> _Family:
     """The family of a fit; decays are searched relative to the smallest diameter [m]."""
     decays = _DECAYS[0] / smallest, _DECAYS[1] / smallest
     if fit == "power_law":
-        return _Family(
-            make=PowerLaw, shape="exponent", limits=(0.01, 10.0), amplitude="number_per_m2"
-        )
+        return _Family(PowerLaw, "exponent", (0.01, 10.0), "number_per_m2")
     if fit == "exponential":
-        return _Family(
-            make=Exponential, shape="decay_per_m", limits=decays, amplitude="number_per_m2"
-        )
+        return _Family(Exponential, "decay_per_m", decays, "number_per_m2")
     if decay == "free":
-        return _Family(make=Golombek, shape="q_per_m", limits=decays, amplitude="k")
-
-    def golombek(k: float) -> Golombek:
-        return Golombek(k=k, q_of_k=decay)
-
-    return _Family(make=golombek, shape="k", limits=(1e-4, MAX_K))
+        return _Family(Golombek, "q_per_m", decays, "k")
+    return _Family(partial(Golombek, q_of_k=decay), "k", (1e-4, MAX_K))
 
 
 def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
@@ -138,11 +124,7 @@ def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
 
     An amplitude follows from the shape in closed form, since the expected number equals the counted
     one; so one parameter is searched: on a grid of its logarithm first, then around the best.
-
-    Args:
-        count: the rocks, at least one.
-        fit: the family, `golombek`, `power_law` or `exponential`.
-        decay: the `q_of_k` of a `golombek` law; `free` fits q as well as k.
+    `decay` is the `q_of_k` of a `golombek` law; `free` fits q as well as k.
     """
     from scipy.optimize import minimize_scalar
 
@@ -180,10 +162,7 @@ def _parameters(family: _Family, count: RockCount, log_shape: float) -> dict[str
 def _standard_errors(
     family: _Family, count: RockCount, parameters: dict[str, float]
 ) -> list[float] | list[None]:
-    """Standard errors from the curvature of log L in the parameters' logarithms.
-
-    None for each where the curvature leaves a direction open.
-    """
+    """Standard errors from the curvature of log L in logarithms; None where it is open."""
     names, centre = list(parameters), portable.log(list(parameters.values()))
     size = len(names)
 
@@ -191,17 +170,12 @@ def _standard_errors(
         values = portable.exp(centre + offset)
         return count.log_likelihood(family.make(**dict(zip(names, values.tolist(), strict=True))))
 
+    def curvature(a: Array, b: Array) -> float:
+        mixed = log_likelihood(a - b) - log_likelihood(a + b)
+        return (mixed + log_likelihood(b - a) - log_likelihood(-a - b)) / (4.0 * _STEP**2)
+
     steps = _STEP * np.eye(size)
-    information = np.array(
-        [
-            [
-                -log_likelihood(a + b) + log_likelihood(a - b) + log_likelihood(b - a)
-                - log_likelihood(-a - b)
-                for b in steps
-            ]
-            for a in steps
-        ]
-    ) / (4.0 * _STEP**2)  # fmt: skip
+    information = np.array([[curvature(a, b) for b in steps] for a in steps])
     if not np.isfinite(information).all():
         return [None] * size
     curvatures = np.linalg.eigvalsh(information)
@@ -256,5 +230,5 @@ def _joined(counted: Array, expected: Array) -> tuple[Array, Array]:
             group, total = group + 1, 0.0
     if total > 0.0 and group > 0:  # what is left over joins the last full one
         groups[groups == group] = group - 1
-    joined = [np.bincount(groups, values) for values in (counted, expected)]
-    return joined[0].astype(np.float64), joined[1].astype(np.float64)
+    joined = [np.bincount(groups, one).astype(np.float64) for one in (counted, expected)]
+    return joined[0], joined[1]

@@ -79,10 +79,19 @@ class Golombek(SizeLaw):
     @property
     def abundance(self) -> float:
         """Rock abundance k, however it is given."""
+        from scipy.special import lambertw
+
         if self.preset:
             return self.preset.k
         if self.cover:
-            return self._k_of_cover(self.cover)
+            fraction, above = self.cover.fraction, self.cover.above_m
+            if self.q_per_m:
+                return float(fraction * portable.exp(self.q_per_m * above))
+            # The k of F = k exp(-(a + b / k) D): b D / k = W(b D exp(-a D) / F), Lambert's W.
+            constant, slope = self._decay
+            w = float(lambertw(slope * above * portable.exp(-constant * above) / fraction).real)
+            # k = b D / W(x) in a form that holds for D = 0 too: 1 / W(x) = exp(W(x)) / x.
+            return float(fraction * portable.exp(constant * above + w))
         if self.k is None:
             raise RecipeError("golombek needs one of k, cover and site")
         return self.k
@@ -99,21 +108,16 @@ class Golombek(SizeLaw):
         from scipy.special import exp1
 
         d, k, q = np.asarray(diameter, np.float64), self.abundance, self.q
-        number: Array = 4.0 * k * q / np.pi * (portable.exp(-q * d) / d - q * exp1(q * d))
-        return number
+        return np.asarray(4.0 * k * q / np.pi * (portable.exp(-q * d) / d - q * exp1(q * d)))
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D) = k exp(-q D)."""
-        area: Array = self.abundance * portable.exp(-self.q * np.asarray(diameter, np.float64))
-        return area
+        return self.abundance * portable.exp(-self.q * np.asarray(diameter, np.float64))
 
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(4 k q / π) - q D - 2 log D."""
         d, q = np.asarray(diameter, np.float64), self.q
-        density: Array = (
-            portable.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * portable.log(d)
-        )
-        return density
+        return portable.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * portable.log(d)
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """(π k q / 4 area) (G(a) - G(b)), G(D) = exp(-q D) (D² / q + 2 D / q² + 2 / q³)."""
@@ -124,8 +128,7 @@ class Golombek(SizeLaw):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] of density exp(-q D) / D², exactly: proposed by 1 / D², thinned by exp."""
-        diameters: Array = _sample(hashes, smallest, largest, self.q)
-        return diameters
+        return np.asarray(_sample(hashes, smallest, largest, self.q))
 
     def on(self, body: Body, key: Key = ()) -> Golombek:
         """The law with the body's q(k), unless it has a q of its own."""
@@ -135,10 +138,7 @@ class Golombek(SizeLaw):
 
     def check(self, key: Key) -> None:
         """Refuse a law without or with two of k, cover and site, or a cover beyond the family."""
-        given = [name for name in ("k", "cover", "site") if getattr(self, name) is not None]
-        if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise RecipeError(f"golombek needs one of k, cover and site, found {found}", key=key)
+        self.require_one(key, "one of k, cover and site", ("k",), ("cover",), ("site",))
         decays = [name for name in ("q_of_k", "q_per_m") if getattr(self, name) is not None]
         if self.site and decays:
             raise RecipeError("a site has its own q, leave it out", key=(*key, decays[0]))
@@ -165,28 +165,12 @@ class Golombek(SizeLaw):
     @property
     def _decay(self) -> tuple[float, float]:
         if self.preset:
-            return self.preset.decay
+            return DECAYS[self.preset.body.name]
         return DECAYS[self.q_of_k] if self.q_of_k else USUAL
-
-    def _k_of_cover(self, cover: CoverAbove) -> float:
-        """The k of F = k exp(-(a + b / k) D): b D / k = W(b D exp(-a D) / F), Lambert's W."""
-        from scipy.special import lambertw
-
-        if self.q_per_m:
-            return float(cover.fraction * portable.exp(self.q_per_m * cover.above_m))
-        constant, slope = self._decay
-        argument = slope * cover.above_m * portable.exp(-constant * cover.above_m) / cover.fraction
-        # k = b D / W(x) in a form that holds for D = 0 too: 1 / W(x) = exp(W(x)) / x.
-        w = float(lambertw(argument).real)
-        return float(cover.fraction * portable.exp(constant * cover.above_m + w))
 
 
 def decay_of(body: Body, key: Key) -> str:
-    """The `q_of_k` of a body.
-
-    Raises:
-        RecipeError: if no q(k) was fitted to its rocks.
-    """
+    """The `q_of_k` of a body; refuses one to whose rocks no q(k) was fitted."""
     if body.rock_decay is None:
         raise RecipeError(
             f"no q(k) was fitted to rocks of {body.name.capitalize()}: give q_per_m, or take that "

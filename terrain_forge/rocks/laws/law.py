@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, Spec
+from terrain_forge.base import Array, Key, RecipeError, Spec
 from terrain_forge.model import Body
 
 
@@ -73,6 +73,13 @@ class SizeLaw(Spec):
         Raises:
             RecipeError: says what is wrong and what is allowed.
         """
+
+    def require_one(self, key: Key, wanted: str, *choices: tuple[str, ...]) -> None:
+        """Refuse a law that does not have all fields of one choice, and none of the others."""
+        given = [name for one in choices for name in one if getattr(self, name) is not None]
+        if tuple(given) not in choices:
+            found = " and ".join(given) or "none"
+            raise RecipeError(f"{self.kind} needs {wanted}, found {found}", key=key)
 
     def report(self) -> dict[str, Any]:
         """The law in plain numbers, sources and fits resolved, as JSON can hold it."""

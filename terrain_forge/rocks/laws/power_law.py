@@ -47,8 +47,7 @@ class PowerLaw(SizeLaw):
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) = c D^-m [1/m²]."""
         number, exponent = self.coefficients
-        above: Array = number * portable.power(diameter, -exponent)
-        return above
+        return number * portable.power(diameter, -exponent)
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D) = (π/4) c m D^(2-m) / (m - 2); up to a constant where m ≤ 2."""
@@ -60,8 +59,7 @@ class PowerLaw(SizeLaw):
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(c m) - (m + 1) log D."""
         number, exponent = self.coefficients
         log_d = portable.log(np.asarray(diameter, np.float64))
-        density: Array = portable.log(number * exponent) - (exponent + 1.0) * log_d
-        return density
+        return portable.log(number * exponent) - (exponent + 1.0) * log_d
 
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """(π/4)² c m (b^(4-m) - a^(4-m)) / (4 - m) / area."""
@@ -71,19 +69,12 @@ class PowerLaw(SizeLaw):
 
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] by inversion of the truncated law."""
-        diameters: Array = _sample(hashes, smallest, largest, self.coefficients[1])
-        return diameters
+        return np.asarray(_sample(hashes, smallest, largest, self.coefficients[1]))
 
     def check(self, key: Key) -> None:
         """Refuse a law without its numbers, or with a site besides."""
-        numbers = [
-            name for name in ("number_per_m2", "exponent") if getattr(self, name) is not None
-        ]
-        if len(numbers) != (0 if self.site else 2):
-            found = " and ".join([*numbers, *(["site"] if self.site else [])]) or "none"
-            raise RecipeError(
-                f"power_law needs number_per_m2 and exponent, or site; found {found}", key=key
-            )
+        wanted = "number_per_m2 and exponent, or site"
+        self.require_one(key, wanted, ("number_per_m2", "exponent"), ("site",))
 
     def report(self) -> dict[str, Any]:
         """c, m and the source of a site's figures."""
@@ -101,8 +92,7 @@ def moment_above(ratio: Array, exponent: ArrayLike, power: int) -> Array:
     log_x = portable.log(ratio)
     near = np.abs(rest) < 1e-6  # where 1 / rest would swallow the digits
     far = np.where(near, 1.0, rest)
-    moment: Array = m * np.where(near, -log_x, portable.exp(-far * log_x) / far)
-    return moment
+    return m * np.where(near, -log_x, portable.exp(-far * log_x) / far)
 
 
 @kernel

@@ -6,30 +6,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from terrain_forge.model import MARS, MOON, Body
-
-GolombekSite = Literal[
-    "viking_1",
-    "viking_2",
-    "pathfinder",
-    "gusev",
-    "meridiani",
-    "phoenix",
-    "gale",
-    "insight",
-    "jezero",
-    "zhurong",
-    "change_3",
-    "chang_e_3",
-    "change_4",
-    "chang_e_4",
-]
-"""Sites whose rocks follow an exponential cover."""
-
-SurveyorSite = Literal["surveyor_1", "surveyor_3", "surveyor_5", "surveyor_6", "surveyor_7"]
-"""Sites whose fragments follow a power law."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +39,6 @@ class RockAbundance(SiteCount):
     q_per_m: float | None = None
     """Decay of the cover with diameter [1/m], where it was fitted to the site itself."""
 
-    @property
-    def decay(self) -> tuple[float, float]:
-        """The body's q(k) = a + b / k as (a, b)."""
-        assert self.body.rock_decay is not None
-        return self.body.rock_decay
-
 
 @dataclass(frozen=True, kw_only=True)
 class FragmentCount(SiteCount):
@@ -77,105 +50,80 @@ class FragmentCount(SiteCount):
     """Fall of the cumulative number with diameter, m."""
 
 
-_RAPP = "Golombek & Rapp 1997, doi:10.1029/96JE03319"
-_INSIGHT = "Golombek et al. 2021, doi:10.1002/essoar.10507665.1"
-_SHOEMAKER = "Shoemaker & Morris 1970, Icarus 12"
-_FRAGMENTS = (
-    "converted from numbers per 100 m² and millimetres; counted below about 1 m: for blocks above "
-    "2.5 m the laws give too many, but for Surveyor 3 (Cintala & McBride 1995, NASA TM-104804)"
-)
-_CHANGE_3 = RockAbundance(
-    body=MOON,
-    k=0.0125,
-    source="Di et al. 2016, doi:10.1016/j.pss.2015.11.012",
-    verified=False,
-)
-_CHANGE_4 = RockAbundance(
-    body=MOON,
-    k=0.0021,
-    source="Wu et al. 2021, doi:10.1016/j.epsl.2020.116666",
-    verified=True,
-    note="around the lander, from the abstract",
-)
+def _read(body: Body, k: float, source: str, note: str) -> RockAbundance:
+    return RockAbundance(body=body, k=k, source=source, verified=True, note=note)
 
-ABUNDANCES: dict[GolombekSite, RockAbundance] = {
-    "viking_1": RockAbundance(body=MARS, k=0.069, q_per_m=4.08, source=_RAPP, verified=False),
-    "viking_2": RockAbundance(body=MARS, k=0.176, q_per_m=2.73, source=_RAPP, verified=False),
-    "pathfinder": RockAbundance(
-        body=MARS,
-        k=0.19,
-        source="Golombek et al. 2003, doi:10.1029/2002JE002035",
-        verified=True,
-        note="from the abstract",
-    ),
-    "gusev": RockAbundance(
-        body=MARS,
-        k=0.05,
-        source=_INSIGHT,
-        verified=True,
-        note="the plains at Spirit's landing site, as quoted there; up to 0.35 near Bonneville",
-    ),
-    "meridiani": RockAbundance(
-        body=MARS,
-        k=0.01,
-        source="commonly quoted, not traced to a count",
-        verified=False,
-        note="plains almost free of rocks; figures up to 0.05 are quoted too",
-    ),
-    "phoenix": RockAbundance(
-        body=MARS, k=0.02, source=_INSIGHT, verified=True, note="as quoted there"
-    ),
-    "gale": RockAbundance(
-        body=MARS,
-        k=0.05,
-        source="commonly quoted, not traced to a count",
-        verified=False,
-        note="the landing ellipse's order of magnitude, no count of one place",
-    ),
-    "insight": RockAbundance(
-        body=MARS,
-        k=0.03,
-        source=_INSIGHT,
-        verified=True,
-        note="within 10 m of the lander; 0.006 to 0.05 from side to side",
-    ),
-    "jezero": RockAbundance(
-        body=MARS,
-        k=0.08,
-        source="commonly quoted, not traced to a count",
-        verified=False,
-        note="the landing ellipse's order of magnitude, no count of one place",
-    ),
-    "zhurong": RockAbundance(
-        body=MARS,
-        k=0.033,
-        source="Wang et al. 2024, doi:10.1016/j.icarus.2024.116001",
-        verified=True,
-        note="along the whole traverse, 0.02 to 0.05 from stop to stop, from the abstract",
-    ),
-    "change_3": _CHANGE_3,
-    "chang_e_3": _CHANGE_3,
-    "change_4": _CHANGE_4,
-    "chang_e_4": _CHANGE_4,
-}
-"""Rock abundances by the names that a recipe can give."""
+
+def _quoted(
+    k: float,
+    note: str = "",
+    *,
+    body: Body = MARS,
+    q_per_m: float | None = None,
+    source: str = "commonly quoted, not traced to a count",
+) -> RockAbundance:
+    return RockAbundance(body=body, k=k, q_per_m=q_per_m, source=source, verified=False, note=note)
 
 
 def _surveyor(number_per_m2: float, exponent: float) -> FragmentCount:
     return FragmentCount(
         number_per_m2=number_per_m2,
         exponent=exponent,
-        source=_SHOEMAKER,
+        source="Shoemaker & Morris 1970, Icarus 12",
         verified=False,
-        note=_FRAGMENTS,
+        note="converted from numbers per 100 m² and millimetres; counted below about 1 m: for "
+        "blocks above 2.5 m the laws give too many, but for Surveyor 3 (Cintala & McBride 1995, "
+        "NASA TM-104804)",
     )
 
 
-FRAGMENTS: dict[SurveyorSite, FragmentCount] = {
+_RAPP = "Golombek & Rapp 1997, doi:10.1029/96JE03319"
+_PATHFINDER = "Golombek et al. 2003, doi:10.1029/2002JE002035"
+_INSIGHT = "Golombek et al. 2021, doi:10.1002/essoar.10507665.1"
+_ZHURONG = "Wang et al. 2024, doi:10.1016/j.icarus.2024.116001"
+_CHANGE_3 = _quoted(0.0125, body=MOON, source="Di et al. 2016, doi:10.1016/j.pss.2015.11.012")
+_CHANGE_4 = _read(
+    MOON,
+    0.0021,
+    "Wu et al. 2021, doi:10.1016/j.epsl.2020.116666",
+    "around the lander, from the abstract",
+)
+_ELLIPSE = "the landing ellipse's order of magnitude, no count of one place"
+_GUSEV = "the plains at Spirit's landing site, as quoted there; up to 0.35 near Bonneville"
+_TRAVERSE = "along the whole traverse, 0.02 to 0.05 from stop to stop, from the abstract"
+
+ABUNDANCES: dict[str, RockAbundance] = {
+    "viking_1": _quoted(0.069, q_per_m=4.08, source=_RAPP),
+    "viking_2": _quoted(0.176, q_per_m=2.73, source=_RAPP),
+    "pathfinder": _read(MARS, 0.19, _PATHFINDER, "from the abstract"),
+    "gusev": _read(MARS, 0.05, _INSIGHT, _GUSEV),
+    "meridiani": _quoted(0.01, "plains almost free of rocks; figures up to 0.05 are quoted too"),
+    "phoenix": _read(MARS, 0.02, _INSIGHT, "as quoted there"),
+    "gale": _quoted(0.05, _ELLIPSE),
+    "insight": _read(
+        MARS, 0.03, _INSIGHT, "within 10 m of the lander; 0.006 to 0.05 from side to side"
+    ),
+    "jezero": _quoted(0.08, _ELLIPSE),
+    "zhurong": _read(MARS, 0.033, _ZHURONG, _TRAVERSE),
+    "change_3": _CHANGE_3,
+    "chang_e_3": _CHANGE_3,
+    "change_4": _CHANGE_4,
+    "chang_e_4": _CHANGE_4,
+}
+"""Rock abundances of sites whose rocks follow an exponential cover, by a recipe's names."""
+
+FRAGMENTS: dict[str, FragmentCount] = {
     "surveyor_1": _surveyor(2.34e-3, 2.11),
     "surveyor_3": _surveyor(6.90e-4, 2.56),
     "surveyor_5": _surveyor(1.40e-4, 2.65),
     "surveyor_6": _surveyor(5.64e-4, 2.51),
     "surveyor_7": _surveyor(2.74e-2, 1.82),
 }
-"""Fragment counts of the Surveyor landers by the names that a recipe can give."""
+"""Fragment counts of the Surveyor landers, by a recipe's names."""
+
+if TYPE_CHECKING:
+    GolombekSite = str
+    SurveyorSite = str
+else:
+    GolombekSite = Literal[tuple(ABUNDANCES)]
+    SurveyorSite = Literal[tuple(FRAGMENTS)]

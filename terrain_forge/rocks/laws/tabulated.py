@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -86,12 +87,8 @@ class Tabulated(SizeLaw):
 
     def check(self, key: Key) -> None:
         """Refuse a table that is missing, doubled, ragged, or whose numbers do not fall."""
-        lists = [n for n in ("diameters_m", "numbers_per_m2") if getattr(self, n) is not None]
-        if len(lists) != (0 if self.file else 2):
-            found = " and ".join([*lists, *(["file"] if self.file else [])]) or "none"
-            raise RecipeError(
-                f"table needs diameters_m and numbers_per_m2, or file; found {found}", key=key
-            )
+        wanted = "diameters_m and numbers_per_m2, or file"
+        self.require_one(key, wanted, ("diameters_m", "numbers_per_m2"), ("file",))
         if self.diameters_m is None or self.numbers_per_m2 is None:
             return
         rows, numbers = len(self.diameters_m), len(self.numbers_per_m2)
@@ -99,18 +96,13 @@ class Tabulated(SizeLaw):
             raise RecipeError(f"{rows} diameters, {numbers} numbers: as many of both", key=key)
         if rows < 2:
             raise RecipeError(f"{rows} row, a table needs at least 2", key=key)
-        for name, steps in (
-            ("diameters_m", np.diff(self.diameters_m)),
-            ("numbers_per_m2", -np.diff(self.numbers_per_m2)),
-        ):
-            if np.any(steps <= 0.0):
-                row = int(np.argmax(steps <= 0.0))
-                before, after = getattr(self, name)[row : row + 2]
-                way = "rise" if name == "diameters_m" else "fall"
-                raise RecipeError(
-                    f"{before:g} in row {row + 1} and {after:g} in the next: they must {way}",
-                    key=(*key, name),
-                )
+        for name, way, sign in (("diameters_m", "rise", 1.0), ("numbers_per_m2", "fall", -1.0)):
+            for row, (before, after) in enumerate(pairwise(getattr(self, name)), 1):
+                if sign * (after - before) <= 0.0:
+                    raise RecipeError(
+                        f"{before:g} in row {row} and {after:g} in the next: they must {way}",
+                        key=(*key, name),
+                    )
 
     def report(self) -> dict[str, Any]:
         """The table's ends."""
@@ -135,8 +127,7 @@ class Tabulated(SizeLaw):
 
         def above(at: Array, row: NDArray[np.intp]) -> Array:
             ratio = at / start[row]
-            moment: Array = scale[row] * moment_above(ratio, own.exponents[row], power)
-            return moment
+            return scale[row] * moment_above(ratio, own.exponents[row], power)
 
         every, row = np.arange(len(start)), own.row(diameter)
         at_ends = np.append(above(start[1:], every[:-1]), 0.0)

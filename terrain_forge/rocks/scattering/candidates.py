@@ -1,4 +1,7 @@
-"""What chance gives the rocks, by address: first places, sizes, shapes, yaws and burials."""
+"""Rocks at their first places: what chance gives them, by address, and what the user lists.
+
+Listed rocks are placed as they are listed, before all others, and never moved.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
-from terrain_forge.model import RockLibrary, Site
+from terrain_forge.base import Array, portable, stage_key
+from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.arrangement import Clustered
-from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.rocks.scattering.addresses import (
+from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec, RockListSpec
+from terrain_forge.rocks.scattering.cells import (
     BURIED,
     EAST,
     KEEP,
@@ -19,37 +22,30 @@ from terrain_forge.rocks.scattering.addresses import (
     PROTOTYPE,
     SIZE,
     YAW,
+    Cells,
+    Region,
     addresses,
     draw,
     words,
 )
-from terrain_forge.rocks.scattering.cells import Region
 from terrain_forge.rocks.scattering.clusters import TRUNCATION, Parents, offspring
 from terrain_forge.rocks.scattering.intensity import Intensity, weights
 from terrain_forge.rocks.scattering.size_classes import SizeClass, is_dynamic, shapes_of
 
 
 class Candidates(NamedTuple):
-    """Rocks at their first places, ordered by class, cell and id; shapes begin with [rocks]."""
+    """Rocks at their first places, ordered by class, cell and id: columns as of `Scattered`."""
 
     id: NDArray[np.int64]
-    """Id."""
     population: NDArray[np.int64]
-    """Index of the population."""
     address: NDArray[np.uint64]
-    """Hashed address."""
+    """Hashed address, shape [rocks]."""
     xy: Array
-    """East and north [m], shape [rocks, 2]."""
     diameter: Array
-    """Exposed plan diameter [m]."""
     prototype: NDArray[np.int64]
-    """Index into the library."""
     yaw: Array
-    """Turn about the ground's normal [rad]."""
     buried: Array
-    """Part of the rock's extent below the ground."""
     dynamic: NDArray[np.bool_]
-    """Whether it can be pushed."""
 
 
 def join(parts: list[Candidates]) -> Candidates:
@@ -61,18 +57,9 @@ def join(parts: list[Candidates]) -> Candidates:
     return Candidates(whole, whole, address, np.zeros((0, 2)), real, whole, real, real, dynamic)
 
 
-class _Unthinned(NamedTuple):
-    """Rocks of a class before thinning, ordered by cell and id."""
-
-    id: NDArray[np.int64]
-    address: NDArray[np.uint64]
-    xy: Array
-    cell: NDArray[np.int64]
-    """Cell within the region, counted row by row."""
-
-    def of(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _Unthinned:
-        """Those of a mask or of an index array."""
-        return _Unthinned(self.id[rows], self.address[rows], self.xy[rows], self.cell[rows])
+_Unthinned = tuple[NDArray[np.int64], NDArray[np.uint64], Array, NDArray[np.int64]]
+"""Id, address, place [m] and cell within the region, counted row by row, of rocks of a class before
+thinning, ordered by cell and id."""
 
 
 def draw_class(
@@ -84,37 +71,41 @@ def draw_class(
     site: Site,
     intensity: Intensity,
 ) -> tuple[Candidates, NDArray[np.int64]]:
-    """The rocks of a class whose first place lies in a region, and how many each cell has.
-
-    Returns:
-        The rocks; their number in each cell of the region, row by row.
-    """
+    """The rocks of a class whose first place lies in a region; their number in each cell of it."""
     if size_class.parents is None:
-        found = _in_cells(size_class, region, site)
+        ids, address, xy, cell = _in_cells(size_class, region, site)
     else:
-        found = _in_clusters(size_class, size_class.parents, region, population, site)
+        ids, address, xy, cell = _in_clusters(
+            size_class, size_class.parents, region, population, site
+        )
     diameter = population.size_frequency.sample(
-        words(found.address, SIZE), size_class.smallest, size_class.largest
+        words(address, SIZE), size_class.smallest, size_class.largest
     )
     if intensity.thins(size_class.population):
-        kept = _thinned(size_class, region, found, diameter, intensity)
-        found, diameter = found.of(kept), diameter[kept]
+        # A share is kept that is the weight of the place over its bound.
+        bound: Array | float = 1.0
+        if size_class.bounds is not None:
+            bound = region.cut(size_class.bounds).ravel()[cell]
+        likely = weights(intensity, size_class.population, xy, diameter)
+        kept = draw(address, KEEP) * bound < likely
+        ids, address, xy, cell = ids[kept], address[kept], xy[kept], cell[kept]
+        diameter = diameter[kept]
     shapes = shapes_of(population.families, library, ("rocks", "populations"))
     shallow, deep = population.buried_fraction
     dynamic = is_dynamic(population, diameter)
-    buried = shallow + (deep - shallow) * draw(found.address, BURIED)
+    buried = shallow + (deep - shallow) * draw(address, BURIED)
     drawn = Candidates(
-        id=found.id,
-        population=np.full(len(found.id), size_class.population),
-        address=found.address,
-        xy=found.xy,
+        id=ids,
+        population=np.full(len(ids), size_class.population),
+        address=address,
+        xy=xy,
         diameter=diameter,
-        prototype=shapes[(draw(found.address, PROTOTYPE) * len(shapes)).astype(np.int64)],
-        yaw=2.0 * np.pi * draw(found.address, YAW),
+        prototype=shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)],
+        yaw=2.0 * np.pi * draw(address, YAW),
         buried=np.where(dynamic, 0.0, buried),
         dynamic=dynamic,
     )
-    return drawn, np.bincount(found.cell, minlength=region.columns * region.rows)
+    return drawn, np.bincount(cell, minlength=region.columns * region.rows)
 
 
 def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
@@ -125,12 +116,8 @@ def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
     first_id = size_class.first_id + _before(size_class.counts)
     x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
     y = site.south + (region.row + rows + draw(address, NORTH)) * cells.side[1]
-    return _Unthinned(
-        id=_numbered(region.cut(first_id), counts),
-        address=address,
-        xy=np.column_stack([x, y]),
-        cell=rows * region.columns + columns,
-    )
+    ids = _numbered(region.cut(first_id), counts)
+    return ids, address, np.column_stack([x, y]), rows * region.columns + columns
 
 
 def _in_clusters(
@@ -155,33 +142,63 @@ def _in_clusters(
     column, row = (cells.of(xy, site) - (region.column, region.row)).T
     inside = (column >= 0) & (column < region.columns) & (row >= 0) & (row < region.rows)
     inside &= np.all(np.abs(xy) <= (-site.west, -site.south), axis=1)
-    found = _Unthinned(ids, address, xy, row * region.columns + column).of(inside)
-    return found.of(np.argsort(found.cell, kind="stable"))
-
-
-def _thinned(
-    size_class: SizeClass,
-    region: Region,
-    found: _Unthinned,
-    diameter: Array,
-    intensity: Intensity,
-) -> NDArray[np.bool_]:
-    """Which candidates are kept: a share that is the weight of their place over its bound."""
-    kept = weights(intensity, size_class.population, found.xy, diameter)
-    bound: Array | float = 1.0
-    if size_class.bounds is not None:
-        bound = region.cut(size_class.bounds).ravel()[found.cell]
-    result: NDArray[np.bool_] = draw(found.address, KEEP) * bound < kept
-    return result
+    cell, kept = row * region.columns + column, np.flatnonzero(inside)
+    kept = kept[np.argsort(cell[kept], kind="stable")]
+    return ids[kept], address[kept], xy[kept], cell[kept]
 
 
 def _before(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Sum of all counts before each, of the same shape."""
-    sums: NDArray[np.int64] = np.cumsum(counts.ravel()).reshape(counts.shape) - counts
-    return sums
+    return np.cumsum(counts.ravel()).reshape(counts.shape) - counts
 
 
 def _numbered(first: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """`first` and the numbers that follow, as many as `counts` says, one list after the other."""
     shift = first.ravel() - _before(counts).ravel()
     return np.repeat(shift, counts.ravel()) + np.arange(int(counts.sum()))
+
+
+def draw_list(
+    spec: RockListSpec, *, index: int, number: int, site: Site, library: RockLibrary
+) -> list[tuple[Candidates, Cells]]:
+    """The rocks of a list; what its table does not give is drawn as for other rocks.
+
+    They come in octaves of diameter, each with one cell, so that near ones are found fast.
+    `index` is the list's among all populations, of which lists come last, `number` its own.
+    """
+    table = site.table(spec.file)
+    count = len(table.values)
+    key = stage_key(site.seed, f"rocks/{spec.name}")
+    address = addresses(key, 0, 0, np.array([[count]]))
+    shapes = shapes_of(spec.families, library, ("rocks", "lists", number))
+    prototype = _column(table, "prototype")
+    if prototype is None:
+        prototype = shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
+    yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
+    shallow, deep = spec.buried_fraction
+    drawn = Candidates(
+        id=index * MAX_ROCKS + np.arange(count),
+        population=np.full(count, index),
+        address=address,
+        xy=np.column_stack([table.column("x_m"), table.column("y_m")]),
+        diameter=table.column("diameter_m"),
+        prototype=prototype.astype(np.int64),
+        yaw=2.0 * np.pi * draw(address, YAW) if yaw is None else np.radians(yaw),
+        buried=shallow + (deep - shallow) * draw(address, BURIED) if buried is None else buried,
+        dynamic=np.zeros(count, np.bool_),
+    )
+    octave = np.floor(portable.log2(drawn.diameter / drawn.diameter.min(initial=np.inf)))
+    reach = np.array([prototype.reach for prototype in library.prototypes])
+    found = []
+    for n in np.unique(octave)[::-1]:
+        part = Candidates(*(column[octave == n] for column in drawn))
+        radius = float((reach[part.prototype] * part.diameter).max())
+        bins = min(len(part.id) ** 0.5, min(site.size) / (2.0 * radius))
+        split = max(int(bins), 1)
+        found.append((part, Cells(radius=radius, columns=1, rows=1, side=site.size, split=split)))
+    return found
+
+
+def _column(table: Table, name: str) -> Array | None:
+    """A table's column, or None where it has none of that name."""
+    return table.column(name) if name in table.columns else None

@@ -1,21 +1,28 @@
-"""Cells: how a class of rocks divides the site, and which of them a window depends on."""
+"""Cells: how a class of rocks divides the site, and which of them a window depends on.
+
+All that chance gives a rock is hashed by its address: the cell, its number there and what is drawn.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import kernel, mix, poisson, uniform
 from terrain_forge.model import Site
 
 Rectangle = tuple[float, float, float, float]
 """West, south, east, north [m]."""
 
+SIZE, EAST, NORTH, PROTOTYPE, YAW, BURIED, RETRY, KEEP = range(8)
+"""What is drawn for a rock: the last word of its address."""
+
 _ROCKS_PER_CELL = 200.0
 _DIAMETERS_PER_CELL = 40.0
-_COLOURS = 4
+_RINGS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +53,7 @@ class Cells:
         return np.clip(found, 0, (self.columns - 1, self.rows - 1))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Region:
+class Region(NamedTuple):
     """A rectangle of the cells of a class."""
 
     column: int
@@ -106,31 +112,57 @@ def regions(classes: list[Cells], window: Rectangle, site: Site) -> list[Region]
     found: list[Region] = []
     needed: list[tuple[Rectangle, float]] = [(window, 0.0)]
     for cells in reversed(classes):
-        grown = [_grow(area, radius + cells.radius) for area, radius in needed]
-        lows, highs = np.min(grown, axis=0)[:2], np.max(grown, axis=0)[2:]
-        region = _touched(cells, (*lows, *highs), site)
+        margins = np.array([radius + cells.radius for _, radius in needed])[:, None]
+        areas = np.array([area for area, _ in needed])
+        lows, highs = (areas[:, :2] - margins).min(axis=0), (areas[:, 2:] + margins).max(axis=0)
+        last = np.array([cells.columns, cells.rows]) - 1
+        corner = site.west, site.south
+        first = np.clip(np.floor((lows - corner) / cells.side) - _RINGS, 0, last).astype(int)
+        end = np.clip(np.floor((highs - corner) / cells.side) + _RINGS, 0, last).astype(int) + 1
+        region = Region(*first.tolist(), *(end - first).tolist())
         found.append(region)
         needed.append((region.rectangle(cells, site), cells.radius))
     return found[::-1]
 
 
-def _grow(area: Rectangle, margin: float) -> Rectangle:
-    west, south, east, north = area
-    return west - margin, south - margin, east + margin, north + margin
+@kernel
+def cell_counts(key, means):  # type: ignore[no-untyped-def]
+    """Poisson number of rocks in each cell of a class, by their expected numbers, of one shape."""
+    rows, columns = means.shape
+    counts = np.empty((rows, columns), dtype=np.int64)
+    for j in range(rows):
+        for i in range(columns):
+            counts[j, i] = poisson(mix(mix(mix(key, i), j), 0), means[j, i])
+    return counts
 
 
-def _touched(cells: Cells, area: Rectangle, site: Site) -> Region:
-    """The cells that touch an area, and three rings around, as far as the site goes."""
-    rings = _COLOURS - 1
-    first, last = [], []
-    for axis, count in enumerate((cells.columns, cells.rows)):
-        edge = (site.west, site.south)[axis]
-        low, high = ((area[axis + n] - edge) / cells.side[axis] for n in (0, 2))
-        first.append(int(np.clip(np.floor(low) - rings, 0, count - 1)))
-        last.append(int(np.clip(np.floor(high) + rings, 0, count - 1)))
-    return Region(
-        column=first[0],
-        row=first[1],
-        columns=last[0] - first[0] + 1,
-        rows=last[1] - first[1] + 1,
-    )
+@kernel
+def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
+    """Hashed addresses of the rocks of a region of cells that begins at (column, row)."""
+    found = np.empty(counts.sum(), dtype=np.uint64)
+    n = 0
+    for j in range(counts.shape[0]):
+        for i in range(counts.shape[1]):
+            cell = mix(mix(key, column + i), row + j)
+            for k in range(counts[j, i]):
+                found[n] = mix(cell, k + 1)
+                n += 1
+    return found
+
+
+@kernel
+def words(address, what):  # type: ignore[no-untyped-def]
+    """Extend each address by what is drawn there."""
+    found = np.empty(len(address), dtype=np.uint64)
+    for n in range(len(address)):
+        found[n] = mix(address[n], what)
+    return found
+
+
+@kernel
+def draw(address, what):  # type: ignore[no-untyped-def]
+    """A uniform number in (0, 1) for each address."""
+    drawn = np.empty(len(address))
+    for n in range(len(address)):
+        drawn[n] = uniform(mix(address[n], what))
+    return drawn

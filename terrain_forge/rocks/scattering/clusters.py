@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, RecipeError, kernel, mix, poisson, uniform, zigzag
+from terrain_forge.base import Array, Key, RecipeError, kernel, mix, poisson, uniform, zigzag
 from terrain_forge.model import Site
 from terrain_forge.rocks.arrangement import Clustered
 
@@ -36,19 +36,11 @@ class Parents(NamedTuple):
     """Hashed address, shape [parents]."""
 
 
-def parents(
-    arrangement: Clustered, *, site: Site, key: np.uint64, where: tuple[str | int, ...] = ()
-) -> Parents:
-    """All parents whose rocks may lie on the site.
-
-    Args:
-        arrangement: How many there are, and how far their rocks.
-        site: The site.
-        key: The population's key.
-        where: Where the population stands in the recipe.
+def parents(arrangement: Clustered, *, site: Site, key: np.uint64, where: Key = ()) -> Parents:
+    """All parents, by their population's key, whose rocks may lie on the site.
 
     Raises:
-        RecipeError: if they are too many.
+        RecipeError: if they are too many; `where` is the population's place in the recipe.
     """
     reach = TRUNCATION * arrangement.radius_m
     low = np.array([site.west, site.south]) - reach
@@ -91,13 +83,7 @@ def _draw_parents(key, first, last, corner, side, mean):  # type: ignore[no-unty
 
 @kernel
 def numbers(address, key, mean):  # type: ignore[no-untyped-def]
-    """Poisson number of rocks of a size class that each parent has, shape [parents].
-
-    Args:
-        address: The parents' addresses.
-        key: The size class's key.
-        mean: Expected number.
-    """
+    """Poisson number of rocks of a size class that each parent has, shape [parents]."""
     batches = int(np.ceil(mean / _BATCH))  # a sum of Poisson counts is one; exp underflows
     counts = np.zeros(len(address), dtype=np.int64)
     for p in range(len(address)):
@@ -111,11 +97,7 @@ def numbers(address, key, mean):  # type: ignore[no-untyped-def]
 def offspring(found, counts, key, radius):  # type: ignore[no-untyped-def]
     """Rocks of some parents, in order: addresses, and places [m] of shape [rocks, 2].
 
-    Args:
-        found: The parents.
-        counts: Rocks of each, shape [parents].
-        key: The size class's key.
-        radius: Standard deviation of a rock's distance from its parent, east and north [m].
+    `radius` is the standard deviation of their distance from the parent, east and north [m].
     """
     total = counts.sum()
     address, xy = np.empty(total, dtype=np.uint64), np.empty((total, 2))

@@ -61,20 +61,15 @@ def exclusion_zones(
         routes: all routes of the site.
         rover: who drives them.
     """
-    own = [
-        ExclusionZone(centre=circle.centre_m, radius=circle.radius_m, clearance=circle.clearance_m)
-        for circle in exclusion_zones
-    ]
-    starts = [
-        ExclusionZone(
-            centre=(float(route.position[0, 0]), float(route.position[0, 1])),
-            radius=0.5 * hypot(rover.length, rover.width),
-            clearance=0.0,
-        )
-        for route in routes
-        if route.corridor_width == 0.0
-    ]
-    return (*own, *starts)
+    circles = [(one.centre_m, one.radius_m, one.clearance_m) for one in exclusion_zones]
+    for route in routes:
+        if route.corridor_width == 0.0:
+            east, north = route.position[0].tolist()
+            circles.append(((east, north), 0.5 * hypot(rover.length, rover.width), 0.0))
+    return tuple(
+        ExclusionZone(centre=centre, radius=radius, clearance=clearance)
+        for centre, radius, clearance in circles
+    )
 
 
 def corridors(site: Site) -> Corridors:
@@ -107,8 +102,7 @@ def corridors(site: Site) -> Corridors:
 
 def in_corridor(site: Site, xy: Array) -> NDArray[np.bool_]:
     """Which points (east, north) [m], shape [points, 2], lie in a corridor or exclusion zone."""
-    inside: NDArray[np.bool_] = _inside(corridors(site), np.asarray(xy, np.float64))
-    return inside
+    return np.asarray(_inside(corridors(site), np.asarray(xy, np.float64)))
 
 
 def corridor_area(site: Site, window: Window) -> float:
@@ -183,14 +177,22 @@ def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
     return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
 
 
+@inner
+def is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
+    """Whether a place lies in a corridor or exclusion zone; `limit` as of `search_radius`."""
+    away = distances(strips, x, y, limit)
+    for s in range(len(away)):
+        if away[s] < strips.half_width[s]:
+            return True
+    return False
+
+
 @kernel
 def _inside(strips, xy):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
     limit = search_radius(strips, 0.0)
     for n in range(len(xy)):
-        away = distances(strips, xy[n, 0], xy[n, 1], limit)
-        for c in range(len(away)):
-            inside[n] |= away[c] < strips.half_width[c]
+        inside[n] = is_kept_free(strips, xy[n, 0], xy[n, 1], limit)
     return inside
 
 

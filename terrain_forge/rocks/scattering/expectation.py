@@ -19,8 +19,13 @@ from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, Clustered, Crater
 from terrain_forge.rocks.scattering.cells import Rectangle
 from terrain_forge.rocks.scattering.corridor import corridor_area, in_corridor
-from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity, weights
-from terrain_forge.rocks.scattering.slopes import flat_area, with_slopes
+from terrain_forge.rocks.scattering.intensity import (
+    Intensity,
+    flat_area,
+    make_intensity,
+    weights,
+    with_slopes,
+)
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec
@@ -77,23 +82,21 @@ def expected(
     intensity = make_intensity((population,), site)
     intensity = with_slopes(intensity, site=site, area=area, ground=ground)
     if isinstance(population.arrangement, AroundCraters):
-        parts = [
-            (_around(crater, population, intensity, site, area), crater.largest_rock_m)
-            for crater in population.arrangement.craters
-        ]
-        limited = tuple((held, min(limit, largest)) for held, limit in parts if held > 0.0)
-        return Expectation(parts=limited, area_variance=0.0)
+        craters = population.arrangement.craters
+        areas = [_around(crater, population, intensity, site, area) for crater in craters]
+        limits = [min(crater.largest_rock_m, largest) for crater in craters]
+        parts = tuple(part for part in zip(areas, limits, strict=True) if part[0] > 0.0)
+        return Expectation(parts=parts, area_variance=0.0)
     covered = corridor_area(site, window)
     held = window.columns * window.rows * site.spacing**2 - covered
     if intensity.limits_slope and covered == 0.0 and population.density_image is None:
         held = flat_area(intensity, 0, window)
     elif intensity.thins(0):
-        held = _integral(*_grid(area, intensity, site, _POINTS))
+        held = _grid(area, intensity, site, _POINTS)[2]
     variance = 0.0
     if isinstance(population.arrangement, Clustered):
         level = covered == 0.0 and not intensity.thins(0)
-        weight, step = _grid(area, intensity, site, 1 if level else _CLUSTER_POINTS)
-        coarse = _integral(weight, step)
+        weight, step, coarse = _grid(area, intensity, site, 1 if level else _CLUSTER_POINTS)
         finer = held / coarse if coarse > 0.0 else 0.0
         variance = _cluster_variance(population.arrangement, weight, step) * finer**2
     return Expectation(parts=((held, largest),), area_variance=variance)
@@ -110,20 +113,18 @@ def expected_cover(populations: tuple[PopulationSpec, ...], site: Site, window: 
     populations = tuple(replace(p, max_slope_deg=None) for p in populations)
     intensity = make_intensity(populations, site)
     for number, population in enumerate(populations):
-        law = population.size_frequency
-        smallest, largest = population.diameters
-        share = float(law.cumulative_area(smallest) - law.cumulative_area(largest))
+        share: Array | float = 1.0
         if intensity.thins(number):
-            cover += share * weights(intensity, number, places, np.full(len(places), smallest))
-        else:
-            cover += share
+            smallest = np.full(len(places), population.diameters[0])
+            share = weights(intensity, number, places, smallest)
+        cover += population.cover * share
     return cover.reshape(len(north), len(east))
 
 
 def _grid(
     area: Rectangle, intensity: Intensity, site: Site, points: int
-) -> tuple[Array, tuple[float, float]]:
-    """Weights at the middles of the cells of a grid over an area [m], and the cells' sides [m].
+) -> tuple[Array, tuple[float, float], float]:
+    """Weights at the middles of the cells of a grid over an area [m], the cells' sides, integral.
 
     They are 0 in corridors and exclusion zones, shape [points, points].
     """
@@ -133,20 +134,12 @@ def _grid(
     xy = np.column_stack([east.ravel(), north.ravel()])
     weight = weights(intensity, 0, xy, np.zeros(len(xy)))
     weight[in_corridor(site, xy)] = 0.0
-    return weight.reshape(points, points), step
-
-
-def _integral(weight: Array, step: tuple[float, float]) -> float:
-    """Integral of the weight over a grid [m²]."""
-    return float(weight.sum()) * (step[0] * step[1])
+    weight = weight.reshape(points, points)
+    return weight, step, float(weight.sum()) * (step[0] * step[1])
 
 
 def _around(
-    crater: Crater,
-    population: PopulationSpec,
-    intensity: Intensity,
-    site: Site,
-    area: Rectangle,
+    crater: Crater, population: PopulationSpec, intensity: Intensity, site: Site, area: Rectangle
 ) -> float:
     """Integral of one crater's weight over an area [m²]."""
     reach = 0.5 * FARTHEST * crater.diameter_m
@@ -159,7 +152,7 @@ def _around(
     own = make_intensity((alone,), site)._replace(
         steepness=intensity.steepness, steepness_window=intensity.steepness_window
     )
-    return _integral(*_grid((west, south, east, north), own, site, _CRATER_POINTS))
+    return _grid((west, south, east, north), own, site, _CRATER_POINTS)[2]
 
 
 def _cluster_variance(clusters: Clustered, weight: Array, step: tuple[float, float]) -> float:
@@ -174,17 +167,11 @@ def _cluster_variance(clusters: Clustered, weight: Array, step: tuple[float, flo
 
     shared = weight
     for axis, side in ((0, step[1]), (1, step[0])):
-        pairs = _pairs(weight.shape[axis], side, clusters.radius_m)
+        # ∫∫ of k along the axis, over two cells that lie 0, 1, 2 … cells apart [m]: by differences
+        # of its second integral.
+        places = [0.5 * (n - 1) * side / clusters.radius_m for n in range(weight.shape[axis] + 2)]
+        second = [t * math.erf(t) + math.exp(-t * t) / math.sqrt(math.pi) for t in places]
+        pairs = clusters.radius_m * np.diff(second, 2)
         both_ways = np.concatenate([pairs[:0:-1], pairs])
         shared = correlate1d(shared, both_ways, axis=axis, mode="constant")
     return float((shared * weight).sum()) / clusters.clusters_per_m2
-
-
-def _pairs(count: int, side: float, radius: float) -> Array:
-    """∫∫ of `k` along one axis, over two cells that lie 0, 1, 2 … cells apart [m], shape [count].
-
-    By differences of its second integral.
-    """
-    places = [0.5 * (n - 1) * side / radius for n in range(count + 2)]
-    second = [t * math.erf(t) + math.exp(-t * t) / math.sqrt(math.pi) for t in places]
-    return radius * np.diff(second, 2)

@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, inner, kernel, portable
-from terrain_forge.model import Site
+from terrain_forge.base import Array, DataError, RecipeError, inner, kernel, portable
+from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters
+from terrain_forge.rocks.scattering.cells import Rectangle
+from terrain_forge.rocks.scattering.corridor import corridors, is_kept_free, search_radius
+from terrain_forge.terrain import shape_ground
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec
@@ -68,7 +71,7 @@ class Intensity(NamedTuple):
 
 
 def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Intensity:
-    """The weights of all populations; slopes are not known yet (`slopes.with_slopes`).
+    """The weights of all populations; slopes are not known yet (`with_slopes`).
 
     Raises:
         DataError: if an image has a value that is no density, or none that is above 0.
@@ -97,6 +100,70 @@ def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Inten
     )
 
 
+def with_slopes(
+    intensity: Intensity, *, site: Site, area: Rectangle, ground: Heightfield | None
+) -> Intensity:
+    """The same with the ground's slope over an area [m].
+
+    What counts is the strictest measure: the rise per metre of a triangle of the surface is its
+    own, or that of its cell's steepest node by central differences (over two cells; one-sided at
+    the site's border) where that is more. Ground that is known is used where it holds the area and
+    a node around; else the site's layers shape it.
+    """
+    if not intensity.limits_slope:
+        return intensity
+    inside = _window(site, area)
+    around = site.padded(inside, site.spacing)
+    land = _cut(ground, site, around) or shape_ground(
+        site=site, window=around, layers=site.recipe.terrain.layers
+    )
+    elevation = land.elevation.astype(np.float64)
+    north, east = (np.gradient(elevation, site.spacing, axis=axis) for axis in (0, 1))
+    row, column = inside.row - around.row, inside.column - around.column
+    nodes = np.s_[row : row + inside.rows + 1, column : column + inside.columns + 1]
+    steepest = np.hypot(east[nodes], north[nodes])
+    for _ in range(2):  # of each cell's four nodes
+        steepest = np.maximum(steepest[1:], steepest[:-1]).T
+    east, north = (np.diff(elevation[nodes], axis=axis) / site.spacing for axis in (1, 0))
+    southern, northern = np.hypot(east[:-1], north[:, 1:]), np.hypot(east[1:], north[:, :-1])
+    of_triangles = np.stack([southern, northern], axis=-1)
+    return intensity._replace(
+        steepness=np.maximum(of_triangles, steepest[:, :, None]),
+        steepness_window=np.array([inside.column, inside.row]),
+    )
+
+
+def flat_area(intensity: Intensity, population: int, window: Window) -> float:
+    """Area [m²] of a window's ground that is not too steep for a population, by its triangles."""
+    column, row = np.array([window.column, window.row]) - intensity.steepness_window
+    cells = intensity.steepness[row : row + window.rows, column : column + window.columns]
+    flat = np.count_nonzero(cells <= intensity.steepest[population])
+    return 0.5 * intensity.spacing**2 * float(flat)
+
+
+def _window(site: Site, area: Rectangle) -> Window:
+    """The smallest window that holds an area, as far as the site goes."""
+    whole = site.window
+    west, south, east, north = np.subtract(area, (site.west, site.south) * 2) / site.spacing
+    first = np.floor([west, south]).astype(int)
+    last = np.ceil([east, north]).astype(int)
+    column, row = np.clip(first, 0, (whole.columns - 1, whole.rows - 1)).tolist()
+    right, top = np.clip(last, (column + 1, row + 1), (whole.columns, whole.rows)).tolist()
+    return Window(column=column, row=row, columns=right - column, rows=top - row)
+
+
+def _cut(ground: Heightfield | None, site: Site, window: Window) -> Heightfield | None:
+    """A window's part of the ground, where it holds the window."""
+    if ground is None:
+        return None
+    column = window.column - round((ground.origin[0] - site.west) / site.spacing)
+    row = window.row - round((ground.origin[1] - site.south) / site.spacing)
+    rows, columns = ground.shape
+    if min(column, row) < 0 or column + window.columns >= columns or row + window.rows >= rows:
+        return None
+    return ground.cut(column=column, row=row, columns=window.columns, rows=window.rows)
+
+
 def _image(population: PopulationSpec, index: int, site: Site) -> Array:
     if population.density_image is None:
         return np.zeros((0, 0))
@@ -109,6 +176,56 @@ def _image(population: PopulationSpec, index: int, site: Site) -> Array:
     if most == 0.0:
         raise DataError(f"{name} is black all over: it leaves no place for rocks", key=key)
     return values
+
+
+def require_place(
+    populations: tuple[PopulationSpec, ...], site: Site, intensity: Intensity | None = None
+) -> None:
+    """Refuse populations whose rocks cannot lie anywhere on a site.
+
+    Args:
+        populations: The rocks.
+        site: The site.
+        intensity: Their weights with slopes, where the whole site's are known.
+
+    Raises:
+        RecipeError: if slope limit, image, craters, corridors and exclusion zones together leave
+            nothing.
+    """
+    known = intensity or make_intensity(populations, site)._replace(
+        steepest=np.full(len(populations), np.inf)
+    )
+    strips = corridors(site)
+    for number, population in enumerate(populations):
+        limited = known.thins(number) or len(strips.half_width) > 0
+        if limited and not _has_place(known, number, strips, population.diameters[0]):
+            reasons = {
+                "its slope limit": np.isfinite(known.steepest[number]),
+                "its density image": population.density_image is not None,
+                "its craters": known.around[number],
+                "corridors and circles": len(strips.half_width) > 0,
+            }
+            found = ", ".join(name for name, there in reasons.items() if there)
+            raise RecipeError(
+                f"no place is left for {population.name!r} on the site: {found}",
+                key=("rocks", "populations", number),
+            )
+
+
+@kernel
+def _has_place(intensity, population, strips, diameter):  # type: ignore[no-untyped-def]
+    """Whether rocks of a diameter [m] can lie in the middle of any triangle of the surface."""
+    west, south, east, north = intensity.bounds
+    limit = search_radius(strips, 0.0)
+    for j in range(round((north - south) / intensity.spacing)):
+        for i in range(round((east - west) / intensity.spacing)):
+            for part in range(2):
+                x = west + (i + (2 - part) / 3) * intensity.spacing
+                y = south + (j + (1 + part) / 3) * intensity.spacing
+                if weight(intensity, population, x, y, diameter) > 0.0:
+                    if not is_kept_free(strips, x, y, limit):
+                        return True
+    return False
 
 
 @kernel
@@ -219,10 +336,8 @@ def _pixel(intensity, population, x, y):  # type: ignore[no-untyped-def]
 def _rise(intensity, x, y):  # type: ignore[no-untyped-def]
     """Rise per metre of the ground at a place: that of its triangle."""
     rows, columns, _ = intensity.steepness.shape
-    u, v = (
-        (x - intensity.bounds[0]) / intensity.spacing,
-        (y - intensity.bounds[1]) / intensity.spacing,
-    )
+    u = (x - intensity.bounds[0]) / intensity.spacing
+    v = (y - intensity.bounds[1]) / intensity.spacing
     column, row = int(np.floor(u)), int(np.floor(v))
     i = min(max(column - intensity.steepness_window[0], 0), columns - 1)
     j = min(max(row - intensity.steepness_window[1], 0), rows - 1)

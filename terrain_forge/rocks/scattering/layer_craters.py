@@ -20,18 +20,14 @@ def with_layer_craters(site: Site) -> tuple[PopulationSpec, ...]:
     Raises:
         RecipeError: for an unknown layer, one without craters of the size, or too many of them.
     """
-    return tuple(
-        _around_layer(population, site, ("rocks", "populations", number, "arrangement"))
-        for number, population in enumerate(site.recipe.rocks.populations)
-    )
-
-
-def _around_layer(population: PopulationSpec, site: Site, key: Key) -> PopulationSpec:
-    arrangement = population.arrangement
-    if not isinstance(arrangement, AroundCraters) or arrangement.layer is None:
-        return population
-    craters = _craters_of(arrangement, site, key)
-    return replace(population, arrangement=AroundCraters(craters=craters))
+    populations = list(site.recipe.rocks.populations)
+    for number, population in enumerate(populations):
+        arrangement = population.arrangement
+        if isinstance(arrangement, AroundCraters) and arrangement.layer is not None:
+            key = ("rocks", "populations", number, "arrangement")
+            around = AroundCraters(craters=_craters_of(arrangement, site, key))
+            populations[number] = replace(population, arrangement=around)
+    return tuple(populations)
 
 
 def _craters_of(arrangement: AroundCraters, site: Site, key: Key) -> tuple[Crater, ...]:

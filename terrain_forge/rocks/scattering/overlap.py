@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, over_chunks
 from terrain_forge.model import RockField, RockLibrary, World, merge, rotations
-from terrain_forge.rocks.embedding.hull import convex_hull
+from terrain_forge.rocks.embedding.outline import convex_hull
 
 
 class Overlaps(NamedTuple):
@@ -53,7 +53,11 @@ def overlapping_pairs(field: RockField, library: RockLibrary) -> list[tuple[int,
         field: The rocks.
         library: Their shapes.
     """
-    outer = _outer_vertices(library)
+    from scipy.spatial import ConvexHull
+
+    # The corners of a prototype's convex hull are all that an outline can have.
+    meshes = [prototype.meshes[0].vertices for prototype in library.prototypes]
+    outer = [vertices[ConvexHull(vertices).vertices] for vertices in meshes]
     largest = np.array([np.linalg.norm(v, axis=1).max() for v in outer])
     rocks = _Rocks(
         centre=field.position[:, :2].copy(),
@@ -87,30 +91,16 @@ class _Rocks(NamedTuple):
     first_vertex: NDArray[np.int64]
 
 
-def _outer_vertices(library: RockLibrary) -> list[Array]:
-    """Vertices of each prototype's convex hull, which are all that an outline can have."""
-    from scipy.spatial import ConvexHull
-
-    meshes = [prototype.meshes[0].vertices for prototype in library.prototypes]
-    return [vertices[ConvexHull(vertices).vertices] for vertices in meshes]
-
-
 @kernel
 def _circles(centre, radius, pairs):  # type: ignore[no-untyped-def]
-    """Number of pairs of circles that meet, as many as `pairs` holds written into it.
-
-    Circles ascend by their western edge.
-    """
+    """Number of pairs of circles, west to east, that meet; `pairs` takes as many as it holds."""
     count = 0
     for i in range(len(radius)):
         east = centre[i, 0] + radius[i]
         j = i + 1
         while j < len(radius) and centre[j, 0] - radius[j] <= east:
-            dx, dy, limit = (
-                centre[j, 0] - centre[i, 0],
-                centre[j, 1] - centre[i, 1],
-                radius[i] + radius[j],
-            )
+            dx, dy = centre[j, 0] - centre[i, 0], centre[j, 1] - centre[i, 1]
+            limit = radius[i] + radius[j]
             if dx * dx + dy * dy <= limit * limit:
                 if count < len(pairs):
                     pairs[count, 0], pairs[count, 1] = i, j
@@ -135,19 +125,12 @@ def _overlap(first, last, pairs, rocks, overlap):  # type: ignore[no-untyped-def
 def _support(rocks, rock, x, y):  # type: ignore[no-untyped-def]
     """How far a rock reaches from its centre along a direction, times the direction's length."""
     plan, shape = rocks.plan[rock], rocks.prototype[rock]
-    along = (
-        x * plan[0, 0] + y * plan[1, 0],
-        x * plan[0, 1] + y * plan[1, 1],
-        x * plan[0, 2] + y * plan[1, 2],
-    )
+    a, b = x * plan[0, 0] + y * plan[1, 0], x * plan[0, 1] + y * plan[1, 1]
+    c = x * plan[0, 2] + y * plan[1, 2]
     farthest = -np.inf
     for v in range(rocks.first_vertex[shape], rocks.first_vertex[shape + 1]):
-        reach = (
-            along[0] * rocks.vertices[v, 0]
-            + along[1] * rocks.vertices[v, 1]
-            + along[2] * rocks.vertices[v, 2]
-        )
-        farthest = max(farthest, reach)
+        p, q, r = rocks.vertices[v]
+        farthest = max(farthest, a * p + b * q + c * r)
     return farthest
 
 
@@ -158,12 +141,9 @@ def _outline(rocks, rock, x, y):  # type: ignore[no-untyped-def]
     first, last = rocks.first_vertex[shape], rocks.first_vertex[shape + 1]
     points = np.empty((last - first, 2))
     for n in range(last - first):
-        vertex = rocks.vertices[first + n]
-        for axis in range(2):
-            points[n, axis] = (
-                plan[axis, 0] * vertex[0] + plan[axis, 1] * vertex[1] + plan[axis, 2] * vertex[2]
-            )
-        points[n, 0], points[n, 1] = points[n, 0] + x, points[n, 1] + y
+        p, q, r = rocks.vertices[first + n]
+        points[n, 0] = plan[0, 0] * p + plan[0, 1] * q + plan[0, 2] * r + x
+        points[n, 1] = plan[1, 0] * p + plan[1, 1] * q + plan[1, 2] * r + y
     return convex_hull(points)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, inner, kernel, mix, over_chunks, uniform
 from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS
-from terrain_forge.rocks.scattering.addresses import RETRY
+from terrain_forge.rocks.scattering.cells import RETRY
 from terrain_forge.rocks.scattering.corridor import Corridors, distances, search_radius
 from terrain_forge.rocks.scattering.intensity import Intensity, weight
 
@@ -75,12 +75,7 @@ def place(
 ) -> None:
     """Find a place for every rock, in the order of the classes; changes `rocks`.
 
-    Args:
-        layout: The classes' cells.
-        rocks: The rocks at their first places.
-        footprints: The prototypes' support functions, shape [prototypes, directions].
-        strips: What tall rocks keep off.
-        intensity: Where else rocks may not go.
+    `footprints` are the prototypes' support functions, shape [prototypes, directions].
     """
     for c, (column, row, columns, rows) in enumerate(layout.region.tolist()):
         if layout.population[c] < 0:
@@ -226,8 +221,11 @@ def _is_free(layout, rocks, footprints, c, x, y, rock):  # type: ignore[no-untyp
             for n in range(j * columns + i0, j * columns + i1):
                 near = rocks.first_in_bin[layout.first_bin[other] + n]
                 while near >= 0:
-                    if _overlap(rocks, footprints, rock, near, x, y):
-                        return False
+                    dx, dy = rocks.circle[near, 0] - x, rocks.circle[near, 1] - y
+                    apart = rocks.circle[near, 2] + rocks.circle[rock, 2]
+                    if dx * dx + dy * dy < apart * apart:
+                        if not _separate(rocks, footprints, rock, near, dx, dy):
+                            return False
                     near = rocks.next_in_bin[near]
     return True
 
@@ -242,15 +240,6 @@ def _bins(layout, rocks, c, axis, place, rock):  # type: ignore[no-untyped-def]
     first = int(np.floor((place - reach - layout.bounds[axis]) * per_metre)) - skipped
     last = int(np.floor((place + reach - layout.bounds[axis]) * per_metre)) - skipped
     return max(first, 0), min(last + 1, layout.region[c, axis + 2] * split)
-
-
-@inlined
-def _overlap(rocks, footprints, rock, near, x, y):  # type: ignore[no-untyped-def]
-    dx, dy = rocks.circle[near, 0] - x, rocks.circle[near, 1] - y
-    apart = rocks.circle[near, 2] + rocks.circle[rock, 2]
-    if dx * dx + dy * dy >= apart * apart:
-        return False
-    return not _separate(rocks, footprints, rock, near, dx, dy)
 
 
 @inner
@@ -287,10 +276,7 @@ def _support(footprints, rocks, rock, direction):  # type: ignore[no-untyped-def
 
 @inlined
 def _keeps_off(strips, home, x, y, radius, limit, height):  # type: ignore[no-untyped-def]
-    """Whether a place is on the same side of every corridor's border as the first choice was.
-
-    A rock above the corridor's clearance must keep off with all of its circle.
-    """
+    """Whether a place is on its side of every corridor, with all of its circle if it is high."""
     if len(home) == 0:
         return True
     away = distances(strips, x, y, limit)

@@ -18,6 +18,7 @@ and a window is computed from itself and a margin.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +28,17 @@ from terrain_forge.model import Heightfield, RockLibrary, Site, Window
 from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering import placement
-from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, join
+from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, draw_list, join
 from terrain_forge.rocks.scattering.cells import Cells, Rectangle, Region, regions
 from terrain_forge.rocks.scattering.corridor import corridors
-from terrain_forge.rocks.scattering.intensity import Intensity, make_intensity
-from terrain_forge.rocks.scattering.listed import by_octave, draw_list
+from terrain_forge.rocks.scattering.intensity import (
+    Intensity,
+    make_intensity,
+    require_place,
+    with_slopes,
+)
 from terrain_forge.rocks.scattering.placement import PENDING, PLACED, UNPLACED, Layout, Rocks
-from terrain_forge.rocks.scattering.places import require_place
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_classes
-from terrain_forge.rocks.scattering.slopes import with_slopes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,21 +129,15 @@ def scatter(
     lost = (rocks.state == UNPLACED) & (_distance(drawn.xy, area) == 0.0)
     kept = np.flatnonzero((rocks.state == PLACED) & (_distance(xy, area) <= radius))
     kept = kept[np.argsort(drawn.id[kept])]
+    smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists))
+    names = ("id", "population", "prototype", "yaw", "buried", "diameter", "dynamic")
+    columns: dict[str, Any] = {name: getattr(drawn, name)[kept] for name in names}
     return Scattered(
+        **columns,
         populations=(*(p.name for p in populations), *(spec.name for spec in lists)),
-        id=drawn.id[kept].astype(np.int32),
-        population=drawn.population[kept].astype(np.int32),
-        prototype=drawn.prototype[kept].astype(np.int32),
         xy=xy[kept],
-        yaw=drawn.yaw[kept],
-        buried=drawn.buried[kept],
-        diameter=drawn.diameter[kept],
-        dynamic=drawn.dynamic[kept],
-        collides=_solid(drawn, populations, lists)[kept],
-        unplaced=tuple(
-            int(np.count_nonzero(lost & (drawn.population == n)))
-            for n in range(len(populations) + len(lists))
-        ),
+        collides=(drawn.dynamic | (drawn.diameter >= smallest[drawn.population]))[kept],
+        unplaced=tuple(np.bincount(drawn.population[lost], minlength=len(smallest)).tolist()),
     )
 
 
@@ -158,9 +155,8 @@ def rock_margin(
     """
     diameters = [0.0]
     for population in populations:
-        _, largest = population.diameters
-        dynamic = min(largest, (population.dynamic_m or (0.0, 0.0))[1])
-        diameters.append(max(largest, DYNAMIC_SPACE * dynamic))
+        _, dynamic = population.dynamic_diameters or (0.0, 0.0)
+        diameters += [population.diameters[1], DYNAMIC_SPACE * dynamic]
     for spec in lists:
         diameters.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
     reach = max(prototype.reach for prototype in library.prototypes)
@@ -181,17 +177,16 @@ def _draw(
     listed = [
         part
         for n, spec in enumerate(lists)
-        for part in by_octave(
-            draw_list(spec, index=len(populations) + n, number=n, site=site, library=library),
-            site=site,
-            library=library,
+        for part in draw_list(
+            spec, index=len(populations) + n, number=n, site=site, library=library
         )
     ]
     cells = [*(cells for _, cells in listed), *(c.cells for c in classes)]
     needed = regions(cells, area, site)
-    intensity = with_slopes(
-        intensity, site=site, area=_hull(area, cells, needed, site), ground=ground
-    )
+    areas = [area, *(region.rectangle(c, site) for c, region in zip(cells, needed, strict=True))]
+    (west, south), (east, north) = np.min(areas, axis=0)[:2], np.max(areas, axis=0)[2:]
+    around = float(west), float(south), float(east), float(north)
+    intensity = with_slopes(intensity, site=site, area=around, ground=ground)
     parts = [(rocks, np.array([len(rocks.id)])) for rocks, _ in listed] + [
         draw_class(
             size_class,
@@ -206,13 +201,6 @@ def _draw(
     population = [-1] * len(listed) + [c.population for c in classes]
     layout = _layout(site, cells, needed, population, [counts for _, counts in parts])
     return join([rocks for rocks, _ in parts]), layout, intensity
-
-
-def _hull(area: Rectangle, cells: list[Cells], needed: list[Region], site: Site) -> Rectangle:
-    """The rectangle [m] that holds an area and all cells that matter."""
-    areas = [area, *(region.rectangle(c, site) for c, region in zip(cells, needed, strict=True))]
-    lows, highs = np.min(areas, axis=0)[:2], np.max(areas, axis=0)[2:]
-    return (*lows.tolist(), *highs.tolist())
 
 
 def _at_first_places(drawn: Candidates, layout: Layout, library: RockLibrary) -> Rocks:
@@ -242,10 +230,9 @@ def _layout(
     """The cells that matter, class by class, with the rocks in each of them."""
     sizes = np.array([0, *map(len, counts)])
     split = np.array([c.split for c in cells], np.int64)
-    region = [(r.column, r.row, r.columns, r.rows) for r in needed]
     return Layout(
         bounds=np.array(site.bounds),
-        region=np.array(region, np.int64).reshape(-1, 4),
+        region=np.array(needed, np.int64).reshape(-1, 4),
         side=np.array([c.side for c in cells], np.float64).reshape(-1, 2),
         radius=np.array([c.radius for c in cells], np.float64),
         first_cell=np.cumsum(sizes)[:-1],
@@ -255,15 +242,6 @@ def _layout(
         population=np.array(population, np.int64),
         local=np.array([c.local for c in cells], np.bool_),
     )
-
-
-def _solid(
-    drawn: Candidates, populations: tuple[PopulationSpec, ...], lists: tuple[RockListSpec, ...]
-) -> NDArray[np.bool_]:
-    """Which rocks can be touched."""
-    smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists), np.float64)
-    collides: NDArray[np.bool_] = drawn.dynamic | (drawn.diameter >= smallest[drawn.population])
-    return collides
 
 
 def _distance(xy: Array, area: Rectangle) -> Array:

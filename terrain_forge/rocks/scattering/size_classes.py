@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, RecipeError, mix, stage_key
+from terrain_forge.base import Array, Key, RecipeError, mix, stage_key
 from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered, crowding
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
 from terrain_forge.rocks.scattering import clusters
-from terrain_forge.rocks.scattering.addresses import cell_counts
-from terrain_forge.rocks.scattering.cells import Cells, divide
+from terrain_forge.rocks.scattering.cells import Cells, cell_counts, divide
 from terrain_forge.rocks.scattering.clusters import Parents
 from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
 
@@ -70,13 +69,9 @@ def size_classes(
 
 
 def shapes_of(
-    families: tuple[str, ...] | None, library: RockLibrary, where: tuple[str | int, ...]
+    families: tuple[str, ...] | None, library: RockLibrary, where: Key
 ) -> NDArray[np.int64]:
-    """Indices of the library's shapes that belong to some families, or of all of them.
-
-    Raises:
-        RecipeError: if the library has no shape of a family.
-    """
+    """Indices of the library's shapes that belong to some families, or of all of them."""
     there = [prototype.family for prototype in library.prototypes]
     for family in families or ():
         if family not in there:
@@ -92,8 +87,7 @@ def shapes_of(
 def is_dynamic(population: PopulationSpec, diameter: Array) -> NDArray[np.bool_]:
     """Which diameters [m] are those of dynamic rocks."""
     smallest, largest = population.dynamic_m or (np.inf, np.inf)
-    dynamic: NDArray[np.bool_] = (diameter >= smallest) & (diameter <= largest)
-    return dynamic
+    return (diameter >= smallest) & (diameter <= largest)
 
 
 def _octaves(
@@ -104,31 +98,37 @@ def _octaves(
     intensity: Intensity,
 ) -> list[SizeClass]:
     """The classes of one population, smallest first."""
-    where = ("rocks", "populations", index)
+    where, arrangement = ("rocks", "populations", index), population.arrangement
     shapes = shapes_of(population.families, library, where)
     reach = max(library.prototypes[shape].reach for shape in shapes)
     low, last = population.diameters
     last = min(last, intensity.largest_rock(index))
+    dynamic_low, dynamic_high = population.dynamic_m or (np.inf, np.inf)
     key = stage_key(site.seed, f"rocks/{population.name}")
     parents = None
-    if isinstance(population.arrangement, Clustered):
-        parents = clusters.parents(population.arrangement, site=site, key=key, where=where)
+    if isinstance(arrangement, Clustered):
+        parents = clusters.parents(arrangement, site=site, key=key, where=where)
     next_id = index * MAX_ROCKS
     found: list[SizeClass] = []
     while low < last:
-        sizes = low, min(2.0 * low, last)
-        cells = _cells(site, population, sizes, reach, local=intensity.thins(index))
-        bounds = None
-        if intensity.around[index]:
-            bounds = _bounds(intensity, index, low, cells)
+        high = min(2.0 * low, last)
+        space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
+        cells = divide(
+            site,
+            density=population.density(low, high) * max(crowding(arrangement), 1.0),
+            diameter=high,
+            radius=reach * high * space,
+            local=intensity.thins(index) or parents is not None,
+        )
+        bounds = _bounds(intensity, index, low, cells) if intensity.around[index] else None
         class_key = np.uint64(mix(key, len(found)))
-        counts = _counts(population, sizes, class_key, cells, bounds, parents, where)
+        counts = _counts(population, (low, high), class_key, cells, bounds, parents, where)
         found.append(
             SizeClass(
                 population=index,
                 key=class_key,
-                smallest=sizes[0],
-                largest=sizes[1],
+                smallest=low,
+                largest=high,
                 cells=cells,
                 bounds=bounds,
                 parents=parents,
@@ -136,7 +136,7 @@ def _octaves(
                 first_id=next_id,
             )
         )
-        next_id, low = next_id + int(counts.sum()), sizes[1]
+        next_id, low = next_id + int(counts.sum()), high
     if next_id > (index + 1) * MAX_ROCKS:
         raise RecipeError(
             f"{population.name}: {next_id - index * MAX_ROCKS} rocks, at most {MAX_ROCKS}: "
@@ -146,33 +146,6 @@ def _octaves(
     return found
 
 
-def _bounds(intensity: Intensity, index: int, smallest: float, cells: Cells) -> Array:
-    """Upper bound of the craters' weight in each cell, the largest of those in parts of it.
-
-    A cell of large rocks holds many small craters, whose weights are not largest at one place.
-    """
-    parts = int(np.clip(_BOUNDED_PARTS // max(cells.columns, cells.rows), 1, _MOST_PARTS))
-    rows, columns = cells.rows * parts, cells.columns * parts
-    fine = crater_bounds(intensity, index, smallest, columns, rows)
-    bounds: Array = fine.reshape(cells.rows, parts, cells.columns, parts).max(axis=(1, 3))
-    return bounds
-
-
-def _cells(
-    site: Site, population: PopulationSpec, sizes: tuple[float, float], reach: float, *, local: bool
-) -> Cells:
-    low, high = sizes
-    dynamic_low, dynamic_high = population.dynamic_m or (np.inf, np.inf)
-    space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
-    return divide(
-        site,
-        density=_density(population, sizes) * max(crowding(population.arrangement), 1.0),
-        diameter=high,
-        radius=reach * high * space,
-        local=local or isinstance(population.arrangement, Clustered),
-    )
-
-
 def _counts(
     population: PopulationSpec,
     sizes: tuple[float, float],
@@ -180,10 +153,10 @@ def _counts(
     cells: Cells,
     bounds: Array | None,
     parents: Parents | None,
-    where: tuple[str | int, ...],
+    where: Key,
 ) -> NDArray[np.int64]:
     """Poisson numbers of rocks of a class in each cell, or of each parent."""
-    density, arrangement = _density(population, sizes), population.arrangement
+    density, arrangement = population.density(*sizes), population.arrangement
     most = density * (1.0 if bounds is None else float(bounds.max()))
     if most * cells.area > _MAX_ROCKS_PER_CELL:
         raise RecipeError(
@@ -200,7 +173,12 @@ def _counts(
     return counts
 
 
-def _density(population: PopulationSpec, sizes: tuple[float, float]) -> float:
-    """Rocks between two diameters [m] on a square metre, by the law [1/m²]."""
-    law = population.size_frequency
-    return float(law.cumulative_number(sizes[0]) - law.cumulative_number(sizes[1]))
+def _bounds(intensity: Intensity, index: int, smallest: float, cells: Cells) -> Array:
+    """Upper bound of the craters' weight in each cell, the largest of those in parts of it.
+
+    A cell of large rocks holds many small craters, whose weights are not largest at one place.
+    """
+    parts = int(np.clip(_BOUNDED_PARTS // max(cells.columns, cells.rows), 1, _MOST_PARTS))
+    rows, columns = cells.rows * parts, cells.columns * parts
+    fine = crater_bounds(intensity, index, smallest, columns, rows)
+    return np.asarray(fine.reshape(cells.rows, parts, cells.columns, parts).max(axis=(1, 3)))

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere
 from terrain_forge.model import Mesh
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import Blank, projections, radii
 from terrain_forge.rocks.shapes.simplification import simplify
+from terrain_forge.rocks.shapes.solid import cuts_itself
 
 LEVELS = 3
 """Levels of detail of a rock."""
@@ -56,84 +55,51 @@ def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
     again, until it is as fine as the one before. A needle is simplified as a shorter one, since
     few vertices along it leave none but slender triangles.
     """
-    slenderness = _slenderness(mesh.vertices)
-    if slenderness is None:
+    centred = mesh.vertices - mesh.vertices.mean(axis=0)
+    spreads, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centred, centred))
+    shorter = _SLENDER * float(np.sqrt(spreads[1] / spreads[2]))
+    if shorter >= 1.0:
         return _levels(mesh)
-    squeeze, stretch = (np.eye(3) + factor * slenderness.along for factor in slenderness.factors)
+    along = np.outer(axes[:, 2], axes[:, 2])  # projects onto the long axis
+    squeeze, stretch = (np.eye(3) + (times - 1.0) * along for times in (shorter, 1.0 / shorter))
     short = mesh.replace(vertices=projections(mesh.vertices, squeeze))
     return tuple(
         level.replace(vertices=projections(level.vertices, stretch)) for level in _levels(short)
     )
 
 
-class _Slenderness(NamedTuple):
-    """How a needle is made shorter, and long again."""
-
-    along: Array
-    """Projection onto its long axis, shape [3, 3]."""
-    factors: tuple[float, float]
-    """What to add of that projection to shorten it, and to undo that."""
-
-
-def _slenderness(vertices: Array) -> _Slenderness | None:
-    """How to shorten a body that is longer than `_SLENDER` times its width; None if it is not."""
-    centred = vertices - vertices.mean(axis=0)
-    spreads, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centred, centred))
-    shorter = _SLENDER * float(np.sqrt(spreads[1] / spreads[2]))
-    if shorter >= 1.0:
-        return None
-    along = np.outer(axes[:, 2], axes[:, 2])
-    return _Slenderness(along, (shorter - 1.0, 1.0 / shorter - 1.0))
-
-
 def _levels(mesh: Mesh) -> tuple[Mesh, ...]:
-    meshes: list[Mesh] = []
-    finer = mesh
-    for wanted in (MOST_VERTICES // TIMES_FEWER**level for level in range(LEVELS)):
-        count = wanted
+    meshes = [mesh]
+    for level in range(LEVELS):
+        finer, count = meshes[-1], MOST_VERTICES // TIMES_FEWER**level
         found = simplify(finer, count)
         while found is not finer and cuts_itself(found):
             count = (3 * count) // 2
-            found = finer if count >= len(finer.vertices) else simplify(finer, count)
+            found = simplify(finer, count)
         meshes.append(found)
-        finer = found
-    return tuple(meshes)
+    return tuple(meshes[1:])
 
 
 def convex_faces(points: Array) -> NDArray[np.int32]:
-    """Outward triangles of the convex hull of points around the origin, all of them corners.
-
-    Raises:
-        ArithmeticError: if some point is not a corner of the hull.
-    """
+    """Outward triangles of the convex hull of points around the origin, all of them corners."""
     from scipy.spatial import ConvexHull
 
     faces = np.asarray(ConvexHull(points).simplices, dtype=np.int32)
     if len(faces) != 2 * len(points) - 4:
         raise ArithmeticError(f"{len(points)} points give a hull of {len(faces)} faces")
-    return outward(points, faces)
-
-
-def outward(points: Array, faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Faces of a star-shaped body around the origin, turned counter-clockwise from outside."""
     a, b, c = (points[faces[:, n]] for n in range(3))
     inward = np.einsum("ij,ij->i", np.cross(a, b), c) < 0
     return np.where(inward[:, None], faces[:, ::-1], faces)
 
 
 def supporting(
-    points: Array, views: Array, count: int, *, first: Sequence[int] = ()
+    points: Array, views: Array, count: int, *, first: Sequence[int]
 ) -> NDArray[np.intp]:
     """Indices of `count` points whose extent along all `views` comes nearest to that of all points.
 
     Greedy: `first` and the ends of the three axes, then time and again the outermost point of the
     view that is worst off. Fewer where fewer reach the full extent in every view.
-
-    Args:
-        points: Positions, shape [points, 3].
-        views: Directions; a longer one counts for more, shape [views, 3].
-        count: Number of points wanted.
-        first: Indices of points that must be among them.
+    A longer view counts for more.
     """
     heights = projections(views, points)
     best, full = heights.argmax(axis=1), heights.max(axis=1)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array, RecipeError, Record, fibonacci_sphere
+from terrain_forge.base import Array, RecipeError, fibonacci_sphere
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.carving import convex_faces, supporting
 from terrain_forge.rocks.shapes.shapes import projections
-from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
 
 _VIEWS = 800
 _LEVEL = 1e-9  # of a mean axis: corners of the facet on which the rock rests
@@ -23,8 +22,7 @@ _GROWTH = 1.003  # of parts about their middles
 ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05), (0, 0.025))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CollisionShape(Record):
+class CollisionShape(NamedTuple):
     """Convex parts and how well they stand for a rock."""
 
     parts: tuple[Mesh, ...]
@@ -33,10 +31,6 @@ class CollisionShape(Record):
     """Volume of their union over the rock's, minus 1."""
     distance: float
     """Hausdorff distance between the union's surface and the rock's [m], to 1 mm."""
-
-    def fits(self, *, excess: float, distance: float) -> bool:
-        """Whether both errors are within their limits."""
-        return self.excess <= excess and self.distance <= distance
 
 
 def collision_parts(
@@ -52,22 +46,19 @@ def collision_parts(
         vertices: Largest number of corners of a part, at least 6.
         excess: Largest excess of volume, as a fraction.
         distance: Largest Hausdorff distance [m].
-        name: What the rock is called in an error.
-
-    Raises:
-        RecipeError: if no decomposition is so close.
+        name: What the rock is called where no decomposition is so close, which is refused.
     """
-    shape = meshes[0]
-    hull = certify((collision_hull(shape, vertices=vertices),), shape)
-    if hull.fits(excess=excess, distance=distance):
-        return hull
-    best = hull
-    for level, concavity in ATTEMPTS:
-        mesh = meshes[min(level, len(meshes) - 1)]
-        found = certify(_decompose(mesh, vertices=vertices, concavity=concavity), shape)
-        if found.fits(excess=excess, distance=distance):
-            return found
-        best = min(best, found, key=lambda one: max(one.excess / excess, one.distance / distance))
+    tried: list[CollisionShape] = []
+    for attempt in (None, *ATTEMPTS):
+        if attempt is None:
+            parts: tuple[Mesh, ...] = (collision_hull(meshes[0], vertices=vertices),)
+        else:
+            mesh = meshes[min(attempt[0], len(meshes) - 1)]
+            parts = _decompose(mesh, vertices=vertices, concavity=attempt[1])
+        tried.append(certify(parts, meshes[0]))
+        if tried[-1].excess <= excess and tried[-1].distance <= distance:
+            return tried[-1]
+    best = min(tried, key=lambda one: max(one.excess / excess, one.distance / distance))
     raise RecipeError(
         f"{name}: its convex parts come to {best.excess:.3f} of excess volume (wanted "
         f"{excess:g}) and {best.distance:.3f} mean axes of distance (wanted {distance:g}): "
@@ -87,16 +78,20 @@ def certify(parts: tuple[Mesh, ...], shape: Mesh) -> CollisionShape:
     )
 
 
+def manifold(mesh: Mesh) -> Any:
+    """A closed mesh as manifold3d has it."""
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64)))
+
+
 def unite(meshes: tuple[Mesh, ...]) -> Mesh:
     """The union of closed meshes."""
     if len(meshes) == 1:
         return meshes[0]
-    from manifold3d import Manifold, Mesh64, OpType
+    from manifold3d import Manifold, OpType
 
-    bodies = [
-        Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64))) for mesh in meshes
-    ]
-    united = Manifold.batch_boolean(bodies, OpType.Add).to_mesh64()
+    united = Manifold.batch_boolean([*map(manifold, meshes)], OpType.Add).to_mesh64()
     return Mesh(vertices=united.vert_properties[:, :3], faces=united.tri_verts)
 
 
@@ -128,11 +123,7 @@ def collision_hull(mesh: Mesh, *, vertices: int) -> Mesh:
     The corners are those of the mesh that its extent in all directions needs most, upward and
     downward ones first. Each is then moved out by half of what the mesh still juts out of the worst
     face around it, so that the error is spread to both sides; but none goes below the facet on
-    which the mesh rests, so that the hull rests on it too.
-
-    Args:
-        mesh: A closed mesh around the origin.
-        vertices: Largest number of corners, at least 6.
+    which the mesh rests, so that the hull rests on it too. The mesh is around the origin.
     """
     from scipy.spatial import ConvexHull
 

@@ -53,12 +53,6 @@ def render_contact_sheet(
         width=width,
         height=height,
     )
-    with RayScene(_stage(shapes, body)) as scene:
-        return take_picture(scene, camera)
-
-
-def _stage(shapes: Sequence[RockPrototype], body: Body) -> Subject:
-    """Flat ground on which the shapes lie in rows."""
     half = np.ceil(0.5 * _STEP * len(shapes) + _MARGIN)
     cells = round(2.0 * half / _SPACING)
     ground = Heightfield(
@@ -67,7 +61,7 @@ def _stage(shapes: Sequence[RockPrototype], body: Body) -> Subject:
         origin=(-half, -half),
     )
     rgb = np.round(255.0 * np.array([body.ground_rgb, body.rock_rgb])).astype(np.uint8)
-    return Subject(
+    stage = Subject(
         ground=ground,
         ground_rgb=np.broadcast_to(rgb[0], (*ground.shape, 3)),
         instances=_lay(shapes, linear_from_srgb(rgb[1] / 255.0)),
@@ -80,6 +74,8 @@ def _stage(shapes: Sequence[RockPrototype], body: Body) -> Subject:
         sun_diameter=body.sun_diameter,
         seed=_SEED,
     )
+    with RayScene(stage) as scene:
+        return take_picture(scene, camera)
 
 
 def _lay(shapes: Sequence[RockPrototype], albedo: Array) -> Instances:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections import deque
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, Key
 from terrain_forge.model import Mesh
-from terrain_forge.rocks.shapes.mesh_file import Refused, load_mesh
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
-from terrain_forge.rocks.shapes.solid import signed_volume
+from terrain_forge.rocks.shapes.collision import manifold, unite
+from terrain_forge.rocks.shapes.shapes import projections
+from terrain_forge.rocks.shapes.solid import cuts_itself, signed_volume
 
 Faces = NDArray[np.int64]
 
+FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf")
+"""Endings of the files that are read."""
+MOST_FACES = 200_000
+"""Faces of a file, at most; a rock's own mesh has a hundredth of them."""
 WIDEST_HOLE = 12
 """Edges around a hole that is filled, at most."""
 LARGEST_HOLE = 0.02
@@ -23,8 +27,14 @@ LARGEST_HOLE = 0.02
 ALL_HOLES = 0.05
 """Part of a mesh's area that all its holes together may have, at most."""
 
+_Y_UP = (".glb", ".gltf")
+_COARSEST = 1 / 16  # of an edge of middling length: steps of the coordinates
 _SAME_PLACE = 1e-7  # of the largest extent
 _FLATTEST = 1e-5  # volume over the cube of the largest extent, thickness over width
+
+
+class Refused(Exception):
+    """Why a mesh cannot be a rock."""
 
 
 def read_rock_mesh(path: Path, *, key: Key) -> tuple[Mesh, tuple[str, ...]]:
@@ -43,7 +53,7 @@ def read_rock_mesh(path: Path, *, key: Key) -> tuple[Mesh, tuple[str, ...]]:
         DataError: for a file that is missing, unreadable or no closed body, with the reason.
     """
     try:
-        points, faces, notes = load_mesh(path)
+        points, faces, notes = _load(path)
         points, faces, cleaned = _clean(points, faces)
         faces, turned = _orient(faces)
         points, faces, filled = _fill_holes(points, faces)
@@ -52,6 +62,100 @@ def read_rock_mesh(path: Path, *, key: Key) -> tuple[Mesh, tuple[str, ...]]:
     except Refused as refused:
         raise DataError(f"{path.name}: {refused}", key=key) from None
     return mesh, (*notes, *cleaned, *turned, *filled, *united)
+
+
+def _load(path: Path) -> tuple[Array, Faces, list[str]]:
+    """Vertices and faces of all that a file holds, and what is to be said of it.
+
+    Its middle becomes the origin, since sums over coordinates of a map would lose their digits.
+    """
+    kind = path.suffix.lower()
+    if kind not in FORMATS:
+        raise Refused(f"not a mesh that can be read; allowed: {', '.join(FORMATS)}")
+    if not path.is_file():
+        raise Refused("no such file")
+    unreadable = f"is no readable {kind[1:].upper()}: truncated or of another format"
+    notes = _obj_notes(path, unreadable) if kind == ".obj" else []
+    import trimesh
+
+    try:
+        loaded: Any = trimesh.load(path, process=False)
+        points, faces, textured = _joined(loaded)
+    except Refused:
+        raise
+    except Exception:  # trimesh's readers raise whatever they stumble over
+        raise Refused(unreadable) from None
+    if not len(faces):
+        raise Refused(f"holds no faces, or {unreadable}")
+    if len(faces) > MOST_FACES:
+        raise Refused(f"{len(faces)} faces, at most {MOST_FACES}: simplify it first")
+    if faces.min() < 0 or faces.max() >= len(points):
+        raise Refused(unreadable)
+    used = points[np.unique(faces)]
+    points = points - 0.5 * (used.min(axis=0) + used.max(axis=0))
+    if kind in _Y_UP:
+        points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+    return points, faces, [*notes, *(["its texture is not used"] if textured else [])]
+
+
+def _joined(loaded: Any) -> tuple[Array, Faces, bool]:
+    """Vertices and faces of everything in a file, and whether it has a texture."""
+    parts = [(np.eye(4), loaded)]
+    if hasattr(loaded, "geometry"):
+        nodes = [loaded.graph[node] for node in loaded.graph.nodes_geometry]
+        parts = [(transform, loaded.geometry[name]) for transform, name in nodes]
+    parts = [(transform, part) for transform, part in parts if hasattr(part, "faces")]
+    points, faces, first, textured = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0, False
+    for transform, part in parts:
+        own, corners = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+        _require_digits(own, corners)
+        points.append(projections(own, transform[:3, :3]) + transform[:3, 3])
+        faces.append(corners + first)
+        first += len(own)
+        textured = textured or getattr(part.visual, "kind", None) == "texture"
+    return np.concatenate(points), np.concatenate(faces), textured
+
+
+def _require_digits(points: Array, faces: Faces) -> None:
+    """Refuse coordinates that are not finite, or whose digits single precision has cut off."""
+    if not np.isfinite(points).all():
+        raise Refused("holds coordinates that are not finite")
+    if not len(faces) or not np.array_equal(points, points.astype(np.float32)):
+        return
+    largest = float(np.abs(points).max())
+    step = float(np.spacing(np.float32(largest)))
+    sides = np.linalg.norm(points[faces] - points[np.roll(faces, 1, axis=1)], axis=2)
+    edge = float(np.median(sides))
+    if step > _COARSEST * edge > 0.0:
+        raise Refused(
+            f"coordinates of about {largest:.1g} m in single precision leave only steps of "
+            f"{step:.2g} m, its edges are of {edge:.2g} m: move it to its origin, then save it"
+        )
+
+
+def _obj_notes(path: Path, unreadable: str) -> list[str]:
+    """What is to be said of an OBJ file's text; refuses short lines and faces without vertices."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    vertices, largest = 0, 0
+    for line in text.replace("\\\n", " ").splitlines():
+        kind, *words = line.split("#")[0].split() or [""]
+        if kind not in ("v", "f"):
+            continue
+        if len(words) < 3:
+            raise Refused(unreadable)
+        vertices += kind == "v"
+        try:
+            numbers = [float(word.split("/")[0]) for word in words]
+        except ValueError:
+            raise Refused(unreadable) from None
+        if kind == "f":
+            largest = max(largest, int(max(numbers)))
+            if -min(numbers) > vertices or 0 in numbers:
+                raise Refused(unreadable)
+    if largest > vertices:
+        raise Refused(f"is truncated: faces name {largest} vertices, it holds {vertices}")
+    cut = text.rstrip(" ") and not text.endswith("\n")
+    return ["its last line has no end: it may be truncated"] if cut else []
 
 
 def _clean(points: Array, faces: Faces) -> tuple[Array, Faces, list[str]]:
@@ -90,53 +194,51 @@ def _orient(faces: Faces) -> tuple[Faces, list[str]]:
     if uses.max() > 2:
         raise Refused(f"{int((uses > 2).sum())} edges belong to more than two faces")
     order = np.argsort(edge.ravel(), kind="stable")
-    pairs = [tuple(order[n : n + 2]) for n in np.cumsum([0, *uses[:-1]])[uses == 2]]
-    neighbours: list[list[tuple[int, bool]]] = [[] for _ in faces]
-    for one, other in pairs:
-        against = bool(edges[one, 0] == edges[other, 1])
-        neighbours[one // 3].append((int(other) // 3, against))
-        neighbours[other // 3].append((int(one) // 3, against))
-    turned = np.full(len(faces), -1)
-    for start in range(len(faces)):
-        if turned[start] >= 0:
-            continue
-        turned[start], queue = 0, deque([start])
-        while queue:
-            face = queue.popleft()
-            for other, against in neighbours[face]:
-                wanted = turned[face] if against else 1 - turned[face]
-                if turned[other] < 0:
-                    turned[other] = wanted
-                    queue.append(other)
-                elif turned[other] != wanted:
-                    raise Refused("has no inside: its faces cannot all look outward")
-    result = np.where(turned[:, None] == 1, faces[:, ::-1], faces)
-    few = min(int(turned.sum()), int((1 - turned).sum()))
-    return result, [f"{few} faces turned to agree with their neighbours"] if few else []
+    first = np.cumsum([0, *uses[:-1]])[uses == 2]
+    one, other = order[first], order[first + 1]
+    # Each face is there twice, as it is and turned; each is linked to what agrees with it.
+    turn = np.where(edges[one, 0] == edges[other, 1], 0, len(faces))
+    one, other = one // 3, other // 3
+    starts, ends = [one, one + len(faces)], [other + turn, other + len(faces) - turn]
+    label = _connected(np.concatenate(starts), np.concatenate(ends), 2 * len(faces))
+    as_is, reverse = label.reshape(2, -1)
+    if (as_is == reverse).any():
+        raise Refused("has no inside: its faces cannot all look outward")
+    turned = as_is > reverse  # parts are numbered by their first face, which stays as it is
+    few = min(int(turned.sum()), int((~turned).sum()))
+    repairs = [f"{few} faces turned to agree with their neighbours"] if few else []
+    return np.where(turned[:, None], faces[:, ::-1], faces), repairs
+
+
+def _connected(starts: NDArray[np.int64], ends: NDArray[np.int64], count: int) -> Faces:
+    """Number of the connected part of a graph that each of its nodes belongs to."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(starts)), (starts, ends)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
 def _fill_holes(points: Array, faces: Faces) -> tuple[Array, Faces, list[str]]:
     """Fill the holes that are small and of few edges by fans around their middles."""
     whole, total = _area(points, faces), 0.0
-    new_points, new_faces, holes = [points], [faces], 0
+    new_points, new_faces = [points], [faces]
     for loop in _hole_edges(faces):
         if len(loop) > WIDEST_HOLE:
             raise Refused(
                 f"is open: a hole of {len(loop)} edges, at most {WIDEST_HOLE} can be filled"
             )
-        middle = points[loop].mean(axis=0)[None]
-        rim, ends = np.array(loop), np.roll(loop, -1)
-        area = _area(points - middle, np.stack([rim, ends], axis=1)) / whole
+        new_points.append(points[loop].mean(axis=0)[None])
+        middle = np.full(len(loop), len(points) + len(new_faces) - 1)
+        new_faces.append(np.stack([loop, np.roll(loop, -1), middle], axis=1))
+        area = _area(np.concatenate(new_points), new_faces[-1]) / whole
         total += area
         if area > LARGEST_HOLE or total > ALL_HOLES:
             raise Refused(
                 f"is open: holes of {total:.1%} of its area, at most {LARGEST_HOLE:.0%} each and "
                 f"{ALL_HOLES:.0%} together can be filled"
             )
-        new_points.append(middle)
-        new_faces.append(np.stack([rim, ends, np.full(len(rim), len(points) + holes)], axis=1))
-        holes += 1
-    repairs = [f"{holes} small holes filled"] if holes else []
+    repairs = [f"{len(new_faces) - 1} small holes filled"] if len(new_faces) > 1 else []
     return np.concatenate(new_points), np.concatenate(new_faces), repairs
 
 
@@ -159,27 +261,19 @@ def _hole_edges(faces: Faces) -> list[list[int]]:
 
 
 def _area(points: Array, faces: Faces) -> float:
-    """Area of triangles; of those between sides and the origin where `faces` are pairs [m²]."""
-    if faces.shape[1] == 2:
-        normals = np.cross(points[faces[:, 0]], points[faces[:, 1]])
-    else:
-        a, b, c = (points[faces[:, corner]] for corner in range(3))
-        normals = np.cross(b - a, c - a)
-    return float(0.5 * np.linalg.norm(normals, axis=1).sum())
+    """Area of triangles [m²]."""
+    a, b, c = (points[faces[:, corner]] for corner in range(3))
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
 def _require_fans(faces: Faces) -> None:
     """Refuse a closed mesh of which two parts meet in one vertex alone."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     # Each corner of a face, and the one at the same vertex in the next face around it.
     corner = np.arange(3 * len(faces)).reshape(-1, 3)
     leaving = dict(zip(map(tuple, _edges(faces).tolist()), corner.ravel().tolist(), strict=True))
     into = [(b, a) for a, b in _edges(faces[:, [2, 0, 1]]).tolist()]
     following = [leaving[edge] for edge in into]
-    links = coo_array((np.ones(corner.size), (corner.ravel(), following)), shape=(corner.size,) * 2)
-    fans, _ = connected_components(links, directed=False)
+    fans = _connected(corner.ravel(), np.array(following), corner.size).max() + 1
     pinched = fans - len(np.unique(faces))
     if pinched:
         raise Refused(f"parts of it meet in a single corner, at {pinched} places: let them overlap")
@@ -187,21 +281,24 @@ def _require_fans(faces: Faces) -> None:
 
 def _unite_bodies(points: Array, faces: Faces) -> tuple[Mesh, list[str]]:
     """One closed body whose faces look outward."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    links = _edges(faces).T
-    graph = coo_array((np.ones(links.shape[1]), tuple(links)), shape=(len(points),) * 2)
-    _, label = connected_components(graph, directed=False)
-    found = [
-        _sound(_compact(points, faces[label[faces[:, 0]] == number]))
-        for number in np.unique(label[faces[:, 0]])
-    ]
-    found.sort(key=lambda body: -body[1])
+    starts, ends = _edges(faces).T
+    part = _connected(starts, ends, len(points))[faces[:, 0]]
+    found = []
+    for number in np.unique(part):
+        body = _compact(points, faces[part == number])
+        volume = signed_volume(body)
+        if abs(volume) <= _FLATTEST * np.ptp(body.vertices, axis=0).max() ** 3:
+            raise Refused("encloses no volume")
+        if cuts_itself(body):
+            raise Refused("its surface cuts itself")
+        if volume < 0.0:
+            body = body.replace(faces=body.faces[:, ::-1])
+        found.append((body, abs(volume), volume < 0.0))
+    found.sort(key=lambda one: -one[1])
     bodies, repairs, cavities, inside_out = [], [], 0, False
     for body, _, inward in found:
-        around = any(_within(body, other) for other, _, turned in found if turned != inward)
-        if around:
+        others = (manifold(other) for other, _, turned in found if turned != inward)
+        if any((manifold(body) - other).is_empty() for other in others):  # wholly within it
             cavities += 1
             continue
         inside_out = inside_out or inward
@@ -215,42 +312,16 @@ def _unite_bodies(points: Array, faces: Faces) -> tuple[Mesh, list[str]]:
     return _union(bodies), [*repairs, f"{len(bodies)} bodies united"]
 
 
-def _sound(body: Mesh) -> tuple[Mesh, float, bool]:
-    """A closed body turned to look outward, its volume [m³], and whether it looked inward."""
-    volume = signed_volume(body)
-    if abs(volume) <= _FLATTEST * np.ptp(body.vertices, axis=0).max() ** 3:
-        raise Refused("encloses no volume")
-    if cuts_itself(body):
-        raise Refused("its surface cuts itself")
-    inward = volume < 0.0
-    return body.replace(faces=body.faces[:, ::-1]) if inward else body, abs(volume), inward
-
-
-def _within(body: Mesh, other: Mesh) -> bool:
-    """Whether a body lies wholly within another one."""
-    from manifold3d import Manifold, Mesh64
-
-    one, around = (
-        Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64)))
-        for mesh in (body, other)
-    )
-    return bool((one - around).is_empty())
-
-
 def _compact(points: Array, faces: Faces) -> Mesh:
     used, index = np.unique(faces, return_inverse=True)
     return Mesh(vertices=points[used], faces=index.reshape(faces.shape).astype(np.int32))
 
 
 def _union(bodies: list[Mesh]) -> Mesh:
-    from terrain_forge.rocks.shapes.collision import unite
-
     mesh = unite(tuple(bodies))
     points, faces, _ = _clean(mesh.vertices, mesh.faces.astype(np.int64))
     _, uses = np.unique(np.sort(_edges(faces), axis=1), axis=0, return_counts=True)
-    from manifold3d import Manifold, Mesh64
-
-    apart = len(Manifold(Mesh64(mesh.vertices.copy(), mesh.faces.astype(np.uint64))).decompose())
+    apart = len(manifold(mesh).decompose())
     if apart > 1:
         raise Refused(f"holds {apart} bodies that do not overlap: a rock is one body")
     if (uses != 2).any():

@@ -42,7 +42,7 @@ def block(random: Generator) -> Blank:
         wavelength=0.9,
         fall=0.6,
         steps=0.7,
-        key=_key(random),
+        key=int(random.integers(0, 2**63)),
     )
 
 
@@ -70,7 +70,7 @@ def slab(random: Generator) -> Blank:
         wavelength=0.8,
         fall=0.6,
         steps=0.8,
-        key=_key(random),
+        key=int(random.integers(0, 2**63)),
     )
 
 
@@ -87,7 +87,7 @@ def cobble(random: Generator) -> Blank:
         roughness=0.022,
         wavelength=1.1,
         fall=0.42,
-        key=_key(random),
+        key=int(random.integers(0, 2**63)),
     )
 
 
@@ -106,7 +106,7 @@ def vesicular(random: Generator) -> Blank:
         chipping=0.03,
         roughness=0.02,
         wavelength=0.8,
-        key=_key(random),
+        key=int(random.integers(0, 2**63)),
         vertices=_FINE,
     )
     count = int(random.integers(90, 125))
@@ -137,7 +137,7 @@ def ventifact(random: Generator) -> Blank:
         roughness=0.012,
         wavelength=0.7,
         fall=0.5,
-        key=_key(random),
+        key=int(random.integers(0, 2**63)),
     )
 
 
@@ -155,24 +155,14 @@ def breccia(random: Generator) -> Blank:
         fall=0.6,
         steps=0.3,
         lumps=0.09,
-        key=_key(random),
+        key=int(random.integers(0, 2**63)),
         vertices=_FINE,
     )
 
 
-FAMILIES: dict[Family, Callable[[Generator], Blank]] = {
-    "block": block,
-    "slab": slab,
-    "cobble": cobble,
-    "vesicular": vesicular,
-    "ventifact": ventifact,
-    "breccia": breccia,
-}
+_ALL = (block, slab, cobble, vesicular, ventifact, breccia)
+FAMILIES: dict[str, Callable[[Generator], Blank]] = {family.__name__: family for family in _ALL}
 """The shape families by the name that a recipe uses."""
-
-
-def _key(random: Generator) -> int:
-    return int(random.integers(0, 2**63))
 
 
 def _axes(random: Generator, *, flatness: tuple[float, float]) -> Array:
@@ -184,13 +174,11 @@ def _axes(random: Generator, *, flatness: tuple[float, float]) -> Array:
     breadth = float(np.clip(random.normal(0.75, 0.11), 0.5, 1.0))
     height = float(np.clip(random.normal(*flatness), 0.2, breadth))
     axes = np.array([1.0, breadth, height])
-    result: Array = axes / axes.mean()
-    return result
+    return np.asarray(axes / axes.mean())
 
 
 def _unit(vectors: Array) -> Array:
-    result: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return result
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _joints(random: Generator) -> Array:
@@ -202,9 +190,13 @@ def _joints(random: Generator) -> Array:
 
 def _large_faces(random: Generator, *, count: int) -> Array:
     """Faces that bound the body: directions that keep off each other, at unlike distances."""
-    normals = _spread(random, count)
+    chosen = [_unit(random.normal(size=3))]
+    while len(chosen) < count:  # each is the best of twelve at keeping off the others
+        tries = _unit(random.normal(size=(12, 3)))
+        nearest = projections(tries, np.array(chosen)).max(axis=1)
+        chosen.append(tries[nearest.argmin()])
     curvature = random.normal(0.0, 0.12, count)
-    return np.column_stack([normals, random.uniform(0.68, 0.98, count), curvature])
+    return np.column_stack([chosen, random.uniform(0.68, 0.98, count), curvature])
 
 
 def _corners(random: Generator, count: int) -> Array:
@@ -213,16 +205,6 @@ def _corners(random: Generator, count: int) -> Array:
     return np.column_stack(
         [normals, random.uniform(0.98, 1.2, count), random.normal(0.1, 0.15, count)]
     )
-
-
-def _spread(random: Generator, count: int) -> Array:
-    """Unit vectors of any direction, each the best of twelve at keeping off the others."""
-    chosen = [_unit(random.normal(size=3))]
-    while len(chosen) < count:
-        tries = _unit(random.normal(size=(12, 3)))
-        nearest = projections(tries, np.array(chosen)).max(axis=1)
-        chosen.append(tries[nearest.argmin()])
-    return np.array(chosen)
 
 
 def _ledges(random: Generator, faces: Array, *, count: int) -> Array:

@@ -85,8 +85,7 @@ def radii(blank: Blank, directions: Array) -> Array:
 
 def projections(points: Array, axes: Array) -> Array:
     """Coordinates of points along axes, shapes [n, 3] and [m, 3] to [n, m], free of BLAS."""
-    result: Array = _project(np.array(points, order="C"), np.array(axes.T, order="C"))
-    return result
+    return np.asarray(_project(np.array(points, order="C"), np.array(axes.T, order="C")))
 
 
 @kernel
@@ -177,12 +176,16 @@ def _rough(key, x, y, z, fall, steps):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _part(hashed, shift):  # type: ignore[no-untyped-def]
+    """Sixteen bits of a hash as a number from 0 to 2."""
+    return np.float64((hashed >> np.uint64(shift)) & np.uint64(0xFFFF)) * _COMPONENT
+
+
+@inner
 def _corner(key, i, j, k, x, y, z):  # type: ignore[no-untyped-def]
     a, b, c = _PRIMES
     hashed = mix(key, np.uint64(i) * a + np.uint64(j) * b + np.uint64(k) * c)
-    u = np.float64(hashed & np.uint64(0xFFFF)) * _COMPONENT - 1.0
-    v = np.float64((hashed >> np.uint64(16)) & np.uint64(0xFFFF)) * _COMPONENT - 1.0
-    w = np.float64((hashed >> np.uint64(32)) & np.uint64(0xFFFF)) * _COMPONENT - 1.0
+    u, v, w = _part(hashed, 0) - 1.0, _part(hashed, 16) - 1.0, _part(hashed, 32) - 1.0
     return u * x + v * y + w * z
 
 
@@ -213,12 +216,11 @@ def _clasts(key, x, y, z):  # type: ignore[no-untyped-def]
                 p, q, r = _PRIMES
                 cell = np.uint64(i + a) * p + np.uint64(j + b) * q + np.uint64(k + c) * r
                 hashed = mix(key + np.uint64(99), cell)
-                s = np.float64(hashed & np.uint64(0xFFFF)) * 0.5 * _COMPONENT
-                t = np.float64((hashed >> np.uint64(16)) & np.uint64(0xFFFF)) * 0.5 * _COMPONENT
-                u = np.float64((hashed >> np.uint64(32)) & np.uint64(0xFFFF)) * 0.5 * _COMPONENT
-                size = 0.25 + 0.5 * np.float64(hashed >> np.uint64(48)) * 0.5 * _COMPONENT
+                size = 0.25 + 0.25 * _part(hashed, 48)
                 # The angular clast's own distance: a mean of the cube's and the sphere's.
-                dx, dy, dz = abs(i + a + s - x), abs(j + b + t - y), abs(k + c + u - z)
+                dx = abs(i + a + 0.5 * _part(hashed, 0) - x)
+                dy = abs(j + b + 0.5 * _part(hashed, 16) - y)
+                dz = abs(k + c + 0.5 * _part(hashed, 32) - z)
                 away = 0.5 * max(dx, max(dy, dz)) + 0.5 * np.sqrt(dx * dx + dy * dy + dz * dz)
                 highest = max(highest, min(1.0, 3.0 * (1.0 - away / size)))
     return highest

@@ -21,11 +21,8 @@ _TURN = 0.2  # least cosine between a face before and after
 def simplify(mesh: Mesh, vertices: int, *, star_shaped: bool = False) -> Mesh:
     """A mesh of about `vertices` vertices that keeps the shape, the edges and the topology.
 
-    Args:
-        mesh: A closed mesh.
-        vertices: Number of vertices wanted; more stay where no further edge can collapse.
-        star_shaped: Every face is seen from inside from the origin and must stay so, which rules
-            out that the surface cuts itself.
+    More stay where no further edge can collapse. Every face of a closed mesh that is `star_shaped`
+    is seen from inside from the origin and stays so, which rules out that the surface cuts itself.
     """
     if len(mesh.vertices) <= vertices:
         return mesh
@@ -40,6 +37,7 @@ def simplify(mesh: Mesh, vertices: int, *, star_shaped: bool = False) -> Mesh:
 def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-def]
     left = len(points)
     around, degree = _incidence(faces, left)
+    mesh = points, faces, around, degree
     quadrics = _quadrics(points, faces)
     version, alive = np.zeros(left, np.int64), np.ones(len(faces), np.bool_)
     place, old, new = np.empty(3), np.empty(3), np.empty(3)
@@ -61,7 +59,7 @@ def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-de
         if degree[a] == 0 or degree[b] == 0 or version[a] + version[b] != stamp:
             continue
         _cost(points, quadrics, a, b, place)
-        if not _may_collapse(points, faces, around, degree, a, b, place, old, new, star_shaped):
+        if not _may_collapse(mesh, a, b, place, old, new, star_shaped):
             continue
         _merge(points, faces, around, degree, alive, quadrics, a, b, place)
         left -= 1
@@ -156,9 +154,8 @@ def _cost(points, quadrics, a, b, place):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _may_collapse(  # type: ignore[no-untyped-def]
-    points, faces, around, degree, a, b, place, old, new, star_shaped
-):
+def _may_collapse(mesh, a, b, place, old, new, star_shaped):  # type: ignore[no-untyped-def]
+    _, faces, around, degree = mesh
     if degree[a] + degree[b] - 4 > _MAX_DEGREE or degree[a] + degree[b] - 4 < 3:
         return False
     shared = 0
@@ -175,16 +172,14 @@ def _may_collapse(  # type: ignore[no-untyped-def]
                                 return False
     if shared != 2:
         return False
-    return _stays_upright(
-        points, faces, around, degree, a, b, place, old, new, star_shaped
-    ) and _stays_upright(points, faces, around, degree, b, a, place, old, new, star_shaped)
+    stays = _stays_upright(mesh, a, b, place, old, new, star_shaped)
+    return stays and _stays_upright(mesh, b, a, place, old, new, star_shaped)
 
 
 @inner
-def _stays_upright(  # type: ignore[no-untyped-def]
-    points, faces, around, degree, a, b, place, old, new, star_shaped
-):
+def _stays_upright(mesh, a, b, place, old, new, star_shaped):  # type: ignore[no-untyped-def]
     """Whether the faces of a, but those that it shares with b, are sound when it moves."""
+    points, faces, around, degree = mesh
     for n in range(degree[a]):
         face = faces[around[a, n]]
         if face[0] == b or face[1] == b or face[2] == b:

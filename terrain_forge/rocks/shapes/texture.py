@@ -41,8 +41,7 @@ def rock_texture() -> NDArray[np.uint8]:
     """
     value: Array = _paint(stage_key(0, "rock-texture"), TEXTURE_SIDE)
     value *= MEAN_BRIGHTNESS / value.mean()
-    tile: NDArray[np.uint8] = np.clip(np.round(value), 0, 255).astype(np.uint8)
-    return tile
+    return np.clip(np.round(value), 0, 255).astype(np.uint8)
 
 
 @kernel

@@ -2,61 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, kernel, portable
+from terrain_forge.base import Array, Rows, kernel, portable, shaped
 from terrain_forge.terrain.cratering.degradation import ROWS, STEP, worn_shapes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Craters(Record):
+class Craters(Rows):
     """Craters, one row each, the youngest first."""
 
-    id: NDArray[np.uint64]
+    id: NDArray[np.uint64] = field(metadata=shaped("craters", dtype=np.uint64))
     """Address, the same in every window of the site, shape [craters]."""
-    listed: NDArray[np.bool_]
+    listed: NDArray[np.bool_] = field(metadata=shaped("craters", dtype=np.bool_))
     """Which ones the user has listed, shape [craters]."""
-    xy: Array
+    xy: Array = field(metadata=shaped("craters", 2))
     """East and north of the centre [m], shape [craters, 2]."""
-    diameter: Array
+    diameter: Array = field(metadata=shaped("craters"))
     """Rim-to-rim diameter [m], shape [craters]."""
-    age: Array
+    age: Array = field(metadata=shaped("craters"))
     """Age [10⁹ years], shape [craters]."""
-    fresh_depth: Array
+    fresh_depth: Array = field(metadata=shaped("craters"))
     """Depth when it was fresh, crest to floor [m], shape [craters]."""
-    fresh_rim: Array
+    fresh_rim: Array = field(metadata=shaped("craters"))
     """Height of the crest above the ground around when it was fresh [m], shape [craters]."""
-    fresh_ejecta: Array
+    fresh_ejecta: Array = field(metadata=shaped("craters"))
     """Thickness of the ejecta at the crest when it was fresh [m], shape [craters]."""
-    wear: Array
+    wear: Array = field(metadata=shaped("craters"))
     """τ = κ t / D², what diffusion has done to it, shape [craters]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("id", np.uint64, ("craters",))
-        self.freeze("listed", np.bool_, ("craters",))
-        self.freeze("xy", np.float64, ("craters", 2))
-        for name in ("diameter", "age", "fresh_depth", "fresh_rim", "fresh_ejecta", "wear"):
-            self.freeze(name, np.float64, ("craters",))
-
-    def __len__(self) -> int:
-        return len(self.id)
-
-    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Self:
-        """The craters of a mask or of an index array."""
-        return self.replace(
-            **{field.name: getattr(self, field.name)[rows] for field in fields(self)}
-        )
-
-    def sorted(self) -> Self:
-        """The youngest first; of one age the smaller first, since a large one would have erased it.
-
-        Addresses settle the rest.
-        """
-        return self.select(np.lexsort((self.id, self.diameter, self.age)))
 
     @property
     def weights(self) -> Array:
@@ -68,22 +44,22 @@ class Craters(Record):
     @property
     def reach(self) -> Array:
         """Where a crater ends [m], 0 for one that is gone, shape [craters]."""
-        shapes = worn_shapes()
+        _, reach = worn_shapes()
         row, _ = table_place(self.wear)
-        ends = np.maximum(shapes.reach[row], shapes.reach[row + 1])
+        ends = np.maximum(reach[row], reach[row + 1])
         return np.asarray(np.where(self.wear < 1.0, 0.5 * self.diameter * ends, 0.0))
 
     @property
     def depth(self) -> Array:
         """Depth as it is now, highest to lowest point of its own profile [m], shape [craters]."""
         row, share = table_place(self.wear)
-        depth = _relief(worn_shapes().values, row, share, self.weights)
+        depth = _relief(worn_shapes()[0], row, share, self.weights)
         return np.asarray(np.where(self.wear < 1.0, depth, 0.0))
 
     def profile(self, number: int, distance: Array) -> Array:
         """Height [m] above the ground around of one crater at distances from its centre [m]."""
         row, share = table_place(self.wear[number : number + 1])
-        table = worn_shapes().values
+        table, _ = worn_shapes()
         between = (1.0 - share[0]) * table[row[0]] + share[0] * table[row[0] + 1]
         heights = portable.product(between, self.weights[number])
         x = np.asarray(distance) / (0.5 * self.diameter[number])

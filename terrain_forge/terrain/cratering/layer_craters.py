@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from terrain_forge.base import Array, kernel, mix, stage_key
+from terrain_forge.base import Array, mix, rectangle_distance, stage_key
 from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.terrain.cratering.degradation import diffusivity
-from terrain_forge.terrain.cratering.fresh import fresh_shapes
+from terrain_forge.terrain.cratering.degradation import diffusivity, fresh_shapes
 from terrain_forge.terrain.cratering.placement import Drawn, Rectangle, draw_craters
-from terrain_forge.terrain.cratering.population import Population, largest_expected
+from terrain_forge.terrain.cratering.population import Population
 
 if TYPE_CHECKING:
     from terrain_forge.terrain.layers.craters import CraterLayer
@@ -23,6 +23,8 @@ FEWEST_NODES = 4.0
 """Spacings that the smallest crater must be wide."""
 UNRESOLVED = 5.0
 """Postings of a DTM up to which it does not show craters itself."""
+_ALL = (0.01, 1e5)
+"""Diameters [m] among which the largest is looked for."""
 NOT_GIVEN = -1.0
 """What a list holds for a crater whose depth it does not give."""
 
@@ -31,29 +33,22 @@ def make_craters(spec: CraterLayer, *, site: Site, area: Rectangle) -> Craters:
     """All craters of a layer that reach into an area of the site, the youngest first.
 
     Those that are worn away are among them, where their rim was in the area.
-
-    Args:
-        spec: The layer.
-        site: The site, which holds the layer's list.
-        area: West, south, east, north [m].
     """
     key = stage_key(site.seed, f"terrain/{spec.name}")
     parts = []
     population = population_of(spec, site=site)
     if population is not None:
         drawn = draw_craters(population, key=np.uint64(mix(key, 0)), area=area)
-        parts.append(_shaped(drawn, spec, site=site, ratio=None, listed=False))
+        ratio = np.full(len(drawn.id), NOT_GIVEN)
+        parts.append(_shaped(drawn, spec, site=site, ratio=ratio, listed=False))
     if spec.file is not None:
         table = site.table(spec.file)
         parts.append(_listed(table, spec, site=site, key=np.uint64(mix(key, 1))))
-    both = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in (*Drawn._fields, "listed", "fresh_depth", "fresh_rim", "fresh_ejecta", "wear")
-    }
-    craters = Craters(**both).sorted()
-    beyond = np.maximum(area[:2] - craters.xy, craters.xy - np.array(area[2:]))
+    craters = parts[0].joined(*parts[1:])
+    # Of one age the smaller first, since a large one would have erased it; addresses settle ties.
+    craters = craters.select(np.lexsort((craters.id, craters.diameter, craters.age)))
     reach = np.maximum(craters.reach, 0.5 * craters.diameter)
-    return craters.select(np.hypot(*np.maximum(beyond, 0.0).T) < reach)
+    return craters.select(rectangle_distance(craters.xy, area) < reach)
 
 
 def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
@@ -67,17 +62,19 @@ def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
         smallest = FEWEST_NODES * site.spacing
     if largest is None and site.dtm is not None:
         largest = UNRESOLVED * site.dtm.posting
-    if largest is None:
-        area = site.size[0] * site.size[1]
-        expected = largest_expected(spec.production, site.body, equilibrium, area)
-        largest = min(expected, of_body.largest_simple)
-    return Population(
+    drawn = Population(
         body=site.body,
         production=spec.production,
         equilibrium=equilibrium,
-        diameters=(smallest, largest),
+        diameters=(smallest, largest or _ALL[1]),
         diffusivity=spec.diffusivity_m2_per_myr,
     )
+    if largest is not None:
+        return drawn
+    # What one crater of the area is expected to reach.
+    table, area = replace(drawn, diameters=_ALL).table, site.size[0] * site.size[1]
+    expected = float(table.diameter[np.argmax(table.number * area < 1.0)])
+    return replace(drawn, diameters=(smallest, min(expected, of_body.largest_simple)))
 
 
 def listed_places(table: Table, *, site: Site) -> Array:
@@ -91,32 +88,27 @@ def listed_places(table: Table, *, site: Site) -> Array:
 def _listed(table: Table, spec: CraterLayer, *, site: Site, key: np.uint64) -> Craters:
     """The user's craters; what the table does not give is that of fresh ones."""
     rows = len(table.values)
+
+    def column(name: str, otherwise: float) -> Array:
+        return table.column(name) if name in table.columns else np.full(rows, otherwise)
+
     given = Drawn(
-        id=_addresses(key, rows),
+        id=np.array([mix(key, n) for n in range(rows)], np.uint64),
         xy=listed_places(table, site=site),
         diameter=table.column("diameter_m"),
-        age=table.column("age_ga") if "age_ga" in table.columns else np.zeros(rows),
+        age=column("age_ga", 0.0),
     )
-    made = _shaped(given, spec, site=site, ratio=None, listed=True)
-    if "depth_to_diameter" not in table.columns:
-        return made
-    ratio = table.column("depth_to_diameter")
-    own = _shaped(given, spec, site=site, ratio=ratio, listed=True)
-    told = ratio != NOT_GIVEN
-    measures = ("fresh_depth", "fresh_rim", "fresh_ejecta")
-    return made.replace(
-        **{name: np.where(told, getattr(own, name), getattr(made, name)) for name in measures}
-    )
+    ratio = column("depth_to_diameter", NOT_GIVEN)
+    return _shaped(given, spec, site=site, ratio=ratio, listed=True)
 
 
-def _shaped(
-    drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array | None, listed: bool
-) -> Craters:
+def _shaped(drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array, listed: bool) -> Craters:
     """Craters with their fresh measures and their wear."""
+    usual = np.nan if spec.depth_to_diameter is None else spec.depth_to_diameter
     fresh = fresh_shapes(
         drawn.diameter,
         body=site.body,
-        depth_to_diameter=spec.depth_to_diameter if ratio is None else ratio,
+        depth_to_diameter=np.where(ratio == NOT_GIVEN, usual, ratio),
         ejecta=spec.ejecta,
     )
     kappa = diffusivity(drawn.diameter, constant=spec.diffusivity_m2_per_myr)
@@ -128,11 +120,3 @@ def _shaped(
         fresh_ejecta=fresh.ejecta,
         wear=kappa * 1000.0 * drawn.age / drawn.diameter**2,
     )
-
-
-@kernel
-def _addresses(key, count):  # type: ignore[no-untyped-def]
-    found = np.empty(count, dtype=np.uint64)
-    for n in range(count):
-        found[n] = mix(key, n)
-    return found

@@ -11,8 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, kernel, mix, poisson, uniform, zigzag
-from terrain_forge.terrain.cratering.chronology import age_of
+from terrain_forge.base import (
+    Array,
+    inlined,
+    kernel,
+    mix,
+    poisson,
+    rectangle_distance,
+    uniform,
+    zigzag,
+)
 from terrain_forge.terrain.cratering.degradation import REACH
 from terrain_forge.terrain.cratering.population import Population
 
@@ -39,44 +47,25 @@ class Drawn(NamedTuple):
 
 
 def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> Drawn:
-    """All craters of a population that may show in an area, whatever their age.
-
-    Args:
-        population: How many of which size.
-        key: Address of the population.
-        area: The ground that is asked about [m].
-    """
-    drawn = [_draw_octave(population, *octave, key=key, area=area) for octave in population.octaves]
+    """All craters of a population with an address that may show in an area, whatever their age."""
+    drawn, table = [], population.table
+    for octave, low, high in population.octaves:
+        side = _CELL * 2.0**octave
+        reach = 0.5 * REACH * min(high, population.diameters[1])
+        grown = np.add(area, (-reach, -reach, reach, reach))
+        first, last = (np.floor(end / side).astype(np.int64) for end in (grown[:2], grown[2:]))
+        most, least = population.number(np.array([low, high]))
+        address = np.uint64(mix(key, zigzag(octave)))
+        ids, xy, numbers = _place_octave(address, first, last, side, most, least, table.number)
+        drawn.append((ids, xy, *_sizes(numbers, *table)))
     ids, xy, diameter, part = (np.concatenate(column) for column in zip(*drawn, strict=True))
     chronology, age = population.chronology, population.production.age_ga
     gathered = _uniforms(ids, _AGE) * part * float(chronology.number(age))
     ages = age_of(gathered, age, chronology.burst, chronology.rate, chronology.steady)
     smallest, largest = population.diameters
-    kept = _near(xy, 0.5 * REACH * diameter, np.array(area))
+    kept = rectangle_distance(xy, area) < 0.5 * REACH * diameter
     kept &= (diameter >= smallest) & (diameter <= largest)
     return Drawn(id=ids[kept], xy=xy[kept], diameter=diameter[kept], age=ages[kept])
-
-
-def _draw_octave(
-    population: Population,
-    octave: int,
-    low: float,
-    high: float,
-    *,
-    key: np.uint64,
-    area: Rectangle,
-) -> tuple[NDArray[np.uint64], Array, Array, Array]:
-    """Addresses, places, diameters and parts that are left of an octave's craters."""
-    side = _CELL * 2.0**octave
-    reach = 0.5 * REACH * min(high, population.diameters[1])
-    grown = np.add(area, (-reach, -reach, reach, reach))
-    first, last = (np.floor(corner / side).astype(np.int64) for corner in (grown[:2], grown[2:]))
-    most, least = population.number(np.array([low, high]))
-    table = population.table
-    ids, xy, numbers = _place_octave(
-        np.uint64(mix(key, zigzag(octave))), first, last, side, most, least, table.number
-    )
-    return ids, xy, *_sizes(numbers, *table)
 
 
 def expected_craters(population: Population, area: Rectangle) -> float:
@@ -89,13 +78,6 @@ def expected_craters(population: Population, area: Rectangle) -> float:
         reached = (east - west + REACH * high) * (north - south + REACH * high)
         total += population.density(low, high) * reached
     return total
-
-
-def _near(xy: Array, reach: Array, area: Array) -> NDArray[np.bool_]:
-    """Which circles touch an area."""
-    away = np.maximum(np.maximum(area[:2] - xy, xy - area[2:]), 0.0)
-    found: NDArray[np.bool_] = np.hypot(away[:, 0], away[:, 1]) < reach
-    return found
 
 
 @kernel
@@ -168,3 +150,22 @@ def _uniforms(address, what):  # type: ignore[no-untyped-def]
     for n in range(len(address)):
         drawn[n] = uniform(mix(address[n], what))
     return drawn
+
+
+@kernel
+def age_of(number, oldest, burst, rate, steady):  # type: ignore[no-untyped-def]
+    """Ages [10⁹ years] at which a chronology has reached numbers [1/km²]; none above `oldest`.
+
+    Newton's method from above, where a convex rising function never overshoots.
+    """
+    ages = np.empty(len(number))
+    for n in range(len(number)):
+        age = min(number[n] / steady, oldest)
+        for _ in range(60):
+            grown = burst * np.exp(rate * age)
+            step = (grown - burst + steady * age - number[n]) / (rate * grown + steady)
+            if step <= 1e-13 * age:
+                break
+            age -= step
+        ages[n] = max(age, 0.0)
+    return ages

@@ -4,20 +4,56 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from terrain_forge.base import Array, portable
+from terrain_forge.base import Array, PowerPieces, portable
 from terrain_forge.model import Body, Chronology
 from terrain_forge.terrain.cratering.degradation import diffusivity
-from terrain_forge.terrain.cratering.equilibrium import LIMITS
 from terrain_forge.terrain.cratering.production import Counted, CraterProduction
 
 _SEEN = 0.1133
 """κt/D² at which a tenth of a crater's depth is left."""
 _PER_OCTAVE = 64
 """Diameters of the table on an octave; a power law between them is right to 2 in 100 000."""
+
+
+Equilibrium = Literal["trask", "hartmann", "viper", "minton", "gault", "none"]
+"""The laws by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit(PowerPieces):
+    """N(≥D) in up to two ranges of diameters, each as if it went on to 1 m."""
+
+    border: float
+    """Largest diameter [m] of the first range."""
+
+    def row(self, diameter: Array) -> NDArray[np.intp]:
+        """The range of each diameter."""
+        return (np.asarray(diameter) > self.border).astype(np.intp)
+
+
+def _limit(numbers: list[float], exponents: list[float], border: float = np.inf) -> Limit:
+    one, at_1_m, falling = (np.array(v) for v in (np.ones(len(numbers)), numbers, exponents))
+    return Limit(diameters=one, numbers=at_1_m, exponents=falling, border=border)
+
+
+LIMITS: dict[str, Limit] = {
+    # Trask 1966 (JPL TR 32-800); as an upper limit also in NASA's SLS-SPEC-159 (DSNE).
+    "trask": _limit([10.0**-1.1], [2.0]),
+    # Hartmann 1984, Icarus 60, 56, on a km², D in km.
+    "hartmann": _limit([10.0**-1.14 * 1e-6 * 1000.0**1.83], [1.83]),
+    # The VIPER rover's environment specification, on a km², D in m (as in synthterrain).
+    "viper": _limit([29174e-6, 156228e-6], [1.92, 2.389], border=80.0),
+    # Minton et al. 2019, doi:10.1016/j.icarus.2019.02.021, lunar maria.
+    "minton": _limit([0.0336], [2.0]),
+    # Gault 1970, doi:10.1029/RS005i002p00273: geometric saturation, never reached.
+    "gault": _limit([1.54], [2.0]),
+}
+"""Limits of the number of craters. They were counted on the Moon."""
 
 
 class SizeTable(NamedTuple):
@@ -68,22 +104,18 @@ class Population:
 
     def part(self, diameter: Array) -> Array:
         """Part of the craters of a size that is left, by dN/dD of both laws."""
-        if self.production.counted:
-            return self._seen_part(diameter)
+        if self.production.counted:  # those that are young enough to be seen
+            kappa = diffusivity(diameter, constant=self.diffusivity)
+            oldest = self.production.age_ga
+            with np.errstate(divide="ignore"):
+                seen_for = np.minimum(_SEEN * diameter**2 / (1000.0 * kappa), oldest)
+            return self.chronology.number(seen_for) / self.chronology.number(oldest)
         if self.equilibrium == "none":
             return np.ones_like(diameter)
         limit, produced = LIMITS[self.equilibrium], self.produced
         most, came = limit.number(diameter), produced.number(diameter)
         left = most * limit.slope(diameter) / (came * produced.slope(diameter))
         return np.where(most < came, np.minimum(left, 1.0), 1.0)
-
-    def _seen_part(self, diameter: Array) -> Array:
-        """Part of all craters ever that are young enough to be seen."""
-        kappa = diffusivity(diameter, constant=self.diffusivity)
-        oldest = self.production.age_ga
-        with np.errstate(divide="ignore"):
-            seen_for = np.minimum(_SEEN * diameter**2 / (1000.0 * kappa), oldest)
-        return self.chronology.number(seen_for) / self.chronology.number(oldest)
 
     @cached_property
     def table(self) -> SizeTable:
@@ -109,14 +141,3 @@ class Population:
         smallest, largest = portable.log2(self.diameters)
         first, last = int(np.floor(smallest)), int(np.ceil(largest))
         return [(n, 2.0**n, 2.0 ** (n + 1)) for n in reversed(range(first, last))]
-
-
-def largest_expected(
-    production: CraterProduction, body: Body, equilibrium: str, area: float
-) -> float:
-    """Diameter [m] that one crater of an area [m²] is expected to reach."""
-    whole = Population(
-        production=production, body=body, equilibrium=equilibrium, diameters=(0.01, 1e5)
-    )
-    table = whole.table
-    return float(table.diameter[np.argmax(table.number * area < 1.0)])

@@ -3,33 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, PowerPieces, RecipeError, Spec, portable
+from terrain_forge.base import Array, PowerPieces, Spec, portable
 from terrain_forge.model import BODIES, Body, Chronology, ProductionFunction
-from terrain_forge.terrain.cratering.chronology import OLDEST
 
+OLDEST = 4.4
+"""Largest model age [10⁹ years]; the oldest surfaces that calibrate the lunar chronology are a
+little younger."""
 Age = Annotated[float, Interval(gt=0, le=OLDEST)]
 if TYPE_CHECKING:
     BodyFunction = str
 else:
     _FUNCTIONS = [one.kind for body in BODIES.values() for one in body.craters.productions]
     BodyFunction = Literal[tuple(dict.fromkeys(_FUNCTIONS))]
-
-
-class Counted(Protocol):
-    """Numbers of craters by size."""
-
-    def number(self, diameter: Array) -> Array:
-        """N(≥D) on a square metre [1/m²] for diameters [m]."""
-        ...
-
-    def slope(self, diameter: Array) -> Array:
-        """-d ln N / d ln D at diameters [m]."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +49,10 @@ class Polynomial:
     def _arguments(self, diameter: Array) -> tuple[Array, Array]:
         logarithm = portable.log10(np.asarray(diameter, np.float64)) - 3.0
         return logarithm, np.clip(logarithm, *portable.log10(self.range_km))
+
+
+Counted = PowerPieces | Polynomial
+"""Numbers of craters by size."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +105,7 @@ class BodyProduction(CraterProduction):
 
     def holds_on(self, body: Body) -> bool:
         """Whether the function was made for a body."""
-        return body.craters.production(self.kind) is not None
+        return any(one.kind == self.kind for one in body.craters.productions)
 
     def chronology(self, body: Body) -> Chronology:
         """How the number of craters has grown with time."""
@@ -131,7 +125,4 @@ class BodyProduction(CraterProduction):
         return PowerPieces.through(edges, np.cumsum(bins[::-1])[::-1])
 
     def _function(self, body: Body) -> ProductionFunction:
-        found = body.craters.production(self.kind)
-        if found is None:
-            raise RecipeError(f"{self.kind} is no production function of {body.name}")
-        return found
+        return next(one for one in body.craters.productions if one.kind == self.kind)

@@ -28,14 +28,7 @@ _TILE = 16
 
 
 def crater_relief(craters: Craters, *, east: Array, north: Array) -> Array:
-    """Relief [m] of craters at the nodes of a grid, shape [north, east].
-
-    Args:
-        craters: The craters, the youngest first; others than those that reach the grid do not
-            matter.
-        east: Coordinates of the columns [m], evenly spaced.
-        north: Coordinates of the rows [m], evenly spaced.
-    """
+    """Relief [m] of craters, the youngest first, at evenly spaced nodes, shape [north, east]."""
     relief = np.zeros((len(north), len(east)))
     reach = craters.reach
     seen = reach > 0.0
@@ -53,7 +46,7 @@ def crater_relief(craters: Craters, *, east: Array, north: Array) -> Array:
             row,
             np.hstack([craters.weights * (1.0 - share[:, None]), craters.weights * share[:, None]]),
         ),
-        worn_shapes().values,
+        worn_shapes()[0],
         east,
         north,
         relief,
@@ -134,8 +127,9 @@ def _add_craters(  # type: ignore[no-untyped-def]
                             continue
                         away = np.sqrt(square) / radius[n]
                         own = _height(table, worn, n, away)
-                        for e in range(erasers):
-                            own *= 1.0 - share_left[e] * _smaller(size[n] - size_left[e])
+                        for e in range(erasers):  # by how many octaves it is the larger one
+                            larger = size[n] - size_left[e]
+                            own *= 1.0 - share_left[e] * min(max(0.5 - 0.5 * larger, 0.0), 1.0)
                         height += own
                         erased = _within(away)
                         if erased > 0.0:
@@ -164,9 +158,3 @@ def _within(away):  # type: ignore[no-untyped-def]
     start, end = ERASED
     share = min(max((end - away) / (end - start), 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
-
-
-@inner
-def _smaller(octaves):  # type: ignore[no-untyped-def]
-    """How far a crater is erased by one that it is larger than by some octaves."""
-    return min(max(0.5 - 0.5 * octaves, 0.0), 1.0)

@@ -5,22 +5,54 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Union
 
+import numpy as np
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import BY_KIND, Array, FileName, InputFile, Positive, parts
-from terrain_forge.model import BODIES, Site, Window
-from terrain_forge.terrain.cratering.brightness import ejecta_brightness
-from terrain_forge.terrain.cratering.equilibrium import Equilibrium
-from terrain_forge.terrain.cratering.feasibility import check_craters
-from terrain_forge.terrain.cratering.layer_craters import NOT_GIVEN, make_craters
-from terrain_forge.terrain.cratering.production import BodyProduction, CraterProduction
+from terrain_forge.base import (
+    BY_KIND,
+    Array,
+    DataError,
+    FileName,
+    InputFile,
+    Key,
+    Positive,
+    RecipeError,
+    parts,
+    portable,
+    rectangle_distance,
+)
+from terrain_forge.model import BODIES, Site, Table, Window
+from terrain_forge.terrain.cratering.craters import Craters
+from terrain_forge.terrain.cratering.degradation import EJECTA_FADE, REACH, shapes
+from terrain_forge.terrain.cratering.layer_craters import (
+    FEWEST_NODES,
+    NOT_GIVEN,
+    UNRESOLVED,
+    listed_places,
+    make_craters,
+    population_of,
+)
+from terrain_forge.terrain.cratering.placement import expected_craters
+from terrain_forge.terrain.cratering.population import Equilibrium
+from terrain_forge.terrain.cratering.production import OLDEST, BodyProduction, CraterProduction
 from terrain_forge.terrain.cratering.relief import crater_relief
 from terrain_forge.terrain.layer import Layer
+
+FADES_IN = 0.05
+"""Age [10⁹ years] at which a brightness has fallen to 1/e. This and the next two: assumptions."""
+FULL_FROM = 100.0
+"""Diameter [m] from which craters dig up fresh rock; smaller ones bring up old soil the more."""
+BRIGHTEST = 2.0
+"""Largest factor, where the ejecta of several craters lie."""
+_VISIBLE = 0.005
+MAX_CRATERS = 2_000_000
+"""Craters of a layer that may reach a site."""
+_PLACES = ("x_m", "y_m", "lon_deg", "lat_deg")
 
 CraterList = InputFile(
     kind="table",
     columns=("diameter_m",),
-    optional=("x_m", "y_m", "lon_deg", "lat_deg", "age_ga", "depth_to_diameter"),
+    optional=(*_PLACES, "age_ga", "depth_to_diameter"),
     blanks=(("age_ga", 0.0), ("depth_to_diameter", NOT_GIVEN)),
 )
 
@@ -68,25 +100,153 @@ class CraterLayer(Layer):
         if self.production is None and self.file is None:
             raise ValueError("craters need a production function, a file, or both")
 
-    def check(self, *, site: Site, key: tuple[str | int, ...]) -> None:
-        """Refuse craters that a site cannot have."""
-        check_craters(self, site=site, key=key)
+    def check(self, *, site: Site, key: Key) -> None:
+        """Refuse craters that a site cannot have.
+
+        Raises:
+            RecipeError: for a law of another body, a range of diameters that is upside down, too
+                fine for the grid or goes on to complex craters, or too many craters.
+            DataError: for a listed crater that cannot be.
+        """
+        if self.production is not None:
+            functions, body = site.body.craters.productions, site.body.name.capitalize()
+            if not self.production.holds_on(site.body):
+                own = ", ".join(one.kind for one in functions) or "none"
+                raise RecipeError(
+                    f"{self.production.kind} is no production function of {body}, which has {own}",
+                    key=(*key, "production", "kind"),
+                )
+            _check_range(self, site, (*key, "diameter_m"))
+        if self.file is not None:
+            _check_list(site.table(self.file), site, (*key, "file"))
 
     def brightness(self, *, site: Site, window: Window) -> Array | None:
         """Bright ejecta of young craters; None where they are no brighter than the ground."""
         bright = self.ejecta and site.body.craters.bright_ejecta
         if not bright or self.ejecta_contrast == 0.0:
             return None
-        east, north = site.axes(window)
-        craters = make_craters(self, site=site, area=_area(east, north))
+        craters, east, north = self._craters(site, window)
         return ejecta_brightness(craters, east=east, north=north, contrast=self.ejecta_contrast)
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Relief of all craters that reach into the window."""
-        east, north = site.axes(window)
-        craters = make_craters(self, site=site, area=_area(east, north))
+        craters, east, north = self._craters(site, window)
         return crater_relief(craters, east=east, north=north)
 
+    def _craters(self, site: Site, window: Window) -> tuple[Craters, Array, Array]:
+        """Those that reach into a window, whose columns and rows lie there."""
+        east, north = site.axes(window)
+        area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
+        return make_craters(self, site=site, area=area), east, north
 
-def _area(east: Array, north: Array) -> tuple[float, float, float, float]:
-    return float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
+
+def ejecta_brightness(craters: Craters, *, east: Array, north: Array, contrast: float) -> Array:
+    """Factor on the albedo at the nodes of a grid [m], shape [north, east].
+
+    `contrast` is how much brighter the fresh ejecta of a large crater are at its rim, 0 for not.
+    """
+    factor = np.ones((north.size, east.size))
+    strength = contrast * portable.exp(-craters.age / FADES_IN)
+    strength *= np.minimum(craters.diameter / FULL_FROM, 1.0)
+    for n in np.flatnonzero(strength > _VISIBLE):
+        (x, y), radius = craters.xy[n], 0.5 * craters.diameter[n]
+        reach = EJECTA_FADE[1] * radius
+        columns = slice(*np.searchsorted(east, (x - reach, x + reach)))
+        rows = slice(*np.searchsorted(north, (y - reach, y + reach)))
+        away = np.hypot(east[columns] - x, north[rows, None] - y) / radius
+        factor[rows, columns] += strength[n] * shapes(away)[2]
+    return np.minimum(factor, BRIGHTEST)
+
+
+def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
+    """Refuse diameters that the grid or the body do not have, or too many craters of them."""
+    given = spec.diameter_m
+    finest, complex_from = FEWEST_NODES * site.spacing, site.body.craters.largest_simple
+    if given[0] is not None and given[0] < finest:
+        raise RecipeError(
+            f"craters of {given[0]:g} m need a spacing of {given[0] / FEWEST_NODES:g} m or less, "
+            f"found {site.spacing:g} m; at this spacing the smallest is {finest:g} m",
+            key=key,
+        )
+    if given[1] is not None and given[1] > complex_from:
+        raise RecipeError(
+            f"craters of {given[1]:g} m are complex, with central peaks and terraces, which are "
+            f"not made; simple ones go up to {complex_from:g} m on {site.body.name.capitalize()}",
+            key=key,
+        )
+    population = population_of(spec, site=site)
+    assert population is not None
+    smallest, largest = population.diameters
+    if smallest < largest:
+        number = expected_craters(population, site.bounds)
+        if number > MAX_CRATERS:
+            raise RecipeError(
+                f"{number:.3g} craters of {smallest:g} m and more would reach the site, at most "
+                f"{MAX_CRATERS:.3g}; choose a larger smallest diameter",
+                key=key,
+            )
+        return
+    if None not in given:
+        raise RecipeError(
+            f"from {smallest:g} to {largest:g} m: the first must be the smaller", key=key
+        )
+    why = "that is expected once on this area"
+    if site.dtm is not None:
+        why = f"that is {UNRESOLVED:g} postings of the DTM, which shows larger ones itself"
+    ends = f"smallest {smallest:g} m", f"largest {largest:g} m"
+    found = ", ".join(
+        f"{end}{'' if value is not None else ' (by default)'}"
+        for end, value in zip(ends, given, strict=True)
+    )
+    raise RecipeError(f"no craters between: {found}; by default the largest is {why}", key=key)
+
+
+def _check_list(table: Table, site: Site, key: Key) -> None:
+    _check_places(table, site, key)
+    complex_from = site.body.craters.largest_simple
+    limits = {
+        "lon_deg": (-180.0, 360.0),
+        "lat_deg": (-90.0, 90.0),
+        "diameter_m": (FEWEST_NODES * site.spacing, complex_from),
+        "age_ga": (0.0, OLDEST),
+        "depth_to_diameter": (0.02, 0.3),
+    }
+    for name in table.columns:
+        low, high = limits.get(name, (-np.inf, np.inf))
+        values = table.column(name)
+        allowed = f"{low:g} to {high:g}"
+        if name == "diameter_m":
+            allowed += (
+                f": at least {FEWEST_NODES:g} spacings, and no complex craters, which begin at "
+                f"{complex_from:g} m on {site.body.name.capitalize()}"
+            )
+        blank = (name == "depth_to_diameter") & (values == NOT_GIVEN)
+        good = (values >= low) & (values <= high) | blank
+        if not good.all():
+            row = int(np.argmin(good))
+            raise DataError(
+                f"{table.path}: {name} of crater {row + 1} is {values[row]:g}, allowed: {allowed}",
+                key=key,
+            )
+    away = rectangle_distance(listed_places(table, site=site), site.bounds)
+    if not np.any(away < 0.5 * REACH * table.column("diameter_m")):
+        raise DataError(
+            f"{table.path}: no crater reaches the site, which ends at ±{0.5 * site.size[0]:g}, "
+            f"±{0.5 * site.size[1]:g} m",
+            key=key,
+        )
+
+
+def _check_places(table: Table, site: Site, key: Key) -> None:
+    places = tuple(name for name in _PLACES if name in table.columns)
+    if places not in (_PLACES[:2], _PLACES[2:]):
+        raise DataError(
+            f"{table.path} needs the columns x_m and y_m, or lon_deg and lat_deg; found "
+            f"{', '.join(places) or 'neither'}",
+            key=key,
+        )
+    if places == _PLACES[2:] and not site.georeferenced:
+        raise DataError(
+            f"{table.path} gives longitudes and latitudes, but the site has none: give x_m and y_m",
+            key=key,
+        )

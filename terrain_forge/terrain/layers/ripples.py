@@ -120,98 +120,42 @@ class Ripples(Layer):
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:
         """Crests and troughs about the ground so far."""
-        towards = np.radians(self.wind_from_deg + 180.0)
-        forms = Bedforms(
-            key=stage_key(site.seed, f"terrain/{self.name}"),
-            wind=(float(np.sin(towards)), float(np.cos(towards))),
-            wavelength=self.wavelength_m,
-            stoss=self.stoss,
-            sharpness=self.sharpness,
-            sinuosity=self.sinuosity,
-            defects=self.defects,
-        )
-        east, north = site.axes(window)
-        height = self.height * self._sandiness(site, window, elevation)
-        return bedform_heights(forms, east=east, north=north, spacing=site.spacing, height=height)
-
-    def _sandiness(self, site: Site, window: Window, elevation: Array) -> Array:
-        """Factor on the height, 0 to 1: less on steep and on rocky ground."""
         rise = steepness(elevation, stencil_cells(self.wavelength_m, site.spacing), site.spacing)
         full, none = (float(portable.tan(np.radians(angle))) for angle in self.slope_deg)
-        factor = fade(rise, full, none)
+        factor = fade(rise, full, none)  # less on steep and on rocky ground
         if self.rock_cover is not None:
             cover = site.recipe.rocks.expected_cover(site, window)
             factor = factor * fade(cover, *self.rock_cover)
-        return factor
+        height = self.height * factor
+        key = stage_key(site.seed, f"terrain/{self.name}")
+        return self.bedforms(key, *site.axes(window), spacing=site.spacing, height=height)
 
+    def bedforms(
+        self, key: np.uint64, east: Array, north: Array, *, spacing: float, height: Array
+    ) -> Array:
+        """Heights about a mean of zero at the nodes of a grid [m], shape [north, east].
 
-@dataclass(frozen=True, kw_only=True)
-class Bedforms:
-    """The pattern of one generation of bedforms."""
-
-    key: np.uint64
-    """What its randomness hangs on."""
-    wind: tuple[float, float]
-    """Unit vector that the wind blows along, east and north."""
-    wavelength: float
-    """Mean distance of the crests [m]."""
-    stoss: float
-    """Part of a wavelength that rises downwind, 0 to 1."""
-    sharpness: float
-    """0 for round crests, 1 for sharp ones between broad troughs."""
-    sinuosity: float
-    """How much the crests bend, 0 to 1."""
-    defects: float
-    """How often crests end and fork, 0 to 1."""
-
-
-def bedform_heights(
-    forms: Bedforms, *, east: Array, north: Array, spacing: float, height: Array
-) -> Array:
-    """Heights about a mean of zero at the nodes of a grid [m], shape [north, east].
-
-    Args:
-        forms: the pattern.
-        east: coordinates of the columns [m].
-        north: coordinates of the rows [m].
-        spacing: distance of the nodes [m], the same to the bit in every window.
-        height: from trough to crest at each node [m], shape [north, east]; 0 for none.
-    """
-    step = max(_STEP * forms.wavelength, spacing)
-    # Samples lie at whole steps from the site's origin, so that windows share them.
-    corner = int(np.floor(east[0] / step)), int(np.floor(north[0] / step))
-    columns = int(np.floor(east[-1] / step)) + 2 - corner[0]
-    rows = int(np.floor(north[-1] / step)) + 2 - corner[1]
-    slow = np.empty((rows, columns, 3))
-    vary = (forms.sinuosity, forms.defects)
-    over_chunks(_vary, rows, forms.key, forms.wind, forms.wavelength, vary, corner, step, slow)
-    heights = np.zeros((len(north), len(east)))
-    over_chunks(
-        _raise,
-        len(north),
-        forms.key,
-        forms.wind,
-        forms.wavelength,
-        (forms.stoss, forms.sharpness),
-        slow,
-        corner,
-        step,
-        east,
-        north,
-        height,
-        heights,
-    )
-    return heights
+        They reach `height` from trough to crest, which is 0 where there are none. `spacing` is the
+        same to the bit in every window.
+        """
+        towards = np.radians(self.wind_from_deg + 180.0)
+        pattern = key, (float(np.sin(towards)), float(np.cos(towards))), self.wavelength_m
+        step = max(_STEP * self.wavelength_m, spacing)
+        # Samples lie at whole steps from the site's origin, so that windows share them.
+        corner = int(np.floor(east[0] / step)), int(np.floor(north[0] / step))
+        columns = int(np.floor(east[-1] / step)) + 2 - corner[0]
+        rows = int(np.floor(north[-1] / step)) + 2 - corner[1]
+        slow = np.empty((rows, columns, 3))
+        vary, shape = (self.sinuosity, self.defects), (self.stoss, self.sharpness)
+        over_chunks(_vary, rows, *pattern, vary, corner, step, slow)
+        heights = np.zeros((len(north), len(east)))
+        grid = slow, corner, step, east, north, height, heights
+        over_chunks(_raise, len(north), *pattern, shape, *grid)
+        return heights
 
 
 def steepest_lee(*, ratio: float, stoss: float, sharpness: float) -> float:
-    """Slope of the steepest part of the lee side [rad].
-
-    Args:
-        ratio: height over wavelength.
-        stoss: part of the wavelength that rises.
-        sharpness: of the crest, 0 to 1.
-    """
+    """Slope of the steepest part of the lee side [rad]; `ratio` is height over wavelength."""
     away = np.linspace(0.0, np.pi, 181)
     fall = (1.0 - sharpness) * np.sin(away) + sharpness * np.cos(0.5 * away)
     return float(portable.arctan(0.5 * np.pi * fall.max() * ratio / (1.0 - stoss)))

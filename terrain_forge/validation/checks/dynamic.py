@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, SimulationError
+from terrain_forge.base import Array, SimulationError
 from terrain_forge.driving import load_scene
 from terrain_forge.model import Check, World, at_least, failed
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
-from terrain_forge.validation.names import rock_of
+from terrain_forge.validation.reading import rock_of
 
 TIME = 5.0
 """How long dynamic rocks are watched [s]."""
@@ -30,8 +29,7 @@ MOST_WATCHED = 200
 """Dynamic rocks that are watched; of more, so many are taken evenly from all."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stay(Record):
+class Stay(NamedTuple):
     """How far dynamic rocks moved under gravity alone."""
 
     id: NDArray[np.int32]
@@ -40,11 +38,6 @@ class Stay(Record):
     """How far the centre of mass moved, over the diameter, shape [rocks]."""
     turn: Array
     """How far the rock turned [rad], shape [rocks]."""
-
-    def __post_init__(self) -> None:
-        self.freeze("id", np.int32, ("rocks",))
-        self.freeze("shift", np.float64, ("rocks",))
-        self.freeze("turn", np.float64, ("rocks",))
 
     @property
     def stayed(self) -> NDArray[np.bool_]:
@@ -59,41 +52,27 @@ class Dynamic(Inspection):
     group = "rocks"
 
     def checks(self, built: BuiltFolder) -> list[Check]:
-        """One check, where the world has dynamic rocks."""
-        if built.mjcf is None or not built.world.field.dynamic.any():
+        """How many dynamic rocks stay where they lie, where the world has any."""
+        every = int(np.count_nonzero(built.world.field.dynamic))
+        if built.mjcf is None or not every:
             return []
-        return [dynamic_check(built.world, built.mjcf / "world.xml")]
-
-
-def dynamic_check(world: World, scene: Path) -> Check:
-    """How many dynamic rocks stay where they lie.
-
-    Args:
-        world: The world that was exported.
-        scene: Its `world.xml`.
-    """
-    title = f"rocks: dynamic ones that stay for {TIME:g} s"
-    try:
-        stay = watch(world, scene)
-    except SimulationError as error:
-        return failed(title, str(error))
-    count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
-    every = int(np.count_nonzero(world.field.dynamic))
-    worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
-    note = (
-        f"part of {count} of {every} within {MOST_SHIFT:.0%} of the diameter and "
-        f"{np.degrees(MOST_TURN):g} deg; {gone} do not stay; rock {stay.id[worst]} moves most, "
-        f"{stay.shift[worst]:.2%} and {np.degrees(stay.turn[worst]):.2g} deg"
-    )
-    return at_least(title, 1.0 - gone / count, STAYING, note=note)
+        title = f"rocks: dynamic ones that stay for {TIME:g} s"
+        try:
+            stay = watch(built.world, built.mjcf / "world.xml")
+        except SimulationError as error:
+            return [failed(title, str(error))]
+        count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))
+        worst = int(np.argmax(np.maximum(stay.shift / MOST_SHIFT, stay.turn / MOST_TURN)))
+        note = (
+            f"part of {count} of {every} within {MOST_SHIFT:.0%} of the diameter and "
+            f"{np.degrees(MOST_TURN):g} deg; {gone} do not stay; rock {stay.id[worst]} moves most, "
+            f"{stay.shift[worst]:.2%} and {np.degrees(stay.turn[worst]):.2g} deg"
+        )
+        return [at_least(title, 1.0 - gone / count, STAYING, note=note)]
 
 
 def watch(world: World, scene: Path) -> Stay:
-    """Load an exported world.xml and let at most `MOST_WATCHED` of its dynamic rocks be for 5 s.
-
-    Args:
-        world: The world that was exported.
-        scene: Its `world.xml`.
+    """Let at most `MOST_WATCHED` dynamic rocks of an exported world.xml be for 5 s.
 
     Raises:
         SimulationError: if MuJoCo cannot load it, a dynamic rock is missing in it, or the

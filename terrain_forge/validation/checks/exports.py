@@ -1,14 +1,31 @@
-"""Whether each export holds the world, read back with a quick sample."""
+"""Whether a built world's files are as they were built, and its exports hold the world."""
 
 from __future__ import annotations
 
-from terrain_forge.model import Check
+from collections.abc import Iterator
+from typing import Any
+
+from terrain_forge.model import Check, at_most
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
-from terrain_forge.validation.suite import quick_checks
+from terrain_forge.validation.measures import Entry
+from terrain_forge.validation.suite import conformance, quick_checks
+
+
+class Files(Inspection):
+    """Files that are missing, altered, or not the world's."""
+
+    kind = "files"
+    group = "files"
+
+    def checks(self, built: BuiltFolder) -> Iterator[Check]:
+        """One check over the world's files, one over what else is in its folder."""
+        for what, names in (("missing or altered", built.altered), ("added", built.foreign)):
+            note = ", ".join(names[:3])
+            yield at_most(f"files: {what}", float(len(names)), 0.0, note=note)
 
 
 class Exports(Inspection):
-    """Ground, rocks, gravity and replays of each export."""
+    """Ground, rocks, gravity and replays of each export, read back with a quick sample."""
 
     kind = "exports"
     group = "exports"
@@ -16,3 +33,29 @@ class Exports(Inspection):
     def checks(self, built: BuiltFolder) -> list[Check]:
         """The quick checks of all exports."""
         return quick_checks(built.world, built.directory, built.exports, points=built.spec.points)
+
+
+class Programs(Inspection):
+    """The conformance table, where all consumers are asked for."""
+
+    kind = "programs"
+    group = "other programs"
+
+    def __init__(self) -> None:
+        self._entries: list[Entry] = []
+
+    def checks(self, built: BuiltFolder) -> list[Check]:
+        """The entries of the table that were measured."""
+        if built.spec.consumers == "all":
+            self._entries = conformance(
+                built.world,
+                built.directory,
+                built.exports,
+                points=built.spec.points,
+                progress=built.progress,
+            )
+        return [entry.check for entry in self._entries if entry.check]
+
+    def report(self) -> dict[str, Any]:
+        """The table."""
+        return {"conformance": [vars(entry) for entry in self._entries]}

@@ -9,7 +9,6 @@ import numpy as np
 
 from terrain_forge.model import Check, Trajectory, World, at_most
 from terrain_forge.paths import FARTHEST, Planned, Surroundings, highest_step, survey_paths
-from terrain_forge.recipe import Recipe
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
 
 _MOST_NAMED = 3
@@ -26,34 +25,23 @@ class Paths(Inspection):
         self._figures: list[dict[str, Any]] = []
 
     def checks(self, built: BuiltFolder) -> list[Check]:
-        """Tilt, steps and rocks of each path."""
-        checks, self._figures = path_checks(built.world)
+        """Tilt, steps and rocks of each path.
+
+        The driven path and planned ones must keep the rover's limits. Others may be there for a
+        camera or an actor alone: their figures have no limit.
+        """
+        world, recipe = built.world, built.world.site.recipe
+        bound = {path.name for path in recipe.paths if isinstance(path.route, Planned)}
+        bound.add(recipe.driven_path or "")
+        paths, checks = {path.name: path for path in world.trajectories}, list[Check]()
+        for name, met in survey_paths(world).items():
+            checks += _checks(world, paths[name], met, bound=name in bound)
+            self._figures.append(_figures(paths[name], met))
         return checks
 
     def report(self) -> dict[str, Any]:
         """The figures of each path."""
         return {"paths": self._figures}
-
-
-def path_checks(world: World) -> tuple[list[Check], list[dict[str, Any]]]:
-    """Checks of the world's paths, and their figures for the report.
-
-    The driven path and planned ones must keep the rover's limits. Others may be there for a camera
-    or an actor alone: their figures have no limit.
-    """
-    checks: list[Check] = []
-    figures = []
-    paths = {path.name: path for path in world.trajectories}
-    for name, met in survey_paths(world).items():
-        checks += _checks(world, paths[name], met, bound=name in _bound(world.site.recipe))
-        figures.append(_figures(paths[name], met))
-    return checks, figures
-
-
-def _bound(recipe: Recipe) -> set[str]:
-    """Names of the paths that the rover must be able to drive."""
-    planned = {path.name for path in recipe.paths if isinstance(path.route, Planned)}
-    return planned | {recipe.driven_path or ""}
 
 
 def _checks(world: World, path: Trajectory, met: Surroundings, *, bound: bool) -> list[Check]:

@@ -1,21 +1,38 @@
-"""Whether a built world's rocks lie apart, are whole, and have the sizes that were asked for."""
+"""Whether rocks lie apart, are whole, have the sizes that were asked for, and are embedded."""
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 from typing import Any
 
-from terrain_forge.model import Check, World, at_least, at_most
-from terrain_forge.rocks import find_overlaps
+import numpy as np
+
+from terrain_forge.base import Array, stage_key, uniforms
+from terrain_forge.model import (
+    Check,
+    Heightfield,
+    RockField,
+    RockPrototype,
+    World,
+    at_least,
+    at_most,
+    rotations,
+)
+from terrain_forge.rocks import FOOT, edges, find_overlaps
 from terrain_forge.truth import shape_figures
-from terrain_forge.validation.inspection import BuiltFolder, Inspection
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
+from terrain_forge.validation.outlines import heights_above
 
 SIGNIFICANCE = 0.001
 """A correct sampler's rocks fall below this p-value once in a thousand worlds."""
 UNPLACED_LIMIT = 0.001
 """Part of the rocks that may find no free place."""
+_ROCKS = 2000
+_UPPER = 40
+_GAP = 0.02
+"""Part of its diameter by which a rock's foot may stand out of the ground."""
+_LIMIT = 0.005
+"""Part of the rocks that may do so all the same, where the ground is too rough for them."""
 
 
 class Rocks(Inspection):
@@ -27,20 +44,12 @@ class Rocks(Inspection):
     def checks(self, built: BuiltFolder) -> list[Check]:
         """Of all rocks, and of the truth's verification where there is one."""
         world = built.world
-        verification = _read(built.directory / "truth" / "size_frequency.json")
+        verification = read_json(built.directory / "truth" / "size_frequency.json")
         return [
             *_place_checks(world, [part["name"] for part in verification.get("lists", ())]),
             *_size_checks(verification),
             *_shape_checks(world, verification.get("shapes", {})),
         ]
-
-
-def _read(verification: Path) -> dict[str, Any]:
-    """The truth bundle's verification, empty where there is none."""
-    if not verification.is_file():
-        return {}
-    content: dict[str, Any] = json.loads(verification.read_text(encoding="utf-8"))
-    return content
 
 
 def _place_checks(world: World, lists: list[str]) -> list[Check]:
@@ -89,3 +98,62 @@ def _shape_checks(world: World, wanted: dict[str, Any]) -> list[Check]:
         at_most("shapes: outlines of coarse levels off", found["largest_outline_error"], None,
                 note="largest distance, as a part of the shape's mean axis"),
     ]  # fmt: skip
+
+
+class Resting(Inspection):
+    """Whether static rocks lie in the ground."""
+
+    kind = "resting"
+    group = "rocks"
+
+    def checks(self, built: BuiltFolder) -> list[Check]:
+        """Daylight under static rocks, and tops below the ground, over a sample of the rocks.
+
+        A rock shows no daylight where its foot, the cross-section at a twentieth of its extent,
+        lies below the ground all around.
+        """
+        world = built.world
+        if not len(world.field):
+            return []
+        static = world.field.select(~world.field.dynamic)
+        if len(static) > _ROCKS:
+            drawn = uniforms(stage_key(world.site.seed, "resting"), _ROCKS)
+            static = static.select(np.unique((drawn * len(static)).astype(np.intp)))
+        foot, top = np.zeros(len(static)), np.ones(len(static))
+        for number, prototype in enumerate(world.library.prototypes):
+            rows = np.flatnonzero(static.prototype == number)
+            foot[rows], top[rows] = foot_and_top(static.select(rows), prototype, world.ground)
+        limit = float(max(1, round(_LIMIT * len(static))))
+        return [
+            at_most("rocks: daylight beneath", float(np.count_nonzero(foot > _GAP)), limit,
+                    note=f"of {len(static)}, by more than {_GAP:.0%} of the diameter"),
+            at_most("rocks: tops below the ground", float(np.count_nonzero(top <= 0.0)), 0.0,
+                    note=f"of {len(static)}"),
+        ]  # fmt: skip
+
+
+def foot_and_top(
+    field: RockField, prototype: RockPrototype, ground: Heightfield
+) -> tuple[Array, Array]:
+    """How rocks of one shape stand above the ground, over their diameters, shape [rocks] each.
+
+    Largest height of the foot's outer corners, above 0 there is daylight, and of the rock's upper
+    vertices. Points beside the ground do not count.
+    """
+    from scipy.spatial import ConvexHull
+
+    vertices = prototype.meshes[0].vertices
+    level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
+    ends = vertices[edges(prototype.meshes[0])]
+    ends = ends[(ends[:, 0, 2] < level) != (ends[:, 1, 2] < level)]
+    part = (level - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
+    outline = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
+    loop = outline[ConvexHull(outline[:, :2]).vertices]  # hollows of the underside are hidden
+    pose = rotations(field) * field.scale[:, None, None]
+    feet = heights_above(ground, np.einsum("nij,pj->npi", pose, loop) + field.position[:, None])
+    upper = vertices[np.argsort(vertices[:, 2])[-_UPPER:]]
+    tops = heights_above(ground, np.einsum("nij,pj->npi", pose, upper) + field.position[:, None])
+    return (
+        np.nan_to_num(feet, nan=-np.inf).max(axis=1, initial=-np.inf) / field.diameter,
+        np.nan_to_num(tops, nan=-np.inf).max(axis=1) / field.diameter,
+    )

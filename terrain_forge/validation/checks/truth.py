@@ -1,22 +1,27 @@
-"""Whether the truth's rasters hold what rays meet from above."""
+"""Whether craters are as many and as large as the law wants, and rasters hold what rays meet."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, mix, stage_key, uniforms
-from terrain_forge.model import Check, World, at_most, merge
+from terrain_forge.model import Check, World, at_least, at_most, merge
 from terrain_forge.scene import GROUND, open_scene
-from terrain_forge.validation.inspection import BuiltFolder, Inspection
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
 from terrain_forge.validation.measures import ground_limit
 
 _CLEARANCE = 1.0
 _GRAZING = 0.002
 """Part of the nodes at which ray and raster may name different rocks: a ray of 32 bits that grazes
 an outline falls to either side."""
+LIMIT_Z = 3.29
+"""Deviation of a number in standard deviations that 1 right world in 1000 exceeds."""
+LIMIT_P = 0.001
+"""Least p-value of the sizes."""
 
 
 class TopSurface(Inspection):
@@ -26,42 +31,29 @@ class TopSurface(Inspection):
     group = "truth"
 
     def checks(self, built: BuiltFolder) -> list[Check]:
-        """Heights and rock ids."""
-        truth = built.directory / "truth"
-        return top_surface_checks(built.world, truth, points=built.spec.points)
+        """Compare surface_with_rocks.tif and rock_id.tif with vertical rays at random nodes.
 
-
-def top_surface_checks(world: World, truth: Path, *, points: int) -> list[Check]:
-    """Compare surface_with_rocks.tif and rock_id.tif with vertical rays at random nodes.
-
-    Half of the nodes are drawn from those with a rock on top. Rays meet the rocks' finest meshes
-    and the triangulated ground in Embree, which shares nothing with the code that made the rasters.
-
-    Args:
-        world: The world.
-        truth: Its folder of truth.
-        points: How many nodes.
-
-    Returns:
-        The largest difference in height where both name the same rock, and at how many nodes they
-        do not; nothing where a raster is missing.
-    """
-    files = truth / "surface_with_rocks.tif", truth / "rock_id.tif"
-    if not all(file.is_file() for file in files):
-        return []
-    top, rock_id = _read_raster(files[0]), _read_raster(files[1]).astype(np.int32)
-    rows, columns = _draw_nodes(world, rock_id, points)
-    height, owner = _look_down(world, rows, columns)
-    same = owner == rock_id[rows, columns]
-    off = np.abs(height - top[rows, columns])[same]
-    differing = float(np.count_nonzero(~same))
-    limit = float(max(1, round(_GRAZING * len(rows))))
-    return [
-        at_most("truth: top surface", float(off.max(initial=0.0)), ground_limit(world.ground),
-                unit="m", note=f"largest difference in height from rays at {len(rows)} nodes"),
-        at_most("truth: rock ids", differing, limit,
-                note="nodes at which a ray meets another rock"),
-    ]  # fmt: skip
+        Half of the nodes are drawn from those with a rock on top. Rays meet the rocks' finest
+        meshes and the triangulated ground in Embree, which shares nothing with the code that made
+        the rasters. Heights are compared where both name the same rock.
+        """
+        world, truth = built.world, built.directory / "truth"
+        files = truth / "surface_with_rocks.tif", truth / "rock_id.tif"
+        if not all(file.is_file() for file in files):
+            return []
+        top, rock_id = _read_raster(files[0]), _read_raster(files[1]).astype(np.int32)
+        rows, columns = _draw_nodes(world, rock_id, built.spec.points)
+        height, owner = _look_down(world, rows, columns)
+        same = owner == rock_id[rows, columns]
+        off = np.abs(height - top[rows, columns])[same]
+        differing = float(np.count_nonzero(~same))
+        limit = float(max(1, round(_GRAZING * len(rows))))
+        return [
+            at_most("truth: top surface", float(off.max(initial=0.0)), ground_limit(world.ground),
+                    unit="m", note=f"largest difference in height from rays at {len(rows)} nodes"),
+            at_most("truth: rock ids", differing, limit,
+                    note="nodes at which a ray meets another rock"),
+        ]  # fmt: skip
 
 
 def _read_raster(path: Path) -> NDArray[np.float64]:
@@ -102,3 +94,25 @@ def _look_down(
         ids = np.append(rocks.id, np.int32(GROUND))
     height = above - hits.distance.astype(np.float64)
     return height, np.where(hits.rock > GROUND, ids[np.maximum(hits.rock, GROUND)], hits.rock)
+
+
+class Craters(Inspection):
+    """Number and sizes of random craters."""
+
+    kind = "craters"
+    group = "craters"
+
+    def checks(self, built: BuiltFolder) -> Iterator[Check]:
+        """Each layer's, as the truth has them."""
+        counts = read_json(built.directory / "truth" / "crater_counts.json")
+        for layer in counts.get("layers", ()):
+            if "number" not in layer:
+                continue
+            title, number, sizes = f"craters {layer['name']}", layer["number"], layer["sizes"]
+            if number["z"] is not None:
+                name, off = f"{title}: number, deviation", abs(number["z"])
+                note = f"{number['found']} craters, {number['expected']:.1f} expected"
+                yield at_most(name, off, LIMIT_Z, note=note)
+            if sizes is not None:
+                name, note = f"{title}: sizes, p-value", "Kolmogorov–Smirnov"
+                yield at_least(name, sizes["p_value"], LIMIT_P, note=note)

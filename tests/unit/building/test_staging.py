@@ -97,8 +97,11 @@ def test_files_of_others_are_named_and_stay(world):
     assert "4 files that its manifest does not list: empty/, geotiff/mine.tif, link" in done.stderr
     assert done.stderr.count("\n") == 1
     assert (world / "notes.txt").read_text() == "precious"
-    done = build(world, "--force", "--seed", 3)
+    out = world.parent / "through"
+    out.symlink_to(world)
+    done = build(out, "--force", "--seed", 3)
     assert done.returncode == 0, done.stderr
+    assert out.is_symlink()
     assert "removed from" in done.stdout
     assert "notes.txt" in done.stdout
     assert read_manifest(world)["seed"] == 3
@@ -106,18 +109,17 @@ def test_files_of_others_are_named_and_stay(world):
     assert (world.parent / "mini.yaml").exists()
 
 
-def test_a_file_that_was_edited_stays(world):
-    page = world / "geotiff" / "elevation.tif"
-    page.write_bytes(page.read_bytes() + b" ")
-    done = build(world)
-    assert (done.returncode, "changed since it was built: geotiff/elev" in done.stderr) == (2, True)
-    assert page.read_bytes()[-1:] == b" "
-    assert build(world, "--force").returncode == 0
-
-
-def test_a_file_that_was_only_touched_is_no_hindrance(world):
-    os.utime(world / "geotiff" / "elevation.tif")
-    assert build(world).returncode == 0
+def test_a_file_that_was_edited_stays(tmp_path):
+    target = tmp_path / "out"
+    write(target, number=1)
+    file = target / "sub" / "world.txt"
+    os.utime(file)  # a file that was only touched is no hindrance
+    assert require_ours(target) == ()
+    file.write_text("edited")
+    with pytest.raises(OutputError, match=r"1 file changed since it was built: sub/world\.txt"):
+        write(target, number=2)
+    assert file.read_text() == "edited"
+    assert require_ours(target, force=True) == ("sub/world.txt",)
 
 
 @pytest.mark.parametrize("force", [(), ("--force",)])
@@ -145,14 +147,6 @@ def test_from_within_the_world(world, monkeypatch):
     assert run("build", "mine.yaml", "-o", "../out").returncode == 2
     assert run("build", "mine.yaml", "-o", ".").returncode == 2
     assert (world / "mine.yaml").read_text() == RECIPE
-
-
-def test_a_link_stays_a_link(world):
-    link = world.parent / "link"
-    link.symlink_to(world)
-    assert build(link, "--seed", 3).returncode == 0
-    assert link.is_symlink()
-    assert read_manifest(world)["seed"] == 3
 
 
 @pytest.mark.parametrize(
@@ -268,7 +262,7 @@ def test_a_mount_point_is_told():
 
 
 EVENTS = {"open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "ctypes.dlsym", "os.scandir"}
-STEPS = 60
+STEPS = 200
 
 
 @contextmanager
@@ -314,6 +308,8 @@ def test_killed_at_every_step(tmp_path, monkeypatch, exchange):
         write(target, number=0)
         assert content(target) == "world 0\n"
         assert (names(tmp_path), names(target)) == (["out"], ["manifest.json", "sub"])
+        if 0 in statuses:
+            break
     assert statuses == {0, -signal.SIGKILL}
 
 
@@ -321,7 +317,10 @@ def test_the_disk_is_full_at_every_step(tmp_path):
     target, ends = tmp_path / "out", set()
     write(target, number=0)
 
+    came = []
+
     def full() -> None:
+        came.append(True)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     for step in range(1, STEPS):
@@ -334,16 +333,20 @@ def test_the_disk_is_full_at_every_step(tmp_path):
                     os._exit(7 if "No space left" in str(error) else 8)
                 except BaseException:
                     os._exit(9)
+                os._exit(6 if came else 0)  # while clearing up, which goes on without
         ends.update(status)
         assert content(target) in ("world 0\n", f"world {step}\n")
         write(target, number=0)
         assert names(tmp_path) == ["out"]
-    assert ends == {0, 7}
+        if 0 in ends:
+            break
+    assert ends <= {0, 6, 7}
+    assert {0, 7} <= ends
 
 
 def test_racing_writers_end_with_one_whole_world(tmp_path):
     target = tmp_path / "out"
-    for _ in range(20):
+    for _ in range(10):
         numbers = []
         for number in range(4):
             pid = os.fork()

@@ -7,13 +7,12 @@ import pytest
 from terrain_forge.exporters import mjcf
 
 from terrain_forge.driving import drive, load_scene
-from terrain_forge.driving.checks import drive_checks
-from terrain_forge.driving.controller import SKID_GAIN, wheel_rates
-from terrain_forge.driving.planar_path import PlanarPath, wrap
+from terrain_forge.driving.controller import SKID_GAIN, PlanarPath, wheel_rates, wrap
 from terrain_forge.model import Export, Mesh, Trajectory
 from terrain_forge.recipe import DriveSpec, ValidateSpec
 from terrain_forge.rocks import overlapping_pairs
 from terrain_forge.validation import validate
+from terrain_forge.validation.checks.drives import drive_checks
 from terrain_forge.validation.sample import random_points
 from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh

@@ -9,12 +9,12 @@ from terrain_forge.driving import eased
 from terrain_forge.driving.controller import (
     RIM_ACCELERATION,
     TURN_RATE,
+    PlanarPath,
     PurePursuit,
     SkidGain,
     wheel_rates,
     wheels_turn_rate,
 )
-from terrain_forge.driving.planar_path import PlanarPath
 from terrain_forge.model import Trajectory
 from tests.helpers.rovers import morpheus, skid4
 from tests.unit.driving.test_drive import drive_through, line, path, plain

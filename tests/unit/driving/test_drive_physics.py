@@ -174,8 +174,8 @@ def test_wheels_that_speed_up_uphill_push_and_do_not_lag(tmp_path):
     for tick in range(1, 50):
         vehicle.step(np.full(6, gain * 0.02 * tick / 0.14), 10)
         states = vehicle.wheel_states()
-        slips.append(states.slip)
-        torques.append(states.torque.sum())
+        slips.append(states["wheel_slip"])
+        torques.append(states["wheel_torque"].sum())
     assert min(map(np.min, slips[15:])) > -0.03
     wheels = 6 * (0.5 * 2.3 * 0.14**2 + 0.2)  # with the armature
     inertia = morpheus().mass + wheels / 0.14**2

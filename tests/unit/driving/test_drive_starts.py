@@ -12,12 +12,11 @@ from PIL import Image
 from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import SimulationError
-from terrain_forge.driving.checks import belly_points, measure_clearance
-from terrain_forge.driving.film import write_end, write_film
-from terrain_forge.driving.rover_picture import link_poses, photograph
+from terrain_forge.driving.film import link_poses, photograph, write_end, write_film
 from terrain_forge.driving.starts import drive_from_many_starts, line_from_start, workers
 from terrain_forge.recipe import StartsSpec, ValidateSpec
 from terrain_forge.validation import validate
+from terrain_forge.validation.checks.drives import belly_points, measure_clearance
 from tests.helpers import worlds
 from tests.helpers.rovers import morpheus
 from tests.unit.driving.test_drive import ARC, boulder_at, drive_through, line, plain
@@ -87,13 +86,13 @@ def test_an_interrupt_ends_the_drives_that_have_begun():
 
 
 def test_an_interrupted_validation_leaves_the_one_before(tmp_path, monkeypatch):
-    def interrupt(*_):
+    def interrupt(**_):
         raise KeyboardInterrupt
 
     world = plain(line((-2, 0), (2, 0)))
     validate(world, tmp_path, spec=ValidateSpec(points=10))
     files = {f: f.read_bytes() for f in (tmp_path / "validation").iterdir()}
-    monkeypatch.setattr("terrain_forge.validation.checks.drives.drive_path", interrupt)
+    monkeypatch.setattr("terrain_forge.validation.checks.drives.drive", interrupt)
     with pytest.raises(KeyboardInterrupt):
         validate(world, tmp_path, spec=ValidateSpec(points=10, drive=ARC))
     assert all(file.read_bytes() == content for file, content in files.items())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from terrain_forge.exporters.drake import Options, check_capacity, export
-from terrain_forge.exporters.drake.load import parsing, parsing_losses, require_parsable
+from terrain_forge.exporters.drake.options import WORTH_SAYING, require_parsable
 
 from terrain_forge.base import ExportError
 from tests.consumers.test_drake import ask
@@ -29,7 +29,7 @@ def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_w
         export(world, tmp_path, options=Options(individual_min_m=0))
     assert not list(tmp_path.iterdir())
     options = Options(individual_min_m=1.25)
-    load = parsing(world, options)
+    load = require_parsable(world, options)
     assert 1_900 <= load.single <= 2_000
     assert load.bearable
     export(world, tmp_path, options=options)
@@ -40,7 +40,7 @@ def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
     with pytest.raises(ExportError, match=r"GB .*larger individual_min_m or .*smaller size_m"):
         export(world, tmp_path, options=Options(individual_min_m=9))
     untouched = world.replace(field=world.field.replace(collides=np.zeros(60_000, np.bool_)))
-    assert parsing(untouched, Options(individual_min_m=9)).bearable
+    assert require_parsable(untouched, Options(individual_min_m=9)).bearable
 
 
 def test_the_triangles_are_those_that_are_written(small_world, tmp_path):
@@ -57,7 +57,9 @@ def test_the_triangles_are_those_that_are_written(small_world, tmp_path):
     written = sum(line.startswith(b"f ") for line in lines)
     single = world.field.prototype[world.field.diameter >= 1.0]
     finest = np.array([len(p.meshes[0].faces) for p in world.library.prototypes])
-    assert parsing(world, options).faces == pytest.approx(written + finest[single].sum(), rel=0.02)
+    assert require_parsable(world, options).faces == pytest.approx(
+        written + finest[single].sum(), rel=0.02
+    )
 
 
 @pytest.mark.parametrize(("count", "said"), [(2_000, False), (2_600, True)])
@@ -68,8 +70,9 @@ def test_what_parsing_takes_is_said_from_twenty_seconds_on(small_world, tmp_path
 
 def test_too_many_dynamic_rocks_are_said_and_refused(small_world, tmp_path):
     lots = many(small_world, 4_100, dynamic=True)
-    losses = " ".join(parsing_losses(lots, Options()))
-    assert "4,100 dynamic ones" in losses
+    load = require_parsable(lots, Options())
+    assert "4,100 dynamic ones" in str(load)
+    assert load.seconds > WORTH_SAYING
     with pytest.raises(ExportError, match="fewer dynamic rocks make it less"):
         require_parsable(many(small_world, 61_000, dynamic=True), Options())
 

@@ -1,5 +1,4 @@
 from importlib import import_module
-from io import BytesIO
 
 import numpy as np
 import pytest
@@ -8,9 +7,7 @@ from PIL import Image
 from terrain_forge.exporters.mesh import Options, export
 
 from terrain_forge.base import ExportError, RecipeError
-from terrain_forge.geometry import grid_faces
 from terrain_forge.model import rotations
-from terrain_forge.writers import write_obj_faces, write_obj_grid_faces
 from tests.helpers.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.helpers.surfaces import random_points, top_under
 
@@ -176,15 +173,6 @@ def test_bands_do_not_show(small_world, tmp_path, monkeypatch, form):
     banded = exported(small_world, tmp_path / "banded", format=form)
     name = f"world.{form}"
     assert (banded / name).read_bytes() == (whole / name).read_bytes()
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (5, 3), (3, 5), (70, 151)])
-def test_faces_of_a_grid_are_those_of_its_mesh(rows, columns):
-    fast, plain = BytesIO(), BytesIO()
-    faces = grid_faces(rows, columns)
-    write_obj_grid_faces(fast, rows, columns)
-    write_obj_faces(plain, faces, texture_faces=faces)
-    assert fast.getvalue() == plain.getvalue()
 
 
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])

@@ -13,10 +13,11 @@ from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.driving import Vehicle, rover_mass_check
+from terrain_forge.driving import Vehicle
 from terrain_forge.driving.controller import wheel_rates
 from terrain_forge.model import Export, Heightfield, Mesh
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.validation.checks.drives import rover_mass_check
 from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on
 from tests.helpers import worlds
@@ -317,39 +318,33 @@ def test_too_many_wide_rocks_or_geoms_are_refused_with_a_way_out(loosened, tmp_p
     with pytest.raises(ExportError, match=r"height fields, at most 5.*split_ground: false"):
         export(loosened, tmp_path)
     export(loosened, tmp_path, split_ground=False)
-    room = sys.modules["terrain_forge.exporters.mjcf.capacity"]
+    room = sys.modules["terrain_forge.exporters.mjcf.losses"]
     monkeypatch.setattr(room, "MOST_GEOMS", 30)
     with pytest.raises(ExportError, match=r"40 rocks make \d+ geoms to touch.*at most.*diameter_m"):
         export(loosened, tmp_path)
 
 
-def test_the_advice_against_too_many_geoms_helps(loosened, tmp_path, monkeypatch):
-    """A larger visual_min_m is named where it is enough, and only there."""
-    room = sys.modules["terrain_forge.exporters.mjcf.capacity"]
+def test_larger_visual_min_m_makes_fewer_geoms(loosened, tmp_path, monkeypatch):
+    room = sys.modules["terrain_forge.exporters.mjcf.losses"]
     field = loosened.field
     least = room.count_geoms(loosened, Options(visual_min_m=99.0))
     assert least == (40, field.dynamic.sum())
     most = room.count_geoms(loosened, Options(visual_min_m=0.0))
     assert most == (field.collides.sum(), 40)
     monkeypatch.setattr(room, "MOST_GEOMS", sum(least))
-    with pytest.raises(ExportError, match=r"choose a larger visual_min_m, here 0$"):
+    with pytest.raises(ExportError, match=r"larger visual_min_m, here 0, or.*the format usd"):
         export(loosened, tmp_path, visual_min_m=0.0)
     export(loosened, tmp_path, visual_min_m=99.0)
-    monkeypatch.setattr(room, "MOST_GEOMS", sum(least) - 1)
-    with pytest.raises(ExportError, match=r"size_m.*the format usd") as caught:
-        export(loosened, tmp_path, visual_min_m=0.0)
-    assert "visual_min_m" not in str(caught.value)
 
 
 def test_exact_scales_are_refused_and_told_by_what_they_cost(world, tmp_path, monkeypatch):
-    room = sys.modules["terrain_forge.exporters.mjcf.capacity"]
     losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
     monkeypatch.setattr(losses, "_MANY_MESHES", 10)
     options = Options(exact_scale=True)
     told = " ".join(losses.list_losses(world, options))
-    assert f"{sum(room.count_geoms(world, options))} meshes: MuJoCo takes about 0 s" in told
+    assert f"{sum(losses.count_geoms(world, options))} meshes: MuJoCo takes about 0 s" in told
     assert "to load" not in " ".join(losses.list_losses(world, Options()))
-    monkeypatch.setattr(room, "MOST_MESHES", 20)
+    monkeypatch.setattr(losses, "MOST_MESHES", 20)
     with pytest.raises(ExportError, match=r"exact_scale: true makes some .* leave it out"):
         export(world, tmp_path, exact_scale=True)
     export(world, tmp_path)

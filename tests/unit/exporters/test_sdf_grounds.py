@@ -12,8 +12,7 @@ from terrain_forge.exporters.sdf.readback import read_sdf
 
 from terrain_forge.base import ExportError
 from terrain_forge.validation import NotRun
-from terrain_forge.validation.entry import Entry
-from terrain_forge.validation.measures import measure
+from terrain_forge.validation.measures import Entry, measure
 from terrain_forge.validation.sample import draw_sample
 from tests.helpers.gazebo import rested
 from tests.helpers.rovers import morpheus

@@ -28,8 +28,8 @@ from terrain_forge.paths import (
     straight_places,
 )
 from terrain_forge.paths.files import write_trajectory
-from terrain_forge.paths.profile import pose_at, stretches
 from terrain_forge.paths.recorded import follow
+from terrain_forge.paths.trajectory import pose_at, stretches
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import find_rover
 from tests.helpers import worlds

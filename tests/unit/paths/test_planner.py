@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,13 +15,12 @@ from terrain_forge import World, plan, realise
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Heightfield, Window
 from terrain_forge.paths import PathSpec, Planned, plan_path, planner, survey_paths, traversability
-from terrain_forge.paths.lattice import MOVES, cheapest_path
-from terrain_forge.paths.obstacles import half_diagonal
+from terrain_forge.paths.lattice import MOVES, bend, cheapest_path, straighten
+from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.planner import node_weights
-from terrain_forge.paths.smoothing import bend, straighten
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import find_rover
-from terrain_forge.validation.checks.paths import path_checks
+from terrain_forge.validation.checks.paths import Paths
 from tests.helpers import worlds
 from tests.unit.paths.test_traversability import RECIPE, ground
 
@@ -160,7 +160,7 @@ def test_start_and_goal_on_one_node():
 def test_corners_that_would_touch_make_it_take_the_wider_way(monkeypatch):
     """As if all curves of the first line touched: the second has room to turn on the spot."""
     ends = (-10.0, -6.0), (10.0, 6.5)
-    judge, weigh = planner.first_touch, planner.node_weights
+    judge, weigh = Obstacles.first_touched, planner.node_weights
     answers, asked = iter(["rock 1"] * len(planner.KNOTS)), []
 
     def suspicious(*arguments):
@@ -170,13 +170,13 @@ def test_corners_that_would_touch_make_it_take_the_wider_way(monkeypatch):
         asked.append(needed)
         return weigh(field, needed)
 
-    monkeypatch.setattr(planner, "first_touch", suspicious)
+    monkeypatch.setattr(Obstacles, "first_touched", suspicious)
     monkeypatch.setattr(planner, "node_weights", watched)
     wide, field = find(FLAT, *ends, rocks=worlds.field(40), margin_m=0.0)
     assert asked == [field.half_width, half_diagonal(ROVER)]
     nearest = min(field.obstacles.distances(point).min() for point in wide.position[::5])
     assert nearest > half_diagonal(ROVER) - 0.5 * field.spacing
-    monkeypatch.setattr(planner, "first_touch", lambda *_: "rock 1 at its place")
+    monkeypatch.setattr(Obstacles, "first_touched", lambda *_: "rock 1 at its place")
     with pytest.raises(RecipeError, match="too narrow for the rover, which touches rock 1 at its"):
         find(FLAT, *ends, rocks=worlds.field(40), margin_m=0.0)
 
@@ -248,6 +248,11 @@ def test_rocks_stay_as_they_are_without_the_planned_path(world):
     recipe = planned_recipe()
     without = replace(recipe, paths=recipe.paths[1:])
     assert realise(plan(without)).field == world.field
+
+
+def path_checks(world):
+    paths = Paths()
+    return paths.checks(SimpleNamespace(world=world)), paths.report()["paths"]
 
 
 def test_the_planned_path_keeps_every_limit(world):

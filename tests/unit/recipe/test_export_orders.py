@@ -9,7 +9,6 @@ from click.testing import CliRunner
 from terrain_forge.base import ExportError, OutputError, RecipeError
 from terrain_forge.cli import cli
 from terrain_forge.model import check_capacity, exporter, exporter_names
-from terrain_forge.model.storage import save_world
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import export_orders, load_recipe, recipe_json
 
@@ -141,7 +140,7 @@ def test_a_world_of_an_earlier_version_is_refused_in_one_line(
     world = small_world.replace(
         site=small_world.site.replace(recipe_json=text.replace(was, now, 1))
     )
-    save_world(world, tmp_path)
+    world.save(tmp_path)
     (tmp_path / "manifest.json").write_text(MANIFEST)
     # An export does not need the others of the recipe.
     again = [["export", "--only", "usd"]] if "usd" in now or "spacing" in now else []

@@ -11,7 +11,6 @@ import pytest
 
 from terrain_forge import OutputError, RecipeError, World, load_recipe
 from terrain_forge.base import RecipeWarning
-from terrain_forge.model.storage import save_world
 from terrain_forge.recipe import export_orders, json_schema
 from terrain_forge.recipe.renames import RENAMES
 
@@ -128,7 +127,7 @@ def saved(world, folder, old_keys):
     recipe = json.loads(world.site.recipe_json)
     recipe["rocks"] |= {"keep_out": recipe["rocks"].pop("exclusion_zones")} | old_keys
     text = json.dumps(recipe, sort_keys=True, separators=(",", ":"))
-    save_world(world.replace(site=world.site.replace(recipe_json=text)), folder)
+    world.replace(site=world.site.replace(recipe_json=text)).save(folder)
     return folder / "world" / "world.json"
 
 

@@ -9,8 +9,7 @@ import pytest
 from terrain_forge.base import xyzw
 from terrain_forge.model import Heightfield, Link, Shape
 from terrain_forge.report.lines import ground_lines
-from terrain_forge.report.model.overlays import overlays
-from terrain_forge.report.model.relief import coarsen
+from terrain_forge.report.model.ground import coarsen, overlays
 from terrain_forge.report.model.rocks import MOST, shown_rocks
 from terrain_forge.report.model.rover import rover_nodes, unit_solid
 from terrain_forge.report.model.scene import page_model

@@ -7,10 +7,8 @@ import trimesh
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.collision import certify, collision_parts, unite
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.simplification import simplify
-from terrain_forge.rocks.shapes.solid import mass_properties
-from terrain_forge.rocks.shapes.surface_distance import hausdorff_distance
+from terrain_forge.rocks.shapes.solid import cuts_itself, hausdorff_distance, mass_properties
 
 
 def mesh_of(body):

@@ -16,11 +16,9 @@ from terrain_forge.rocks import (
     make_library,
     read_rock_mesh,
 )
-from terrain_forge.rocks.library import MeshSpec
-from terrain_forge.rocks.shapes.cache import library_key, store
+from terrain_forge.rocks.library import MeshSpec, library_key, store
 from terrain_forge.rocks.shapes.carving import levels_of_detail
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
-from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.solid import cuts_itself, mass_properties
 
 KEY = ("rocks", "library", "meshes", 0, "file")
 
@@ -351,7 +349,7 @@ def test_cache_gives_the_same_bytes_once(tmp_path, monkeypatch):
     made = find_library(spec)
     (file,) = (tmp_path / "kept").iterdir()
     with monkeypatch.context() as patched:
-        patched.setattr("terrain_forge.rocks.shapes.cache.make_library", None)  # must not be called
+        patched.setattr("terrain_forge.rocks.library.make_library", None)  # must not be called
         assert find_library(spec) == made
     assert make_library(spec).content_hash == made.content_hash
     file.write_bytes(file.read_bytes()[:-400])

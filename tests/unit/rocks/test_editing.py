@@ -17,7 +17,7 @@ from terrain_forge.model import World, rotations
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec, overlapping_pairs
 from terrain_forge.rocks.editing import BY_HAND
-from terrain_forge.rocks.embedding.hull import mean_width
+from terrain_forge.rocks.embedding.outline import mean_width
 from terrain_forge.terrain import Fractal
 from tests.helpers.outlines import exposed_outline
 

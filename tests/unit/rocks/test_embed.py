@@ -18,7 +18,7 @@ from terrain_forge.rocks import (
 )
 from terrain_forge.rocks.embedding import outline
 from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, bounds, footprint
-from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
+from terrain_forge.rocks.embedding.outline import convex_hull, mean_width
 from tests.helpers import worlds
 from tests.helpers.outlines import exposed_outline
 

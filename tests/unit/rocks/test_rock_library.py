@@ -20,9 +20,8 @@ from terrain_forge.rocks.library import MeshSpec, lay_down
 from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces
 from terrain_forge.rocks.shapes.collision import collision_hull
 from terrain_forge.rocks.shapes.families import block
-from terrain_forge.rocks.shapes.self_intersection import cuts_itself
 from terrain_forge.rocks.shapes.shapes import projections
-from terrain_forge.rocks.shapes.solid import mass_properties
+from terrain_forge.rocks.shapes.solid import cuts_itself, mass_properties
 from terrain_forge.rocks.shapes.texture import MEAN_BRIGHTNESS
 
 SPEC = LibrarySpec(shapes=12, seed=7, families=tuple(FAMILIES))

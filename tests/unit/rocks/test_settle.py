@@ -1,5 +1,6 @@
 import json
 import re
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -24,11 +25,11 @@ from terrain_forge.rocks import (
     settling,
 )
 from terrain_forge.rocks.embedding.footprint import footprint
-from terrain_forge.rocks.embedding.hull import convex_hull, mean_width
+from terrain_forge.rocks.embedding.outline import convex_hull, mean_width
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 from terrain_forge.rocks.shapes.solid import mass_properties
 from terrain_forge.validation import validate
-from terrain_forge.validation.checks.dynamic import MOST_SHIFT, dynamic_check, watch
+from terrain_forge.validation.checks.dynamic import MOST_SHIFT, Dynamic, watch
 from tests.helpers import worlds
 
 LIBRARY = make_library(LibrarySpec(shapes=6))
@@ -212,7 +213,8 @@ def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
     stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
     assert not stay.stayed.any()
     assert stay.shift.min() > 5 * MOST_SHIFT
-    assert not dynamic_check(thrown, tmp_path / "mjcf" / "world.xml").passed
+    built = SimpleNamespace(world=thrown, mjcf=tmp_path / "mjcf")
+    assert not Dynamic().checks(built)[0].passed
 
 
 def test_a_world_without_dynamic_rocks_is_not_checked(tmp_path):

@@ -12,8 +12,7 @@ from rasterio.transform import Affine
 from terrain_forge.base import DataError, RecipeError, linear_from_srgb
 from terrain_forge.dtm import FlatDtm, transform
 from terrain_forge.geometry import bake_ground, finest_texture, grid_texture_coordinates
-from terrain_forge.model import BODIES, GroundDetail, Window
-from terrain_forge.model.storage import load_world, save_world
+from terrain_forge.model import BODIES, GroundDetail, Window, World
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import (
@@ -210,8 +209,8 @@ def test_colours_of_a_window_are_the_cut(tmp_path):
         assert np.array_equal(part.appearance.ground_rgb, cut)
         assert part.appearance.detail == whole.appearance.detail
     assert stencil_reach(site) == 0.5
-    save_world(whole, tmp_path)
-    assert load_world(tmp_path) == whole
+    whole.save(tmp_path)
+    assert World.load(tmp_path) == whole
 
 
 def seam(values):

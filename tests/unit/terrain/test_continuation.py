@@ -20,7 +20,7 @@ from terrain_forge.terrain import (
     terrain_statistics,
 )
 from terrain_forge.terrain.layers.fractal import PRESETS, RmsSlope
-from terrain_forge.terrain.spectra import spectral_exponent
+from terrain_forge.terrain.statistics import spectral_exponent
 from tests.helpers import worlds
 from tests.helpers.places import DATA, SAMPLES
 

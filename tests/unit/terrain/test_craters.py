@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
-from terrain_forge.report.sections.craters import Craters as CratersSection
+from terrain_forge.report.sections.ground import Craters as CratersSection
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.terrain import (
@@ -28,15 +29,13 @@ from terrain_forge.terrain import (
     population_of,
     shape_ground,
 )
-from terrain_forge.terrain.cratering import profile
-from terrain_forge.terrain.cratering.chronology import age_of
-from terrain_forge.terrain.cratering.degradation import diffusivity, worn_shapes
-from terrain_forge.terrain.cratering.fresh import ejecta_thickness
-from terrain_forge.terrain.cratering.placement import expected_craters
+from terrain_forge.terrain.cratering import degradation
+from terrain_forge.terrain.cratering.degradation import diffusivity, ejecta_thickness, worn_shapes
+from terrain_forge.terrain.cratering.placement import age_of, expected_craters
 from terrain_forge.terrain.cratering.productions.power_law import CraterPowerLaw
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
-from terrain_forge.validation.checks.craters import crater_checks
+from terrain_forge.validation.checks.truth import Craters as CratersCheck
 from tests.helpers import worlds
 
 ALPHA = 0.001
@@ -71,7 +70,7 @@ MOON_AGES = MOON.craters.chronology
 def fresh_profile(x, *, depth, rim, ejecta):
     """Height [m] of a fresh crater above the ground around at distances in radii."""
     weights = np.array([depth, rim - ejecta, ejecta])
-    return np.tensordot(weights, profile.shapes(x), axes=1)
+    return np.tensordot(weights, degradation.shapes(x), axes=1)
 
 
 def everywhere(spec, place):
@@ -169,11 +168,11 @@ def test_ejecta_never_exceed_half_the_rim():
 
 
 def test_profile_of_fassett_and_thomson():
-    heights = profile.fassett_thomson(np.array([0.0, 0.5, 1.2, 1.5, 2.0]))
+    heights = degradation.fassett_thomson(np.array([0.0, 0.5, 1.2, 1.5, 2.0]))
     assert heights == pytest.approx([-0.181, -0.099201, 0.016375, 0.0, 0.0], abs=1e-6)
     x = np.linspace(0.0, 3.0, 3001)
-    own = fresh_profile(x, depth=profile.FT_DEPTH, rim=profile.FT_RIM, ejecta=0.0)
-    assert np.abs(own - profile.fassett_thomson(x)).max() < 2e-5
+    own = fresh_profile(x, depth=degradation.FT_DEPTH, rim=degradation.FT_RIM, ejecta=0.0)
+    assert np.abs(own - degradation.fassett_thomson(x)).max() < 2e-5
     assert np.ptp(own) == pytest.approx(0.21783, abs=1e-5)
 
 
@@ -184,7 +183,7 @@ def test_blanket_falls_with_the_cube():
     blanket = fresh_profile(x, depth=15.0, rim=6.0, ejecta=thickness)
     assert blanket[1:3] == pytest.approx([thickness / 1.6**3, 0.316429], rel=1e-5)
     assert blanket[3:] == pytest.approx([0.0, 0.0], abs=1e-12)
-    crest = fresh_profile(np.array([profile.CREST]), depth=15.0, rim=6.0, ejecta=thickness)
+    crest = fresh_profile(np.array([degradation.CREST]), depth=15.0, rim=6.0, ejecta=thickness)
     assert crest[0] == pytest.approx(6.0)
 
 
@@ -226,8 +225,8 @@ def fassett_and_thomson(craters):
     """The same craters with the very profile of the paper: its rim is lower than Pike's."""
     diameter = craters.diameter
     return craters.replace(
-        fresh_depth=profile.FT_DEPTH * diameter,
-        fresh_rim=profile.FT_RIM * diameter,
+        fresh_depth=degradation.FT_DEPTH * diameter,
+        fresh_rim=degradation.FT_RIM * diameter,
         fresh_ejecta=0.0 * diameter,
     )
 
@@ -260,11 +259,11 @@ def test_wear_table_against_known_ratios():
 
 def test_wear_is_even_in_space():
     """No step where a crater ends, and the old reach farther than the fresh."""
-    shapes = worn_shapes()
-    for row, reach in enumerate(shapes.reach):
+    values, reaches = worn_shapes()
+    for row, reach in enumerate(reaches):
         beyond = int(np.ceil(reach / 0.01))
-        assert np.abs(shapes.values[row, beyond:]).max(initial=0.0) < 1e-12
-    assert np.all(np.diff(shapes.reach) >= 0.0)
+        assert np.abs(values[row, beyond:]).max(initial=0.0) < 1e-12
+    assert np.all(np.diff(reaches) >= 0.0)
     assert diffusivity(np.array([1e3, 5e3])) == pytest.approx([5.5, 5.5])
     assert diffusivity(np.array([5.0, 20.0, 100.0])) == pytest.approx(
         [0.0155, 1.55e-3 * 20**0.974, 1.23e-3 * 100**0.8386]
@@ -650,12 +649,13 @@ def test_proof_of_the_numbers(tmp_path):
     (report,) = json.loads(counts.read_text())["layers"]
     assert abs(report["number"]["z"]) < norm.isf(0.5 * ALPHA)
     assert report["sizes"]["p_value"] > ALPHA
-    checks = crater_checks(tmp_path)
+    built = SimpleNamespace(directory=tmp_path)
+    checks = CratersCheck().checks(built)
     assert [check.passed for check in checks] == [True, True]
     bent = json.loads(counts.read_text())
     bent["layers"][0]["number"]["z"] = -4.0
     counts.write_text(json.dumps(bent))
-    assert [check.passed for check in crater_checks(tmp_path)] == [False, True]
+    assert [check.passed for check in CratersCheck().checks(built)] == [False, True]
     counts.write_text(json.dumps({"layers": [report]}))
     shown = render("blocks.html", blocks=CratersSection().blocks(Built(world, tmp_path)))
     assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown

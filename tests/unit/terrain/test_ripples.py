@@ -13,7 +13,7 @@ from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.terrain import Fractal, shape_ground
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
-from terrain_forge.terrain.layers.ripples import Bedforms, Ripples, bedform_heights, steepest_lee
+from terrain_forge.terrain.layers.ripples import Ripples, steepest_lee
 from tests.helpers import worlds
 
 SITE = worlds.site().replace(size=(80.0, 80.0), spacing=0.125)
@@ -102,14 +102,11 @@ def test_they_keep_the_mean_height_and_are_no_sine():
 def test_profile_has_its_height_and_mean_and_lee_its_slope():
     part = (np.arange(20000) + 0.5) / 20000
     for stoss, sharpness in ((0.5, 0.0), (0.65, 0.3), (0.9, 1.0)):
-        forms = Bedforms(
-            key=np.uint64(1), wind=(1.0, 0.0), wavelength=1.0, stoss=stoss, sharpness=sharpness,
-            sinuosity=0.0, defects=0.0,
-        )  # fmt: skip
-        height = np.ones((1, len(part)))
-        form = bedform_heights(
-            forms, east=part, north=np.zeros(1), spacing=1.0 / len(part), height=height
-        )[0]
+        layer = Ripples(
+            wavelength_m=1.0, stoss=stoss, sharpness=sharpness, sinuosity=0.0, defects=0.0
+        )
+        height, spacing = np.ones((1, len(part))), 1.0 / len(part)
+        form = layer.bedforms(np.uint64(1), part, np.zeros(1), spacing=spacing, height=height)[0]
         assert form.mean() == pytest.approx(0.0, abs=1e-4)
         assert np.ptp(form) == pytest.approx(1.0, abs=1e-3)
         steepest = -np.diff(form).min() * len(part) * 0.06

@@ -13,13 +13,15 @@ from rasterio.crs import CRS
 from scipy.spatial.transform import Rotation
 
 from terrain_forge.base import matrix_from_quaternion
+from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Mesh, merge
 from terrain_forge.paths.files import write_trajectory
+from terrain_forge.recipe import ValidateSpec
 from terrain_forge.truth import rock_rasters, write_truth
 from terrain_forge.truth.size_frequency import size_frequency
-from terrain_forge.truth.tables import geographic, write_rocks
-from terrain_forge.validation.checks.resting import foot_and_top, resting_checks
-from terrain_forge.validation.checks.truth import top_surface_checks
+from terrain_forge.truth.tables import write_rocks
+from terrain_forge.validation.checks.rocks import Resting, foot_and_top
+from terrain_forge.validation.checks.truth import TopSurface
 from tests.helpers import worlds
 from tests.unit.truth.test_size_frequency_verification import population, rocks
 
@@ -207,7 +209,7 @@ def test_longitudes_and_latitudes_are_those_of_the_spherical_mercator_turned_rou
     d = north / radius + np.radians(latitude)
     expected_latitude = np.degrees(np.arcsin(np.sin(d) / np.cosh(east / radius)))
     expected = longitude + np.degrees(np.arctan2(np.sinh(east / radius), np.cos(d)))
-    found_longitude, found_latitude = geographic(site, east, north)
+    found_longitude, found_latitude = transform(site.crs, geographic_crs(site.crs), east, north)
     np.testing.assert_allclose(found_longitude, expected, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found_latitude, expected_latitude, rtol=0, atol=1e-9)
 
@@ -215,7 +217,7 @@ def test_longitudes_and_latitudes_are_those_of_the_spherical_mercator_turned_rou
     write_rocks(world, tmp_path / "rocks.csv")
     rows = read(tmp_path / "rocks.csv")
     assert ",".join(rows[0]) == COLUMNS + ",lon_deg,lat_deg" + MORE_COLUMNS
-    lon, lat = geographic(site, *world.field.position[:, :2].T)
+    lon, lat = transform(site.crs, geographic_crs(site.crs), *world.field.position[:, :2].T)
     np.testing.assert_allclose([float(r["lon_deg"]) for r in rows], lon, rtol=0, atol=1e-9)
     np.testing.assert_allclose([float(r["lat_deg"]) for r in rows], lat, rtol=0, atol=1e-9)
 
@@ -255,23 +257,28 @@ def test_the_true_outline_is_the_ground_that_is_seen_to_be_rock():
     assert cover["outline_error"] == pytest.approx(2.0 / (24 * 16))
 
 
+def top_surface_checks(world, directory):
+    built = SimpleNamespace(world=world, directory=directory, spec=ValidateSpec(points=2000))
+    return TopSurface().checks(built)
+
+
 def test_top_surface_and_ids_are_checked_by_rays(tmp_path):
     world = worlds.world(rocks=60)
     world.site.__dict__["recipe"] = SimpleNamespace(rocks=rocks(), terrain=BARE)
     write_truth(world, tmp_path)
-    height, ids = top_surface_checks(world, tmp_path / "truth", points=2000)
+    height, ids = top_surface_checks(world, tmp_path)
     assert height.passed
     assert ids.passed
     assert height.figure < 1e-5
     moved = world.field.position + np.array([0.0, 0.0, 0.01])
     height, ids = top_surface_checks(
-        world.replace(field=world.field.replace(position=moved)), tmp_path / "truth", points=2000
+        world.replace(field=world.field.replace(position=moved)), tmp_path
     )
     assert not height.passed
     assert height.figure == pytest.approx(0.01, abs=1e-4)
     gone = world.replace(field=world.field.select(world.field.id % 5 > 0))
-    assert not top_surface_checks(gone, tmp_path / "truth", points=2000)[1].passed
-    assert top_surface_checks(world, tmp_path, points=10) == []
+    assert not top_surface_checks(gone, tmp_path)[1].passed
+    assert top_surface_checks(world, tmp_path / "truth") == []
 
 
 def test_daylight_and_drowned_rocks_are_found():
@@ -293,7 +300,9 @@ def test_daylight_and_drowned_rocks_are_found():
     # The foot is at a twentieth of the ball's extent.
     np.testing.assert_allclose(foot, [-0.15, 0.07, -1.05], atol=1e-6)
     np.testing.assert_allclose(top, [0.8, 1.02, -0.1], atol=1e-6)
-    daylight, drowned = resting_checks(world.replace(ground=flat, library=library, field=field))
+    daylight, drowned = Resting().checks(
+        SimpleNamespace(world=world.replace(ground=flat, library=library, field=field))
+    )
     assert (daylight.figure, drowned.figure) == (1.0, 1.0)
     assert not drowned.passed
 

@@ -1,11 +1,17 @@
 """How rocks rest, judged over a sample of them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
-from terrain_forge.validation.checks.resting import resting_checks
+from terrain_forge.validation.checks.rocks import Resting
 from tests.helpers import worlds
 
 UP = np.array([0.0, 0.0, 3.0])
+
+
+def resting_checks(world):
+    return Resting().checks(SimpleNamespace(world=world))
 
 
 def test_of_many_rocks_a_sample_is_looked_at():

@@ -1,9 +1,15 @@
-"""Text that users bring: of a bounded size, in UTF-8, from a file that ends."""
+"""Files that are no larger than they say: text in UTF-8, arrays in an npz."""
 
 from __future__ import annotations
 
-from math import inf
+import math
 from pathlib import Path
+from typing import Any
+from zipfile import ZIP_STORED, ZipFile
+
+import numpy as np
+from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
+from numpy.typing import NDArray
 
 from terrain_forge.base.errors import DataError, reading
 
@@ -11,7 +17,7 @@ _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
 def require_file(
-    path: Path, name: str, key: tuple[str | int, ...] = (), *, most: float = inf
+    path: Path, name: str, key: tuple[str | int, ...] = (), *, most: float = math.inf
 ) -> None:
     """Refuse what is no file, such as a pipe or a device, and one of more than `most` bytes.
 
@@ -56,3 +62,27 @@ def read_text(
     if (found := sum(map(text.count, _LINE_ENDS))) > lines:
         raise DataError(f"{name} has {found:,} lines, at most {lines:,}", key=key)
     return text
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an npz that is stored as it is, not compressed: no array is larger than it.
+
+    Raises:
+        DataError: if there is no such file.
+        ValueError, LookupError, OSError, EOFError, BadZipFile: if its bytes are not the arrays'.
+    """
+    require_file(path, path.name)
+    with ZipFile(path) as archive:
+        parts = archive.infolist()
+        if sum(part.file_size for part in parts) > path.stat().st_size:
+            raise ValueError(f"{path.name} claims more bytes than it has")
+        for part in parts:
+            if part.compress_type != ZIP_STORED or part.file_size != part.compress_size:
+                raise ValueError(f"{part.filename} of {path.name} is compressed")
+            with archive.open(part) as file:
+                readers = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
+                shape, _, kind = readers[read_magic(file)](file)
+                if part.file_size - file.tell() != math.prod(shape) * kind.itemsize:
+                    raise ValueError(f"{part.filename} of {path.name} is not of the size it says")
+    with np.load(path, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

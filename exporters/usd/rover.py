@@ -1,0 +1,141 @@
+"""The rover: the shapes of its links, its sensors, and scene.usda, in which it replays paths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
+
+from terrain_forge.base import linear_from_srgb, portable, quaternion_from_rpy
+from terrain_forge.model import Rover, Shape, Trajectory, View, World, titles
+from terrain_forge.paths import sample_times, straight_places
+from terrain_forge.writers import identifier
+
+from .layer import ROOT, define_mesh, gf_quaternion, label, new_layer, save, set_conventions
+
+# A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)
+_CAMERA_AXES = np.array([0.5, 0.5, -0.5, -0.5])
+_CLIPPING = (0.05, 10000.0)
+"""What cameras see [m]."""
+
+
+def write_scene(path: Path, world: World, *, base: str) -> None:
+    """Write a stage that adds the trajectories to the world's layer `base`."""
+    layer = new_layer(path)
+    layer.subLayerPaths = [base]
+    stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+    set_conventions(stage)
+    stage.SetDefaultPrim(stage.GetPrimAtPath(f"/{ROOT}"))
+    rate, last = 24.0, 0.0
+    if world.trajectories:
+        # The samples of the first trajectory fall on whole time codes.
+        rate = max(1.0, float(np.round(1 / np.median(np.diff(world.trajectories[0].time)))))
+        last = max(float(trajectory.time[-1]) for trajectory in world.trajectories)
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(rate)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(last * rate)
+    for trajectory in world.trajectories:
+        _define_replay(stage, trajectory, world.rover, rate)
+    save(stage)
+
+
+def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate: float) -> None:
+    """A rover that moves as the trajectory does: the shapes of its links at rest, and its sensors.
+
+    Where USD's straight lines between samples would leave the path, there are more than its own.
+    """
+    path = f"/{ROOT}/Paths/{identifier(trajectory.name)}"
+    base = UsdGeom.Xform.Define(stage, path)
+    translate = base.AddTranslateOp().GetAttr().GetPath()
+    orient = base.AddOrientOp().GetAttr().GetPath()
+    layer = stage.GetRootLayer()
+    times = sample_times(trajectory, straight_places)
+    poses = trajectory.at(times)
+    codes = (times * rate).tolist()
+    with Sdf.ChangeBlock():
+        for code, position in zip(codes, poses.position.tolist(), strict=True):
+            layer.SetTimeSample(translate, code, Gf.Vec3d(*position))
+        for code, quaternion in zip(codes, poses.quaternion, strict=True):
+            layer.SetTimeSample(orient, code, gf_quaternion(quaternion))
+    label(base.GetPrim(), "rover")
+    for link in rover.links:
+        frame = UsdGeom.Xform.Define(stage, f"{path}/{identifier(link.name)}")
+        frame.AddTranslateOp().Set(Gf.Vec3d(*rover.origins[link.name].tolist()))
+        for number, shape in enumerate(link.shapes):
+            if shape.visible:
+                define_shape(stage, f"{frame.GetPath()}/shape_{number}", shape)
+    define_rig(stage, path, rover)
+
+
+def define_shape(stage: Usd.Stage, path: str, shape: Shape) -> UsdGeom.Gprim:
+    """The prim of a shape in its link's frame, with its colour."""
+    if shape.mesh is not None:
+        solid: UsdGeom.Gprim = define_mesh(stage, path, shape.mesh.vertices, shape.mesh.faces)
+    elif shape.kind == "box":
+        solid = UsdGeom.Cube.Define(stage, path)
+        solid.CreateSizeAttr(1.0)
+    elif shape.kind == "sphere":
+        solid = UsdGeom.Sphere.Define(stage, path)
+        solid.CreateRadiusAttr(shape.size[0])
+    else:
+        solid = UsdGeom.Cylinder.Define(stage, path)
+        solid.CreateAxisAttr(UsdGeom.Tokens.z)
+        solid.CreateRadiusAttr(shape.size[0])
+        solid.CreateHeightAttr(shape.size[1])
+    solid.AddTranslateOp().Set(Gf.Vec3d(*shape.position.tolist()))
+    solid.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(shape.rpy)))
+    if shape.kind == "box":
+        solid.AddScaleOp().Set(Gf.Vec3f(*shape.size))
+    if shape.mesh is None:
+        extent = UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0))
+        solid.CreateExtentAttr(extent)
+    solid.CreateDisplayColorAttr([Gf.Vec3f(*linear_from_srgb(shape.rgb).tolist())])
+    return solid
+
+
+def define_rig(stage: Usd.Stage, base: str, rover: Rover) -> None:
+    """A frame per sensor below the prim that is base_link, with its figures as custom data.
+
+    Cameras have a render product each, which holds the size of their images.
+    """
+    # Of two cameras with a baseline one is the left one, the other the right one.
+    pair = [sensor for sensor in rover.sensors if sensor.view and "baseline" in sensor.figures]
+    pair.sort(key=lambda sensor: float(sensor.position[1]))
+    names = [sensor.name for sensor in pair] if len(pair) == 2 else []
+    sides = dict(zip(names, ("right", "left"), strict=False))
+    for sensor in rover.sensors:
+        path = f"{base}/{identifier(sensor.name)}"
+        frame = UsdGeom.Xform.Define(stage, path)
+        place = rover.origins[sensor.link] + sensor.position
+        frame.AddTranslateOp().Set(Gf.Vec3d(*place.tolist()))
+        frame.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(sensor.rpy)))
+        frame.GetPrim().SetCustomData({"kind": sensor.kind, "figures": sensor.figures})
+        if sensor.view:
+            _define_camera(stage, f"{path}/camera", sensor.view, sides.get(sensor.name, "mono"))
+
+
+def _define_camera(stage: Usd.Stage, path: str, view: View, side: str) -> None:
+    camera = UsdGeom.Camera.Define(stage, path)
+    camera.AddOrientOp().Set(gf_quaternion(_CAMERA_AXES))
+    camera.CreateClippingRangeAttr(Gf.Vec2f(*_CLIPPING))
+    camera.CreateStereoRoleAttr(side)
+    width = float(camera.GetHorizontalApertureAttr().Get())
+    camera.CreateHorizontalApertureAttr(width)
+    camera.CreateVerticalApertureAttr(width * view.height_px / view.width_px)
+    camera.CreateFocalLengthAttr(float(width / (2 * portable.tan(view.horizontal_fov / 2))))
+    name = identifier("_".join(path.split("/")[-3:-1]))
+    product = UsdRender.Product.Define(stage, f"/Render/{name}")
+    product.CreateCameraRel().SetTargets([path])
+    product.CreateResolutionAttr(Gf.Vec2i(view.width_px, view.height_px))
+
+
+def rig_losses(rover: Rover) -> list[str]:
+    """What USD does not say of a rig."""
+    names = titles(sensor for sensor in rover.sensors if not sensor.view)
+    if not names:
+        return []
+    told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    frames = "are bare frames" if len(names) > 1 else "is a bare frame"
+    return [f"{told[0].upper()}{told[1:]} {frames}: no USD schema holds their figures."]
