@@ -58,7 +58,9 @@ from .seeds import zigzag as zigzag
 from .specs import BY_KIND as BY_KIND
 from .specs import FARTHEST as FARTHEST
 from .specs import LEAST as LEAST
+from .specs import MAX_MESH as MAX_MESH
 from .specs import MAX_NAME as MAX_NAME
+from .specs import MAX_NAME_BYTES as MAX_NAME_BYTES
 from .specs import MAX_TABLE as MAX_TABLE
 from .specs import MOST as MOST
 from .specs import ByKind as ByKind

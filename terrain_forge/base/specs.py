@@ -32,6 +32,8 @@ MAX_NAME_BYTES = 200
 """What it may have in UTF-8: file systems take 255, some of which our own endings need."""
 MAX_TABLE = 256 * 2**20
 """Bytes of a table of the user's."""
+MAX_MESH = 64 * 2**20
+"""Bytes of a rock's mesh of the user's."""
 
 
 def is_file_name(text: str) -> bool:

@@ -31,6 +31,8 @@ DRIVERS = (
 """GDAL's drivers that are used: those of formats whose data lie in the file or beside it.
 
 Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
+MAX_PIXELS = 2**26
+"""Pixels of an image."""
 _CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
 
@@ -308,6 +310,8 @@ def _brightness(dataset: Any) -> Array:
     """Brightness of a dataset's pixels, 0 to 1 if they are integers."""
     from rasterio.enums import ColorInterp
 
+    if dataset.width * dataset.height > MAX_PIXELS:
+        raise DataError(f"{dataset.width} × {dataset.height} pixels, at most {MAX_PIXELS:,}")
     kinds = dataset.colorinterp
     if kinds[0] == ColorInterp.palette:
         colours = np.zeros((256 ** np.dtype(dataset.dtypes[0]).itemsize, 3))

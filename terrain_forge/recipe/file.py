@@ -130,8 +130,8 @@ def _read(path: Path) -> tuple[Any, dict[Key, int]]:
     except RecursionError:
         raise RecipeError(f"{path}:{_deep_line(text)}: {_TOO_DEEP}") from None
     except ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        raise RecipeError(f"{path}:{line}: not YAML: {error.reason}") from None
+        number = text.count("\n", 0, error.position) + 1
+        raise RecipeError(f"{path}:{number}: not YAML: {error.reason}") from None
     except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):

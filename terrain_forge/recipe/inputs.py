@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
@@ -19,6 +20,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import numpy as np
 
 from terrain_forge.base import (
+    MAX_MESH,
     MAX_TABLE,
     Array,
     DataError,
@@ -121,7 +123,8 @@ class InputFiles:
         """
         for one in self.found:
             if one.mark.kind != "folder":
-                require_file(self.folder / one.path, one.path, one.key)
+                most = MAX_MESH if one.mark.kind == "mesh" else math.inf
+                require_file(self.folder / one.path, one.path, one.key, most=most)
 
     def taken_over(self, recipe: Recipe) -> Recipe:
         """The recipe whose specs hold the numbers of the tables that they take over.
@@ -226,7 +229,8 @@ class InputFiles:
         hashes: dict[str, str] = {}
         for name, path, used in (*files, *beside):
             if name not in hashes:
-                hashes[name] = fingerprint(path, used=used)
+                with reading(name):
+                    hashes[name] = fingerprint(path, used=used)
         return tuple(hashes.items())
 
 
