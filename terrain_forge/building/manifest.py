@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from terrain_forge import __version__
-from terrain_forge.base import DataError, OutputError, read_text
+from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
@@ -161,12 +162,35 @@ def altered_files(
         manifest: its manifest.
         besides: files and folders (with a slash) that are about to be written anew.
     """
-    found = _hashes(directory, _files(directory))
+    names = _files(directory)
+    for path in (directory / name for name in names):
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise OutputError(f"{path} is no regular file: move it away")
+    found = _hashes(directory, names)
     return {
         name: wanted
         for name, wanted in manifest["outputs"].items()
         if found.get(name) != wanted and not name.startswith(besides)
     }
+
+
+@contextmanager
+def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
+    """Turns what a world's damaged files raise, wherever they are read, into one line.
+
+    Raises:
+        OutputError: in place of any error that is not ours nor the disk's, if a file is altered.
+    """
+    try:
+        yield
+    except TerrainForgeError:
+        raise
+    except Exception as error:
+        if not altered or getattr(error, "errno", None):
+            raise
+        why = " ".join(str(error).split()) or type(error).__name__
+        name = min(altered)
+        raise OutputError(f"{directory / name} is not as it was built: {why[:300]}") from error
 
 
 def _versions() -> dict[str, str]:

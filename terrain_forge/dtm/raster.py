@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -238,6 +239,9 @@ def open_dataset(path: Path) -> Any:
     """
     import rasterio
 
+    for beside in path.absolute().parent.glob(f"{escape(path.stem)}.*"):  # GDAL looks into them
+        if beside.exists() and not (beside.is_file() or beside.is_dir()):
+            raise DataError(f"{beside.name} beside {path.name} is no regular file")
     with warnings.catch_warnings(), rasterio.Env(CPL_VSIL_CURL_ALLOWED_EXTENSIONS="{none}"):
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         # rasterio.open() takes one driver; the class that it opens takes several.

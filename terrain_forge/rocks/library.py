@@ -103,6 +103,13 @@ class LibrarySpec(Spec):
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
 
+    @property
+    def may_fail(self) -> bool:
+        """Whether only making the library tells if its collision parts are as close as wanted."""
+        usual = LibrarySpec()
+        tight = self.hull_excess < usual.hull_excess or self.hull_distance < usual.hull_distance
+        return tight or self.hull_vertices < usual.hull_vertices or bool(self.meshes)
+
     def family_names(self) -> tuple[str, ...]:
         """The families that the library has shapes of, each once."""
         made = self.families[: self.shapes]

@@ -16,6 +16,7 @@ from tests.fuzz.files import Files, Worlds
 from tests.fuzz.kills import Kills
 from tests.fuzz.recipes import Recipes, put_traps
 
+CORPUS = Path(__file__).parent / "corpus"
 KINDS = ("recipes", "files", "worlds", "kills")
 _COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
 
@@ -73,11 +74,29 @@ class Campaign:
             world = self._good_world()
             self._writers["worlds"], self._kills = Worlds(self._rng, world), Kills(self._rng, world)
 
+    def regressions(self) -> None:
+        """Check the inputs that something was once wrong with."""
+        for path in sorted(CORPUS.iterdir()):
+            folder = self._place / "case"
+            if path.is_dir():
+                shutil.copytree(path, folder)
+            else:
+                folder.mkdir()
+                shutil.copyfile(path, folder / "recipe.yaml")
+            command = ("check", "recipe.yaml")
+            for fault in self._judged("corpus", command, folder):
+                self._save(f"{path.name}: {fault}", " ".join(command), folder)
+            self.figures.inputs["corpus"] += 1
+            shutil.rmtree(folder)
+
     def run(self, *, seconds: float = 1e9, inputs: int = 10**9) -> Figures:
         """Run for a time, or a number of inputs."""
         begin, kinds = time.monotonic(), self._kinds
         try:
-            while self.figures.inputs.total() < inputs and time.monotonic() - begin < seconds:
+            first = self.figures.inputs.total()
+            while (
+                self.figures.inputs.total() - first < inputs and time.monotonic() - begin < seconds
+            ):
                 self._step(kinds[self.figures.inputs.total() % len(kinds)])
                 self.figures.seconds = time.monotonic() - begin
         finally:
