@@ -20,6 +20,7 @@ EVENTS = {"open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "ctypes.dlsy
 LIMITS = {"seconds": trial.BUILD_SECONDS, "memory": trial.BUILD_MEMORY}
 STEPS = 1200
 """Steps at which a command is met, at most."""
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 _REFUSALS = (errno.ENOSPC, errno.EROFS, errno.EDQUOT, errno.EIO)
 
 
@@ -61,7 +62,8 @@ class Kills:
             number = rng.choice((signal.SIGKILL, signal.SIGTERM, signal.SIGINT))
             step = int(STEPS ** rng.random())
             act = _killing(number) if kind == 2 else _refusing(rng.choice(_REFUSALS), world)
-            ended = trial.run(command, folder, **LIMITS, before=lambda: at_step(step, act))
+            writes = kind == 3
+            ended = trial.run(command, folder, **LIMITS, before=lambda: at_step(step, act, writes))
             allowed = [0, 1, 3] if kind == 3 else [0, 1, 130, -number]
         found = []
         if ended.status != -signal.SIGKILL:
@@ -70,9 +72,11 @@ class Kills:
         whole = digest(world)
         if command[0] == "build" and whole != older and not _is_whole(world):
             found.append(f"lost: {command[0]} ended {ended.status}")
-        again = trial.run(("build", "recipe.yaml", "-o", "world"), folder, **LIMITS)
-        found += [f"after: {f}" for f in trial.faults(again, allowed=(0, 1), **LIMITS)]
-        found += [f"after: {fault}" for fault in _left(folder)]
+        # What an export or a validation has left half done, the same command makes good.
+        for after in dict.fromkeys((command, ("build", "recipe.yaml", "-o", "world"))):
+            again = trial.run(after, folder, **LIMITS)
+            faults = [*trial.faults(again, allowed=(0, 1), **LIMITS), *_left(folder)]
+            found += [f"{after[0]} after {command[0]}: {fault}" for fault in faults]
         return found
 
 
@@ -107,18 +111,24 @@ def _left(folder: Path) -> list[str]:
     return []
 
 
-def at_step(step: int, act: Callable[[str], None]) -> None:
-    """Act at the n-th step of this process in the file system."""
+def at_step(step: int, act: Callable[[str], None], writes: bool = False) -> None:
+    """Act from the n-th step of this process in the file system on, or of its writing steps."""
     seen = 0
 
     def hook(event: str, arguments: tuple[object, ...]) -> None:
         nonlocal seen
-        if event in EVENTS:
+        if event in EVENTS and (not writes or _writes(event, arguments)):
             seen += 1
             if seen >= step:
                 act(str(arguments[0]) if event != "ctypes.dlsym" else "")
 
     sys.addaudithook(hook)
+
+
+def _writes(event: str, arguments: tuple[object, ...]) -> bool:
+    """Whether a step takes room on the disk."""
+    flags = arguments[2] if event == "open" else 0
+    return event in ("os.mkdir", "os.rename") or bool(isinstance(flags, int) and flags & _WRITING)
 
 
 def _killing(number: int) -> Callable[[str], None]:
