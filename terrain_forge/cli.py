@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 _M_ARENA_MAX = -8
 _LONGEST = 2000
 """Characters of a line that is shown."""
+_MOST_TOLD = 10
+"""Failed checks that the terminal shows."""
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 _STATUS = {
     SimulationError: FAILED_CHECK,
@@ -266,7 +268,12 @@ def _say(text: str, *, err: bool = False) -> None:
 def _finish(passed: bool, out: Path) -> None:
     if passed:
         return
-    _say(f"{out}: a validation check failed, see {out / 'validation' / 'report.json'}", err=True)
+    from terrain_forge.validation import failed_checks
+
+    report = out / "validation" / "report.json"
+    for check in failed_checks(report)[:_MOST_TOLD]:
+        _say(f"{out}: failed: {check}", err=True)
+    _say(f"{out}: a validation check failed, see {report}", err=True)
     raise click.exceptions.Exit(FAILED_CHECK)
 
 

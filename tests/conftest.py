@@ -1,5 +1,6 @@
 import gc
 import os
+import sys
 from functools import partial
 
 import pytest
@@ -35,6 +36,15 @@ def _small_pictures():
     with pytest.MonkeyPatch.context() as patch:
         pictures.make_small(patch)
         yield
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems():
+    """Hypothesis would read the literals of all our files: ten seconds in a new clone."""
+    providers = "hypothesis.internal.conjecture.providers"
+    known = getattr(sys.modules.get(providers), "_local_constants", None)
+    if known is not None:
+        pytest.MonkeyPatch().setattr(f"{providers}._get_local_constants", lambda: known)
 
 
 def pytest_collection_finish():

@@ -44,7 +44,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
     files = {
         "world.xml": _text(_world(world, tiles, assets, geoms, options)),
-        "scene.xml": _text(_scene(world, options)),
+        "scene.xml": _text(_scene(world, tiles, options)),
     }
     for trajectory in world.trajectories:
         files[f"paths/{file_name(trajectory.name)}.csv"] = _path_table(trajectory)
@@ -139,7 +139,7 @@ def _extent(world: World) -> float:
     return max(east - west, north - south)
 
 
-def _scene(world: World, options: Options) -> Lines:
+def _scene(world: World, tiles: list[Tile], options: Options) -> Lines:
     position, quaternion = start_pose(world)
     friction = world_friction(world.site.body, options).ground
     marker = element("site", name="path_frame", type="box", size=(0.1, 0.02, 0.01), rgba=_RGBA)
@@ -152,6 +152,8 @@ def _scene(world: World, options: Options) -> Lines:
     if world.rover.links:
         bodies.append(rover_body(world.rover, position, quaternion))
         rover = rover_sections(world.rover, friction=friction, folder="assets")
+        if world.trajectories:
+            rover.append(element("keyframe", *_keyframes(world, tiles)))
     return element(
         "mujoco",
         element("include", file="world.xml"),
@@ -163,14 +165,30 @@ def _scene(world: World, options: Options) -> Lines:
     )
 
 
-def start_pose(world: World) -> tuple[Array, Array]:
-    """Position [m] and quaternion of base_link: the first path's start, or the ground's centre.
+def _keyframes(world: World, tiles: list[Tile]) -> list[Lines]:
+    """A state for each path, by its name: the rover and the mocap body at its start.
+
+    Each holds all joints: the dynamic rocks' first, which world.xml has, then the rover's.
+    """
+    dynamic = [tile.field.select(tile.field.dynamic) for tile in tiles]
+    rocks = [np.column_stack([field.position, field.quaternion]).ravel() for field in dynamic]
+    hinges = np.zeros(sum(link.joint in ("passive", "motor") for link in world.rover.links))
+    keys = []
+    for start in world.trajectories:
+        pose = start_pose(world, start)
+        own = {"qpos": np.concatenate([*rocks, *pose, hinges])}
+        keys.append(element("key", name=start.name, mpos=pose[0], mquat=pose[1], **own))
+    return keys
+
+
+def start_pose(world: World, start: Trajectory | None = None) -> tuple[Array, Array]:
+    """Position [m] and quaternion of base_link: a path's start (the first's), or the middle.
 
     Raised so that no wheel reaches into the ground; the rover settles within a second.
     """
     ground, rpy = world.ground, np.zeros(3)
     if world.trajectories:
-        start = world.trajectories[0]
+        start = start or world.trajectories[0]
         position, rpy = start.position[0].copy(), start.rpy[0]
     else:
         west, south, east, north = ground.bounds

@@ -2,5 +2,6 @@
 
 from .export import export, opening
 from .options import Options
+from .readback import CONSUMERS
 
-__all__ = ["Options", "export", "opening"]
+__all__ = ["CONSUMERS", "Options", "export", "opening"]

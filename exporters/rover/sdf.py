@@ -58,15 +58,17 @@ def _joint(link: Link, rover: Rover, options: Options) -> Lines:
     if link.joint == "fixed":
         return element("joint", *ends, name=name, type="fixed")
     lower, upper = link.limits or (-1e16, 1e16)
-    effort = rover.torque_limit if link.joint == "motor" else -1.0
+    gear = next((gear for gear in rover.couplings if gear.link == link.name), None)
+    # Drake puts a motor on each joint whose effort is not 0; DART keeps a gear by efforts.
+    follows = gear is not None and options.release != "fortress"
+    effort = rover.torque_limit if link.joint == "motor" else -1.0 if follows else 0.0
     rate = joint_rate(rover, link) if effort > 0 else -1.0
     axis = [
         *_exact(xyz=link.axis),
         element("limit", *_exact(lower=lower, upper=upper, effort=effort, velocity=rate)),
         element("dynamics", *_exact(damping=link.damping, friction=link.friction)),
     ]
-    gear = next((gear for gear in rover.couplings if gear.link == link.name), None)
-    if gear and options.release != "fortress":
+    if gear and follows:
         told = _exact(multiplier=gear.ratio, offset=gear.offset, reference=0.0)
         axis.append(element("mimic", *told, joint=joint_name(gear.leader), axis="axis"))
     return element("joint", *ends, element("axis", *axis), name=name, type="revolute")

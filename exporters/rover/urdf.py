@@ -17,6 +17,8 @@ from .options import Options
 
 element = partial(plain_element, digits=12)
 
+Colour = tuple[float, float, float]
+
 
 def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None:
     """Write the rover, a robot of that name, as URDF.
@@ -29,11 +31,11 @@ def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None
         "compiler", fusestatic="false", discardvisual="false", strippath="false", angle="radian"
     )
     parts = [element("mujoco", compiler)]
-    for rgb in sorted({shape.rgb for link in rover.links for shape in link.shapes}):
-        colour = element("color", rgba=(*rgb, 1.0))
-        parts.append(element("material", colour, name=_material(rgb)))
+    names = _material_names(rover)
+    for material, rgb in {material: rgb for rgb, material in names.items()}.items():
+        parts.append(element("material", element("color", rgba=(*rgb, 1.0)), name=material))
     for number, link in enumerate(rover.links):
-        parts.append(_link(link, number, options))
+        parts.append(_link(link, number, options, names))
         if link.parent:
             parts.append(_joint(link, rover, gears.get(link.name)))
     for sensor in rover.sensors:
@@ -44,11 +46,22 @@ def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None
     write_xml(path, element("robot", *parts, **drake, name=name))
 
 
-def _material(rgb: tuple[float, float, float]) -> str:
-    return "rgb_" + "_".join(f"{round(255 * value):03d}" for value in rgb)
+def _material_names(rover: Rover) -> dict[Colour, str]:
+    """A name for each colour, its own where several round to the same bytes: urdfdom asks for it.
+
+    Colours that are written alike are one.
+    """
+    names: dict[Colour, str] = {}
+    told: dict[str, str] = {}
+    for rgb in sorted({shape.rgb for link in rover.links for shape in link.shapes}):
+        name = "rgb_" + "_".join(f"{round(255 * value):03d}" for value in rgb)
+        alike = sum(other == name or other.startswith(f"{name}_v") for other in told.values())
+        written = " ".join(f"{value:.12g}" for value in rgb)
+        names[rgb] = told.setdefault(written, f"{name}_v{alike + 1}" if alike else name)
+    return names
 
 
-def _link(link: Link, number: int, options: Options) -> Lines:
+def _link(link: Link, number: int, options: Options, materials: dict[Colour, str]) -> Lines:
     mass = element(
         "inertial",
         element("origin", xyz=link.centre_of_mass, rpy="0 0 0"),
@@ -60,7 +73,7 @@ def _link(link: Link, number: int, options: Options) -> Lines:
         solid = _solid(shape, f"{options.mesh_prefix}meshes/{rover_mesh(number, part)}")
         place = element("origin", xyz=shape.position, rpy=shape.rpy)
         if shape.visible:
-            colour = element("material", name=_material(shape.rgb))
+            colour = element("material", name=materials[shape.rgb])
             parts.append(element("visual", place, solid, colour))
         if shape.collides:
             parts.append(element("collision", place, solid))

@@ -154,6 +154,8 @@ def eigh(matrix: ArrayLike) -> tuple[Array, Array]:
     a = a.reshape(-1, 3, 3)
     vectors = np.tile(np.eye(3), (len(a), 1, 1))
     for _ in range(_SWEEPS):
+        if not a[:, (0, 0, 1), (1, 2, 2)].any():
+            break
         for p, q in ((0, 1), (0, 2), (1, 2)):
             _rotate(a, vectors, p, q)
     values = np.diagonal(a, axis1=1, axis2=2)

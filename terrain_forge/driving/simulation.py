@@ -204,7 +204,16 @@ class Watch:
         touched = [c for c in self.contacts.values() if c.time + c.duration > begin.time]
         if held := [contact.rock for contact in touched if contact.by_body]:
             reasons.append(f"its body against {', '.join(held[:3])}")
-        return f": {', '.join(reasons)}" if reasons else ""
+        elif touched:
+            reasons.append(f"its wheels against {', '.join(c.rock for c in touched[:3])}")
+        if not reasons:
+            strained = (self.looks[-1].saturated - begin.saturated) / max(window, 1)
+            tilt = math.degrees(self.looks[-1].tilt)
+            reasons.append(
+                f"no rock touched, tilt {tilt:.0f}°, wheels slip by {slip:.0%}, motors at their "
+                f"torque limit {strained:.0%} of the time"
+            )
+        return f": {', '.join(reasons)}"
 
     def result(self, vehicle: Vehicle, pursuit: PurePursuit, *, skid_gain: float) -> DriveResult:
         """The drive as it went, thinned to the logging rate (its end kept)."""

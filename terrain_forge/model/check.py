@@ -26,6 +26,20 @@ class Check(Record):
     group: str = ""
     """What it belongs to, such as `ground`, `rocks` or `drive`: the report page shows it there."""
 
+    @property
+    def judged(self) -> bool:
+        """Whether it can fail; a figure without a limit is there to be read."""
+        return self.limit is not None or not self.passed
+
+    def told(self) -> str:
+        """Name, figure and limit in one line, as a message says what failed."""
+        unit = f" {self.unit}" if self.unit else ""
+        figure = "" if self.figure is None else f" {self.figure:.4g}{unit}"
+        limit = "" if self.limit is None else f", limit {self.limit:.4g}{unit}"
+        return (
+            f"{self.name}:{figure}{limit}{' (' * bool(self.note)}{self.note}{')' * bool(self.note)}"
+        )
+
 
 def at_most(
     name: str, figure: float, limit: float | None, *, unit: str = "", note: str = ""

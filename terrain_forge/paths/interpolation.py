@@ -29,7 +29,7 @@ _MARGIN = 0.8
 """Part of the limits that is aimed at, since only some times between samples are looked at."""
 _FRACTIONS = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
 """Where between two samples deviations are looked for."""
-_MOST_STEPS = 16
+_MOST_STEPS = 128
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ def times_between(times: Array) -> Array:
 def sample_times(trajectory: Trajectory, places_between: Interpolation) -> Array:
     """The trajectory's times, each step halved as often as the limits need [s].
 
-    The trajectory's own samples stay among them. After four halvings it is left at that.
+    The trajectory's own samples stay among them. After seven halvings it is left at that.
     """
     steps = 1
     times = np.asarray(trajectory.time)

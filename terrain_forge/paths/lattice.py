@@ -52,7 +52,7 @@ def cheapest_path(
     """
     columns = weight.shape[1]
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
-    parent, cost, nearest, reached = _search(weight, first, last, MOVES)
+    parent, cost, nearest, reached = _search(np.ascontiguousarray(weight), first, last, MOVES)
     near = (int(nearest) // columns, int(nearest) % columns)
     if not np.isfinite(cost):
         return GridPath(np.zeros((0, 2), np.int64), np.inf, near, int(reached))
@@ -143,7 +143,7 @@ def straighten(weight: Weight, nodes: NDArray[np.int64], *, step: float) -> Arra
     Nodes are rows and columns, the line's points columns and rows, `step` apart [cells].
     """
     line = np.asarray(nodes[:, ::-1], np.float64)
-    corners = line[_shortcuts(weight, line)]
+    corners = line[_shortcuts(np.ascontiguousarray(weight), line)]
     points = [corners[:1]]
     for begin, end in pairwise(corners):
         count = max(math.ceil(math.dist(begin, end) / step), 1)

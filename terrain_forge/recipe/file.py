@@ -119,9 +119,10 @@ def _read(path: Path) -> tuple[Any, dict[Key, int]]:
         raise RecipeError(str(error)) from None
     lines: dict[Key, int] = {}
     try:
-        node = YAML(typ="safe", pure=True).compose(text)
+        yaml = YAML(typ="safe", pure=True)
+        node = yaml.compose(text)
         _collect(path, node, (), lines, set())
-        data = YAML(typ="safe", pure=True).constructor.construct_document(node) if node else None
+        data = node and yaml.constructor.construct_document(node)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""

@@ -46,8 +46,8 @@ class StartsSpec(Spec):
     """How far each goes [m]."""
     speed_m_s: Annotated[float, Interval(ge=0.01, le=10)] = 0.3
     """Speed [m/s]; at most the rover's own."""
-    arrive: Fraction = 0.0
-    """Part of them that must arrive."""
+    arrive: Fraction = 0.5
+    """Part of them that must arrive; 0 only counts them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ import logging
 import re
 from base64 import b64encode
 from collections.abc import Sequence
+from functools import cache
 from hashlib import sha256
 from operator import attrgetter
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from terrain_forge import __version__
 from terrain_forge.base import parts
-from terrain_forge.model import Export, World
+from terrain_forge.model import Check, Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.view import bundled, scripts
@@ -95,15 +96,18 @@ def _blocks(kind: type[Section], built: Built) -> Sequence[Block]:
 
 def render(template: str, **values: Any) -> str:
     """A template with values, all of which it escapes."""
-    folder = Path(__file__).parent / "templates"
-    environment = Environment(
-        loader=FileSystemLoader(folder),
+    return _environment().get_template(template).render(**values)
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(template).render(**values)
 
 
 def _anchor(title: str) -> str:
@@ -131,12 +135,13 @@ def _lead(built: Built) -> str:
 
 def _verdict(validation: dict[str, Any]) -> dict[str, Any]:
     """Whether the world is as it should be, and which checks failed."""
-    checks = validation.get("checks", [])
-    failed = [check["name"] for check in checks if not check["passed"]]
+    checks = [Check(**check) for check in validation.get("checks", [])]
+    judged = [check for check in checks if check.judged]
+    failed = [check.told() for check in judged if not check.passed]
     if not checks:
         verdict = Cell("not validated", "open")
     elif failed:
-        verdict = Cell(f"{len(failed)} of {len(checks)} checks failed", "bad")
+        verdict = Cell(f"{len(failed)} of {len(judged)} checks failed", "bad")
     else:
-        verdict = Cell(f"all {len(checks)} checks passed", "good")
+        verdict = Cell(f"all {len(judged)} checks passed", "good")
     return {"verdict": verdict, "failed": failed}

@@ -9,7 +9,7 @@ import json
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field, make_dataclass
-from functools import cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -20,12 +20,14 @@ from pydantic import Field, TypeAdapter, ValidationError
 from terrain_forge.base import DataError, Pair, RecipeError, Spec, load_plugin, plugins
 from terrain_forge.model import Rover, Sensor, sensor_kinds
 from terrain_forge.rovers.custom import FileRover, RoverSpec
-from terrain_forge.rovers.expressions import Value, evaluate, substitute
+from terrain_forge.rovers.expressions import Budget, evaluate
 from terrain_forge.rovers.grousers import GrouserSpec, add_grousers
-from terrain_forge.rovers.macros import read_macros
+from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rolling import make_rover
+from terrain_forge.rovers.scopes import Scope, Value
+from terrain_forge.rovers.substitution import Substitution
 from terrain_forge.rovers.urdf import read_urdf
 
 GROUP = "terrain_forge.rovers"
@@ -164,6 +166,7 @@ def _describe(file: Path) -> Description:
     return told
 
 
+@lru_cache(maxsize=16)
 def build_rover(choice: BuiltInRover) -> Rover:
     """The rover of these options.
 
@@ -173,17 +176,20 @@ def build_rover(choice: BuiltInRover) -> Rover:
     """
     told, file = choice.DESCRIPTION, choice.FILE
     sizes = getattr(choice, "dimensions", None)
-    names: dict[str, Value] = {name: getattr(sizes, name) for name in told.dimensions}
+    names: dict[str, Value] = {name: _listed(getattr(sizes, name)) for name in told.dimensions}
     _require_fit(told, names)
     names["detailed"] = choice.model == "detailed"
     names["grouser_height_m"] = choice.grousers.height_m if choice.grousers else 0.0
-    root = read_macros(file, names, library=_OURS)
-    assembly = read_urdf(root, file=file, packages=Packages({}, file), meshes=MeshFiles())
+    packages = Packages({}, file, library=_OURS)
+    root, _ = expand_xacro(file, packages, names=names)
+    assembly = read_urdf(root, file=file, packages=packages, meshes=MeshFiles(packages))
+    texts = Substitution(packages, Budget())
+    filled = partial(_filled, texts=texts, names=texts.scope(names))
     try:
         reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
-        reading |= _filled(told.reading, names)
+        reading |= filled(told.reading)
         rover = make_rover(assembly, _adapter(FileRover).validate_python(reading))
-        sensors = tuple(_sensor(_filled(sensor, names)) for sensor in told.sensors)
+        sensors = tuple(_sensor(filled(sensor)) for sensor in told.sensors)
         lost = {sensor.link for sensor in sensors} - {link.name for link in rover.links}
         if lost:
             raise ValueError(f"a sensor sits on {lost.pop()!r}, which is no link of the rover")
@@ -203,13 +209,25 @@ def _require_fit(told: Description, names: Mapping[str, Value]) -> None:
             )
 
 
-def _filled(told: Any, names: Mapping[str, Value]) -> Any:
+class _Listed(tuple[float, ...]):
+    """Several numbers, which a text has as URDF writes them."""
+
+    def __str__(self) -> str:
+        return " ".join(map(repr, self))
+
+
+def _listed(value: Value) -> Value:
+    return _Listed(value) if isinstance(value, tuple) else value
+
+
+def _filled(told: Any, *, texts: Substitution, names: Scope) -> Any:
     """A part of a description with its expressions evaluated."""
+    again = partial(_filled, texts=texts, names=names)
     if isinstance(told, str):
-        return substitute(told, names)
+        return texts.value(told, names)
     if isinstance(told, Mapping):
-        return {key: _filled(value, names) for key, value in told.items()}
-    return tuple(_filled(value, names) for value in told) if isinstance(told, list) else told
+        return {key: again(value) for key, value in told.items()}
+    return tuple(map(again, told)) if isinstance(told, list) else told
 
 
 def _sensor(told: dict[str, Any]) -> Sensor:

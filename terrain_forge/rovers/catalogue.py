@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
 
@@ -41,6 +42,11 @@ else:
 """What a recipe's `rover` may be."""
 
 
+@cache
+def _adapter(name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(built_in_rovers()[name])
+
+
 def find_rover(name: str, **options: Any) -> Rover:
     """The built-in rover of that name.
 
@@ -53,7 +59,7 @@ def find_rover(name: str, **options: Any) -> Rover:
     """
     known = built_in_rovers()
     if name in known:
-        return build_rover(TypeAdapter(known[name]).validate_python(options))
+        return build_rover(_adapter(name).validate_python(options))
     close = get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(

@@ -55,6 +55,9 @@ class FileRover(RoverSpec):
     """A rover from a file."""
     file: Annotated[str, MinLen(1), InputFile(kind="rover")]
     """The `.urdf`, `.xacro` or MJCF `.xml` file."""
+    trust: bool = False
+    """Whether a `.xacro` is expanded by the package `xacro`, which runs the file's expressions as
+    Python, with all that Python can do. Without it they are arithmetic alone (docs/rovers.md)."""
     wheels: tuple[JointName, ...] = ()
     """Links or joints of the driven wheels; by default those that turn without end and have `wheel`
     in a name."""

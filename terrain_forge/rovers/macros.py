@@ -1,95 +1,348 @@
-"""The part of xacro that needs no Python: properties, conditions, macros and `${…}`."""
+"""Expanding a xacro as the package `xacro` does, without its Python (docs/rovers.md).
+
+http://wiki.ros.org/xacro; expressions are arithmetic on a checked syntax tree, files come from the
+rover's own folders, the environment is never read, and nothing grows without end.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import keyword
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from terrain_forge.base import DataError
-from terrain_forge.rovers.expressions import Value, read_value, substitute
-from terrain_forge.rovers.urdf import parse_xml
+from terrain_forge.rovers.expressions import FAULTS, Budget
+from terrain_forge.rovers.packages import MOST_TEXT, Packages, read_file
+from terrain_forge.rovers.rover_xml import KEY, parse_xml
+from terrain_forge.rovers.scopes import Scope, Value, truth
+from terrain_forge.rovers.substitution import Substitution, attribute
 
-_KEY = ("rover",)
-_DEEPEST = 30
-"""Macros within macros."""
+_PREFIX = "xacro:"
+_DEEPEST = 250
+"""Macros within macros: how often a loop that calls itself may run."""
+_NESTED = 2000
+"""Elements, macros and files within each other."""
+_PARAMETER = re.compile(
+    r"""\s*([^\s:=]+)(\s*:?=\s*(\^\|?)?((?:\$\{[^}]*\}|\$\([^)]*\)|'[^']*'|"[^"]*"|"""
+    r"""(?!\$[{(])[^\s'"])*))?(?:\s+|$)"""
+)
 
 
-def read_macros(file: Path, names: Mapping[str, Value], *, library: Path) -> Element:
-    """The `<robot>` of a file, without xacro's elements.
-
-    Known are `property`, `if`, `unless`, `macro`, and `include` of a file beside it.
+def expand_xacro(
+    file: Path, packages: Packages, *, names: Mapping[str, Value] | None = None
+) -> tuple[Element, tuple[Path, ...]]:
+    """The `<robot>` of a file without xacro's elements, and the files that it includes.
 
     Args:
-        file: A xacro or URDF file.
+        file: A xacro file.
+        packages: Which files it may include.
         names: Values that its expressions may use.
-        library: Folder of what it may include, where that is not beside it.
 
     Raises:
-        DataError: for another element of xacro, or an expression that is more than arithmetic.
+        DataError: for a file that is not right, or that only Python could expand.
     """
-    try:
-        (made,) = _Expansion((file.parent, library)).expand(_parse(file), dict(names))
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(f"{file.name}: {error}", key=_KEY) from None
-    return made
+    return _Expansion(packages, names or {}).run(file)
 
 
-def _parse(file: Path) -> Element:
-    return parse_xml(file.read_text(encoding="utf-8"), file.name)
+@dataclass
+class _Macro:
+    """A macro: what it consists of, and its parameters with their defaults."""
+
+    body: Element
+    parameters: dict[str, tuple[bool, str] | None]
+    """By name; whether the caller's value of that name is forwarded, and the text that is taken
+    otherwise. None for a parameter that must be given."""
+
+
+@dataclass(slots=True)
+class _Frame:
+    """Nodes that are being expanded, and where to."""
+
+    nodes: Iterator[Element | str]
+    made: Element
+    texts: list[str]
+    names: Scope
+    macros: Scope
+    file: Path
+    whole: bool = False
+    """Whether the nodes are those of an element that is kept."""
+    then: Callable[[], None] | None = None
+    """What is done after the last node."""
 
 
 class _Expansion:
-    """Knows the macros that were defined so far."""
+    """Expands node after node, those within others by a stack of our own: none is too deep."""
 
-    def __init__(self, folders: tuple[Path, ...]) -> None:
-        self._folders = folders
-        self._macros: dict[str, Element] = {}
-        self._depth = 0
+    def __init__(self, packages: Packages, names: Mapping[str, Value]) -> None:
+        self._packages = packages
+        self._budget = Budget()
+        self._texts = Substitution(packages, self._budget)
+        self._names = self._texts.scope(names)
+        self._stack: list[_Frame] = []
+        self._files: list[Path] = []
+        self._parsed: dict[Path, Element] = {}
+        self._open: list[Path] = []
+        self._calls = 0
+        self._known = {
+            "property": self._property, "macro": self._macro, "include": self._include,
+            "if": self._condition, "unless": self._condition, "arg": self._arg,
+            "insert_block": self._insert, "element": self._element, "attribute": self._attribute,
+            "call": self._dynamic_call,
+        }  # fmt: skip
 
-    def expand(self, element: Element, names: dict[str, Value]) -> list[Element]:
-        """What an element becomes; properties are added to the names."""
-        space, _, tag = element.tag.rpartition("}")
-        if not space:
-            own = {key: _text(substitute(text, names)) for key, text in element.attrib.items()}
-            made = Element(tag, own)
-            made.text = element.text and _text(substitute(element.text, names))
-            made.extend(self._children(element, names))
-            return [made]
-        if tag == "property":
-            names[element.attrib["name"]] = read_value(element.attrib["value"], names)
-            return []
-        if tag in ("if", "unless"):
-            told = read_value(element.attrib["value"], names)
-            return self._children(element, names) if bool(told) == (tag == "if") else []
-        if tag == "include":
-            files = [folder / element.attrib["filename"] for folder in self._folders]
-            file = next((file for file in files if file.is_file()), files[0])
-            return self._children(_parse(file), names)
-        if tag == "macro":
-            self._macros[element.attrib["name"]] = element
-            return []
-        if tag in self._macros:
-            return self._call(self._macros[tag], element, names)
-        raise ValueError(f"<xacro:{tag}>: it is no property, if, unless, include, macro or call")
+    def run(self, file: Path) -> tuple[Element, tuple[Path, ...]]:
+        """The expanded root, and the files that were included."""
+        holder = Element("")
+        self._open = [file.resolve()]
+        texts = list[str]()
+        self._stack = [
+            _Frame(iter([self._parse(file, file.name)]), holder, texts, self._names, Scope(), file)
+        ]
+        frame = self._stack[-1]
+        try:
+            while self._stack:
+                frame = self._stack[-1]
+                self._texts.file = frame.file
+                node = next(frame.nodes, None)
+                if node is None:
+                    self._stack.pop()
+                    if frame.then:
+                        frame.then()
+                else:
+                    self._budget.spend("elements")
+                    self._expand(node, frame)
+        except FAULTS as error:
+            raise DataError(f"{frame.file.name}: {error}", key=KEY) from None
+        if len(holder) != 1:
+            raise DataError(f"{file.name} expands to nothing", key=KEY)
+        return holder[0], tuple(self._files)
 
-    def _children(self, element: Element, names: dict[str, Value]) -> list[Element]:
-        return [made for child in element for made in self.expand(child, names)]
+    def _parse(self, file: Path, name: str) -> Element:
+        if file not in self._parsed:
+            self._parsed[file] = parse_xml(read_file(file, name, most=MOST_TEXT), name)
+        return self._parsed[file]
 
-    def _call(self, macro: Element, call: Element, names: dict[str, Value]) -> list[Element]:
-        inner = dict(names)
-        for parameter in macro.get("params", "").split():
-            name, has_default, default = parameter.partition(":=")
-            if name not in call.attrib and not has_default:
-                raise ValueError(f"<{call.tag.rpartition('}')[2]}> lacks {name!r}")
-            inner[name] = read_value(call.get(name, default), names)
-        self._depth += 1
-        if self._depth > _DEEPEST:
-            raise ValueError(f"macros call each other more than {_DEEPEST} deep")
-        made = self._children(macro, inner)
-        self._depth -= 1
-        return made
+    def _push(self, frame: _Frame) -> None:
+        if len(self._stack) > _NESTED:
+            raise ValueError(f"elements and macros nest more than {_NESTED} deep")
+        self._stack.append(frame)
+
+    def _expand(self, node: Element | str, frame: _Frame) -> None:
+        if isinstance(node, str):
+            frame.texts.append(self._texts.text(node, frame.names))
+        elif not node.tag.startswith(_PREFIX):
+            self._keep(node, frame)
+        elif (tag := node.tag.removeprefix(_PREFIX)) in self._known:
+            self._known[tag](node, frame)
+        else:
+            self._call(tag, node, frame)
+
+    def _keep(self, node: Element, frame: _Frame) -> None:
+        own = {
+            name: self._texts.text(text, frame.names)
+            for name, text in node.attrib.items()
+            if not name.startswith((_PREFIX, "xmlns"))
+        }
+        made = Element(node.tag, own)
+        frame.made.append(made)
+        self._inside(node, frame, made)
+
+    def _inside(self, node: Element, frame: _Frame, made: Element | None = None) -> None:
+        """Expand what is in an element, to another element or to where it stands itself."""
+        if made is None:
+            inner = _Frame(
+                _nodes(node), frame.made, frame.texts, frame.names, frame.macros, frame.file
+            )
+        else:
+            texts = list[str]()
+
+            def finish() -> None:
+                made.text = "".join(texts) or None
+
+            inner = _Frame(
+                _nodes(node), made, texts, frame.names, frame.macros, frame.file, True, finish
+            )
+        self._push(inner)
+
+    def _property(self, node: Element, frame: _Frame) -> None:
+        name = self._texts.text(attribute(node, "name"), frame.names)
+        if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("__"):
+            raise ValueError(f"{name[:80]!r} is no name of a property")
+        value, default = node.get("value"), node.get("default")
+        if truth(self._texts.value(node.get("remove", "false"), frame.names)):
+            frame.names.remove(name)
+            return
+        if default is not None:
+            if name in frame.names:
+                return
+            value = default
+        target: Scope | None = {"global": frame.names.top, "parent": frame.names.caller}.get(
+            node.get("scope", ""), frame.names
+        )
+        if target is None:  # nothing is above the file's own scope
+            return
+        if value is None:
+            target.set(f"**{name}", node)
+            return
+        lazy = truth(self._texts.value(node.get("lazy_eval", "true"), frame.names))
+        lazy = lazy and node.get("scope") not in ("global", "parent")
+        target.set(name, value if lazy else self._texts.value(value, frame.names), lazy=lazy)
+
+    def _arg(self, node: Element, frame: _Frame) -> None:
+        default = self._texts.text(attribute(node, "default"), frame.names)
+        self._texts.arguments.setdefault(attribute(node, "name"), default)
+
+    def _condition(self, node: Element, frame: _Frame) -> None:
+        told = truth(self._texts.value(attribute(node, "value"), frame.names))
+        if told == (node.tag == "xacro:if"):
+            self._inside(node, frame)
+
+    def _element(self, node: Element, frame: _Frame) -> None:
+        name = self._texts.text(attribute(node, "xacro:name"), frame.names)
+        if not name:
+            raise ValueError("<xacro:element> has an empty name")
+        renamed = Element(name, {k: v for k, v in node.attrib.items() if k != "xacro:name"})
+        renamed.text = node.text
+        renamed.extend(node)
+        self._expand(renamed, frame)
+
+    def _attribute(self, node: Element, frame: _Frame) -> None:
+        name, value = (
+            self._texts.text(attribute(node, key), frame.names) for key in ("name", "value")
+        )
+        if frame.whole:  # the package too drops those within a condition or a macro
+            frame.made.set(name, value)
+
+    def _insert(self, node: Element, frame: _Frame) -> None:
+        name = attribute(node, "name")
+        if f"**{name}" in frame.names:
+            self._inside(frame.names[f"**{name}"], frame)
+        elif f"*{name}" in frame.names:
+            self._keep(frame.names[f"*{name}"], frame)
+        else:
+            raise ValueError(f"there is no block {name[:80]!r}")
+
+    def _include(self, node: Element, frame: _Frame) -> None:
+        told = self._texts.text(attribute(node, "filename"), frame.names)
+        optional = truth(node.get("optional", "false"))
+        names, macros = frame.names, frame.macros
+        if space := self._texts.text(node.get("ns", ""), names):
+            inner = Scope(names, namespace=True), Scope(namespace=True)
+            names.set(space, inner[0])
+            macros.set(space, inner[1])
+            names, macros = inner
+        for file in reversed(self._packages.found(told, frame.file.parent)):
+            if not optional or file.exists():
+                nodes = self._included(file, told[:200])
+                self._push(_Frame(nodes, frame.made, frame.texts, names, macros, file))
+
+    def _included(self, file: Path, name: str) -> Iterator[Element | str]:
+        whole = file.resolve()
+        if whole in self._open:
+            raise ValueError(f"{name!r} includes itself")
+        root = self._parse(file, name)
+        self._files.append(file)
+        self._open.append(whole)
+        yield from _nodes(root)
+        self._open.remove(whole)
+
+    def _macro(self, node: Element, frame: _Frame) -> None:
+        name = attribute(node, "name").removeprefix(_PREFIX)
+        if name == "call" or "." in name:
+            raise ValueError(f"{name[:80]!r} is no name of a macro")
+        rest, parameters = node.get("params", "").strip(), dict[str, tuple[bool, str] | None]()
+        while rest:
+            found = _PARAMETER.match(rest)
+            if not found:
+                raise ValueError(f"macro {name[:80]!r}: params {rest[:80]!r} cannot be read")
+            forward, default = bool(found[3]), found[4] or ""
+            parameters[found[1]] = (forward, default) if forward or default else None
+            rest = rest[found.end() :]
+        frame.macros.set(name, _Macro(node, parameters))
+
+    def _dynamic_call(self, node: Element, frame: _Frame) -> None:
+        name = self._texts.text(attribute(node, "macro"), frame.names)
+        call = Element(f"xacro:{name}", {k: v for k, v in node.attrib.items() if k != "macro"})
+        call.extend(node)
+        self._call(name, call, frame)
+
+    def _call(self, tag: str, node: Element, frame: _Frame) -> None:
+        """Expand the blocks of a call where it stands, then its macro with them."""
+        self._budget.spend("elements")  # scopes cost as much as elements
+        macro, names, macros = self._find_macro(tag, frame)
+        own = Scope(names)
+        for name, text in node.attrib.items():
+            if name not in macro.parameters:
+                raise ValueError(f"<xacro:{tag[:80]}> has no parameter {name[:80]!r}")
+            own.set(name, self._texts.value(text, frame.names))
+        blocks = Element("")
+
+        def begin() -> None:
+            self._bind(tag, macro, own, set(node.attrib), list(blocks), frame)
+            self._calls += 1
+            if self._calls > _DEEPEST:
+                raise ValueError(f"macros call each other more than {_DEEPEST} deep")
+            nodes, scope = _nodes(macro.body), Scope(macros)
+            self._push(_Frame(nodes, frame.made, frame.texts, own, scope, frame.file, then=end))
+
+        def end() -> None:
+            self._calls -= 1
+
+        if len(node):
+            inner = frame.names, frame.macros, frame.file
+            self._push(_Frame(_nodes(node), blocks, [], *inner, then=begin))
+        else:
+            begin()
+
+    def _find_macro(self, tag: str, frame: _Frame) -> tuple[_Macro, Scope, Scope]:
+        """A macro, and the scopes that it is expanded in; `arm.link` is one of a namespace."""
+        names, macros = frame.names, frame.macros
+        *spaces, name = tag.split(".")
+        for space in spaces:
+            if space not in names or space not in macros:
+                raise ValueError(f"<xacro:{tag[:80]}>: there is no namespace {space[:80]!r}")
+            names, macros = names[space], macros[space]
+        if name not in macros or not isinstance(macros[name], _Macro):
+            raise ValueError(f"<xacro:{tag[:80]}>: there is no macro of that name")
+        return macros[name], names, macros
+
+    def _bind(
+        self,
+        tag: str,
+        macro: _Macro,
+        own: Scope,
+        given: set[str],
+        blocks: list[Element],
+        frame: _Frame,
+    ) -> None:
+        """Put what a call does not tell into the macro's scope: blocks in order, and defaults."""
+        for name, told in macro.parameters.items():
+            if name in given:
+                continue
+            if name.startswith("*"):
+                if not blocks:
+                    raise ValueError(f"<xacro:{tag[:80]}> lacks the block {name[:80]!r}")
+                own.set(name, blocks.pop(0))
+            elif told is None:
+                raise ValueError(f"<xacro:{tag[:80]}> lacks {name[:80]!r}")
+            elif told[0] and name in frame.names:
+                own.set(name, frame.names[name])
+            elif told[0] and not told[1]:
+                raise ValueError(f"<xacro:{tag[:80]}> lacks {name[:80]!r}, and so does its caller")
+            else:
+                own.set(name, self._texts.value(told[1], frame.names))
+        if blocks:
+            raise ValueError(f"<xacro:{tag[:80]}> has no use for <{blocks[0].tag[:80]}>")
 
 
-def _text(value: Value) -> str:
-    return " ".join(map(repr, value)) if isinstance(value, tuple) else str(value)
+def _nodes(element: Element) -> Iterator[Element | str]:
+    """Texts and elements within an element; blanks between them are dropped."""
+    if element.text and not element.text.isspace():
+        yield element.text
+    for child in element:
+        yield child
+        if child.tail and not child.tail.isspace():
+            yield child.tail

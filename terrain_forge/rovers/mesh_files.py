@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable
+from terrain_forge.base import Array, DataError, TerrainForgeError, portable
 from terrain_forge.model import Mesh
 from terrain_forge.rovers.assembly import Solid, placed
+from terrain_forge.rovers.limits import FARTHEST, MOST_TRIANGLES, require_below
+from terrain_forge.rovers.packages import MOST_MESH, Packages, read_file
+from terrain_forge.rovers.rover_xml import KEY
 
-KEY = ("rover", "file")
 _GREY = (0.6, 0.6, 0.6)
+Part = tuple[Array, NDArray[np.int32], tuple[float, ...]]
+"""Vertices, faces and colour."""
 
 
 class MeshFiles:
-    """Reads each mesh file once; remembers which files it read."""
+    """Reads each mesh file once; remembers which files it read.
 
-    def __init__(self) -> None:
-        self.read: dict[Path, list[tuple[Array, NDArray[np.int32], tuple[float, ...]]]] = {}
+    Args:
+        packages: Which files they may name.
+    """
+
+    def __init__(self, packages: Packages) -> None:
+        self.read: dict[Path, list[Part]] = {}
+        self._packages = packages
+        self._hulls: dict[tuple[Path, bytes], tuple[Array, NDArray[np.int32]]] = {}
+        self._triangles = 0
 
     def solids(
         self,
@@ -44,17 +60,28 @@ class MeshFiles:
             DataError: if it is missing or no mesh.
         """
         parts = [(v * scale, f, colour) for v, f, colour in self._parts(path)]
+        if not all(np.abs(v).max() <= FARTHEST for v, _, _ in parts):
+            raise DataError(
+                f"mesh {path.name} has vertices beyond {FARTHEST:g} m, or none that are numbers: "
+                "is its scale right?",
+                key=KEY,
+            )
         if collides:
-            vertices, faces = hull_of(np.concatenate([v for v, _, _ in parts]), path.name)
+            place = (path, scale.tobytes())
+            if place not in self._hulls:
+                self._hulls[place] = hull_of(np.concatenate([v for v, _, _ in parts]), path.name)
+            vertices, faces = self._hulls[place]
             return [mesh_solid(vertices, faces, placement, collides=True, rgb=_GREY)]
+        self._triangles += sum(len(f) for _, f, _ in parts)
+        require_below(self._triangles, MOST_TRIANGLES, "triangles", "the rover")
         return [
             mesh_solid(v, f, placement, collides=False, rgb=rgb or (c[0], c[1], c[2]))
             for v, f, c in parts
         ]
 
-    def _parts(self, path: Path) -> list[tuple[Array, NDArray[np.int32], tuple[float, ...]]]:
+    def _parts(self, path: Path) -> list[Part]:
         if path not in self.read:
-            self.read[path] = _load(path)
+            self.read[path] = _load(path, self._packages)
         return self.read[path]
 
 
@@ -96,26 +123,42 @@ def hull_of(vertices: Array, name: str) -> tuple[Array, NDArray[np.int32]]:
     return np.array(hull.vertices, np.float64), np.array(hull.faces, np.int32)
 
 
-def _load(path: Path) -> list[tuple[Array, NDArray[np.int32], tuple[float, ...]]]:
+def _load(path: Path, packages: Packages) -> list[Part]:
     import trimesh
 
-    if not path.is_file():
-        raise DataError(f"mesh {path.name} is missing: looked for {path}", key=KEY)
+    name, kind = f"mesh {path.name}", path.suffix.lower().removeprefix(".")
+    if kind not in _READ_AS:
+        raise DataError(f"{name}: allowed are {', '.join(_READ_AS)}", key=KEY)
+    if not path.exists():
+        raise DataError(f"{name} is missing: looked for {path}", key=KEY)
+    data = read_file(path, name, most=MOST_MESH)
     try:
-        scene = trimesh.load_scene(path)
-    except ImportError as error:
-        raise DataError(f"mesh {path.name} needs the package {error.name}", key=KEY) from None
+        if kind in _CHECKS:
+            _CHECKS[kind](data)
+        beside: Any = _Beside(path.parent, packages)
+        scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=beside)
+        shown = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+        triangles = sum(len(getattr(mesh, "faces", ())) for mesh in shown)
+        require_below(triangles, MOST_TRIANGLES, "triangles", name)
+        if kind == "dae" and scene.units not in (None, "m", "meter", "meters"):
+            scene = scene.convert_units("meters")
+        meshes = [m for m in scene.dump() if isinstance(m, trimesh.Trimesh) and len(m.faces)]
+    except TerrainForgeError:
+        raise
     except Exception as error:  # trimesh's readers raise whatever a broken file provokes
-        why = " ".join(str(error).split())
-        raise DataError(f"mesh {path.name} cannot be read: {why}", key=KEY) from None
-    if path.suffix.lower() == ".dae" and scene.units not in (None, "m", "meter", "meters"):
-        scene = scene.convert_units("meters")
+        if isinstance(error, ImportError) and kind == "dae":
+            raise DataError(f"{name} needs the package {error.name}", key=KEY) from None
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise DataError(f"{name} cannot be read: {why}", key=KEY) from None
     parts: dict[tuple[float, ...], list[Any]] = {}
-    for mesh in scene.dump():
-        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
-            parts.setdefault(_colour(mesh), []).append(mesh)
+    for mesh in meshes:
+        if mesh.vertices.shape[1:] != (3,) or mesh.faces.shape[1:] != (3,):
+            raise DataError(f"{name} is flat, or not made of triangles", key=KEY)
+        if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+            raise DataError(f"{name} has triangles of vertices that it lacks", key=KEY)
+        parts.setdefault(_colour(mesh), []).append(mesh)
     if not parts:
-        raise DataError(f"mesh {path.name} holds no triangles", key=KEY)
+        raise DataError(f"{name} holds no triangles", key=KEY)
     joined: list[tuple[tuple[float, ...], Any]] = [
         (colour, trimesh.util.concatenate(meshes)) for colour, meshes in parts.items()
     ]
@@ -123,6 +166,69 @@ def _load(path: Path) -> list[tuple[Array, NDArray[np.int32], tuple[float, ...]]
         (np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int32), colour)
         for colour, mesh in joined
     ]
+
+
+class _Beside:
+    """Lets trimesh read what a mesh names: materials and buffers, of the rover's own folders."""
+
+    def __init__(self, folder: Path, packages: Packages) -> None:
+        self._folder = folder
+        self._packages = packages
+
+    def get(self, name: str) -> bytes:
+        """The content of a file; textures are not read."""
+        path = self._packages.path(str(name), self._folder)
+        if path.suffix.lower() not in (".mtl", ".bin"):
+            raise FileNotFoundError(path.name)
+        return read_file(path, path.name, most=MOST_MESH)
+
+
+def _check_collada(data: bytes) -> None:
+    """Refuse a COLLADA file that declares entities, or whose nodes repeat each other endlessly."""
+    if b"\0" in data or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise ValueError("it declares entities, or is no text of single bytes")
+    root = ElementTree.fromstring(data)
+    space = root.tag.partition("}")[0] + "}" if "}" in root.tag else ""
+    marked = {e.get("id"): e for e in root.iter() if e.get("id")}
+    known: dict[Element, int] = {}
+
+    def size(element: Element) -> int:
+        """Characters of all geometry that an element shows, once for each time it does."""
+        if element not in known:
+            known[element] = MOST_MESH  # while it is not known: a loop is endless
+            total = 1
+            for child in element:
+                target = marked.get(child.get("url", "")[1:])
+                if child.tag.startswith(f"{space}instance_") and target is not None:
+                    total += _text_size(target) if "geometry" in child.tag else size(target)
+                elif child.tag in (f"{space}node", f"{space}visual_scene"):
+                    total += size(child)
+            known[element] = total
+        return known[element]
+
+    if sum(map(size, root.iter(f"{space}visual_scene"))) > MOST_MESH:
+        raise ValueError("its nodes repeat each other too often")
+
+
+def _text_size(element: Element) -> int:
+    return sum(len(part.text or "") for part in element.iter())
+
+
+def _check_gltf(data: bytes) -> None:
+    """Refuse a glTF that asks for more than it holds."""
+    binary = data[:4] == b"glTF"
+    told = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")] if binary else data)
+    numbers = sum(accessor["count"] for accessor in told.get("accessors", ()))
+    children = sum(len(node.get("children", ())) for node in told.get("nodes", ()))
+    if numbers > _MOST_NUMBERS or children >= max(len(told.get("nodes", ())), 1):
+        raise ValueError("it has too many numbers, or nodes within themselves")
+
+
+_READ_AS = ("stl", "obj", "dae", "ply", "off", "glb", "gltf")
+_MOST_NUMBERS = 50_000_000
+_CHECKS: dict[str, Callable[[bytes], None]] = {
+    "dae": _check_collada, "glb": _check_gltf, "gltf": _check_gltf
+}  # fmt: skip
 
 
 def _colour(mesh: Any) -> tuple[float, ...]:

@@ -12,36 +12,73 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, load_model, matrix_from_quaternion, portable
 from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
-from terrain_forge.rovers.mesh_files import KEY, hull_of, mesh_solid
+from terrain_forge.rovers.limits import (
+    FARTHEST,
+    HEAVIEST,
+    MOST_LINKS,
+    MOST_SHAPES,
+    MOST_TRIANGLES,
+    check_name,
+    require_below,
+)
+from terrain_forge.rovers.mesh_files import hull_of, mesh_solid
+from terrain_forge.rovers.mjcf_files import check_mjcf
+from terrain_forge.rovers.packages import Packages
+from terrain_forge.rovers.rover_xml import KEY
 
 _SEEN_GROUPS = 3
 """Geoms of groups below are drawn by default."""
+_Hulls = dict[int, tuple[Array, NDArray[np.int32]]]
+"""Convex hulls by the numbers of their meshes."""
 
 
-def read_mjcf(file: Path) -> Assembly:
-    """The assembly of the largest moving tree of bodies in a model.
+def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
+    """The assembly of the largest moving tree of bodies in a model, and all files of the model.
 
     Raises:
         DataError: if MuJoCo cannot load the model, or nothing in it moves.
     """
+    files = check_mjcf(file, packages)
     try:
+        mujoco.set_mju_user_warning(lambda _: None)  # it would print, and write a log
         model = load_model(file)
     except ValueError as error:
         why = " ".join(str(error).split())
         raise DataError(f"{file.name}: MuJoCo cannot load it: {why}", key=KEY) from None
+    finally:
+        mujoco.set_mju_user_warning(None)
     if model.nbody < 2:
         raise DataError(f"{file.name} holds no body", key=KEY)
+    _require_sane(model, file.name)
     trees, sizes = np.unique(model.body_rootid[1:], return_counts=True)
     root = int(trees[np.argmax(sizes)])
     driven = _driven_joints(model)
-    bodies: list[Body] = []
+    bodies, hulls = list[Body](), _Hulls()
     for body in np.flatnonzero(model.body_rootid == root).tolist():
-        bodies += _bodies(model, body, root, driven)
+        bodies += _bodies(model, body, root, driven, hulls)
     gears = [gear for n in range(model.neq) if (gear := _gear(model, n)) is not None]
-    return Assembly(name=file.stem, bodies=tuple(bodies), gears=tuple(gears), notes=())
+    name = check_name(file.stem, "robot")
+    return Assembly(name=name, bodies=tuple(bodies), gears=tuple(gears), notes=()), files
 
 
-def _bodies(model: Any, body: int, root: int, driven: dict[int, float | None]) -> list[Body]:
+def _require_sane(model: Any, name: str) -> None:
+    """Refuse what no rover has: too much of everything, or numbers beyond all measure."""
+    require_below(model.nbody, MOST_LINKS, "bodies", name)
+    require_below(model.ngeom, MOST_SHAPES, "geoms", name)
+    meshes = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
+    require_below(int(model.mesh_facenum[meshes].sum()), MOST_TRIANGLES, "triangles", name)
+    lengths = ("body_pos", "body_ipos", "geom_pos", "geom_size", "jnt_pos", "mesh_vert")
+    masses = ("body_mass", "body_inertia", "dof_damping", "dof_frictionloss")
+    limits = {**dict.fromkeys(lengths, FARTHEST), **dict.fromkeys(masses, HEAVIEST)}
+    for what, most in limits.items():
+        values = np.abs(getattr(model, what))
+        if values.size and not values.max() <= most:
+            raise DataError(f"{name}: a {what} of MuJoCo's is above {most:g}", key=KEY)
+
+
+def _bodies(
+    model: Any, body: int, root: int, driven: dict[int, float | None], hulls: _Hulls
+) -> list[Body]:
     """A body; where several joints hold it, a massless body for each joint but the last.
 
     MuJoCo's joints may turn about any point of the body: frames are moved there.
@@ -67,7 +104,7 @@ def _bodies(model: Any, body: int, root: int, driven: dict[int, float | None]) -
         made.append(Body(name=own, parent=parent, placement=placement, joint=held))
         parent, placement = own, np.eye(4)
     made = made or [Body(name=name, parent=parent, placement=placement)]
-    return [*made[:-1], _massive(model, body, made[-1], at)]
+    return [*made[:-1], _massive(model, body, made[-1], at, hulls)]
 
 
 def _anchor(model: Any, body: int, root: int) -> Array:
@@ -78,7 +115,7 @@ def _anchor(model: Any, body: int, root: int) -> Array:
     return np.array(model.jnt_pos[int(model.body_jntadr[body]) + count - 1])
 
 
-def _massive(model: Any, body: int, bare: Body, at: Array) -> Body:
+def _massive(model: Any, body: int, bare: Body, at: Array, hulls: _Hulls) -> Body:
     """A body with its mass and geometry, its frame `at` a point of MuJoCo's."""
     rotation = matrix_from_quaternion(model.body_iquat[body])
     geoms = range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body])
@@ -89,7 +126,7 @@ def _massive(model: Any, body: int, bare: Body, at: Array) -> Body:
         inertia=portable.product(
             portable.product(rotation, np.diag(model.body_inertia[body])), rotation.T
         ),
-        solids=tuple(solid for geom in geoms for solid in _solids(model, geom, at)),
+        solids=tuple(solid for geom in geoms for solid in _solids(model, geom, at, hulls)),
     )
 
 
@@ -134,7 +171,7 @@ def _gear(model: Any, number: int) -> Gear | None:
     )
 
 
-def _solids(model: Any, geom: int, at: Array) -> list[Solid]:
+def _solids(model: Any, geom: int, at: Array, hulls: _Hulls) -> list[Solid]:
     """A geom as solids; nothing for planes and height fields, which no rover has."""
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     placement = _placement(model.geom_pos[geom] - at, model.geom_quat[geom])
@@ -168,8 +205,10 @@ def _solids(model: Any, geom: int, at: Array) -> list[Solid]:
     if visible:
         made.append(mesh_solid(vertices, faces, placement, collides=False, rgb=rgb))
     if collides:
-        hull = hull_of(vertices, _name(model, mujoco.mjtObj.mjOBJ_GEOM, geom))
-        made.append(mesh_solid(*hull, placement, collides=True, rgb=rgb))
+        number = int(model.geom_dataid[geom])
+        if number < 0 or number not in hulls:
+            hulls[number] = hull_of(vertices, _name(model, mujoco.mjtObj.mjOBJ_GEOM, geom))
+        made.append(mesh_solid(*hulls[number], placement, collides=True, rgb=rgb))
     return made
 
 
@@ -206,4 +245,5 @@ def _placement(position: Array, quaternion: Array) -> Array:
 
 
 def _name(model: Any, kind: Any, index: int) -> str:
-    return mujoco.mj_id2name(model, kind, index) or f"{kind.name[6:].lower()}_{index}"
+    name = mujoco.mj_id2name(model, kind, index) or f"{kind.name[6:].lower()}_{index}"
+    return check_name(name, kind.name[6:].lower())

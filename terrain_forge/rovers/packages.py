@@ -1,89 +1,184 @@
-"""ROS packages that a rover's file names, and expanding xacro, without ROS."""
+"""Which files a rover's file may name, ROS packages among them, without ROS."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import os
+import re
+import stat
+from collections.abc import Mapping
 from pathlib import Path
 
 from terrain_forge.base import DataError
+from terrain_forge.rovers.rover_xml import KEY
 
-KEY = ("rover", "file")
+_BESIDE = ("assets", "materials", "mesh", "meshes", "robots", "textures", "urdf", "xacro")
+"""Folders that may lie beside that of a file which is in no package."""
+_WILD = re.compile(r"[*?[]")
+_NEAR = 4
+"""Folders above a file of which one may be a package without a package.xml."""
+MOST_TEXT, MOST_MESH = 20_000_000, 300_000_000
+"""Largest files [bytes]."""
 
 
 class Packages:
-    """Finds packages: those that the recipe names, else by the names of folders about the file.
+    """Finds packages and files, none of them outside of what the rover is made of.
+
+    A rover's files lie below the package that its file is in (the nearest folder above it with a
+    package.xml); without one, below the file's own folder or in one like `meshes` beside that; or
+    below a package that the recipe names or that a path of the file names.
 
     Args:
         given: Folder of each package that the recipe names.
         file: The rover's file.
+        library: A folder that it may also use.
     """
 
-    def __init__(self, given: Mapping[str, Path], file: Path) -> None:
-        self._given = given
-        self._file = file
+    def __init__(
+        self, given: Mapping[str, Path], file: Path, *, library: Path | None = None
+    ) -> None:
+        self._known = {name: place.absolute() for name, place in given.items()}
+        self._library = library
+        self._file = file.resolve()
+        self._home = next(filter(_is_package, self._file.parents), None)
+        folder = self._file.parent
+        self._roots = [folder if self._home is None else self._home]
+        if self._home is None:
+            self._roots += [folder.parent / name for name in _BESIDE]
+        self._roots += [place.resolve() for place in given.values()]
+        self._roots += [] if library is None else [library.resolve()]
 
     def folder(self, package: str) -> Path:
-        """The folder of a package.
+        """The folder of a package: named by the recipe, or found by its name about the file.
+
+        Without a package.xml, it is a folder close above the file, or beside it or its package.
 
         Raises:
             DataError: if it is not found.
         """
-        if package in self._given:
-            return self._given[package]
-        for above in self._file.resolve().parents:
-            for candidate in (above, above / package):
-                if candidate.name == package and candidate.is_dir():
-                    return candidate
+        if package in self._known:
+            return self._known[package]
+        if package and Path(package).name == package and package != "..":
+            beside = (self._file.parent, (self._home or self._file.parent).parent)
+            for level, above in enumerate(self._file.parents):
+                if above.name == package and _is_found(above, bare=level < _NEAR):
+                    return self._opened(package, above)
+                if _is_found(above / package, bare=above in beside):
+                    return self._opened(package, above / package)
         raise DataError(
-            f"package {package!r} is not found above {self._file.name}: name its folder under "
+            f"package {package[:80]!r} is not found about {self._file.name}: name its folder under "
             "packages",
             key=("rover", "packages"),
         )
 
+    def _opened(self, package: str, folder: Path) -> Path:
+        """A found folder, whose files may now be read."""
+        self._known[package] = folder
+        self._roots.append(folder.resolve())
+        return folder
+
     def path(self, name: str, beside: Path) -> Path:
-        """The file that a mesh's `filename` means: package://, model://, file:// or a path."""
-        for scheme in ("package://", "model://"):
-            if name.startswith(scheme):
-                package, _, rest = name.removeprefix(scheme).partition("/")
-                return self.folder(package) / rest
-        return beside / name.removeprefix("file://")
+        """The file that a path means: package://, model://, file://, absolute or beside a folder.
+
+        Raises:
+            DataError: if it lies outside of the rover's folders.
+        """
+        scheme, mark, rest = name.partition("://")
+        if scheme in ("package", "model") and mark:
+            package, _, rest = rest.partition("/")
+            path = self.folder(package) / rest
+        elif mark and scheme != "file":
+            raise DataError(f"{name[:200]!r} is no file: only package://, file:// are", key=KEY)
+        else:
+            path = beside / (rest if mark else name)
+        self.require(path, name)
+        return path
+
+    def found(self, name: str, beside: Path) -> list[Path]:
+        """The files that an include means: one, or all that fit a `*.xacro` in their order.
+
+        Raises:
+            DataError: if one lies outside of the rover's folders.
+        """
+        path = self.path(name, beside)
+        if not _WILD.search(name):
+            alike = self._library / name if self._library else path
+            return [path if path.is_file() else alike]
+        if not path.parent.is_dir():
+            raise DataError(f"{name[:200]!r}: there is no such folder", key=KEY)
+        files = sorted(path.parent.glob(path.name))
+        for file in files:
+            self.require(file, str(file))
+        return files
+
+    def require(self, path: Path, name: str) -> None:
+        """Refuse a path that lies outside of the rover's folders, links followed.
+
+        Raises:
+            DataError: if it does.
+        """
+        try:
+            whole = path.resolve()
+        except (OSError, RuntimeError, ValueError) as error:
+            raise DataError(f"{name[:200]!r} is no path: {error}", key=KEY) from None
+        if not any(whole.is_relative_to(root) for root in self._roots):
+            raise DataError(
+                f"{name[:200]!r} lies outside of {self._roots[0].name!r}, the folder of "
+                f"{self._file.name}: name its own folder under packages",
+                key=("rover", "packages"),
+            )
 
 
-def expand_xacro(file: Path, packages: Packages) -> tuple[str, tuple[Path, ...]]:
-    """The URDF text of a xacro file, and the files that it includes.
+def _is_package(folder: Path) -> bool:
+    return folder != folder.parent and (folder / "package.xml").is_file()
+
+
+def _is_found(folder: Path, *, bare: bool) -> bool:
+    """Whether a folder may be a package: by its package.xml, or without one where it is `bare`."""
+    try:
+        whole = folder.resolve()
+        if whole.parent == whole.parent.parent or not whole.is_dir():  # such as /etc
+            return False
+        return _is_package(whole) or (bare and whole == folder and whole not in _personal())
+    except (OSError, RuntimeError, ValueError):
+        return False
+
+
+def _personal() -> tuple[Path, ...]:
+    """The user's own folder and those above it."""
+    try:
+        home = Path.home().resolve()
+    except RuntimeError:
+        return ()
+    return (home, *home.parents)
+
+
+def read_file(path: Path, name: str, *, most: int) -> bytes:
+    """The content of a regular file: no pipe or device, which may have no end.
+
+    Args:
+        path: The file.
+        name: What messages call it.
+        most: Its largest size [bytes].
 
     Raises:
-        DataError: if the package `xacro` is not installed, or the file is not right.
+        DataError: if it is missing, not regular or too large.
     """
     try:
-        import xacro
-    except ImportError:
-        raise DataError(
-            f"{file.name} is a xacro file, which needs the package xacro: "
-            "pip install 'terrain-forge[xacro]'",
-            key=KEY,
-        ) from None
-    xacro.all_includes.clear()
-    try:
-        with _finding(packages):
-            text = str(xacro.process_file(str(file)).toxml())
-    except DataError:
-        raise
-    except Exception as error:  # xacro evaluates Python: whatever the file's expressions raise
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise DataError(f"{file.name}: xacro cannot expand it: {why}", key=KEY) from None
-    return text, tuple(dict.fromkeys(map(Path, xacro.all_includes)))
+        with open(path, "rb", opener=_open_at_once) as file:
+            told = os.fstat(file.fileno())
+            if not stat.S_ISREG(told.st_mode):
+                raise DataError(f"{name} is no regular file", key=KEY)
+            data = file.read(most + 1) if told.st_size <= most else b""
+    except FileNotFoundError:
+        raise DataError(f"no such file: {name}", key=KEY) from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise DataError(f"{name} cannot be read: {why}", key=KEY) from None
+    if max(told.st_size, len(data)) > most:
+        raise DataError(f"{name} has more than {most / 1e6:g} MB", key=KEY)
+    return data
 
 
-@contextmanager
-def _finding(packages: Packages) -> Iterator[None]:
-    """Lets xacro's $(find PACKAGE) ask us, where it would ask an installed ROS."""
-    from xacro import substitution_args
-
-    original = substitution_args._eval_find
-    substitution_args._eval_find = lambda package: str(packages.folder(package))
-    try:
-        yield
-    finally:
-        substitution_args._eval_find = original
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file without waiting for somebody to write to a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from terrain_forge.base import DataError
+import numpy as np
+
+from terrain_forge.base import DataError, TerrainForgeError
 from terrain_forge.rovers.assembly import Assembly
 from terrain_forge.rovers.custom import FileRover, FoundRover
+from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.mesh_files import MeshFiles
-from terrain_forge.rovers.packages import KEY, Packages, expand_xacro
+from terrain_forge.rovers.packages import MOST_TEXT, Packages, read_file
 from terrain_forge.rovers.rolling import make_rover
-from terrain_forge.rovers.urdf import parse_xml, read_urdf
+from terrain_forge.rovers.rover_xml import KEY, parse_xml
+from terrain_forge.rovers.urdf import read_urdf
 
-_XACRO = "http://www.ros.org/wiki/xacro", "http://wiki.ros.org/xacro"
-_MESH_SUFFIXES = {".stl", ".obj", ".msh", ".png"}
+_LONGEST = 600
+"""Characters of a message."""
 
 
 def read_rover(spec: FileRover, folder: Path) -> FoundRover:
@@ -27,55 +35,73 @@ def read_rover(spec: FileRover, folder: Path) -> FoundRover:
     Raises:
         DataError: if a file is missing or cannot be read, or if it holds no wheeled rover.
     """
-    file = folder / spec.file
-    try:
-        text = file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise DataError(f"no such file: {spec.file}", key=KEY) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{spec.file} cannot be read as text: {error}", key=KEY) from None
-    given = {name: folder / place for name, place in spec.packages.items()}
-    root = parse_xml(text, spec.file)
+    with _one_line(spec.file):
+        file = folder / spec.file
+        given = {name: folder / place for name, place in spec.packages.items()}
+        assembly, files = _read(spec, file, Packages(given, file))
+        rover = make_rover(assembly, spec)
+    return FoundRover(rover=rover, files=tuple(dict.fromkeys(files)))
+
+
+def _read(spec: FileRover, file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
+    root = parse_xml(read_file(file, spec.file, most=MOST_TEXT), spec.file)
     if root.tag == "mujoco":
         from terrain_forge.rovers.mjcf import read_mjcf
 
-        assembly, files = read_mjcf(file), _mjcf_files(file, root)
-    elif root.tag == "robot":
-        assembly, files = _read_robot(file, text, Packages(given, file))
-    else:
+        return read_mjcf(file, packages)
+    if root.tag != "robot":
         raise DataError(
             f"{spec.file} is a <{root.tag}>, allowed: a URDF or xacro (<robot>), an MJCF "
             "(<mujoco>)",
             key=KEY,
         )
-    return FoundRover(rover=make_rover(assembly, spec), files=tuple(dict.fromkeys(files)))
-
-
-def _read_robot(file: Path, text: str, packages: Packages) -> tuple[Assembly, list[Path]]:
     files = [file]
-    # Some URDFs were written from a xacro with a `$(optenv …)` left over.
-    if "$(" in text or file.suffix == ".xacro" or any(name in text for name in _XACRO):
-        text, included = expand_xacro(file, packages)
+    if file.suffix != ".xacro":
+        _require_plain(root, spec.file)
+    elif spec.trust:
+        from terrain_forge.rovers.trusted import expand_trusted
+
+        text, included = expand_trusted(file, packages)
+        root, files = parse_xml(text, spec.file), [file, *included]
+    else:
+        root, included = expand_xacro(file, packages)
         files += included
-    meshes = MeshFiles()
-    robot = parse_xml(text, file.name)
-    assembly = read_urdf(robot, file=file, packages=packages, meshes=meshes)
+    meshes = MeshFiles(packages)
+    assembly = read_urdf(root, file=file, packages=packages, meshes=meshes)
     return assembly, [*files, *meshes.read]
 
 
-def _mjcf_files(file: Path, root: Element) -> list[Path]:
-    """The model's file, those that it includes, its meshes and pictures."""
-    files = [file]
-    for include in root.iter("include"):
-        other = file.parent / include.get("file", "")
-        if other.is_file():
-            files += _mjcf_files(other, parse_xml(other.read_text("utf-8"), other.name))
-    compiler = root.find("compiler")
-    place = {} if compiler is None else compiler.attrib
+def _require_plain(root: Element, name: str) -> None:
     for element in root.iter():
-        name = element.get("file", "")
-        if Path(name).suffix.lower() in _MESH_SUFFIXES:
-            kind = "texturedir" if element.tag == "texture" else "meshdir"
-            path = file.parent / place.get(kind, place.get("assetdir", "")) / name
-            files += [path] if path.is_file() else []
-    return files
+        if element.tag.startswith("xacro:"):
+            raise DataError(
+                f"{name} holds <{element.tag}>; a .urdf is not evaluated, name it .xacro", key=KEY
+            )
+
+
+@contextmanager
+def _one_line(name: str) -> Iterator[None]:
+    """Turns whatever a file provokes into one line; libraries have nothing to say on their own."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    try:
+        log.setLevel(logging.CRITICAL + 1)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except TerrainForgeError as error:
+        raise type(error)(_printable(str(error)), key=error.key) from None
+    except RecursionError:
+        raise DataError(_printable(f"{name} nests too deep"), key=KEY) from None
+    except Exception as error:  # readers raise whatever a broken file provokes
+        why = f"{type(error).__name__}: {error}"
+        raise DataError(_printable(f"{name} cannot be read as a rover: {why}"), key=KEY) from None
+    finally:
+        log.setLevel(level)
+
+
+def _printable(text: str) -> str:
+    """One line that no terminal takes for a command."""
+    line = " ".join(text.split())
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
+    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}…"

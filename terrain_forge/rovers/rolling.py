@@ -216,18 +216,19 @@ class _Machine:
     def _treads(self, wheels: set[str], poses: dict[str, Array]) -> dict[str, Tread]:
         """Treads of the wheels, front left first."""
         treads = {}
+        parts: dict[str, list[Body]] = {name: [self.bodies[name]] for name in wheels}
+        for body in self.bodies.values():  # a tyre may be a link of its own
+            for name in self._ancestors(body.name) if body.joint.kind == "fixed" else []:
+                if name in wheels:
+                    parts[name].append(body)
         for name in sorted(wheels):
-            solids = [
-                (portable.product(poses[name], s.placement), s) for s in self.bodies[name].solids
-            ]
-            for other, body in self.bodies.items():  # a tyre may be a link of its own
-                if body.joint.kind == "fixed" and name in self._ancestors(other):
-                    solids += [
-                        (portable.product(poses[other], s.placement), s) for s in body.solids
-                    ]
             treads[name] = measure_tread(
                 name,
-                solids,
+                [
+                    (portable.product(poses[part.name], s.placement), s)
+                    for part in parts[name]
+                    for s in part.solids
+                ],
                 centre=poses[name][:3, 3],
                 axis=self.axis(name),
                 radius=self.spec.wheel_radius_m,

@@ -1,4 +1,4 @@
-"""Reading a URDF, and a xacro that expands to one, into an assembly.
+"""Reading a URDF into an assembly.
 
 The format: https://docs.ros.org/en/rolling/Tutorials/Intermediate/URDF/URDF-Main.html
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -20,11 +19,28 @@ from terrain_forge.base import (
     portable,
     quaternion_from_rpy,
 )
-from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
-from terrain_forge.rovers.mesh_files import KEY, MeshFiles
+from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, Joint, Solid, placed
+from terrain_forge.rovers.limits import (
+    FARTHEST,
+    HEAVIEST,
+    MOST_EFFORT,
+    MOST_LINKS,
+    MOST_SHAPES,
+    SMALLEST,
+    check_name,
+    require_below,
+)
+from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
+from terrain_forge.rovers.rover_xml import KEY
 
 _GREY = (0.6, 0.6, 0.6)
+_STEEPEST = 1e6
+"""Largest part of an axis, and one over the smallest length of one."""
+_ENDLESS = 1e17
+"""Largest angle of a limit; many files write 1e16 for none."""
+_TAGS = ("visual", "collision")
+_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 
 
 def read_urdf(robot: Element, *, file: Path, packages: Packages, meshes: MeshFiles) -> Assembly:
@@ -39,13 +55,17 @@ def read_urdf(robot: Element, *, file: Path, packages: Packages, meshes: MeshFil
     Raises:
         DataError: for what a URDF cannot be: two roots, a loop, a number that is none.
     """
-    links = {_name(link): link for link in robot.findall("link")}
     joints = robot.findall("joint")
+    links = _by_name(robot, "link", file)
+    _by_name(robot, "joint", file)
+    shapes = sum(len(link.findall(tag)) for link in links.values() for tag in _TAGS)
+    require_below(len(links), MOST_LINKS, "links", file.name)
+    require_below(shapes, MOST_SHAPES, "shapes", file.name)
     driven = _driven_joints(robot)
     by_child = {_reference(joint, "child"): joint for joint in joints}
     if len(by_child) < len(joints):
         raise DataError(f"{file.name}: a link is the child of two joints", key=KEY)
-    materials = {_name(m): _rgb(m) for m in robot.findall("material")}
+    materials = {_name(m): _rgb(m) for m in robot.findall("material")}  # the last of a name
     reader = _LinkReader(file, packages, meshes, materials)
     bodies = [
         reader.body(name, links[name], by_child.get(name), driven)
@@ -53,7 +73,10 @@ def read_urdf(robot: Element, *, file: Path, packages: Packages, meshes: MeshFil
     ]
     gears = [gear for joint in joints for gear in _gears(joint)]
     return Assembly(
-        name=robot.get("name") or file.stem, bodies=tuple(bodies), gears=tuple(gears), notes=()
+        name=check_name(robot.get("name") or file.stem, "robot"),
+        bodies=tuple(bodies),
+        gears=tuple(gears),
+        notes=(),
     )
 
 
@@ -81,7 +104,7 @@ class _LinkReader:
                 for element in link.findall(tag)
                 for solid in self._solids(element, collides=tag == "collision")
             ]
-            for tag in ("visual", "collision")
+            for tag in _TAGS
         )
         solids = [*(replace(s, collides=any(map(s.fills, touched))) for s in seen)]
         solids += [s for s in touched if not any(map(s.fills, seen))]
@@ -103,7 +126,7 @@ class _LinkReader:
         for shape in geometry if geometry is not None else []:
             if shape.tag == "mesh":
                 path = self._packages.path(shape.get("filename", ""), self._file.parent)
-                scale = np.array(_floats(shape, "scale", "1 1 1", 3))
+                scale = np.array(_floats(shape, "scale", "1 1 1", 3, most=FARTHEST))
                 return self._meshes.solids(
                     path, scale=scale, placement=placement, collides=collides, rgb=rgb
                 )
@@ -139,7 +162,8 @@ def _parents_first(
     order, level = [], roots
     while level:
         order += level
-        level = [child for child, above in parent.items() if above in level]
+        last = set(level)
+        level = [child for child, above in parent.items() if above in last]
     if len(order) < len(links):
         raise DataError(f"{file.name}: joints form a loop", key=KEY)
     return order
@@ -158,35 +182,56 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
     if element is None:
         return Joint()
     name, kind = _name(element), element.get("type", "")
-    axis = np.array(_floats(element.find("axis"), "xyz", "1 0 0", 3))
+    if kind not in _KINDS:
+        raise DataError(
+            f"joint {name!r} has the type {kind[:40]!r}, must be one of {', '.join(_KINDS)}",
+            key=KEY,
+        )
+    if kind not in TURNING:  # neither its axis nor its limits mean anything to the rover
+        return Joint(name=name, kind=kind, driven=name in driven)
+    axis = np.array(_floats(element.find("axis"), "xyz", "1 0 0", 3, most=_STEEPEST))
     length = float(portable.norm(axis))
-    if not length > 0:
-        raise DataError(f"joint {name!r}: its axis has no direction", key=KEY)
+    if not length >= 1 / _STEEPEST:
+        raise DataError(f"joint {name!r} is {kind}, and its axis has no direction", key=KEY)
     limit, dynamics = element.find("limit"), element.find("dynamics")
     effort = _float(limit, "effort", 0.0)
-    limits = (_float(limit, "lower", 0.0), _float(limit, "upper", 0.0))
+    limits = tuple(_float(limit, end, 0.0, most=_ENDLESS) for end in ("lower", "upper"))
     return Joint(
         name=name,
         kind=kind,
         axis=axis / length,
-        limits=limits if kind == "revolute" else None,
-        damping=_float(dynamics, "damping", 0.0),
-        friction=_float(dynamics, "friction", 0.0),
-        effort=effort if effort > 0 else None,
+        limits=(limits[0], limits[1]) if kind == "revolute" else None,
+        damping=_loss(dynamics, "damping"),
+        friction=_loss(dynamics, "friction"),
+        effort=effort if 0 < effort <= MOST_EFFORT else None,
         driven=name in driven,
     )
 
 
+def _loss(dynamics: Element | None, name: str) -> float:
+    """Damping or dry friction; a negative one would drive the joint."""
+    value = _float(dynamics, name, 0.0, most=MOST_EFFORT)
+    if value < 0:
+        raise DataError(f"dynamics {name}={value:g}: must be 0 or more", key=KEY)
+    return value
+
+
 def _gears(joint: Element) -> list[Gear]:
-    return [
+    """What a turning joint follows."""
+    if joint.get("type") not in TURNING:
+        return []
+    gears = [
         Gear(
             joint=_name(joint),
             leader=mimic.get("joint", ""),
-            ratio=_float(mimic, "multiplier", 1.0),
-            offset=_float(mimic, "offset", 0.0),
+            ratio=_float(mimic, "multiplier", 1.0, most=MOST_EFFORT),
+            offset=_float(mimic, "offset", 0.0, most=MOST_EFFORT),
         )
         for mimic in joint.findall("mimic")
     ]
+    if any(gear.joint == gear.leader for gear in gears):
+        raise DataError(f"joint {_name(joint)!r} follows itself", key=KEY)
+    return gears
 
 
 def _mass(link: Element) -> tuple[float, Array, Array]:
@@ -194,14 +239,15 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
     inertial = link.find("inertial")
     if inertial is None:
         return 0.0, np.zeros(3), np.zeros((3, 3))
-    mass = _float(inertial.find("mass"), "value", 0.0)
+    mass = _float(inertial.find("mass"), "value", 0.0, most=HEAVIEST)
     if mass < 0:
         raise DataError(
             f"link {_name(link)!r} has a mass of {mass:g} kg, must be 0 or more", key=KEY
         )
     tensor = inertial.find("inertia")
     xx, xy, xz, yy, yz, zz = (
-        _float(tensor, name, 0.0) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        _float(tensor, name, 0.0, most=HEAVIEST)
+        for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     placement = _origin(inertial)
     rotation = placement[:3, :3]
@@ -212,8 +258,8 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
 def _origin(element: Element) -> Array:
     """The element's `<origin>` as a matrix, shape [4, 4]."""
     origin = element.find("origin")
-    rpy = np.array(_floats(origin, "rpy", "0 0 0", 3))
-    position = np.array(_floats(origin, "xyz", "0 0 0", 3))
+    rpy = np.array(_floats(origin, "rpy", "0 0 0", 3, most=FARTHEST))
+    position = np.array(_floats(origin, "xyz", "0 0 0", 3, most=FARTHEST))
     return placed(position, matrix_from_quaternion(quaternion_from_rpy(rpy)))
 
 
@@ -229,8 +275,12 @@ def _size(shape: Element) -> tuple[float, ...]:
 
 
 def _positive(shape: Element, size: tuple[float, ...]) -> tuple[float, ...]:
-    if not all(length > 0 for length in size):
-        raise DataError(f"a {shape.tag} has a length that is not above 0", key=KEY)
+    if not all(SMALLEST <= length <= FARTHEST for length in size):
+        told = " ".join(f"{length:g}" for length in size)
+        raise DataError(
+            f"a {shape.tag} has lengths of {told} m, must be {SMALLEST:g} to {FARTHEST:g} m",
+            key=KEY,
+        )
     return size
 
 
@@ -238,7 +288,7 @@ def _rgb(material: Element) -> tuple[float, float, float] | None:
     colour = material.find("color")
     if colour is None:
         return None
-    red, green, blue, _ = _floats(colour, "rgba", "", 4)
+    red, green, blue, _ = (min(max(v, 0.0), 1.0) for v in _floats(colour, "rgba", "", 4))
     return red, green, blue
 
 
@@ -246,7 +296,16 @@ def _name(element: Element) -> str:
     name = element.get("name", "")
     if not name:
         raise DataError(f"a {element.tag} has no name", key=KEY)
-    return name
+    return check_name(name, element.tag)
+
+
+def _by_name(robot: Element, tag: str, file: Path) -> dict[str, Element]:
+    """Links or joints by their names, each of which has one."""
+    found: dict[str, Element] = {}
+    for element in robot.findall(tag):
+        if found.setdefault(_name(element), element) is not element:
+            raise DataError(f"{file.name} has two {tag}s {_name(element)!r}", key=KEY)
+    return found
 
 
 def _reference(joint: Element, tag: str) -> str:
@@ -256,11 +315,13 @@ def _reference(joint: Element, tag: str) -> str:
     return str(found.get("link"))
 
 
-def _float(element: Element | None, name: str, default: float) -> float:
-    return _floats(element, name, repr(default), 1)[0]
+def _float(element: Element | None, name: str, default: float, *, most: float = math.inf) -> float:
+    return _floats(element, name, repr(default), 1, most=most)[0]
 
 
-def _floats(element: Element | None, name: str, default: str, count: int) -> tuple[float, ...]:
+def _floats(
+    element: Element | None, name: str, default: str, count: int, *, most: float = math.inf
+) -> tuple[float, ...]:
     text = default if element is None else element.get(name, default)
     try:
         values = tuple(map(float, text.split()))
@@ -269,17 +330,8 @@ def _floats(element: Element | None, name: str, default: str, count: int) -> tup
     if len(values) != count or not (text == default or all(map(math.isfinite, values))):
         what = "a number" if count == 1 else f"{count} numbers"
         tag = "?" if element is None else element.tag
-        raise DataError(f"{tag} {name}={text!r}: must be {what}", key=KEY)
+        raise DataError(f"{tag} {name}={text[:200]!r}: must be {what}", key=KEY)
+    if any(abs(value) > most for value in values):
+        tag = "?" if element is None else element.tag
+        raise DataError(f"{tag} {name}={text[:200]!r}: must be at most {most:g}", key=KEY)
     return values
-
-
-def parse_xml(text: str, name: str) -> Element:
-    """The root element of an XML text.
-
-    Raises:
-        DataError: if it is not XML.
-    """
-    try:
-        return ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise DataError(f"{name} is not XML: {error}", key=KEY) from None

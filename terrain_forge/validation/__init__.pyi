@@ -9,6 +9,7 @@ from .consumer import run as run
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
 from .inspection import read_json as read_json
+from .measures import ASPECTS as ASPECTS
 from .outlines import ground_and_rocks as ground_and_rocks
 from .outlines import scene_parts as scene_parts
 from .outlines import split_merged as split_merged
@@ -27,6 +28,7 @@ from .sample import free_of_rocks as free_of_rocks
 from .surface_mesh import heights_on as heights_on
 from .surface_mesh import highest_on as highest_on
 from .surface_mesh import read_mesh as read_mesh
+from .table import failed_checks as failed_checks
 from .table import report_text as report_text
 from .table import table_rows as table_rows
 from .tracks import table_columns as table_columns

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from terrain_forge.model import Check
 from terrain_forge.validation.measures import ASPECTS
 
 _MARKS = {"pass": "", "fail": " FAIL", "not carried": "–"}
@@ -35,6 +36,12 @@ def table_rows(entries: Sequence[Mapping[str, Any]]) -> list[list[str]]:
 def report_text(report: Path) -> str:
     """The table of a report.json, for a terminal."""
     return table_text(json.loads(report.read_text(encoding="utf-8"))["conformance"])
+
+
+def failed_checks(report: Path) -> list[str]:
+    """Name, figure and limit of each check of a report.json that failed."""
+    checks = (Check(**check) for check in json.loads(report.read_text(encoding="utf-8"))["checks"])
+    return [check.told() for check in checks if not check.passed]
 
 
 def table_text(entries: Sequence[Mapping[str, Any]]) -> str:

@@ -68,7 +68,7 @@ def entries(world, consumer, directory, options=None):
     kind = KINDS[consumer]
     export = Export(folder=kind, kind=kind, options={})
     chosen = None if consumer is PATHS else exporter(kind).Options(**(options or {}))
-    sample = draw_sample(world, points=500)
+    sample = draw_sample(world, points=200)
     found, _ = read(sample, directory, export, consumer, chosen, directory)
     if found[0].status == "not run":
         pytest.skip(found[0].note)

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import rasterio
 
+from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
+from tests.helpers.plugins import fresh, install
 
 LAYER = '''
 from dataclasses import dataclass
@@ -200,7 +199,7 @@ rocks:
   populations:
     - name: stones
       size_frequency: {kind: even, number_per_m2: 0.5, largest_m: 0.6}
-      dynamic_m: [0.2, 0.24]
+      dynamic_m: [0.2, 0.22]
 paths:
   - {name: leaves, route: {kind: clover, length_m: 30}, speed_m_s: 0.5}
 exports: [sdf, mjcf, usd]
@@ -210,22 +209,11 @@ exports: [sdf, mjcf, usd]
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     """The package as an installer leaves it: its modules and its entry points."""
-    site = tmp_path_factory.mktemp("site")
-    info = site / "new_parts-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: new-parts\nVersion: 1.0\n")
-    lines = []
-    for group, (name, text) in PARTS.items():
-        (site / f"new_{name}.py").write_text(text)
-        lines += [f"[terrain_forge.{group}]", f"{name} = new_{name}"]
-    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    return site
-
-
-def python(installed, *arguments):
-    environment = os.environ | {"PYTHONPATH": str(installed)}
-    command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    points = "".join(
+        f"[terrain_forge.{group}]\n{name} = new_{name}\n" for group, (name, _) in PARTS.items()
+    )
+    modules = {f"new_{name}.py": text for name, text in PARTS.values()}
+    return install(tmp_path_factory.mktemp("site"), "new_parts", points, modules)
 
 
 @pytest.fixture(scope="module")
@@ -233,9 +221,8 @@ def built(installed, tmp_path_factory):
     """A world that needs all of the parts."""
     folder = tmp_path_factory.mktemp("built")
     (folder / "new.yaml").write_text(RECIPE)
-    done = python(
-        installed, "-m", "terrain_forge", "build", folder / "new.yaml", "-o", folder / "out"
-    )
+    with fresh(installed):
+        done = run("build", folder / "new.yaml", "-o", folder / "out")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "warning" not in done.stderr.lower()
     return folder / "out"
@@ -291,54 +278,60 @@ def test_a_body_is_one_module(built):
 
 def test_a_dtm_belongs_to_the_body_of_the_nearest_radius(installed, tmp_path):
     """Callisto's is within 2 % of Mercury's."""
-    for radius, name in ((2410300, "callisto"), (2439400, "mercury")):
+    radii = {"callisto": 2410300, "mercury": 2439400}
+    for name, radius in radii.items():
         path = tmp_path / f"{name}.tif"
         profile = {"driver": "GTiff", "width": 40, "height": 40, "count": 1, "dtype": "float32"}
         crs, affine = f"+proj=eqc +R={radius}", rasterio.transform.from_origin(5, 9, 1, 1)
         with rasterio.open(path, "w", crs=crs, transform=affine, **profile) as file:
             file.write(np.add.outer(np.arange(40.0), np.arange(40.0)).astype(np.float32), 1)
-        done = python(installed, "-m", "terrain_forge", "check", path)
-        assert f"body         {name}" in done.stdout, done.stdout + done.stderr
+    with fresh(installed):
+        for name in radii:
+            done = run("check", tmp_path / f"{name}.tif")
+            assert f"body         {name}" in done.stdout, done.stdout + done.stderr
 
 
 def test_schema_and_messages_know_them(installed, tmp_path):
-    script = (
-        "import json, terrain_forge as tf\n"
-        "schema = json.dumps(tf.json_schema())\n"
-        "print([name in schema for name in ('ramp', 'even', 'clover', 'callisto', 'fading')])\n"
-        "print(tf.SizeLaw, tf.Layer, tf.NamedShape, tf.BODIES['callisto'].gravity)\n"
-    )
-    done = python(installed, "-c", script)
-    assert done.stdout.startswith("[True, True, True, True, True]\n"), done.stderr
     (tmp_path / "new.yaml").write_text(RECIPE.replace("kind: icy", "kind: neukum"))
-    done = python(installed, "-m", "terrain_forge", "check", tmp_path / "new.yaml")
+    with fresh(installed):
+        import terrain_forge as tf
+
+        schema = json.dumps(tf.json_schema())
+        assert all(f'"{name}"' in schema for name, _ in PARTS.values())
+        assert tf.BODIES["callisto"].gravity == 1.236
+        done = run("check", tmp_path / "new.yaml")
     assert done.returncode == 2
     assert "neukum is no production function of Callisto, which has icy" in done.stderr
 
 
-def test_a_broken_or_doubled_one_is_skipped_with_a_warning(installed, tmp_path):
-    info = tmp_path / "bad-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[terrain_forge.bodies]\nnone = a_module_that_nobody_has\nmoon = other_moon\n"
-        "[terrain_forge.size_laws]\ngolombek = other_law\n"
-        "[terrain_forge.route_shapes]\nloop = other_loop\n"
-    )
-    (tmp_path / "other_moon.py").write_text(BODY.replace('"callisto"', '"moon"'))
-    (tmp_path / "other_law.py").write_text(LAW.replace('"even"', '"golombek"'))
-    (tmp_path / "other_loop.py").write_text(SHAPE.replace('"clover"', '"loop"'))
-    script = "import logging; logging.basicConfig(); import terrain_forge as tf; tf.Recipe\n"
-    script += "print(tf.BODIES['moon'].gravity)"
-    done = python(tmp_path, "-c", script)
-    assert done.stdout == "1.62\n", done.stderr
+TWINS = """[terrain_forge.bodies]
+none = a_module_that_nobody_has
+moon = other_moon
+[terrain_forge.size_laws]
+golombek = other_law
+[terrain_forge.route_shapes]
+loop = other_loop
+"""
+
+
+def test_a_broken_or_doubled_one_is_skipped_with_a_warning(tmp_path, caplog):
+    modules = {
+        "other_moon.py": BODY.replace('"callisto"', '"moon"'),
+        "other_law.py": LAW.replace('"even"', '"golombek"'),
+        "other_loop.py": SHAPE.replace('"clover"', '"loop"'),
+    }
+    with fresh(install(tmp_path, "bad", TWINS, modules)):
+        import terrain_forge as tf
+
+        assert tf.Recipe.__name__ == "Recipe"
+        assert tf.BODIES["moon"].gravity == 1.62
     for warning in (
         "body 'none' (a_module_that_nobody_has) is skipped: No module named",
         "body 'moon' of other_moon is skipped: terrain_forge.model.bodies.moon has that name",
         "size law 'golombek' of other_law is skipped: terrain_forge.rocks.laws.golombek has that",
         "route shape 'loop' of other_loop is skipped: terrain_forge.paths.shapes.loop has that",
     ):
-        assert done.stderr.count(warning) == 1, done.stderr
+        assert caplog.text.count(warning) == 1, caplog.text
 
 
 def test_no_file_of_ours_names_them():

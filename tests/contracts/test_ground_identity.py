@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numba
 import numpy as np
 import pytest
@@ -21,11 +23,11 @@ seed: 77
 body: moon
 dtm: {source: dtm.tif, size_m: [48, 36], level: plane}
 terrain:
-  spacing_m: 0.125
+  spacing_m: 0.25
   layers:
     - {kind: fractal}
     - {kind: fractal, hurst: 0.6, deviation_1m_m: 0.05, mask: {image: mask.png}}
-    - {kind: craters, production: {kind: neukum, age_ga: 3.5}, diameter_m: [0.6, 30],
+    - {kind: craters, production: {kind: neukum, age_ga: 3.5}, diameter_m: [1, 30],
        mask: {height: {above_m: -2, fade_m: 1}}}
     - {kind: displacement_map, image: relief.png, height_m: 0.3, tile_m: [5, 3],
        mask: {slope: {below_deg: 6, fade_deg: 5, baseline_m: 0.7}, invert: true}}
@@ -39,7 +41,7 @@ paths:
   - {name: way, route: {kind: spline, points_m: [[-15, -9], [0, 4], [14, -5]]}, speed_m_s: 0.1}
 exports: []
 """
-WINDOWS = 12
+WINDOWS = 8
 MOON = "+proj=stere +lat_0=-90 +lat_ts=-90 +lon_0=0 +R=1737400"
 
 
@@ -85,10 +87,12 @@ def shape(site, window):
 def test_every_layer_shows(site):
     """Else the test below would say nothing of it."""
     layers = site.recipe.terrain.layers
-    for n in range(len(layers)):
-        less = shape_ground(site=site, window=site.window, layers=layers[:n])
-        more = shape_ground(site=site, window=site.window, layers=layers[: n + 1])
-        assert (np.abs(more.elevation - less.elevation) > 5e-3).mean() > 0.01, layers[n].kind
+    found = [
+        shape_ground(site=site, window=site.window, layers=layers[:n]).elevation
+        for n in range(len(layers) + 1)
+    ]
+    for layer, (less, more) in zip(layers, pairwise(found), strict=True):
+        assert (np.abs(more - less) > 5e-3).mean() > 0.01, layer.kind
 
 
 def test_any_window_is_the_cut(site):
@@ -96,7 +100,7 @@ def test_any_window_is_the_cut(site):
     random = np.random.default_rng(6)
     whole = site.window
     for _ in range(WINDOWS):
-        columns, rows = (int(v) for v in random.integers(1, 160, 2))
+        columns, rows = (int(v) for v in random.integers(1, 100, 2))
         window = Window(
             column=int(random.integers(0, whole.columns - columns)),
             row=int(random.integers(0, whole.rows - rows)),

@@ -95,7 +95,12 @@ def test_a_drive_at_walking_pace_needs_no_more_samples(places_between):
 
 @pytest.mark.parametrize("places_between", [spline_places, straight_places])
 @pytest.mark.parametrize(
-    "drive", [circle(speed=6.0, rate=12.0), circle(speed=0.4, rate=12.0, shake=0.02)]
+    "drive",
+    [
+        circle(speed=6.0, rate=12.0),
+        circle(speed=0.4, rate=12.0, shake=0.02),
+        circle(speed=5.0, rate=5.0 / 3.0),  # a sample every 3 m
+    ],
 )
 def test_a_fast_or_shaken_drive_gets_as_many_as_the_limits_need(drive, places_between):
     times = sample_times(drive, places_between)

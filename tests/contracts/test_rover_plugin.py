@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 
 import pytest
 
 from terrain_forge.rovers import built_in_rovers
+from tests.helpers.command_line import run
+from tests.helpers.plugins import fresh, install
 
 RECIPE = """
 schema: 1
@@ -89,46 +88,38 @@ broken = no_such_module
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """A folder with a package of rovers and a module of sensors, as pip would install them."""
-    site = tmp_path_factory.mktemp("site")
-    info, fleet = site / "fleet-1.0.dist-info", site / "fleet"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: fleet\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(POINTS)
-    (site / "fleet_sensors.py").write_text(KINDS)
-    fleet.mkdir()
-    (fleet / "__init__.py").write_text("")
     skid4 = built_in_rovers()["skid4"].FILE
-    (fleet / "tank.xacro").write_text(skid4.read_text())
     description = skid4.with_suffix(".yaml").read_text().rstrip() + SENSORS
-    (fleet / "tank.yaml").write_text(description.replace("default: 0.165", "default: 0.18"))
-    (fleet / "skid4.xacro").write_text("<robot/>")
     places = [("fl", 0.2, 0.3), ("fr", 0.2, -0.3), ("rl", -0.2, 0.3), ("rr", -0.2, -0.3)]
-    wheels = "".join(WHEEL.format(n=n, x=x, y=y) for n, x, y in places)
-    (fleet / "cart.urdf").write_text(CART.format(wheels))
+    cart = CART.format("".join(WHEEL.format(n=n, x=x, y=y) for n, x, y in places))
     told = "sensors: [{name: a, kind: %s, link: %s, position_m: [0, 0, 1]}]\n"
-    for name, sensor in (("smelly", ("snifer", "base_link")), ("handy", ("sniffer", "arm"))):
-        (fleet / f"{name}.urdf").write_text(CART.format(wheels))
-        (fleet / f"{name}.yaml").write_text(told % sensor)
-    (fleet / "crooked.urdf").write_text("<robot/>")
-    (fleet / "crooked.yaml").write_text("wings: 2\n")
-    return site
+    files = {
+        "__init__.py": "",
+        "tank.xacro": skid4.read_text(),
+        "tank.yaml": description.replace("default: 0.165", "default: 0.18"),
+        "skid4.xacro": "<robot/>",
+        "cart.urdf": cart,
+        "smelly.urdf": cart,
+        "smelly.yaml": told % ("snifer", "base_link"),
+        "handy.urdf": cart,
+        "handy.yaml": told % ("sniffer", "arm"),
+        "crooked.urdf": "<robot/>",
+        "crooked.yaml": "wings: 2\n",
+    }
+    modules = {"fleet_sensors.py": KINDS} | {f"fleet/{name}": text for name, text in files.items()}
+    return install(tmp_path_factory.mktemp("site"), "fleet", POINTS, modules)
 
 
-def build(site, folder, rover):
+def build(folder, rover):
     (folder / "plugged.yaml").write_text(RECIPE.replace("ROVER", rover))
-    return python(site, "-m", "terrain_forge", "build", folder / "plugged.yaml", "-o", folder / "o")
-
-
-def python(site, *arguments):
-    command = [sys.executable, *map(str, arguments)]
-    environment = os.environ | {"PYTHONPATH": str(site)}
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    return run("build", folder / "plugged.yaml", "-o", folder / "o")
 
 
 @pytest.fixture(scope="module")
 def built(site, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tank")
-    done = build(site, folder, "{kind: tank, model: detailed, dimensions: {track_m: 0.7}}")
+    with fresh(site):
+        done = build(folder, "{kind: tank, dimensions: {track_m: 0.7}}")
     assert done.returncode == 0, done.stderr
     return folder / "o", done.stderr
 
@@ -172,42 +163,36 @@ def test_a_new_kind_of_sensor_is_in_every_format_or_told_as_a_loss(built):
 
 
 def test_a_saved_world_brings_its_sensors_back(site, built):
-    script = (
-        "import sys, terrain_forge as tf\n"
-        "rover = tf.World.load(sys.argv[1]).rover\n"
-        "print([(s.kind, s.figures) for s in rover.sensors][-2:])\n"
-    )
-    done = python(site, "-c", script, built[0])
-    assert done.stdout == (
-        "[('radar', {'rate': 5.0, 'reach': 7.0}), ('sniffer', {'rate': 1.0})]\n"
-    ), done.stderr
+    with fresh(site):
+        import terrain_forge as tf
+
+        *_, radar, sniffer = tf.World.load(built[0]).rover.sensors
+        assert (radar.kind, radar.figures) == ("radar", {"rate": 5.0, "reach": 7.0})
+        assert (sniffer.kind, sniffer.figures) == ("sniffer", {"rate": 1.0})
 
 
-def test_a_bare_urdf_is_a_rover_too(site, tmp_path):
-    done = build(site, tmp_path, "cart")
-    assert done.returncode == 0, done.stderr
-    model = ET.parse(tmp_path / "o" / "rover" / "cart.xml").getroot()
-    assert {motor.get("name") for motor in model.find("actuator")} == {
-        f"wheel_{name}" for name in ("fl", "fr", "rl", "rr")
-    }
+def test_a_bare_urdf_is_a_rover_too(site):
+    with fresh(site):
+        from terrain_forge.rovers import find_rover
+
+        wheels = {wheel.link for wheel in find_rover("cart").wheels}
+    assert wheels == {f"wheel_{name}" for name in ("fl", "fr", "rl", "rr")}
 
 
-@pytest.mark.parametrize(
-    ("rover", "told"),
-    [
-        ("tnak", "unknown rover 'tnak', did you mean 'tank'? known: cart, handy, morpheus,"),
-        (
-            "{kind: tnak}",
-            "a mapping whose kind is cart, handy, morpheus, skid4, smelly, tank or file",
-        ),
-        ("{kind: tank, dimensions: {wheelbase_m: 0.3}}", "must be more than two wheel radii"),
-        ("{kind: tank, dimensions: {wheelbase: 0.3}}", "did you mean 'wheelbase_m'?"),
-        ("smelly", "smelly.yaml: unknown kind of sensor 'snifer', there are: camera, imu, lidar,"),
-        ("handy", "handy.yaml: a sensor sits on 'arm', which is no link of the rover"),
-        ("{kind: cart, dimensions: {wheelbase_m: 0.3}}", "unknown key 'dimensions'"),
-    ],
-)
-def test_what_it_cannot_be_is_refused(site, tmp_path, rover, told):
-    done = build(site, tmp_path, rover)
-    assert done.returncode == 2
-    assert told in done.stderr
+WRONG = {
+    "tnak": "unknown rover 'tnak', did you mean 'tank'? known: cart, handy, morpheus,",
+    "{kind: tnak}": "a mapping whose kind is cart, handy, morpheus, skid4, smelly, tank or file",
+    "{kind: tank, dimensions: {wheelbase_m: 0.3}}": "must be more than two wheel radii",
+    "{kind: tank, dimensions: {wheelbase: 0.3}}": "did you mean 'wheelbase_m'?",
+    "smelly": "smelly.yaml: unknown kind of sensor 'snifer', there are: camera, imu, lidar,",
+    "handy": "handy.yaml: a sensor sits on 'arm', which is no link of the rover",
+    "{kind: cart, dimensions: {wheelbase_m: 0.3}}": "unknown key 'dimensions'",
+}
+
+
+def test_what_it_cannot_be_is_refused(site, tmp_path):
+    with fresh(site):
+        for rover, told in WRONG.items():
+            done = build(tmp_path, rover)
+            assert done.returncode == 2, rover
+            assert told in done.stderr

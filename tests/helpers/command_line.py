@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import gc
 import io
+import logging
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import NamedTuple
-
-from terrain_forge.cli import main
 
 
 class Done(NamedTuple):
@@ -22,9 +21,17 @@ class Done(NamedTuple):
 
 def run(*arguments: object) -> Done:
     """Run a command as `terrain-forge ARGUMENTS` would."""
+    from terrain_forge.cli import main  # the one that is imported now, see plugins.fresh
+
     out, err = io.StringIO(), io.StringIO()
     with _process_as_it_was(), redirect_stdout(out), redirect_stderr(err):
-        status = main([str(argument) for argument in arguments])
+        told = logging.StreamHandler(err)  # pytest has handlers, so basicConfig adds none
+        told.setLevel(logging.WARNING)
+        logging.getLogger().addHandler(told)
+        try:
+            status = main([str(argument) for argument in arguments])
+        finally:
+            logging.getLogger().removeHandler(told)
     return Done(status, out.getvalue(), err.getvalue())
 
 

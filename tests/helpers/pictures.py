@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import sys
 
+import matplotlib
+import numpy as np
 import pytest
+from matplotlib.axis import Axis
 
 PREVIEW = (96, 54)
 """Width and height of the preview."""
-SHEET = (240, 85)
+SHEET = (96, 34)
 """Width and height of the page's picture of the rocks' shapes."""
 MAP = 96
 """Pixels along the longer side of the page's picture from above."""
@@ -19,6 +22,10 @@ TEXTURE = 128
 """Most pixels along a side of the ground's texture, where a test chooses none."""
 FILM = 2
 """Pictures of a drive's film."""
+DPI = 20
+"""Of figures."""
+DRAW_AXIS = Axis.draw
+"""What figures of tests leave out, unless they are about it."""
 
 
 def make_small(patch: pytest.MonkeyPatch) -> None:
@@ -34,8 +41,16 @@ def make_small(patch: pytest.MonkeyPatch) -> None:
         options = exporter(kind).Options
         patch.setitem(options.__init__.__kwdefaults__, "texture_pixels", TEXTURE)
         patch.setattr(options.__dataclass_fields__["texture_pixels"], "default", TEXTURE)
+
+    def sheet(*shapes, width, height, **others):
+        rows, columns = np.arange(height) * SHEET[1] // height, np.arange(width) * SHEET[0] // width
+        return render_contact_sheet(*shapes, **others)[rows[:, None], columns]
+
+    patch.setattr("terrain_forge.rocks.render_contact_sheet", sheet)
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
+    patch.setitem(matplotlib.rcParams, "savefig.dpi", DPI)
+    patch.setattr(Axis, "draw", lambda *_: None)  # most of what a figure costs
 
 
 if __name__ == "__main__":  # the command line in a process of its own, with the same pictures

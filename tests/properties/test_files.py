@@ -16,7 +16,7 @@ from terrain_forge.paths import read_recorded, write_trajectories
 from terrain_forge.recipe import recipe_from_json, recipe_json
 from tests.helpers import worlds
 
-FEW = settings(max_examples=15, deadline=None, derandomize=True, database=None)
+FEW = settings(max_examples=10, deadline=None, derandomize=True, database=None)
 place = st.floats(-500, 500)
 
 

@@ -112,7 +112,7 @@ def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
     """Rocks evenly at random in each cell."""
     cells, counts = size_class.cells, region.cut(size_class.counts)
     rows, columns = np.indices(counts.shape).reshape(2, -1).repeat(counts.ravel(), axis=1)
-    address = addresses(size_class.key, region.column, region.row, counts)
+    address = addresses(size_class.key, region.column, region.row, np.ascontiguousarray(counts))
     first_id = size_class.first_id + _before(size_class.counts)
     x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
     y = site.south + (region.row + rows + draw(address, NORTH)) * cells.side[1]

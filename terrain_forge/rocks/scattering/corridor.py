@@ -102,7 +102,7 @@ def corridors(site: Site) -> Corridors:
 
 def in_corridor(site: Site, xy: Array) -> NDArray[np.bool_]:
     """Which points (east, north) [m], shape [points, 2], lie in a corridor or exclusion zone."""
-    return np.asarray(_inside(corridors(site), np.asarray(xy, np.float64)))
+    return np.asarray(_inside(corridors(site), np.array(xy, np.float64, order="C")))
 
 
 def corridor_area(site: Site, window: Window) -> float:

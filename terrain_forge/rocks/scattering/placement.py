@@ -86,7 +86,7 @@ def place(
             # rocks cannot meet, so that it does not matter in which order they are placed.
             i0, j0 = (column + colour) & 1, (row + (colour >> 1)) & 1
             across, along = (columns - i0 + 1) // 2, (rows - j0 + 1) // 2
-            there = layout, rocks, footprints, strips, intensity if layout.local[c] else None
+            there = layout, rocks, footprints, strips, intensity
             over_chunks(_place_cells, across * along, *there, c, i0, j0, across)
 
 
@@ -102,11 +102,7 @@ def _place_listed(layout, rocks, c):  # type: ignore[no-untyped-def]
 def _place_cells(  # type: ignore[no-untyped-def]
     first, last, layout, rocks, footprints, strips, intensity, c, i0, j0, across
 ):
-    """Place the rocks of some cells of one colour, which are numbered row by row.
-
-    `intensity` is None for classes whose rocks may go anywhere: a kernel of its own, as fast as one
-    that knows of no weights.
-    """
+    """Place the rocks of some cells of one colour, which are numbered row by row."""
     column, row, columns = layout.region[c, 0], layout.region[c, 1], layout.region[c, 2]
     for n in range(first, last):
         i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
@@ -135,14 +131,14 @@ def _place_one(  # type: ignore[no-untyped-def]
     for trial in range(1 + _RETRIES):
         if trial > 0:
             x, y = _elsewhere(layout, c, column, row, rocks.circle[rock], retry, trial)
-            if intensity is not None and not _is_home(layout, c, column, row, x, y):
+            if layout.local[c] and not _is_home(layout, c, column, row, x, y):
                 continue
         if (
             _on_site(layout.bounds, x, y, radius)
             and _is_free(layout, rocks, footprints, c, x, y, rock)
             and _keeps_off(strips, home, x, y, radius, limit, rocks.height[rock])
         ):
-            if intensity is not None:
+            if layout.local[c]:
                 drawn = uniform(mix(retry, 2 * _RETRIES + 2 + trial))
                 population = layout.population[c]
                 if trial > 0 and not _is_likely(intensity, population, rocks, rock, x, y, drawn):

@@ -149,7 +149,7 @@ class Ripples(Layer):
         vary, shape = (self.sinuosity, self.defects), (self.stoss, self.sharpness)
         over_chunks(_vary, rows, *pattern, vary, corner, step, slow)
         heights = np.zeros((len(north), len(east)))
-        grid = slow, corner, step, east, north, height, heights
+        grid = slow, corner, step, east, north, np.ascontiguousarray(height), heights
         over_chunks(_raise, len(north), *pattern, shape, *grid)
         return heights
 

@@ -26,6 +26,8 @@ from terrain_forge.validation.inspection import BuiltFolder, Inspection
 
 _BELLY = (7, 5)
 _ABOVE = 1.0
+_TOLD = 3
+"""Drives of which a check says why they did not arrive."""
 
 
 class Drives(Inspection):
@@ -79,8 +81,11 @@ class Drives(Inspection):
         simulated = sum(start.drive.duration for start in result.starts if start.drive)
         self._note_time("drives", begin, simulated)
         self._starts = result
+        lost = [start.reason for start in result.starts if not start.arrived]
+        arrived = f"{len(result.starts) - len(lost)} of {len(result.starts)}"
+        note = "; ".join([arrived, *dict.fromkeys(lost[:_TOLD])])
         return [
-            at_least("drives: part that arrives", result.share, spec.arrive),
+            at_least("drives: part that arrives", result.share, spec.arrive, note=note),
             at_most("drives: mean slip of the wheels", result.mean_slip, None),
         ]
 

@@ -189,6 +189,7 @@ def test_a_validation_names_what_was_added_and_keeps_it(world):
         (world / "validation" / name).write_text("precious")
     done = run("validate", world, "--quick")
     assert done.returncode == 1
+    assert "failed: files: added: 2, limit 0 (validation/drive_notes.txt, valid" in done.stderr
     report = json.loads((world / "validation" / "report.json").read_text())
     failed = [check for check in report["checks"] if not check["passed"]]
     assert [(check["name"], check["figure"]) for check in failed] == [("files: added", 2.0)]

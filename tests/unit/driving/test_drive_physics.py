@@ -77,7 +77,7 @@ def test_frictions_are_plausible_and_say_where_they_are_from(body):
 
 @pytest.mark.parametrize(("height", "climbs"), [(0.10, True), (0.45, False)])
 def test_a_step_is_climbed_up_to_what_wheels_can(tmp_path, height, climbs):
-    world = plain(line((-2, 0), (2, 0)))
+    world = plain(line((-1, 0), (1.2, 0)))
     elevation = np.where(world.ground.east > 0.1, height, 0.0)[None, :]
     ground = world.ground.replace(elevation=np.broadcast_to(elevation, world.ground.shape))
     result = drive_through(world.replace(ground=ground), tmp_path)
@@ -92,7 +92,7 @@ def test_a_step_is_climbed_up_to_what_wheels_can(tmp_path, height, climbs):
 @pytest.fixture(scope="module")
 def level(tmp_path_factory):
     """A drive straight on over level ground."""
-    return drive_through(plain(line((-2, 0), (2, 0))), tmp_path_factory.mktemp("level"))
+    return drive_through(plain(line((-1, 0), (1, 0))), tmp_path_factory.mktemp("level"))
 
 
 def test_straight_on_the_rover_goes_as_far_as_its_wheels_roll(level):
@@ -125,7 +125,7 @@ def test_a_spot_turn_has_the_known_gain_of_skidding(tmp_path):
 def test_a_climb_costs_its_height(level, tmp_path):
     """What the motors put in is the height gained, times weight, plus what rolling takes."""
     slope = math.radians(12.0)
-    world = plain(line((-2, 0), (2, 0)), slope=slope)
+    world = plain(line((-1, 0), (1, 0)), slope=slope)
     points = world.trajectories[0].position.copy()
     points[:, 2] = math.tan(slope) * points[:, 0]
     rpy = np.tile([0.0, -slope, 0.0], (len(points), 1))
@@ -215,7 +215,7 @@ def test_a_rover_that_slides_off_its_path_says_so(tmp_path):
 
 def test_motors_too_weak_for_a_slope_are_told(tmp_path):
     """From level ground onto a slope of 20°, which needs 1.5 N m of each wheel."""
-    world = plain(line((-2, 0), (3, 0)))
+    world = plain(line((-1, 0), (3, 0)))
     rise = math.tan(math.radians(20.0)) * world.ground.east.clip(0.0)
     elevation = np.broadcast_to(rise, world.ground.shape)
     world = world.replace(
@@ -232,7 +232,7 @@ def test_motors_too_weak_for_a_slope_are_told(tmp_path):
 
 def test_wheels_that_spin_in_place_are_told(tmp_path):
     """Before a wall, with a friction of 0.1: all wheels slip wholly."""
-    world = plain(line((-2, 0), (3, 0)))
+    world = plain(line((-1, 0), (3, 0)))
     elevation = np.broadcast_to(np.where(world.ground.east > 0.0, 1.0, 0.0), world.ground.shape)
     world = world.replace(ground=world.ground.replace(elevation=elevation))
     mjcf.export(world, tmp_path, options=mjcf.Options(friction=0.1))
@@ -273,9 +273,9 @@ def test_energy_from_nowhere_stops_the_drive(tmp_path):
 def test_contacts_that_are_dropped_stop_the_drive(tmp_path):
     """A wheel on so fine a ground that MuJoCo keeps only some of its contacts."""
     world = plain(line((-0.1, 0), (0.1, 0)))
-    fine = np.zeros((301, 301), np.float32)
-    ground = world.ground.replace(elevation=fine, spacing=0.008, origin=(-1.2, -1.2))
-    colours = world.appearance.replace(ground_rgb=np.full((301, 301, 3), 120))
+    fine = np.zeros((201, 201), np.float32)
+    ground = world.ground.replace(elevation=fine, spacing=0.01, origin=(-1.0, -1.0))
+    colours = world.appearance.replace(ground_rgb=np.full((201, 201, 3), 120))
     with pytest.raises(SimulationError, match="contacts were dropped"):
         start(world.replace(ground=ground, appearance=colours), tmp_path)
 

@@ -178,7 +178,7 @@ def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, m
 
 
 def test_a_failed_drive_shows_where(tmp_path):
-    world = plain(line((-3, 0), (3, 0)), field=boulder_at((0.0, 0.0, 0.2)))
+    world = plain(line((-2.4, 0), (2, 0)), field=boulder_at((0.0, 0.0, 0.2)))
     result = validate(world, tmp_path, spec=ValidateSpec(drive=ARC, points=10))
     assert not result.passed
     names = {file.name for file in result.files}

@@ -24,7 +24,7 @@ JEZERO = """
 dtm:
   source: mars/jezero_hirise_3p69m_1024.tif
   centre: {lonlat_deg: [77.45077151, 18.44471049]}
-  size_m: [80, 80]
+  size_m: [60, 60]
   level: plane
 terrain: {spacing_m: 0.5, layers: [{kind: fractal}]}
 """
@@ -35,7 +35,7 @@ dtm:
   pixel_is: point
   height_range_m: [0, 16]
   centre: {offset_m: [-100, 60]}
-  size_m: [80, 80]
+  size_m: [60, 60]
 terrain: {spacing_m: 0.5, layers: [{kind: fractal}]}
 """
 GALE = """
@@ -55,11 +55,10 @@ def recipe(tmp_path, site):
 @pytest.mark.parametrize(
     ("site", "relief"),
     [
-        (JEZERO, (1.0, 12.0)),
         (SEED, (0.5, 9.0)),
         (GALE.replace("RANGE", ", height_range_m: [-4460, -4400]"), (1.0, 25.0)),
     ],
-    ids=["jezero", "seed", "gale"],
+    ids=["seed", "gale"],
 )
 def test_world_of_a_real_site(tmp_path, site, relief):
     file = recipe(tmp_path, site)
@@ -70,7 +69,10 @@ def test_world_of_a_real_site(tmp_path, site, relief):
 
 def test_build_of_a_real_site(tmp_path):
     file = recipe(tmp_path, JEZERO)
-    assert tf.build(file.recipe, tmp_path / "out", folder=file.folder).passed
+    result = tf.build(file.recipe, tmp_path / "out", folder=file.folder)
+    assert result.passed
+    assert 1.0 < float(np.ptp(result.world.ground.elevation)) < 12.0
+    assert len(result.world.field) > 5
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert len(manifest["inputs"]) >= 1
 

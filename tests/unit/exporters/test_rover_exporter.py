@@ -18,6 +18,7 @@ from pxr import Usd, UsdGeom, UsdPhysics, UsdValidation
 from ruamel.yaml import YAML
 from terrain_forge.exporters.mjcf.rover import servo_gain
 from terrain_forge.exporters.rover import Options, export
+from terrain_forge.exporters.rover.readback import urdf_findings
 
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.model import Coupling
@@ -272,6 +273,17 @@ def test_gears_are_kept_where_a_format_has_them(custom, tmp_path):
     assert (told.get("joint"), float(told.findtext("multiplier"))) == ("left_rocker_joint", -1.0)
 
 
+def test_drake_finds_motors_on_wheels_alone(custom, tmp_path):
+    """It makes one of each joint whose effort is not 0; a gear needs effort in Gazebo's engine."""
+    for release, follows in (("fortress", 0.0), ("harmonic", -1.0)):
+        folder, _ = exported(custom, tmp_path / release, formats=("sdf",), release=release)
+        _, joints = in_sdf(folder / "tub.sdf")
+        efforts = {name: float(j.findtext("axis/limit/effort")) for name, j in joints.items()}
+        wanted = {f"{wheel.link}_joint": custom.torque_limit for wheel in custom.wheels}
+        passive = {"left_rocker_joint": 0.0, "right_rocker_joint": follows}
+        assert efforts == pytest.approx(wanted | passive)
+
+
 def test_a_coupled_joint_follows_in_mujoco(custom, tmp_path):
     gear = Coupling(link="right_rocker", leader="left_rocker", ratio=0.5, offset=0.1)
     model = rovers.on_the_flat(custom.replace(couplings=(gear,)), tmp_path)
@@ -307,6 +319,51 @@ def test_what_was_written_reads_back_as_the_same_rover(case, suffix):
         np.testing.assert_allclose(link.origin, wanted.origin, atol=1e-8)
     assert again.couplings == rover.couplings
     assert again.torque_limit == pytest.approx(rover.torque_limit)
+
+
+def test_urdfdom_would_read_the_urdf(case):
+    rover, folder = case
+    assert list(urdf_findings(folder / f"{rover.name}.urdf")) == []
+
+
+def test_colours_that_round_to_the_same_bytes_are_materials_of_their_own(tmp_path):
+    rover = skid4()
+    base = rover.links[0]
+    near, same = (
+        base.shapes[0].replace(rgb=tuple(value + more for value in base.shapes[0].rgb))
+        for more in (1e-4, 1e-15)
+    )
+    base = base.replace(shapes=(*base.shapes, near, same))
+    folder, _ = exported(rover.replace(links=(base, *rover.links[1:])), tmp_path / "two")
+    assert list(urdf_findings(folder / "skid4.urdf")) == []
+    robot = ET.parse(folder / "skid4.urdf").getroot()
+    told = {m.get("name"): m.find("color").get("rgba") for m in robot.findall("material")}
+    visuals = robot.find("link").findall("visual")
+    colours = [told[visual.find("material").get("name")] for visual in visuals]
+    assert colours[0] == colours[-1] != colours[-2]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<link ", '<material name="m"/><material name="m"/><link ', "material 'm' is not unique"),
+        ('<link name="wheel_front_left"', '<link name="base_link"', "'base_link' is not unique"),
+        ('<material name="rgb', '<material name="rgba', "is nowhere defined"),
+        ('type="continuous"', 'type="hinge"', "has the type 'hinge'"),
+        ('<limit effort="30"', '<limit type="continuous"', ""),
+        ('<mass value="', '<mass value="-', "has a mass of -"),
+        ('<parent link="base_link"/>', '<parent link="wheel_front_left"/>', "in a loop"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', "has no axis"),
+        ('<box size="', '<box length="', "has a box without a size"),
+    ],
+)
+def test_what_urdfdom_would_refuse_is_found(tmp_path, old, new, said):
+    folder, _ = exported(skid4(), tmp_path / "skid4", formats=("urdf",))
+    text = (folder / "skid4.urdf").read_text()
+    assert old in text
+    (folder / "skid4.urdf").write_text(text.replace(old, new, 1))
+    found = list(urdf_findings(folder / "skid4.urdf"))
+    assert any(said in one for one in found) if said else not found
 
 
 def test_only_the_chosen_formats_are_written(tmp_path):

@@ -52,7 +52,8 @@ def test_shipped_recipes_are_sound(recipe):
     site = plan(file.recipe, folder=file.folder)
     # Laws and craters that rocks lie around are written out; planned again, nothing changes.
     assert replace(site.recipe, rocks=file.recipe.rocks) == file.recipe
-    assert plan(site.recipe, folder=file.folder).recipe == site.recipe
+    if site.recipe != file.recipe:
+        assert plan(site.recipe, folder=file.folder).recipe == site.recipe
     assert recipe_from_json(recipe_json(file.recipe)) == file.recipe
 
 

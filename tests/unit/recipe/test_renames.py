@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import warnings
 
 import pytest
@@ -13,6 +11,7 @@ from terrain_forge import OutputError, RecipeError, World, load_recipe
 from terrain_forge.base import RecipeWarning
 from terrain_forge.recipe import export_orders, json_schema
 from terrain_forge.recipe.renames import RENAMES
+from tests.helpers.command_line import run
 
 OLD = """schema: 1
 name: old
@@ -152,8 +151,9 @@ def test_the_command_line_tells_each_in_one_line(tmp_path):
     track = "time,x,y,z,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n9,2,0,0,1,0,0,0\n20,4,1,0,1,0,0,0\n"
     (tmp_path / "track.csv").write_text(track)
     path = write(tmp_path, OLD)
-    command = [sys.executable, "-m", "terrain_forge", "check", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        done = run("check", path)
     assert done.stderr.splitlines() == [f"terrain-forge: {path}:{line}" for line in TOLD]
     assert done.returncode == 0
 

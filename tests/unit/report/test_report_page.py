@@ -38,6 +38,8 @@ CHECKS = [
      "note": "", "group": "rocks"},
     {"name": "rocks: sizes of boulders", "figure": 0.0, "unit": "", "limit": 0.001,
      "passed": False, "note": "", "group": "rocks"},
+    {"name": "drive: distance", "figure": 3.0, "unit": "m", "limit": None, "passed": True,
+     "note": "", "group": "drive"},
 ]  # fmt: skip
 VOID = {"meta", "img", "rect", "line", "input", "source"}
 
@@ -161,7 +163,8 @@ def test_what_others_wrote_is_escaped(tmp_path):
 def test_every_check_stands_there_with_figure_limit_and_verdict(report):
     text = Page(report).text
     assert "2 of 5 checks failed" in text
-    assert f"2 of 5 checks failed drive: {HOSTILE}; rocks: sizes of boulders" in text
+    drive = f"drive: {HOSTILE}: 0.62 m, limit 0.5 m (at <40 s> {HOSTILE})"
+    assert f"2 of 5 checks failed {drive}; rocks: sizes of boulders: 0, limit 0.001" in text
     assert "mjcf: ground 2000 points 3.25e\u221206 m 0.001 m pass" in text
     assert "drive: completed yes yes pass" in text
     assert f"drive: {HOSTILE} at <40 s> {HOSTILE} 0.62 m 0.5 m fail" in text

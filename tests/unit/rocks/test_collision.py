@@ -23,7 +23,7 @@ def bowl():
     """A box with a deep pit: far from convex."""
     from manifold3d import Manifold
 
-    solid = Manifold.cube((1.0, 0.8, 0.6), True) - Manifold.sphere(0.35, 32).translate((0, 0, 0.3))
+    solid = Manifold.cube((1.0, 0.8, 0.6), True) - Manifold.sphere(0.35, 16).translate((0, 0, 0.3))
     mesh = solid.to_mesh()
     return Mesh(vertices=mesh.vert_properties[:, :3], faces=mesh.tri_verts)
 
@@ -72,10 +72,10 @@ def test_one_hull_where_it_is_close_enough():
 def test_parts_are_certified_on_their_union():
     """The parts of a bowl leave its pit open and meet the stated errors, which trimesh confirms."""
     shape = bowl()
-    found = collision_parts((shape,), vertices=32, excess=0.08, distance=0.08, name="bowl")
+    found = collision_parts((shape,), vertices=32, excess=0.15, distance=0.1, name="bowl")
     assert len(found.parts) > 1
-    assert found.excess <= 0.08
-    assert found.distance <= 0.08
+    assert found.excess <= 0.15
+    assert found.distance <= 0.1
     for part in found.parts:
         assert len(part.vertices) <= 32
         body = trimesh.Trimesh(part.vertices, part.faces)

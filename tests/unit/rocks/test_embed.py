@@ -188,12 +188,12 @@ def test_no_daylight_on_very_rough_ground():
     heights = np.fft.irfft2(phases * waves**-1.8, s=(cells, cells))
     heights *= np.tan(np.radians(20.0)) * spacing / np.sqrt((np.diff(heights, axis=1) ** 2).mean())
     land = Heightfield(elevation=heights, spacing=spacing, origin=(-12.5, -12.5))
-    count, library = 400, make_library(LibrarySpec(shapes=6))
+    count, library = 250, make_library(LibrarySpec(shapes=3))
     scattered = Scattered(
         populations=("rocks",),
         id=np.arange(count),
         population=np.zeros(count),
-        prototype=random.integers(0, 6, count),
+        prototype=random.integers(0, 3, count),
         xy=random.uniform(-11.0, 11.0, (count, 2)),
         yaw=random.uniform(0, 2 * np.pi, count),
         buried=random.uniform(0.05, 0.5, count),

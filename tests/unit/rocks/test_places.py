@@ -215,7 +215,7 @@ def test_known_points_lie_where_they_are(tmp_path, name):
         source="dtm.tif", size_m=(110.0, 80.0), centre=Centre(lonlat_deg=centre), **case.spec
     )
     site = worlds.site().replace(
-        size=spec.size_m, spacing=0.5, body=MOON,
+        size=spec.size_m, spacing=1.0, body=MOON,
         **vars(survey(spec, body=MOON, folder=tmp_path, heights=None)),
     )  # fmt: skip
     ground = shape_ground(site=site, window=site.window, layers=())
@@ -226,7 +226,8 @@ def test_known_points_lie_where_they_are(tmp_path, name):
     assert away < case.tolerance  # of pixels of about 1 m
     assert abs(above) < 0.01
     assert rms < 0.05
-
+    if name != next(iter(CASES)):
+        return  # what is written does not depend on where it is from
     write_geotiff(tmp_path / "out.tif", ground.elevation, world_ground=ground, site=site)
     with rasterio.open(tmp_path / "out.tif") as file:
         written, grid = file.read(1) + site.datum_height, file.transform

@@ -1,8 +1,5 @@
 """The rock library against trimesh's geometry, closed forms and what physics engines need."""
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import mujoco
@@ -24,7 +21,7 @@ from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import cuts_itself, mass_properties
 from terrain_forge.rocks.shapes.texture import MEAN_BRIGHTNESS
 
-SPEC = LibrarySpec(shapes=12, seed=7, families=tuple(FAMILIES))
+SPEC = LibrarySpec(shapes=7, seed=7, families=tuple(FAMILIES))
 
 
 @pytest.fixture(scope="module")
@@ -231,30 +228,13 @@ def test_reach_and_rise_are_the_outlines(rock):
     assert (rock.reach, rock.rise) == bounds(rock.meshes[0])
 
 
-def test_same_spec_same_bytes_and_no_shape_twice(library):
-    assert make_library(SPEC).content_hash == library.content_hash
-    one, other = (make_library(replace(SPEC, seed=seed, shapes=1)) for seed in (7, 8))
-    assert one.prototypes[0] == library.prototypes[0] != other.prototypes[0]
-    assert len({rock.meshes[0].vertices.tobytes() for rock in library.prototypes}) == SPEC.shapes
-
-
 def test_a_smaller_library_is_the_start_of_a_larger_one(library):
-    small = make_library(replace(SPEC, shapes=6))
-    assert small.prototypes == library.prototypes[:6]
-
-
-def test_library_is_the_same_in_another_process(library):
-    code = (
-        "import sys, json; from terrain_forge.rocks.library import *;"
-        f"library = make_library(LibrarySpec(shapes=2, seed=7, families={SPEC.families!r}));"
-        "print(json.dumps([library.content_hash, 'trimesh' in sys.modules]))"
-    )
-    environment = {"PYTHONHASHSEED": "77", "OPENBLAS_NUM_THREADS": "1", "HOME": "/nonexistent"}
-    run = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
-    first = make_library(replace(SPEC, shapes=2))
-    assert json.loads(run.stdout) == [first.content_hash, False]
+    small = make_library(replace(SPEC, shapes=3))
+    assert small.prototypes == library.prototypes[:3]
+    assert np.array_equal(small.texture, library.texture)
+    assert len({rock.meshes[0].vertices.tobytes() for rock in library.prototypes}) == SPEC.shapes
+    other = make_library(replace(SPEC, seed=8, shapes=1))
+    assert other.prototypes[0] != library.prototypes[0]
 
 
 def test_families_are_taken_in_turn_and_differ(library):

@@ -32,8 +32,8 @@ from terrain_forge.validation import validate
 from terrain_forge.validation.checks.dynamic import MOST_SHIFT, Dynamic, watch
 from tests.helpers import worlds
 
-LIBRARY = make_library(LibrarySpec(shapes=6))
-COUNT = 30
+LIBRARY = make_library(LibrarySpec(shapes=4))
+COUNT = 20
 GRAVITY = 3.71
 
 
@@ -80,7 +80,7 @@ def laid(land, dynamic):
 @pytest.fixture(scope="module")
 def settled():
     land = ground()
-    dynamic = np.arange(COUNT) % 8 > 0
+    dynamic = np.arange(COUNT) % 2 > 0
     return settle(rocks=laid(land, dynamic), library=LIBRARY, ground=land, gravity=GRAVITY)
 
 
@@ -90,7 +90,7 @@ def world(settled):
 
 
 def test_nearly_all_come_to_rest_and_the_others_are_fixed(settled):
-    before = laid(ground(), np.arange(COUNT) % 8 > 0)
+    before = laid(ground(), np.arange(COUNT) % 2 > 0)
     assert settled.dynamic[before.dynamic].mean() >= 0.8
     assert not settled.dynamic[~before.dynamic].any()
     fixed = ~settled.dynamic
@@ -156,7 +156,7 @@ def test_a_window_has_the_same_bits(settled):
     )
     again = settle(rocks=whole.select(inside), library=LIBRARY, ground=part, gravity=GRAVITY)
     both = again.dynamic & settled.dynamic[inside]
-    assert both.sum() >= 8
+    assert both.sum() >= 3
     assert again.select(both) == settled.select(np.flatnonzero(inside)[both])
 
 
@@ -227,7 +227,7 @@ def test_a_rock_on_too_steep_a_slope_is_fixed():
     """tan 40 deg is above the sliding friction: all slide out of their room."""
     land = worlds.ground()
     steep = land.replace(elevation=np.tile(0.84 * land.east, (land.shape[0], 1)))
-    before = laid(steep, np.ones(COUNT, np.bool_))
+    before = laid(steep, np.arange(COUNT) < 6)
     after = settle(rocks=before, library=LIBRARY, ground=steep, gravity=GRAVITY)
     assert not after.dynamic.any()
     assert after == before.replace(dynamic=np.zeros(COUNT, np.bool_))

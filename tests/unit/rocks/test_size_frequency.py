@@ -218,7 +218,7 @@ FAMILIES = [
 @pytest.mark.parametrize(("law", "how", "truth"), FAMILIES, ids=lambda v: repr(v)[:40])
 def test_fits_recover_the_law(law, how, truth, binned):
     """Errors over surveys are normal with the standard errors that the fit states."""
-    errors, seeds = [], range(40)
+    errors, seeds = [], range(12)
     for seed in seeds:
         diameters, area = counted(law, rocks=400, smallest=0.2, seed=seed)
         rocks = {"diameters_m": diameters, "complete_from_m": 0.2}
@@ -235,7 +235,7 @@ def test_fits_recover_the_law(law, how, truth, binned):
     bound = 3.3 / np.sqrt(len(seeds))
     # Maximum likelihood is biased by a part of a standard error at 400 rocks.
     assert np.all(np.abs(errors.mean(axis=0)) < bound + 0.15)
-    assert np.all(np.abs(errors.std(axis=0) - 1.0) < 0.45)
+    assert np.all(np.abs(errors.std(axis=0) - 1.0) < 0.6)
 
 
 def test_fits_agree_with_their_closed_forms():
@@ -255,7 +255,7 @@ def test_fits_agree_with_their_closed_forms():
 def test_a_limit_that_the_smallest_rock_sets_bends_no_fit():
     """The smallest of n rocks lies above the survey's true limit; counted, it tilts the fit."""
     law, errors = PowerLaw(number_per_m2=0.01, exponent=2.0), []
-    for seed in range(120):
+    for seed in range(50):
         diameters, area = counted(law, rocks=20, smallest=0.2, seed=seed)
         fit = Counts(diameters_m=diameters, area_m2=area, fit="power_law").fitted
         errors.append(1.0 / fit.parameters["exponent"].value - 0.5)  # the mean log is unbiased

@@ -217,6 +217,12 @@ def test_a_base_that_looks_another_way_is_turned(tub):
         ([('<link name="base_footprint"/>', "")], {}, "names the link 'base_footprint'", "file"),
         ([('<child link="mast"/>', '<child link="left_rocker"/>')], {}, "child of two", "file"),
         ([("</robot>", "")], {}, "not XML", "file"),
+        ([('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>')], {},
+         "joint '.*' is revolute, and its axis has no direction", "file"),
+        ([('"revolute"', '"hinge"')], {}, "'left_rocker_joint' has the type 'hinge'|'pan'", "file"),
+        ([('<mimic joint="left_rocker_joint"', '<mimic joint="right_rocker_joint"')], {},
+         "'right_rocker_joint' follows itself", "file"),
+        ([('name="mast"', 'name="base_link"')], {}, "has two links 'base_link'", "file"),
         ([("robot", "sdf")], {}, "is a <sdf>, allowed: a URDF or xacro", "file"),
         ([], {"couplings": (CouplingSpec(joint="pan", follows="left_rocker_joint"),)},
          "'pan' is no passive joint, there are: left_rocker, right_rocker", "couplings"),
@@ -250,28 +256,63 @@ def test_an_inertia_that_no_body_has_is_evened_out_and_told(tub, tmp_path):
     np.testing.assert_allclose(wheel.inertia, np.eye(3) * (0.15 + 0.018) / 3)
 
 
-def test_a_xacro_is_expanded(tub, tmp_path):
-    pytest.importorskip("xacro")
-    text = tub.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
+XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+def xacro_of(tub):
+    """The rover's file with an include, a property and paths by `$(find …)`."""
+    text = tub.read_text().replace("<robot ", f"<robot {XACRO} ")
     text = text.replace("package://tub", "file://$(find tub)")
     head, tail = text.split('<link name="mast">')
     extra = '<xacro:property name="heavy" value="${2 * 3}"/>'
     include = '<xacro:include filename="$(find tub)/urdf/more.xacro"/>'
-    more = f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{extra}</robot>'
-    (tub.parent / "more.xacro").write_text(more)
-    body = f'{head}{include}<link name="mast">{tail}'.replace(
-        '<mass value="2"/>', '<mass value="${heavy}"/>'
-    )
+    (tub.parent / "more.xacro").write_text(f"<robot {XACRO}>{extra}</robot>")
+    body = f'{head}{include}<link name="mast">{tail}'
+    return body.replace('<mass value="2"/>', '<mass value="${heavy}"/>')
+
+
+@pytest.mark.parametrize("trust", [False, True])
+def test_a_xacro_is_expanded(tub, trust):
+    if trust:
+        pytest.importorskip("xacro")
     file = tub.parent / "tub.urdf.xacro"
-    file.write_text(body)
-    found = resolve_rover(FileRover(file=file.name), file.parent)
+    file.write_text(xacro_of(tub))
+    found = resolve_rover(FileRover(file=file.name, trust=trust), file.parent)
     assert found.rover.mass == pytest.approx(rovers.read(tub).mass + 4.0)
     assert [path.name for path in found.files] == ["tub.urdf.xacro", "more.xacro", "wheel.stl"]
 
 
-def test_substitutions_left_over_in_a_urdf_are_made(tub, tmp_path):
+def test_a_urdf_is_never_evaluated(tub, tmp_path):
+    comment = ("</robot>", "<!-- $(env HOME) ${1/0} --></robot>")
+    assert changed(tub, tmp_path, comment) == rovers.read(tub)
+    with pytest.raises(DataError, match=r"origin rpy='\$\(optenv PAN 0 0 0\)': must be 3 numbers"):
+        changed(tub, tmp_path, ('<origin xyz="0.4 0 0.2"/>', '<origin rpy="$(optenv PAN 0 0 0)"/>'))
+    text = xacro_of(tub)
+    (tub.parent / "named.urdf").write_text(text)
+    told = "named.urdf holds <xacro:include>; a .urdf is not evaluated, name it .xacro"
+    with pytest.raises(DataError, match=told):
+        rovers.read(tub.parent / "named.urdf")
+
+
+def test_trust_runs_the_files_python(tub):
     pytest.importorskip("xacro")
-    change = ('<origin xyz="0.4 0 0.2"/>', '<origin xyz="0.4 0 0.2" rpy="$(optenv PAN 0 0 0)"/>')
+    file = tub.parent / "clever.xacro"
+    text = xacro_of(tub).replace("${heavy}", "${sum([heavy for _ in range(1)], 0)}")
+    file.write_text(text.replace("sum(", "python.sum("))
+    with pytest.raises(DataError, match=r"is not allowed: .*`trust: true` runs its Python"):
+        rovers.read(file)
+    assert rovers.read(file, trust=True).mass == pytest.approx(rovers.read(tub).mass + 4.0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('<child link="base_link"/>', '<child link="base_link"/><axis xyz="0 0 0"/>'),
+        ('<child link="base_link"/>', '<child link="base_link"/><limit lower="x"/><mimic/>'),
+        ('<child link="base_link"/>', '<child link="base_link"/><mimic joint="foot"/>'),
+    ],
+)
+def test_a_fixed_joint_has_no_axis_limits_or_leader(tub, tmp_path, change):
     assert changed(tub, tmp_path, change) == rovers.read(tub)
 
 
@@ -314,7 +355,6 @@ def test_wheels_below_the_grounds_spacing_are_refused(tub):
 
 @pytest.fixture(scope="module")
 def curiosity():
-    pytest.importorskip("xacro")
     for folder in (DATA / "rover" / "curiosity",):
         if (folder / CURIOSITY).is_file():
             return folder
@@ -335,12 +375,14 @@ def test_curiosity_stands_and_drives(curiosity, tmp_path):
         assert len(rover.wheels) == 6
         assert 850 < rover.mass < 950
         model = rovers.on_the_flat(rover, tmp_path / str(number))
-        moved, yaw, start, stood = rovers.drive(model, rover, speed=0.4, turn_rate=0.0, seconds=5.0)
+        moved, yaw, start, stood = rovers.drive(model, rover, speed=0.4, turn_rate=0.0, seconds=2.5)
         assert abs(yaw) < 0.05
         assert np.linalg.norm(start) < 0.03
         assert len(stood) == 6 * number
-        assert moved[0] == pytest.approx(1.9, abs=0.06)
+        assert moved[0] == pytest.approx(0.9, abs=0.06)
         assert abs(moved[1]) < 0.1
-        moved, yaw, *_ = rovers.drive(model, rover, speed=0.0, turn_rate=0.4, seconds=4.0)
-        assert yaw > 0.3
+        if spec is stiff:
+            continue
+        moved, yaw, *_ = rovers.drive(model, rover, speed=0.0, turn_rate=0.4, seconds=2.0)
+        assert yaw > 0.15
         assert np.linalg.norm(moved[:2]) < 0.6

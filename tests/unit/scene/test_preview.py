@@ -201,15 +201,6 @@ def test_steep_ground_and_hollows_are_darker(small_world):
     assert images[1].mean() < images[0].mean() - 5
 
 
-def test_picture_module_needs_no_plotting_library():
-    import subprocess
-    import sys
-
-    code = "import sys, terrain_forge.scene.preview; print('matplotlib' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "False"
-
-
 def test_rocks_of_the_scene_are_the_world_s(small_world):
     with open_scene(small_world) as scene:
         assert isinstance(scene, RayScene)

@@ -107,17 +107,17 @@ def test_nodes_edges_and_border_are_watertight(small_world):
 @pytest.mark.parametrize("coherent", [False, True])
 def test_slanting_rays_agree_with_brute_force(small_world, scene, coherent):
     random = np.random.default_rng(3)
-    origins = random.uniform((-13, -9, 2.5), (13, 9, 6.0), (400, 3))
-    target = random.uniform((-12, -8, -1), (12, 8, 1), (400, 3))
-    target[::2] = small_world.field.position[random.integers(0, 40, 200)]
-    directions = (target - origins) * random.uniform(0.1, 4.0, (400, 1))
+    origins = random.uniform((-13, -9, 2.5), (13, 9, 6.0), (150, 3))
+    target = random.uniform((-12, -8, -1), (12, 8, 1), (150, 3))
+    target[::2] = small_world.field.position[random.integers(0, 40, 75)]
+    directions = (target - origins) * random.uniform(0.1, 4.0, (150, 1))
     hits = scene.cast(origins, directions, coherent=coherent)
     corners, owners = triangles(small_world)
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     wanted = [first_hit(o, d, corners, owners) for o, d in zip(origins, unit, strict=True)]
     distance, normal, rock = (np.array(column) for column in zip(*wanted, strict=True))
     assert set(np.unique(rock)) >= {GROUND, MISSED}
-    assert np.count_nonzero(rock >= 0) > 150
+    assert np.count_nonzero(rock >= 0) > 50
     np.testing.assert_array_equal(hits.rock, rock)
     np.testing.assert_allclose(hits.distance, distance, rtol=1e-5, atol=2e-5)
     np.testing.assert_allclose(hits.normal, normal, atol=2e-4)

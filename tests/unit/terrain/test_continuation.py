@@ -67,7 +67,7 @@ def continued(means, *, factor, posting=4.0, margin=8, layer=None, **changes):
     return site, ground.elevation.astype(float) + site.datum_height
 
 
-@pytest.mark.parametrize("hurst", [0.55, 0.75, 0.9])
+@pytest.mark.parametrize("hurst", [0.55, 0.9])
 def test_exponent_and_amplitude_of_a_known_surface(hurst):
     heights = natural_surface(256, hurst, seed=2)
     found = fit_roughness(heights, 1.0, MARS)
@@ -157,7 +157,7 @@ def test_holes_and_facets_do_not_smooth_the_detail():
 
 
 @pytest.mark.parametrize("layer", [Fractal(), Fractal(preset="lunar_highlands", gain=3.0)])
-@pytest.mark.parametrize("factor", [3, 4, 16, 40])
+@pytest.mark.parametrize("factor", [3, 16])
 def test_means_over_pixels_are_the_posts(layer, factor):
     means = natural_surface(40, 0.7, seed=7)
     _, heights = continued(means, factor=factor, layer=layer)
@@ -187,7 +187,7 @@ def test_means_are_kept_on_a_turned_lattice():
     assert found.worst_mean < 0.01 < 0.003 * np.ptp(posts)
 
 
-@pytest.mark.parametrize("spacing", [0.125, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("spacing", [0.125, 0.1, 0.3])
 def test_window_is_the_cut_bit_for_bit(spacing):
     posts = natural_surface(64, 0.7, seed=8)
     patch = DtmPatch(
@@ -239,7 +239,7 @@ def test_spectrum_has_no_step_at_the_joint():
     assert found[0] == pytest.approx(hurst, abs=0.12)
 
 
-@pytest.mark.parametrize("factor", [4, 8, 16, 32, 64])
+@pytest.mark.parametrize("factor", [4, 16, 32])
 def test_no_octave_is_lost_where_spacing_and_posting_hardly_differ(factor):
     """The detail of a spacing a little finer or coarser is nearly the same."""
     means = natural_surface(24, 0.6, seed=7)
@@ -376,19 +376,13 @@ def read(source, corner, size, scale=1.0):
 @pytest.mark.parametrize(
     ("source", "corner", "size", "scale"),
     [
-        (JEZERO, (0, 0), 1024, 1.0),
-        *((JEZERO, (row, column), 512, 1.0) for row in (0, 512) for column in (0, 512)),
-        (JEZERO, (100, 300), 400, 1.0),
         (JEZERO, (600, 50), 320, 1.0),
-        *((JEZERO, corner, 256, 1.0) for corner in ((260, 660), (700, 700), (380, 200), (50, 50))),
-        *((GALE, corner, size, 60.0 / 65535.0) for corner, size in
-          (((0, 0), 200), ((40, 0), 160), ((0, 40), 160))),
-        *((EIGHT_BITS, corner, size, 16.0 / 255.0) for corner, size in
-          (((0, 0), 512), ((0, 0), 256), ((256, 256), 256), ((0, 256), 256))),
-        *((MOON_ALL, corner, size, 0.01) for corner, size in
-          (((200, 100), 512), ((100, 900), 400), ((300, 200), 256))),
+        (JEZERO, (260, 660), 256, 1.0),
+        (GALE, (0, 0), 200, 60.0 / 65535.0),
+        (EIGHT_BITS, (256, 256), 256, 16.0 / 255.0),
+        (MOON_ALL, (300, 200), 256, 0.01),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("seed", [1])
 def test_decimated_dtm_is_given_back_its_roughness(source, corner, size, scale, seed):
     alone, ours = decimated(read(source, corner, size, scale), seed)
