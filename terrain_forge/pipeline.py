@@ -157,9 +157,10 @@ def plan(
     site = _with_found_craters(site)
     populations = site.recipe.rocks.populations
     require_place(populations, site)
-    library = partial(find_library, recipe.rocks.library, custom=site.meshes)
+    wanted = site.recipe.rocks.library
+    library = partial(find_library, wanted, custom=site.meshes)
     check_packing(populations, size, library)
-    if recipe.rocks.library.may_fail:
+    if wanted.may_fail:
         library()
     return site
 

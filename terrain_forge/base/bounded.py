@@ -74,8 +74,6 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     require_file(path, path.name)
     with ZipFile(path) as archive:
         parts = archive.infolist()
-        if sum(part.file_size for part in parts) > path.stat().st_size:
-            raise ValueError(f"{path.name} claims more bytes than it has")
         for part in parts:
             if part.compress_type != ZIP_STORED or part.file_size != part.compress_size:
                 raise ValueError(f"{part.filename} of {path.name} is compressed")
@@ -84,5 +82,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
                 shape, _, kind = readers[read_magic(file)](file)
                 if part.file_size - file.tell() != math.prod(shape) * kind.itemsize:
                     raise ValueError(f"{part.filename} of {path.name} is not of the size it says")
+        if sum(part.file_size for part in parts) > path.stat().st_size:
+            raise ValueError(f"{path.name} claims more bytes than it has")
     with np.load(path, allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}

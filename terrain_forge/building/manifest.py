@@ -81,6 +81,8 @@ def read_manifest(directory: Path) -> Manifest:
             raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})")
         manifest = json.loads(read_text(directory / NAME, NAME, most=MAX_MANIFEST))
     except DataError as error:
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from None  # the disk's fault
         raise OutputError(f"{directory}: {error}") from None
     except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None

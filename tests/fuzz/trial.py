@@ -23,6 +23,7 @@ MEMORY = 3e9
 BUILD_SECONDS, BUILD_MEMORY = 90.0, 6e9
 _OURS = re.compile(r"^(WARNING: |terrain-forge: .* is now called )")
 _BEGINNINGS = ("terrain-forge: ", "interrupted, ", "world: a valid", "built: a valid")
+_BEGINNINGS, _FAILED = ("terrain-forge: ", "interrupted, "), ("world: ", "built: ")
 _FRAME = re.compile(r'File "[^"]*?/(terrain_forge|exporters)/([^"]+)", line \d+, in (\S+)')
 
 
@@ -160,9 +161,9 @@ def faults(
         found.append(f"status: {ended.status}: {_shape(ended.stderr)}")
     elif ended.status == 0 and lines:
         found.append(f"stderr: {_shape(lines[0])}")
-    elif ended.status and (
-        len(lines) != 1 or not lines[0].startswith(("terrain-forge: ", "inter"))
-    ):
+    elif ended.status == 1 and lines and all(line.startswith(_FAILED) for line in lines):
+        pass
+    elif ended.status and (len(lines) != 1 or not lines[0].startswith(_BEGINNINGS)):
         found.append(f"lines: {len(lines)}: {_shape(lines[0] if lines else '')}")
     elif len(ended.stderr) > 3000:
         found.append(f"long: {len(ended.stderr)} characters: {_shape(ended.stderr)}")
