@@ -7,6 +7,7 @@ the system refused, or an internal error; 130 interrupted.
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import logging
 import os
@@ -395,6 +396,8 @@ def main(arguments: list[str]) -> int:
         if "--debug" in arguments:
             traceback.print_exc()
         _say(f"terrain-forge: {error}", err=True)
+        if getattr(error, "errno", None) == errno.ENAMETOOLONG:
+            return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
     except Exception:
         traceback.print_exc()

@@ -197,7 +197,7 @@ def _apply(data: Any, change: str) -> None:
             target = target[int(key)] if is_list else target.setdefault(str(key), {})
         target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
         renamed = rename_keys(data)  # in a value that is a mapping
-    except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
+    except (YAMLError, RecursionError, ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
     except RecipeError as error:
         raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None

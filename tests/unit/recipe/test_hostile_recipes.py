@@ -88,6 +88,15 @@ def test_a_pipe_beside_a_raster(tmp_path):
     assert "dem.hdr beside dem.img is no regular file" in complaint(tmp_path / "dem.img")
 
 
+def test_arguments(tmp_path):
+    path = tmp_path / "mini.yaml"
+    path.write_text(RECIPE)
+    deep = run("check", path, "--set", f"seed={'[' * 3000}")
+    assert (deep.returncode, "there is no place 'seed'" in deep.stderr) == (2, True)
+    long = run("build", path, "-o", tmp_path / ("x" * 300))
+    assert (long.returncode, "File name too long" in long.stderr) == (2, True)
+
+
 def test_lines_of_a_table(tmp_path):
     path = tmp_path / "mini.yaml"
     path.write_text(RECIPE + "rocks: {lists: [{name: a, file: many.csv}]}\n")
