@@ -23,6 +23,7 @@ MEMORY = 3e9
 BUILD_SECONDS, BUILD_MEMORY = 90.0, 6e9
 _OURS = re.compile(r"^(WARNING: |terrain-forge: .* is now called )")
 _BEGINNINGS = ("terrain-forge: ", "interrupted, ", "world: a valid", "built: a valid")
+_DISK = "terrain-forge: [Errno 5]"
 _BEGINNINGS, _FAILED = ("terrain-forge: ", "interrupted, "), ("world: ", "built: ")
 _FRAME = re.compile(r'File "[^"]*?/(terrain_forge|exporters)/([^"]+)", line \d+, in (\S+)')
 
@@ -157,6 +158,8 @@ def faults(
         place = "/".join(frames[-1][1:]) if frames else "?"
         last = next((line for line in reversed(lines[:-1]) if not line.startswith(" ")), "?")
         found.append(f"traceback: {last.split(':')[0]} in {place}")
+    elif ended.status == 3 and ended.stderr.startswith(_DISK) and len(lines) == 1:
+        pass
     elif ended.status is not None and ended.status not in allowed:
         found.append(f"status: {ended.status}: {_shape(ended.stderr)}")
     elif ended.status == 0 and lines:
