@@ -158,10 +158,9 @@ def plan(
     populations = site.recipe.rocks.populations
     require_place(populations, site)
     wanted = site.recipe.rocks.library
-    library = partial(find_library, wanted, custom=site.meshes)
-    check_packing(populations, size, library)
+    check_packing(populations, size, partial(find_library, wanted.sample(), custom=site.meshes))
     if wanted.may_fail:
-        library()
+        find_library(wanted, custom=site.meshes)
     return site
 
 

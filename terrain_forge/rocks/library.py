@@ -13,7 +13,7 @@ import platform
 import tempfile
 import zlib
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -56,6 +56,8 @@ MOST_FILES = 64
 _VARIABLE = "TERRAIN_FORGE_CACHE"
 _MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
 _BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
+MOST_PACKED = 64
+"""Shapes by which is judged whether rocks can be packed."""
 _OUTLINE_TOLERANCE = 2e-3  # of a mean axis
 
 
@@ -102,6 +104,10 @@ class LibrarySpec(Spec):
     hull_distance: Annotated[float, Interval(ge=0.02, le=1)] = 0.15
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
+
+    def sample(self) -> LibrarySpec:
+        """As many shapes as tell how they can be packed: making more takes minutes."""
+        return replace(self, shapes=min(self.shapes, max(MOST_PACKED, len(self.families))))
 
     @property
     def may_fail(self) -> bool:

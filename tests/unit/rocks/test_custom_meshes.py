@@ -379,7 +379,7 @@ def made():
 def test_cache_notices_any_figure_that_is_not_its_own(tmp_path, monkeypatch, made, name, value):
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "kept"))
     spec = LibrarySpec(shapes=1, seed=5)
-    monkeypatch.setattr("terrain_forge.rocks.shapes.cache.make_library", lambda *_, **__: made)
+    monkeypatch.setattr("terrain_forge.rocks.library.make_library", lambda *_, **__: made)
     assert find_library(spec) == made
     (file,) = (tmp_path / "kept").iterdir()
     rock = made.prototypes[0].replace(**{name: value})
