@@ -124,7 +124,7 @@ def plan(
     require_fits(recipe, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
     with reading(getattr(recipe.dtm, "source", recipe.dtm.kind), key=("dtm",)):
-        ground = survey(recipe.dtm, body=body, folder=folder, heights=heights)
+        ground = survey(recipe.dtm, body=body, folder=folder, heights=heights, seed=recipe.seed)
     site = Site(
         name=recipe.name,
         seed=recipe.seed,

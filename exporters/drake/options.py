@@ -24,6 +24,8 @@ SECONDS_PER_BODY = 5e-3
 """Time per dynamic rock [s]."""
 MOST_SECONDS, MOST_MB = 300.0, 8192.0
 """What parsing may take."""
+COARSENESS = 0.03, 0.06, 0.12
+"""Errors of a merged rock's outline that are tried, the first that is bearable is taken."""
 WORTH_SAYING = 20.0
 """From what on parsing is a loss to be told [s]."""
 _SAMPLE = 400
@@ -45,8 +47,10 @@ class Options(Spec):
     """Rocks of at least this exposed diameter are geometries of their own; smaller static ones are
     merged into one mesh per tile and population, since Drake's parser takes a time that grows with
     the square of their number."""
-    outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
-    """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
+    outline_error: Annotated[float, Interval(ge=0, le=0.5)] | None = None
+    """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be; by
+    default 0.03, or the next of 0.06 and 0.12 with which Drake's parser takes the
+    world."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
     """Cells of the ground's grid per mesh, each way."""
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
@@ -114,22 +118,33 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         )
 
 
+def outline_error(world: World, options: Options) -> float:
+    """The error that a merged rock's outline may have."""
+    tried = COARSENESS if options.outline_error is None else (options.outline_error,)
+    return next((e for e in tried if parsing_load(world, options, e).bearable), tried[-1])
+
+
 def require_parsable(world: World, options: Options) -> Load:
     """What Drake's parser takes for a world.
 
     Raises:
         ExportError: if it would sit over it for long; says what to choose instead.
     """
+    load = parsing_load(world, options, outline_error(world, options))
+    if not load.bearable:
+        raise ExportError(f"Drake's parser would load {load} ({_ALLOWED}); {ADVICE}")
+    return load
+
+
+def parsing_load(world: World, options: Options, error: float) -> Load:
+    """What Drake's parser takes where outlines of merged rocks may have that error."""
     fixed = world.field.select(~world.field.dynamic)
     large = is_single(fixed, options.individual_min_m)
     faces = 2 * (world.ground.shape[0] - 1) * (world.ground.shape[1] - 1)
     finest = np.array([len(p.meshes[0].faces) for p in world.library.prototypes], np.int64)
     faces += int(finest[fixed.prototype[large & fixed.collides]].sum())
-    faces += _merged_faces(world, fixed.select(~large & fixed.collides), options.outline_error)
-    load = Load(faces=faces, single=int(large.sum()), dynamic=len(world.field) - len(fixed))
-    if not load.bearable:
-        raise ExportError(f"Drake's parser would load {load} ({_ALLOWED}); {ADVICE}")
-    return load
+    faces += _merged_faces(world, fixed.select(~large & fixed.collides), error)
+    return Load(faces=faces, single=int(large.sum()), dynamic=len(world.field) - len(fixed))
 
 
 def _merged_faces(world: World, rocks: RockField, tolerance: float) -> int:

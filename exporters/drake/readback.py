@@ -24,6 +24,8 @@ from terrain_forge.validation import (
     run,
 )
 
+from .options import outline_error
+
 VARIABLE = "TERRAIN_FORGE_DRAKE_PYTHON"
 """The environment variable that names a Python with Drake."""
 
@@ -52,7 +54,8 @@ def read_drake(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
         text = run(command, text=json.dumps(order), log=scratch / "drake.log")
         reading = read_answer(sample, text, binary)
     reasons = {"gravity": "Drake takes none from files", "path": "Drake has no actors"}
-    return replace(reading, tracks=None, rock_error=options.outline_error, reasons=reasons)
+    error = outline_error(sample.world, options)
+    return replace(reading, tracks=None, rock_error=error, reasons=reasons)
 
 
 def _write_ground(world: Path, path: Path) -> None:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 TYPES: dict[str, type[Record]] = {}
 
 
-def shaped(*shape: int | str, dtype: Any = np.float64) -> dict[str, Any]:
-    """Metadata of a record's field that holds an array: its shape and type.
+def shaped(*shape: int | str, dtype: Any = np.float64, **more: Any) -> dict[str, Any]:
+    """Metadata of a record's field that holds an array: its shape and type, and what else is told.
 
     Each dimension is a number or a word; equal words are equal lengths in all of the record.
     """
-    return {"dtype": dtype, "shape": shape}
+    return {"dtype": dtype, "shape": shape, **more}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -200,7 +200,7 @@ def _fault(error: BaseException | None, folder: Path) -> str:
 _REFUSALS = {
     *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
     *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
-    errno.ENOENT,
+    *(errno.ENOENT, errno.EEXIST),
 }
 
 
@@ -226,7 +226,11 @@ _OLD = "old"
 
 def _locked(folder: Path, target: Path) -> int:
     while True:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            if folder.is_file():
+                raise
         with suppress(FileNotFoundError):  # another one has just removed the folder
             handle = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
             try:

@@ -3,6 +3,7 @@
 from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts
+from .description import site_warnings as site_warnings
 from .interpolation import NEAR as NEAR
 from .interpolation import STENCIL as STENCIL
 from .interpolation import add_cell_means as add_cell_means

@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import DataError
-from terrain_forge.dtm.projection import geographic_crs, scale_error, transform
+from terrain_forge.dtm.projection import ellipsoid, geographic_crs, scale_error, transform
 from terrain_forge.dtm.quality import assess
 from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.dtm.roughness import COARSE_POSTING
-from terrain_forge.model import Site
+from terrain_forge.model import Body, Site
 
 _MOST_SAMPLES = 2**24
 _PIECE, _PIECES = 256, 5
+FEWEST_ACROSS = 4.0
+"""Postings across a site below which its ground is nearly all invented."""
+NATURAL = (0.5, 1.0)
+"""Hurst exponents that ground has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +119,57 @@ def site_facts(site: Site) -> list[str]:
         if site.dtm.planar_fraction > 0.001:
             share = 100 * site.dtm.planar_fraction
             facts.append(f"planar fill  {share:.1f} % of the samples around lie in exact planes")
+    facts += [f"warning      {warning}" for warning in site_warnings(site)]
     return facts
+
+
+def site_warnings(site: Site) -> list[str]:
+    """What a user should know of the ground that a site's DTM makes."""
+    dtm, roughness = site.dtm, site.roughness
+    if dtm is None:
+        return []
+    found = []
+    across = min(site.size) / dtm.posting
+    if across < FEWEST_ACROSS:
+        found.append(
+            f"the site is {across:.2g} postings wide, {_metres(dtm.posting)} each: nearly all of "
+            "its ground is invented"
+        )
+    found += odd_heights(dtm.heights, site.body)
+    if dtm.noise:
+        found.append(
+            f"the DTM had noise of {_metres(dtm.noise)} RMS, which was taken away: heights are the "
+            "DTM's within that only; dtm.noise: keep leaves it in, a figure says how much it is"
+        )
+    if roughness.exponent is not None:
+        fitted, error = roughness.exponent
+        low, high = NATURAL
+        if fitted + 2.0 * error < low:
+            found.append(
+                f"the exponent fitted to the DTM, {fitted:.2f} ± {error:.2f}, is below {low:g}: "
+                f"rougher than ground is at its posting, as noise is; {roughness.hurst:.2f} is "
+                "used; where the noise is known, give it as dtm.noise"
+            )
+        elif fitted - 2.0 * error > high:
+            found.append(
+                f"the exponent fitted to the DTM, {fitted:.2f} ± {error:.2f}, is above {high:g}: "
+                f"smoother than ground is at its posting; {roughness.hurst:.2f} is used"
+            )
+    return found
+
+
+def odd_heights(heights: NDArray[np.float64], body: Body) -> list[str]:
+    """A warning of heights that no ground of the body has; none if all can be."""
+    if body.relief is None or not heights.size:
+        return []
+    low, high = float(heights.min()), float(heights.max())
+    if body.relief[0] <= low and high <= body.relief[1]:
+        return []
+    return [
+        f"heights of {low:.6g} to {high:.6g} m are beyond {body.name}'s, {body.relief[0]:g} to "
+        f"{body.relief[1]:g} m: another unit, datum or no data? See dtm.height_scale, "
+        "dtm.height_offset_m, dtm.nodata"
+    ]
 
 
 def _pieces(shape: tuple[int, int], whole: bool) -> list[tuple[slice, slice]]:
@@ -162,14 +216,18 @@ def _place(raster: Raster) -> str:
 
 def _meaning(raster: Raster) -> str:
     dtype, v = raster.dataset.dtypes[raster.band - 1], raster.vertical
+    unit = "kilometres" if v.scale == 1000.0 else "metres"
+    assumed = f"; the file declares no unit: {unit} are assumed" if v.assumed else ""
     if v.reference_radius:
+        sphere = not raster.crs or len(set(ellipsoid(raster.crs))) == 1
+        above = "" if sphere else " in the middle, above the ellipsoid elsewhere"
         return (
             f"radius: value × {v.scale:g} + {v.offset:.10g} m from the body's centre; "
-            f"heights are taken above {v.reference_radius:.10g} m"
+            f"heights are taken above {v.reference_radius:.10g} m{above}{assumed}"
         )
     if not v.known:
         return f"unknown: {dtype} without a vertical scale, an image or a stretched height map"
-    stated = f", the file says {v.unit!r}" if v.unit else ""
+    stated = f", the file says {v.unit!r}" if v.unit else assumed
     if (v.scale, v.offset) == (1.0, 0.0):
         return f"height above the datum in metres{stated}"
     return f"height: value × {v.scale:.6g} + {v.offset:g} m{stated}"
@@ -202,6 +260,8 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
             "which a wheel feels; dtm.destair smooths them"
         )
     found += values.suspects
+    if raster.vertical.known and not values.suspects:
+        found += odd_heights(values.heights, raster.body)
     if raster.vertical.odd_unit:
         found.append(f"unit {raster.vertical.unit!r} is no length: taken as metres")
     if values.planar > 0.01:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, portable
 
 
 def transform(source: str, target: str, x: Array, y: Array) -> tuple[Array, Array]:
@@ -38,10 +38,15 @@ def ellipsoid(crs: str) -> tuple[float, float]:
 
 def datum_radius(crs: str, lat_deg: float = 0.0) -> float:
     """Distance of the CRS's ellipsoid from its centre at a (geodetic) latitude [m]."""
+    return float(datum_radii(crs, np.array([lat_deg]))[0])
+
+
+def datum_radii(crs: str, lat_deg: Array) -> Array:
+    """The same at many latitudes [degrees]."""
     major, minor = ellipsoid(crs)
-    cos, sin = np.cos(np.radians(lat_deg)), np.sin(np.radians(lat_deg))
-    above = (major**2 * cos) ** 2 + (minor**2 * sin) ** 2
-    return float(np.sqrt(above / ((major * cos) ** 2 + (minor * sin) ** 2)))
+    rise = portable.tan(np.radians(lat_deg)) ** 2
+    above, below = major**4 + minor**4 * rise, major**2 + minor**2 * rise
+    return np.asarray(np.sqrt(above / below))
 
 
 def scale_error(crs: str, size: tuple[float, float]) -> float:

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, portable, reading, require_file
+from terrain_forge.dtm.lattice import anchors, bilinear
 from terrain_forge.dtm.projection import (
+    datum_radii,
     datum_radius,
     ellipsoid,
     geographic_crs,
@@ -34,6 +36,7 @@ DRIVERS = (
 Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
 MAX_PIXELS = 2**26
 """Pixels of an image."""
+_EVERY = 8  # samples
 _CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
 
@@ -114,7 +117,7 @@ class Raster:
         ]
         parts = [self._read_values(rows, span) for span in spans]
         values, valid = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-        heights = np.where(valid, self.heights(values), 0.0)
+        heights = np.where(valid, self.heights(values) - self._datum_rise(rows, columns), 0.0)
         if strict:
             require_no_sentinel(values[valid], self.source, cliff=self._cliff())
             require_heights(heights, self.source, self.body)
@@ -127,6 +130,24 @@ class Raster:
         window = RasterWindow.from_slices(rows, columns)
         values = self.dataset.read(self.band, window=window).astype(np.float64)
         return values, self.valid(values, self.dataset.read_masks(self.band, window=window))
+
+    def _datum_rise(self, rows: slice, columns: slice) -> Array | float:
+        """Radius of the ellipsoid at each sample above that at the raster's middle [m].
+
+        0 unless the numbers are radii on a body that is no sphere. Exact at every eighth sample.
+        """
+        middle = self.vertical.reference_radius
+        if not middle or not self.crs or len(set(ellipsoid(self.crs))) == 1:
+            return 0.0
+        across, x_steps = anchors(columns.start, columns.stop - columns.start, _EVERY)
+        down, y_steps = anchors(rows.start, rows.stop - rows.start, _EVERY)
+        a, b, c, d, e, f = self.to_pixel
+        column, row = np.meshgrid(across - c, down - f)
+        (p, q), (r, s) = portable.inverse([[a, b], [d, e]])
+        place = transform(
+            self.crs, geographic_crs(self.crs), p * column + q * row, r * column + s * row
+        )
+        return bilinear(datum_radii(self.crs, place[1]) - middle, x_steps, y_steps)
 
     def _cliff(self) -> float:
         """Difference of neighbours that no ground has [units of the file]."""

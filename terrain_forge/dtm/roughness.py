@@ -7,11 +7,13 @@ import math
 import numpy as np
 
 from terrain_forge.base import Array, Mask, portable
+from terrain_forge.dtm.grain import find_grain
 from terrain_forge.dtm.increments import (
     expected_increment,
     local_square_increments,
     mean_square_increment,
 )
+from terrain_forge.dtm.noise_floor import NoiseFloor
 from terrain_forge.model import Body, Roughness
 
 COARSE_POSTING = 50.0
@@ -20,8 +22,8 @@ FEWEST_POSTS = 48
 """Posts a side below which the exponent is called a preset that the DTM has moved."""
 FEWEST_FOR_AMPLITUDE = 24
 """Posts a side below which nothing is taken from the DTM."""
-HURST_LIMITS = (0.5, 0.95)
-"""Exponents of natural planetary ground between which a fit is kept."""
+HURST_LIMITS = (0.47, 0.95)
+"""Exponents between which a fit is kept: ground rough at the posting is less so below it."""
 HURST_PRIOR = (0.75, 0.15)
 """Mean and scatter of the exponents that are published of sites (0.57, 0.65 and 0.8 at Pathfinder,
 Viking 1 and 2, 0.76 and 0.95 on the lunar maria and highlands), which a fit is weighed against."""
@@ -34,11 +36,18 @@ _SMOOTHED = 1.3
 reach 1.26, a Gaussian of one post makes 1.36 and more."""
 _ROUGH = 1.1
 """Exponent below which smoothing shows no more."""
-_LOCAL_WIDTH = 4.0
+_LOCAL_WIDTH = 2.0
+_BEND = 0.6
+"""Octaves below its baselines for which an exponent goes on to rise as it did above them …"""
+_MOST_BENT = 0.1  # … and its largest rise in an octave
 
 
 def fit_roughness(
-    heights: Array, posting: float, body: Body, trusted: Mask | None = None
+    heights: Array,
+    posting: float,
+    body: Body,
+    trusted: Mask | None = None,
+    floor: NoiseFloor | None = None,
 ) -> Roughness:
     """Exponent and local RMS deviation of the ground at the shortest baselines that the DTM tells.
 
@@ -54,6 +63,7 @@ def fit_roughness(
         posting: distance of its posts [m].
         body: whose figures are taken where the DTM is too coarse or too small.
         trusted: posts that are measured, not filled in; all, if not given.
+        floor: noise that the heights had: the exponent is that of the ground above it.
     """
     if posting > COARSE_POSTING:
         return body_roughness(body, f"a DTM of {posting:.3g} m posting says nothing of 1 m")
@@ -64,14 +74,20 @@ def fit_roughness(
     squares = [mean_square_increment(heights, lag, trusted) for lag in (1, 2, 4, 8)]
     if not np.min(squares) > 0.0:  # nor where nothing is trusted, which is NaN
         return body_roughness(body, "DTM without relief")
-    resolved = _shortest_resolved(squares)
-    exponent = _fitted(heights, trusted, resolved)
-    weighed = _weighed(exponent)
+    resolved = 1 if floor else _shortest_resolved(squares)
+    exponent = floor.exponent if floor else _fitted(heights, trusted, resolved)
+    bend = 0.0 if floor else _BEND * _rise(heights, trusted, resolved)
+    weighed = _weighed(exponent) + bend
     hurst = _limited(weighed)
     source = _source(heights.shape, exponent, hurst)
+    if bend > 0.005:
+        source += f", {bend:.2f} more below its posting as it rises towards it"
+    if floor:
+        source += f" above its noise, baselines from {0.5 * floor.longest * posting:.3g} m"
     local = _local_deviation(heights, trusted, hurst, resolved) / posting**hurst
     # Ground that is smoother than the limit stays so for another octave: its power ends sooner.
     local *= 0.5 ** max(weighed - hurst, 0.0)
+    grain = find_grain(heights, trusted)
     longest = resolved * BASELINES[-1] * posting
     return Roughness(
         hurst=hurst,
@@ -81,6 +97,7 @@ def fit_roughness(
         exponent=exponent,
         resolved=resolved,
         local=local.astype(np.float32),
+        grain=None if grain is None else grain.astype(np.float32),
     )
 
 
@@ -156,6 +173,21 @@ def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
     return 0.5 * slope
 
 
+def _rise(heights: Array, trusted: Mask, resolved: int) -> float:
+    """Rise of the exponent in each octave towards the shortest baseline; 0 if it falls."""
+    found, baselines = [], [resolved, 2 * resolved, 4 * resolved]
+    for lag in baselines:
+        if 6 * lag > min(heights.shape):
+            break
+        found.append(_fit_exponent(heights, trusted, lag))
+    if len(found) < 2:
+        return 0.0
+    weight = np.array([4.0, 2.0, 1.0])[: len(found)]
+    octave = np.arange(len(found)) - np.sum(weight * np.arange(len(found))) / np.sum(weight)
+    rise = -np.sum(weight * octave * np.array(found)) / np.sum(weight * octave**2)
+    return float(np.clip(rise, 0.0, _MOST_BENT))
+
+
 def _standard_error(heights: Array, trusted: Mask, resolved: int) -> float:
     """Standard error of the exponent, from the scatter between the DTM's quarters."""
     rows, columns = (length // 2 for length in heights.shape)
@@ -172,11 +204,6 @@ def _standard_error(heights: Array, trusted: Mask, resolved: int) -> float:
 
 
 def _local_deviation(heights: Array, trusted: Mask, hurst: float, resolved: int) -> Array:
-    """RMS deviation at one posting around each post [m]."""
-    lags = (resolved, 2 * resolved)
-    width = _LOCAL_WIDTH * resolved
-    squares = [
-        local_square_increments(heights, lag, trusted, width) / expected_increment(hurst, lag)
-        for lag in lags
-    ]
-    return np.asarray(np.sqrt(np.mean(squares, axis=0)))
+    """RMS deviation at one posting around each post [m], from the shortest baseline."""
+    squares = local_square_increments(heights, resolved, trusted, _LOCAL_WIDTH * resolved)
+    return np.asarray(np.sqrt(squares / expected_increment(hurst, resolved)))

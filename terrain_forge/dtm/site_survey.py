@@ -7,15 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Mask, RecipeError
+from terrain_forge.base import Array, DataError, Mask, RecipeError, stage_key
+from terrain_forge.dtm.denoising import denoised
 from terrain_forge.dtm.interpolation import cubic
 from terrain_forge.dtm.lattice import patch_pixels
+from terrain_forge.dtm.noise_floor import NoiseFloor, find_noise
 from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
 from terrain_forge.dtm.quality import planar_posts
 from terrain_forge.dtm.raster import Raster, open_raster
 from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
-from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, RasterDtm
+from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, Noise, RasterDtm
 from terrain_forge.model import Body, DtmPatch, Roughness
 
 
@@ -32,9 +34,21 @@ class Survey:
 
 
 def survey(
-    spec: RasterDtm | FlatDtm | ArrayDtm, *, body: Body, folder: Path, heights: Array | None
+    spec: RasterDtm | FlatDtm | ArrayDtm,
+    *,
+    body: Body,
+    folder: Path,
+    heights: Array | None,
+    seed: int = 0,
 ) -> Survey:
     """Read the heights around the site and resolve everything that depends on them.
+
+    Args:
+        spec: the recipe's `dtm`.
+        body: what it is a part of.
+        folder: what its paths are relative to.
+        heights: those of a spec of kind `array` [m].
+        seed: of the ground that is drawn where a DTM's noise hides it.
 
     Raises:
         DataError, RecipeError: if the DTM cannot serve as the recipe says.
@@ -54,6 +68,7 @@ def survey(
         patch, measured = _array_patch(spec, heights)
     else:
         crs, lonlat, patch, measured = _raster_patch(spec, body, folder)
+    patch, floor = _without_noise(patch, measured, spec.noise, seed)
     datum_height, slope = _datum(patch, crs, spec.size_m, level=spec.level == "plane")
     return Survey(
         crs=crs,
@@ -61,8 +76,32 @@ def survey(
         datum_height=datum_height,
         slope=slope,
         dtm=patch,
-        roughness=fit_roughness(patch.heights, patch.posting, body, measured),
+        roughness=fit_roughness(patch.heights, patch.posting, body, measured, floor),
     )
+
+
+def _without_noise(
+    patch: DtmPatch, measured: Mask, noise: Noise, seed: int
+) -> tuple[DtmPatch, NoiseFloor | None]:
+    """The patch without the noise that the recipe says or lets look for, and what it was."""
+    if noise in ("keep", 0.0):
+        return patch, None
+    given = None if isinstance(noise, str) else noise
+    floor = find_noise(patch.heights, patch.posting, measured, given)
+    if floor is None and given is not None:
+        kept = f"noise of {given:.2g} m could not be told from the ground: it is kept"
+        return patch.replace(repairs=(*patch.repairs, kept)), None
+    if floor is None:
+        return patch, None
+    source = "found in" if given is None else "said to be in"
+    told = (
+        f"noise of {floor.deviation:.2g} m RMS {source} the DTM, alike over "
+        f"{floor.correlation:.2g} posts: filtered; waves up to {floor.longest:.2g} posts, which it "
+        "hides, are drawn as the longer ones tell"
+    )
+    heights = denoised(patch.heights, floor, stage_key(seed, "dtm/noise"))
+    repairs = (*patch.repairs, told)
+    return patch.replace(heights=heights, repairs=repairs, noise=floor.deviation), floor
 
 
 def _place(

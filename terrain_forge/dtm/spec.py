@@ -11,6 +11,7 @@ from terrain_forge.base import Coordinate, InputFile, Pair, Positive, PositivePa
 
 Longitude = Annotated[float, Interval(ge=-180, le=360)]
 Latitude = Annotated[float, Interval(ge=-90, le=90)]
+Noise = Literal["auto", "keep"] | Annotated[float, Interval(ge=0, le=1000)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +51,9 @@ class RasterDtm(Spec):
     destair: bool = False
     """Smooth the stairs of an 8-bit or otherwise coarsely stepped DTM; each height stays within
     half a step of its sample."""
+    noise: Noise = "auto"
+    """Errors of a stereo DTM's matcher: `auto` looks for them and takes them away, `keep` leaves
+    them in, a figure is their RMS [m] where it is known."""
     extent_m: PositivePair | None = None
     """For a raster without georeference: its size on the ground, east and north [m]."""
     pixel_is: Literal["area", "point"] = "area"
@@ -85,5 +89,7 @@ class ArrayDtm(Spec):
     """Size of the site around the array's centre, node to node, east and north [m]."""
     level: Literal["none", "plane"] = "none"
     """`plane` takes the best-fit plane away."""
+    noise: Noise = "auto"
+    """Errors of a matcher: looked for (`auto`), kept (`keep`), or their RMS [m]."""
     lonlat_deg: tuple[Longitude, Latitude] | None = None
     """Where on the body the site lies [degrees]; without it nothing is georeferenced."""

@@ -36,11 +36,14 @@ class Vertical:
     """Height of the value 0 above the datum, or the distance from the centre of a radius product
     [m]."""
     reference_radius: float
-    """What is taken off a radius product to make heights of it [m]; 0 for heights."""
+    """What is taken off a radius product to make heights of it, at the raster's middle [m]; 0 for
+    heights."""
     known: bool
     """Whether the file or the recipe says how its numbers become metres."""
     unit: str
     """The unit that the file declares; empty if none."""
+    assumed: bool = False
+    """Whether neither the file nor the recipe says in which unit its numbers are."""
 
     @property
     def odd_unit(self) -> bool:
@@ -94,6 +97,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         reference_radius=datum if is_radius else 0.0,
         known=known,
         unit=unit,
+        assumed=not unit and spec.height_scale is None and spec.height_range_m is None,
     )
 
 

@@ -180,5 +180,9 @@ class Body(Record):
     """Fallback where no DTM tells: Hurst exponent, RMS deviation at 1 m [m]."""
     friction: Frictions
     """Friction of wheels."""
+    repose: float | None = None
+    """Steepest slope at which its loose ground rests [rad]; None where nobody knows."""
+    relief: tuple[float, float] | None = None
+    """Heights of its lowest and highest ground above the datum [m]; None where not known."""
     craters: CraterConstants
     """Shapes and numbers of craters."""

@@ -33,6 +33,8 @@ class DtmPatch(Record):
     planar_fraction: float = 0.0
     """Part of the samples in and around the site that lie in exact planes, as triangles that fill
     gaps of stereo images do, 0 to 1."""
+    noise: float = 0.0
+    """RMS noise that was found in the DTM and taken away [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

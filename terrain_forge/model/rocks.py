@@ -93,7 +93,10 @@ class RockLibrary(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RockField(Rows):
-    """The rocks of a world, one row each, ordered by id."""
+    """The rocks of a world, one row each, ordered by id.
+
+    Fields that name a `column`, with the printf form of its numbers, are columns of rocks.csv.
+    """
 
     populations: tuple[str, ...]
     """Names of the populations; rocks name them by index."""
@@ -109,16 +112,16 @@ class RockField(Rows):
     """Rotation (w, x, y, z) from the prototype's axes to the world's, shape [rocks, 4]."""
     scale: Array = field(metadata=shaped("rocks"))
     """Size in units of the prototype, shape [rocks]."""
-    diameter: Array = field(metadata=shaped("rocks"))
+    diameter: Array = field(metadata=shaped("rocks", column="diameter_m", form="%.7f"))
     """Exposed plan diameter [m], shape [rocks]."""
-    height: Array = field(metadata=shaped("rocks"))
+    height: Array = field(metadata=shaped("rocks", column="height_m", form="%.7f"))
     """Top of the rock above the ground's tangent plane at its centre [m], shape [rocks]."""
-    buried_fraction: Array = field(metadata=shaped("rocks"))
+    buried_fraction: Array = field(metadata=shaped("rocks", column="buried_fraction", form="%.7f"))
     """Part of the rock's extent across the tangent plane that lies below it, 0 to 1, shape
     [rocks]."""
-    volume: Array = field(metadata=shaped("rocks"))
+    volume: Array = field(metadata=shaped("rocks", column="volume_m3", form="%.9g"))
     """Volume of the whole rock [m³], shape [rocks]."""
-    mass: Array = field(metadata=shaped("rocks"))
+    mass: Array = field(metadata=shaped("rocks", column="mass_kg", form="%.9g"))
     """Mass [kg], shape [rocks]."""
     dynamic: NDArray[np.bool_] = field(metadata=shaped("rocks", dtype=np.bool_))
     """Which rocks lie on the ground as bodies that can be pushed; the others are fixed, shape

@@ -68,6 +68,13 @@ class Roughness(Record):
     )
     """RMS deviation at 1 m around each post of the DTM [m], shape [rows, columns] of the patch;
     None where nothing local is known."""
+    grain: NDArray[np.float32] | None = field(
+        default=None, metadata=shaped(2, "rows", "columns", dtype=np.float32)
+    )
+    """Cosine and sine of twice the angle, from the DTM's columns towards its rows, of the direction
+    in which the ground around each post is roughest, times how much rougher than across it: the
+    difference of the mean square increments over their sum. Shape [2, rows, columns]; None where
+    the ground has no direction."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,7 +21,7 @@ _HEAVIEST = 10_000
 """Characters of a text, and items and characters of a list with all that it holds."""
 _LARGEST = 2**128
 _CONTAINER_STEPS = 50
-"""What it may cost to look at a list, in steps of an expression."""
+"""What it costs to look at a list, in steps of an expression, besides one for each item."""
 
 
 class Names(Protocol):
@@ -188,7 +188,9 @@ class _Evaluation:
         self._budget.spend("steps")
         value = self._compute(node)
         if isinstance(value, (list, tuple, dict)):
-            self._budget.spend("steps", _CONTAINER_STEPS)
+            self._budget.spend("steps", _CONTAINER_STEPS + len(value))
+        elif isinstance(value, str):
+            self._budget.spend("characters", len(value))
         return value
 
     def _compute(self, node: ast.expr) -> Value:

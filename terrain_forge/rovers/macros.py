@@ -244,6 +244,7 @@ class _Expansion:
         if whole in self._open:
             raise ValueError(f"{name!r} includes itself")
         root = self._parse(file, name)
+        self._budget.spend("characters", file.stat().st_size)
         self._files.append(file)
         self._open.append(whole)
         yield from _nodes(root)
@@ -271,7 +272,7 @@ class _Expansion:
 
     def _call(self, tag: str, node: Element, frame: _Frame) -> None:
         """Expand the blocks of a call where it stands, then its macro with them."""
-        self._budget.spend("elements")  # scopes cost as much as elements
+        self._budget.spend("elements", 3)  # its scopes cost as much
         macro, names, macros = self._find_macro(tag, frame)
         own = Scope(names)
         for name, text in node.attrib.items():

@@ -31,6 +31,20 @@ _SAMPLES = 16  # at least so many nodes across a pixel take part in its mean
 
 
 @dataclass(frozen=True, kw_only=True)
+class Grain:
+    """Noise that is drawn out along one direction, where the ground is."""
+
+    key: np.uint64
+    """What the noise is, from `seeds.stage_key`."""
+    turn: Array
+    """Matrix from east and north to coordinates in which the noise is alike in all directions."""
+    factor: float
+    """On its octaves, so that it is as high as noise alike in all directions."""
+    share: Array
+    """What it is multiplied by around each post of the DTM, shape [rows, columns] of its patch."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Octaves:
     """Noise that continues the ground: octaves with their factors."""
 
@@ -42,6 +56,8 @@ class Octaves:
     """Height of each octave [m]."""
     variation: Array | None
     """Factor on the heights around each post of the DTM, shape [rows, columns] of its patch."""
+    grains: tuple[Grain, ...] = ()
+    """Noise with directions that takes the place of a part of it; the first has none."""
 
 
 def continue_dtm(*, site: Site, window: Window, noise: Octaves) -> Array:
@@ -79,18 +95,27 @@ def noise_at(
 ) -> Array:
     """The chosen octaves at nodes, higher where the ground around is rougher [m]."""
     east, north = nodes.axes(site)
-    total = octaves(
-        noise.key,
-        east=east,
-        north=north,
-        wavelengths=noise.wavelengths[chosen],
-        amplitudes=noise.factors[chosen],
-    )
-    if noise.variation is not None:
-        places = node_places(site, nodes)
-        over_chunks(
-            _scale, len(total), np.ascontiguousarray(noise.variation, np.float64), places, total
+    places = node_places(site, nodes) if noise.grains or noise.variation is not None else None
+
+    def drawn(key: np.uint64, turn: Array | None, factor: float, share: Array | None) -> Array:
+        part = octaves(
+            key,
+            east=east,
+            north=north,
+            wavelengths=noise.wavelengths[chosen],
+            amplitudes=factor * noise.factors[chosen],
+            turn=turn,
         )
+        if share is not None:
+            over_chunks(_scale, len(part), np.ascontiguousarray(share, np.float64), places, part)
+        return part
+
+    if not noise.grains:
+        return drawn(noise.key, None, 1.0, noise.variation)
+    total = np.zeros((len(north), len(east)))
+    for grain in noise.grains:
+        share = grain.share if noise.variation is None else grain.share * noise.variation
+        total += drawn(grain.key, grain.turn, grain.factor, share)
     return total
 
 

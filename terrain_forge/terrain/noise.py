@@ -52,7 +52,7 @@ def gradient_noise(key, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def _sum_octaves(  # type: ignore[no-untyped-def]
-    first, last, key, east, north, wavelengths, amplitudes, total
+    first, last, key, east, north, wavelengths, amplitudes, turn, total
 ):
     for row in range(first, last):
         for octave in range(wavelengths.size):
@@ -65,8 +65,10 @@ def _sum_octaves(  # type: ignore[no-untyped-def]
             cell_x, cell_y = np.int64(0), np.int64(0)
             gradients = _gradients(octave_key, cell_x, cell_y)
             for column in range(east.size):
-                x = cos * east[column] - sin * north[row] + shift_x
-                y = sin * east[column] + cos * north[row] + shift_y
+                e = turn[0, 0] * east[column] + turn[0, 1] * north[row]
+                n = turn[1, 0] * east[column] + turn[1, 1] * north[row]
+                x = cos * e - sin * n + shift_x
+                y = sin * e + cos * n + shift_y
                 i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
                 if i != cell_x or j != cell_y:  # long octaves hardly ever change their cell
                     cell_x, cell_y = i, j
@@ -75,11 +77,19 @@ def _sum_octaves(  # type: ignore[no-untyped-def]
 
 
 def octaves(
-    key: np.uint64, *, east: Array, north: Array, wavelengths: Array, amplitudes: Array
+    key: np.uint64,
+    *,
+    east: Array,
+    north: Array,
+    wavelengths: Array,
+    amplitudes: Array,
+    turn: Array | None = None,
 ) -> Array:
     """Sum of noise octaves at the nodes of a grid [m], shape [north, east].
 
-    Octaves have lattices of `wavelengths` [m] and factors `amplitudes`, in the unit of the result.
+    Octaves have lattices of `wavelengths` [m] and factors `amplitudes`, in the unit of the result;
+    the 2 × 2 matrix `turn` leads from east and north to coordinates in which the noise is alike in
+    all directions.
     """
     total = np.zeros((len(north), len(east)))
     over_chunks(
@@ -90,6 +100,7 @@ def octaves(
         np.array(north, np.float64, order="C"),
         np.array(wavelengths, np.float64),
         np.array(amplitudes, np.float64),
+        np.eye(2) if turn is None else np.array(turn, np.float64),
         total,
     )
     return total

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, portable
-from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error
+from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error, site_warnings
 from terrain_forge.model import Heightfield, Roughness, Site
 
 _PER_DEGREE = 100
@@ -126,6 +126,8 @@ def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
             "filled_samples": site.dtm.filled,
             "repairs": list(site.dtm.repairs),
             "planar_fraction": site.dtm.planar_fraction,
+            "noise_m": site.dtm.noise,
+            "warnings": list(site_warnings(site)),
             "scale_error_at_the_edge": off,
         }
     # The middle of a large site tells as much and costs less.

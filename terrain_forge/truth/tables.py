@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +27,19 @@ def write_rocks(world: World, path: Path) -> None:
     """
     rocks, shapes = world.field, world.library.prototypes
     names = np.array([quoted(name) for name in rocks.populations], dtype=object)
-    sizes = rocks.diameter, rocks.height, rocks.buried_fraction
+    stored = [f for f in fields(rocks) if "column" in f.metadata]
     columns = [
         Column(name="id", values=rocks.id, form="%d"),
         Column(name="population", values=names[rocks.population], form="%s"),
         Column(name="prototype", values=rocks.prototype, form="%d"),
         *columns_of(("x_m", "y_m", "z_m"), rocks.position.T, "%.7f"),
         *columns_of(("qw", "qx", "qy", "qz"), rocks.quaternion.T, "%.10f"),
-        *columns_of(("diameter_m", "height_m", "buried_fraction"), sizes, "%.7f"),
-        *columns_of(("volume_m3", "mass_kg"), (rocks.volume, rocks.mass), "%.9g"),
+        *(
+            Column(
+                name=f.metadata["column"], values=getattr(rocks, f.name), form=f.metadata["form"]
+            )
+            for f in stored
+        ),
     ]
     extents = np.array([np.ptp(shape.meshes[0].vertices, axis=0) for shape in shapes])
     axes = extents.reshape(-1, 3)[rocks.prototype] * rocks.scale[:, None]

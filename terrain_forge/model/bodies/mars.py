@@ -5,7 +5,9 @@ doi:10.1029/2010GL045777) over the square of the mean distance in astronomical u
 taken as basalt; q(k) of Golombek et al. 2003, LPSC XXXIV. Density and colours are assumptions
 within the usual ranges (docs/science.md); the soils' order is that of the albedos, bright dust
 about 0.25 to 0.3 and dark sand 0.1 to 0.15. Craters: complex from about 6 km (Robbins & Hynek 2012,
-doi:10.1029/2011JE003967); depth 0.2 D, an average of what is reported for fresh primaries.
+doi:10.1029/2011JE003967); depth 0.2 D, an average of what is reported for fresh primaries. Repose:
+33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to
+Olympus Mons.
 """
 
 from __future__ import annotations
@@ -47,6 +49,8 @@ MARS = Body(
             "Sullivan et al. 2011, doi:10.1029/2010JE003625",
         )
     ),
+    repose=0.58,
+    relief=(-9_000.0, 22_000.0),
     craters=CraterConstants(
         largest_simple=6_000.0,
         depth_ratios=(0.2,),

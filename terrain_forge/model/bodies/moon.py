@@ -7,6 +7,7 @@ within the usual ranges (docs/science.md); maria have an albedo of about 0.07, h
 Craters: complex where the depths of simple and complex ones cross (Pike 1977). Depths over
 diameter from 40 to 400 m: Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022, in the steps of
 their classes; below as continued by synthterrain (NASA Ames); above: Pike 1977, 0.196 D^1.010, km.
+Repose: 34°, an assumption. Relief: 11 km around the sphere.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ MOON = Body(
             "(NTRS 19730039283)",
         )
     ),
+    repose=0.59,
+    relief=(-11_000.0, 11_000.0),
     craters=CraterConstants(
         largest_simple=10_583.0,
         depth_steps=(10.0, 40.0, 100.0, 200.0, 400.0),

@@ -104,6 +104,7 @@ def dtm_part(terrain: dict[str, Any]) -> list[Block]:
     state = terrain.get("dtm_state")
     if not state:
         return []
+    warnings = [paragraph(f"Warning: {text}.", "note") for text in state.get("warnings", [])]
     rows, columns = state["samples"]
     error, worst = state["scale_error_at_the_edge"], terrain["worst_pixel_mean_m"]
     lengths = "as given" if error is None else f"{1e6 * error:.2g} in a million off at the edge"
@@ -117,7 +118,7 @@ def dtm_part(terrain: dict[str, Any]) -> list[Block]:
         ("Exponent of the detail", f"{terrain['hurst']:.2f}"),
         ("Means over pixels", "–" if worst is None else f"{1000.0 * worst:.2g} mm off at most"),
     ]
-    return [heading("The terrain model"), facts(listed)]
+    return [heading("The terrain model"), *warnings, facts(listed)]
 
 
 def _with_error(found: dict[str, float] | None) -> str:

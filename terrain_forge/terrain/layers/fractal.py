@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -10,9 +11,9 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Spec, portable, stage_key
-from terrain_forge.dtm import Nodes
+from terrain_forge.dtm import Nodes, PixelFrame
 from terrain_forge.model import Site, Window
-from terrain_forge.terrain.continuation import Octaves, continue_dtm, noise_at
+from terrain_forge.terrain.continuation import Grain, Octaves, continue_dtm, noise_at
 from terrain_forge.terrain.layer import Layer
 
 # Mean square difference of the unit-lattice noise at distances 2^(n/2), n = -12 … 8, over 4 million
@@ -29,6 +30,9 @@ _ALL = np.arange(-60, 401)  # octaves beyond, shorter and longer, change nothing
 _SHORTEST, _SHORTEST_OF_POINTS = 1.5, 0.75
 _FLAT_LONGEST = 32.0  # longest wavelength on a flat site [m] …
 _BASELINES = 8.0  # … and in baselines of the roughness
+_STAGE = "terrain/fractal"
+_DRAWN_OUT = 4.0  # length over width of noise with a direction
+_RESTING = 0.5  # RMS slope of detail over one spacing, of the tangent of the angle of repose
 _FEWEST_BASELINES = 4.0  # in a longest wavelength, so that longer ones are planes over it
 
 
@@ -107,10 +111,11 @@ class Fractal(Layer):
             baseline = min(self._baseline, wavelengths[0] / _FEWEST_BASELINES)
             factors *= end_factors(hurst, wavelengths, baselines=(baseline, site.spacing))
         noise = Octaves(
-            key=stage_key(site.seed, "terrain/fractal"),
+            key=stage_key(site.seed, _STAGE),
             wavelengths=wavelengths,
             factors=self.gain * factors,
             variation=self.variation(site),
+            grains=_grains(site, hurst) if self._follows(site) else (),
         )
         if site.dtm is None or not self.keep_means:
             return noise_at(site, Nodes.of(window), noise)
@@ -120,6 +125,17 @@ class Fractal(Layer):
     def _baseline(self) -> float:
         """Baseline of the roughness that is asked for [m]."""
         return 1.0 if self.rms_slope is None else self.rms_slope.baseline_m
+
+    @property
+    def _given(self) -> bool:
+        """Whether the recipe says how rough the ground is."""
+        given = (self.preset, self.rms_slope, self.deviation_1m_m)
+        return any(figure is not None for figure in given)
+
+    def _follows(self, site: Site) -> bool:
+        """Whether the detail is as the DTM around is."""
+        local = self.amplitude == "local" or (self.amplitude is None and not self._given)
+        return local and site.dtm is not None
 
     def octaves(self, site: Site) -> Array:
         """Lattice distances of the octaves [m], the longest first."""
@@ -157,13 +173,61 @@ class Fractal(Layer):
         return hurst, found.deviation * joint ** (found.hurst - hurst)
 
     def variation(self, site: Site) -> NDArray[np.float64] | None:
-        """RMS deviation around each of the DTM's posts, as a factor on that of all; or None."""
+        """RMS deviation around each of the DTM's posts, as a factor on that of all; or None.
+
+        Where loose ground would not rest it is less: the RMS slope over one spacing is at most half
+        the tangent of the angle of repose, which one place in forty then exceeds. Ground as steep
+        at the DTM's own posting is rock.
+        """
         found = site.roughness
-        given = self.preset or self.rms_slope or self.deviation_1m_m is not None
-        follow = self.amplitude == "local" or (self.amplitude is None and not given)
-        if not follow or found.local is None:
+        if not self._follows(site) or found.local is None or site.dtm is None:
             return None
-        return np.asarray(found.local / found.deviation, np.float64)
+        factors = np.asarray(found.local / found.deviation, np.float64)
+        hurst, deviation = self.figures(site)
+        if site.body.repose is None or self._given:
+            return factors
+        steepest = _RESTING * float(portable.tan(site.body.repose))
+        slope = self.gain * deviation * factors * site.spacing ** (hurst - 1.0)
+        rock = slope * (site.dtm.posting / site.spacing) ** (hurst - 1.0) / steepest
+        excess = np.maximum(slope - steepest, 0.0) * np.clip(2.0 - 2.0 * rock, 0.0, 1.0)
+        return np.asarray(factors * (1.0 - excess / np.maximum(slope, steepest)))
+
+
+def _grains(site: Site, hurst: float) -> tuple[Grain, ...]:
+    """Noise alike in all directions, and drawn out along four, each where the DTM's ground is so.
+
+    Between two of the directions their shares of the variance add up to one.
+    """
+    grain = site.roughness.grain
+    if grain is None or site.dtm is None:
+        return ()
+    # From the DTM's columns and rows to east and north, in terms of the doubled angle.
+    (a, b), (c, d) = PixelFrame.of(site).per_metre
+    cosine, sine = np.asarray(grain, np.float64)
+    sine = sine if a * d - b * c > 0.0 else -sine
+    across, up = (d, -c) if a * d - b * c > 0.0 else (-d, c)  # where columns run to
+    double = (across**2 - up**2) / (across**2 + up**2), 2.0 * across * up / (across**2 + up**2)
+    cosine, sine = cosine * double[0] - sine * double[1], cosine * double[1] + sine * double[0]
+    size = np.sqrt(cosine**2 + sine**2)
+    fall = _DRAWN_OUT ** (-2.0 * hurst)
+    part = np.minimum(size * (1.0 + fall) / (1.0 - fall), 1.0)
+    key = stage_key(site.seed, _STAGE)
+    found = [Grain(key=key, turn=np.eye(2), factor=1.0, share=np.sqrt(1.0 - part))]
+    towards = np.stack([cosine, sine, -cosine, -sine])
+    shares = np.maximum(towards, 0.0) / np.maximum(np.abs(cosine) + np.abs(sine), 1e-300) * part
+    half = math.sqrt(0.5)
+    directions = ((1.0, 0.0), (half, half), (0.0, 1.0), (-half, half))
+    for number, (x, y) in enumerate(directions):
+        share = shares[number]
+        if not share.any():
+            continue
+        turn = np.array([[x, y], [-y / _DRAWN_OUT, x / _DRAWN_OUT]])
+        # Mean square differences along east and north, beside those of noise without direction.
+        squares = portable.power(np.sum(turn**2, axis=0), hurst)
+        factor = float(1.0 / np.sqrt(0.5 * (squares[0] + squares[1])))
+        key = stage_key(site.seed, f"{_STAGE}/{number}")
+        found.append(Grain(key=key, turn=turn, factor=factor, share=np.sqrt(share)))
+    return tuple(found)
 
 
 def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Array:

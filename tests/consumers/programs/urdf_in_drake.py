@@ -1,4 +1,4 @@
-"""Prints mass, centre of mass, inertia about it and the motors of a URDF as Drake reads it."""
+"""Prints mass, centre of mass, inertia about it and the motors of a URDF or SDF as Drake has it."""
 
 import json
 import sys

@@ -507,3 +507,52 @@ def test_attached_pds3_label_of_a_hirise_dtm(tmp_path):
     assert -4.75 < lat < -4.35
     assert site.dtm.posting == pytest.approx(1.0118, abs=0.01)
     assert ground.shape == (61, 101)
+
+
+def test_radii_are_taken_above_the_ellipsoid_at_each_post(tmp_path):
+    """At 73° N the ellipsoid of Mars falls by 3.3 m on each km north; level ground stays level."""
+    crs = "+proj=longlat +a=3396190 +b=3376200"
+    step = 10.0 / (3386e3 * np.pi / 180.0)
+    rows, columns = 200, 300
+    middle = 73.0
+    lat = middle + step * (0.5 * rows - 0.5 - np.arange(rows))
+    geographic = rasterio.crs.CRS.from_proj4(crs).to_wkt()
+    radii = np.array([datum_radius(geographic, value) for value in lat])
+    assert (radii[0] - radii[-1]) / (10e-3 * (rows - 1)) == pytest.approx(-3.3, abs=0.1)
+    values = np.repeat(radii[:, None] - 4000.0, columns, axis=1)
+    wide = step / np.cos(np.radians(middle))
+    write_raster(
+        tmp_path, values, crs=crs,
+        transform=Affine(wide, 0.0, 20.0, 0.0, -step, middle + step * 0.5 * rows),
+    )  # fmt: skip
+    site, ground = plan(tmp_path, replace(SPEC, size_m=(400.0, 1000.0)), spacing=10.0)
+    assert site.datum_height == pytest.approx(-4000.0, abs=1e-3)
+    assert np.abs(ground.elevation).max() < 2e-3
+    assert "above the ellipsoid elsewhere" in words(tmp_path)
+
+
+@pytest.mark.parametrize(("body", "crs", "height"), [(MARS, EQC, -9500.0), (MOON, MOON_EQC, 12e3)])
+def test_heights_that_no_ground_has_are_told(tmp_path, body, crs, height):
+    heights = rough().astype("float32")
+    write_raster(tmp_path, heights + 100.0, crs=crs)
+    assert "beyond" not in words(tmp_path, body=body)
+    write_raster(tmp_path, heights + height, crs=crs)
+    assert f"are beyond {body.name}'s" in words(tmp_path, body=body)
+    site, _ = plan(tmp_path, body=body)
+    assert any(f"are beyond {body.name}'s" in line for line in site_facts(site))
+
+
+def test_units_that_nobody_declares_are_called_assumed(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    assert "the file declares no unit: metres are assumed" in words(tmp_path)
+    assert "assumed" not in words(tmp_path, replace(SPEC, height_scale=1.0))
+    write_raster(tmp_path, rough().astype("float32"), units="m")
+    assert "assumed" not in words(tmp_path)
+
+
+def test_a_dtm_with_two_posts_across_the_site_is_told(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    site, _ = plan(tmp_path, replace(SPEC, size_m=(2.0, 2.0)))
+    assert any("2 postings wide" in line for line in site_facts(site))
+    site, _ = plan(tmp_path, replace(SPEC, size_m=(8.0, 8.0)))
+    assert not any("postings wide" in line for line in site_facts(site))

@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 from terrain_forge.exporters.drake import Options, check_capacity, export
-from terrain_forge.exporters.drake.options import WORTH_SAYING, require_parsable
+from terrain_forge.exporters.drake.options import (
+    COARSENESS,
+    MB_PER_FACE,
+    WORTH_SAYING,
+    outline_error,
+    parsing_load,
+    require_parsable,
+)
 
 from terrain_forge.base import ExportError
+from terrain_forge.rocks import LibrarySpec, make_library
 from tests.consumers.test_drake import ask
 from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
 
@@ -38,9 +46,26 @@ def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_w
 def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
     world = many(small_world, 60_000)
     with pytest.raises(ExportError, match=r"GB .*larger individual_min_m or .*smaller size_m"):
-        export(world, tmp_path, options=Options(individual_min_m=9))
+        export(world, tmp_path, options=Options(individual_min_m=9, outline_error=0.03))
     untouched = world.replace(field=world.field.replace(collides=np.zeros(60_000, np.bool_)))
     assert require_parsable(untouched, Options(individual_min_m=9)).bearable
+
+
+def test_merged_rocks_are_as_coarse_as_the_parser_needs(small_world, monkeypatch):
+    library = make_library(LibrarySpec(shapes=1))
+    shape = library.prototypes[0].replace(outline_errors=(0.0, 0.02, 0.05))
+    world = many(small_world, 900).replace(library=library.replace(prototypes=(shape,)))
+    world = world.replace(field=world.field.replace(prototype=np.zeros(900, np.int32)))
+    merged = Options(individual_min_m=9)
+    fine, coarse = (parsing_load(world, merged, error) for error in (COARSENESS[0], COARSENESS[-1]))
+    assert fine.faces > 1.5 * coarse.faces
+    assert outline_error(world, merged) == COARSENESS[0]
+    limit = MB_PER_FACE * 0.5 * (fine.faces + coarse.faces)
+    monkeypatch.setattr("terrain_forge.exporters.drake.options.MOST_MB", limit)
+    assert outline_error(world, merged) > COARSENESS[0]
+    assert require_parsable(world, merged).bearable
+    with pytest.raises(ExportError, match="larger individual_min_m or outline_error"):
+        require_parsable(world, Options(individual_min_m=9, outline_error=COARSENESS[0]))
 
 
 def test_the_triangles_are_those_that_are_written(small_world, tmp_path):

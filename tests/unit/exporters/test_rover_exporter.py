@@ -403,11 +403,11 @@ def asked(variable, module, script, *arguments):
 
 
 @pytest.mark.consumer
-def test_drake_reads_the_urdf(case):
+@pytest.mark.parametrize("suffix", ["urdf", "sdf"])
+def test_drake_reads_the_rover(case, suffix):
     rover, folder = case
-    found = asked(
-        "TERRAIN_FORGE_DRAKE_PYTHON", "pydrake", "urdf_in_drake.py", folder / f"{rover.name}.urdf"
-    )
+    file = folder / f"{rover.name}.{suffix}"
+    found = asked("TERRAIN_FORGE_DRAKE_PYTHON", "pydrake", "urdf_in_drake.py", file)
     sums = (found["mass"], found["centre"], found["inertia"])
     same(sums, rovers.at_rest(rover), tolerance=1e-8)
     assert found["actuators"] == len(rover.wheels)

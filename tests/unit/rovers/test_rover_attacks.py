@@ -216,6 +216,14 @@ ATTACKS = {
     "texts double": (xacro(DOUBLES + '<x v="${s40}"/>'), "xacro", "100000 characters"),
     "texts add up": (
         xacro(DOUBLES + '<x v="${s11} "/>' * 5000), "xacro", "too many characters"),
+    "texts in expressions add up": (
+        xacro(DOUBLES + "".join(
+            f'<xacro:property name="t{n}" value="${{s9 + \'{n}\'}}"/><x v="${{len(t{n})}}"/>'
+            for n in range(4000))), "xacro", "too many characters"),
+    "large files": (
+        xacro("".join(f'<xacro:include filename="l{n}.xacro"/>' for n in range(30))), "xacro",
+        "too many characters",
+        {f"l{n}.xacro": b"<robot>" + b" " * 1_000_000 + b"</robot>" for n in range(30)}),
     "lists double": (
         xacro('<xacro:property name="l0" value="${[1, 2]}"/>' + "".join(
             f'<xacro:property name="l{n + 1}" value="${{[l{n}, l{n}]}}"/>' for n in range(40))

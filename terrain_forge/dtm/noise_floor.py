@@ -1,0 +1,369 @@
+"""Noise of a DTM: how much of its spectrum no ground has, and what ground there is below it.
+
+A matcher of stereo images adds errors that are alike over its window: white up to a few posts'
+wavelength, nothing beyond. Ground falls off as k^-β, β = 2H + 2 of 3 to 4, everywhere. The errors
+lie over all of the DTM alike and have no direction, so that they are sought in the spectrum of its
+quietest parts and directions: relief that is craters here and there, or dunes one way, is not taken
+for them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, Mask, portable
+from terrain_forge.dtm.increments import mean_square_increment
+
+FEWEST_POSTS = 96
+"""Posts a side below which no noise is looked for."""
+LARGEST = 0.6
+"""RMS noise, in postings, beyond which relief is no matcher's error."""
+_BETAS = np.arange(30, 41) / 10.0
+_BETAS_ALONE = np.arange(24, 47) / 10.0
+_BETA_PRIOR = (3.5, 0.3)  # 2H + 2 of HURST_PRIOR
+_SMOOTHED = (0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5)
+_BETA_LIMITS = (3.0, 3.9)  # exponents 0.5 to 0.95
+_LARGE, _SMALL = 64, 32  # sides of tiles [posts]
+_SECTORS = 4
+_MOST_TILES = 24  # a side
+_MISFIT = 0.1  # of spectra, beside their scatter
+_STEEP, _LEAK = 5.0, 0.15  # exponent of a spectrum, misfit for each one beyond
+_ALIKE = 2.8  # wave numbers of a Hann window, each counted twice, that tell as much as one
+_LOWEST = 0.9  # the lower two of four equal sectors over their mean
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """What a matcher averages over; its noise is white noise after it."""
+
+    width: float
+    """Standard deviation of a Gaussian, or side of a square [posts]."""
+    square: bool
+    """Which of the two."""
+
+    @property
+    def white(self) -> float:
+        """Variance of noise over its density at long waves."""
+        return 1.0 / self.width**2 if self.square else 1.0 / (4.0 * math.pi * self.width**2)
+
+    @property
+    def smoothing(self) -> float:
+        """Standard deviation of the Gaussian that smooths ground as much [posts]."""
+        return self.width / math.sqrt(12.0) if self.square else self.width
+
+    def correlation(self, distance: float) -> float:
+        """Of noise at posts so far apart along a row."""
+        if self.square:
+            return max(1.0 - distance / self.width, 0.0)
+        return math.exp(-((0.5 * distance / self.width) ** 2))
+
+    def spectrum(self, across: Array, down: Array) -> Array:
+        """Density of noise over that at long waves."""
+        if not self.square:
+            return _gaussian(np.sqrt(across**2 + down**2), self.width)
+        return np.asarray((_averaged(across, self.width) * _averaged(down, self.width)) ** 2)
+
+
+_WINDOWS = (
+    *(Window(width=w, square=False) for w in (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)),
+    *(Window(width=w, square=True) for w in (2.5, 3.0, 3.5, 4.0, 5.0)),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseFloor:
+    """Noise of a DTM and its ground's spectrum; all lengths in posts."""
+
+    deviation: float
+    """RMS noise [m]."""
+    correlation: float
+    """Distance over which the noise's correlation falls to 1/e [posts]."""
+    exponent: tuple[float, float]
+    """Hurst exponent of the ground above the noise, and its standard error."""
+    longest: float
+    """Longest wavelength at which the noise hides the ground [posts]."""
+    number: Array
+    """Wave numbers [1/post]."""
+    density: Array
+    """Spectral density of the DTM there [m² post²]."""
+    kept: Array
+    """Part of that density that is ground, 0 to 1."""
+
+
+def find_noise(
+    heights: Array, posting: float, trusted: Mask, given: float | None = None
+) -> NoiseFloor | None:
+    """The noise of a DTM; None where there is none to speak of.
+
+    Args:
+        heights: the DTM around the site [m].
+        posting: distance of its posts [m].
+        trusted: posts that are measured, not filled in.
+        given: RMS noise that the user knows [m]; its correlation is fitted.
+    """
+    if min(heights.shape) < (FEWEST_POSTS if given is None else 2 * _SMALL):
+        return None
+    side = _LARGE if min(heights.shape) >= 2.5 * _LARGE else _SMALL
+    tiles = _Tiles.of(heights, trusted, side)
+    if len(tiles.power) < 6:
+        return None
+    number, quiet = tiles.number, tiles.quiet()
+    if not quiet.min() > 0.0:
+        return None
+    # Where a spectrum falls steeply, what leaks from its neighbours counts.
+    fall = -np.gradient(portable.log(quiet), portable.log(number))
+    error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
+    alone = _fit_ground(number, quiet, error)
+    window, level, misfit = _fit_noise(tiles, quiet, error, given)
+    deviation = math.sqrt(level * window.white)
+    if given is None:
+        share = _share(heights, trusted, deviation, window)
+        worth = (alone - misfit) * share
+        clear = misfit < 0.55 * alone and share > 0.32 and worth > 2.0
+        if side == _SMALL:
+            clear = misfit < 0.6 * alone and share > 0.4 and worth > 2.0
+        if not clear or deviation > LARGEST * posting:
+            return None
+    return _floor(heights, trusted, deviation, window, level)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tiles:
+    """Periodograms of overlapping squares of a DTM, in rings and sectors of wave numbers."""
+
+    number: Array
+    """Mean wave number of each ring [1/post]."""
+    count: Array
+    """Wave numbers in each ring and sector."""
+    waves: tuple[Array, Array, NDArray[np.int64], Array]
+    """Across and down of each wave number, its ring and sector, how often it counts."""
+    power: Array
+    """Densities [m² post²], shape [tiles, rings, sectors]."""
+
+    @classmethod
+    def of(cls, heights: Array, trusted: Mask, side: int) -> _Tiles:
+        window = np.hanning(side + 2)[1:-1]
+        window = window[:, None] * window[None, :]
+        window /= math.sqrt(float(np.mean(window**2)))
+        down, across = np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None, :]
+        number = np.sqrt(down**2 + across**2)
+        edges = portable.power(2.0, np.arange(-18, 1) / 3.0 - 1.0) * 1.0001
+        edges = edges[edges > 2.4 / side]
+        rings = len(edges) - 1
+        ring = np.digitize(number, edges) - 1
+        # Sectors around the axes and the diagonals: |tan| below or above tan 22.5°.
+        steep, flat = np.abs(down) > 2.41421356 * across, np.abs(down) < 0.41421356 * across
+        sector = np.where(flat, 0, np.where(steep, 2, np.where(down > 0.0, 1, 3)))
+        weight = np.where((across == 0.0) | (across == 0.5), 1.0, 2.0) + 0.0 * down
+        inside = (ring >= 0) & (ring < rings)
+        index, weight = (ring * _SECTORS + sector)[inside], weight[inside]
+        grids = np.broadcast_arrays(across, down)
+        count = np.bincount(index, weight, rings * _SECTORS).astype(np.float64)
+        sums = np.bincount(index, weight * number[inside], rings * _SECTORS)
+        power = []
+        for row, column in _corners(heights.shape, side):
+            part = np.s_[row : row + side, column : column + side]
+            if trusted[part].mean() < 0.9:
+                continue
+            waves = np.fft.rfft2(_levelled(heights[part]) * window)
+            density = (waves.real**2 + waves.imag**2)[inside] / side**2
+            power.append(np.bincount(index, weight * density, rings * _SECTORS) / count)
+        return cls(
+            number=sums.reshape(rings, _SECTORS).sum(1) / count.reshape(rings, _SECTORS).sum(1),
+            count=count.reshape(rings, _SECTORS),
+            waves=(grids[0][inside], grids[1][inside], index, weight),
+            power=np.array(power).reshape(-1, rings, _SECTORS),
+        )
+
+    def quiet(self) -> Array:
+        """Density of the quietest quarter of the tiles in the two quietest sectors.
+
+        Corrected so that it is that of a surface that is everywhere alike.
+        """
+        free = np.maximum(self.count / _ALIKE, 1.0)
+        # Wilson & Hilferty's lower quartile of a mean of as many exponential variables.
+        quartile = (1.0 - 1.0 / (9.0 * free) - 0.6745 / (3.0 * np.sqrt(free))) ** 3
+        lowest = np.sort(np.quantile(self.power, 0.25, axis=0) / quartile, axis=1)
+        return np.asarray(0.5 * (lowest[:, 0] + lowest[:, 1]) / _LOWEST)
+
+    def mean(self) -> Array:
+        """Density of all tiles in all directions."""
+        total = (self.power.mean(axis=0) * self.count).sum(axis=1)
+        return np.asarray(total / self.count.sum(axis=1))
+
+    def noise(self, window: Window) -> Array:
+        """Density of a window's noise, 1 at long waves, shape [rings, sectors]."""
+        across, down, index, weight = self.waves
+        total = np.bincount(index, weight * window.spectrum(across, down), self.count.size)
+        return np.asarray(total.reshape(self.count.shape) / self.count)
+
+    def error(self) -> Array:
+        """Relative standard errors of densities, with what a model cannot know."""
+        waves = np.maximum(self.count.sum(axis=1) / _ALIKE, 1.0) * max(len(self.power) / 4.0, 1.0)
+        return np.asarray(np.sqrt(1.0 / waves + _MISFIT**2))
+
+
+def _corners(shape: tuple[int, ...], side: int) -> list[tuple[int, int]]:
+    """First rows and columns of squares that overlap by half, or lie evenly over a large DTM."""
+    starts = []
+    for length in shape:
+        count = min(-(-2 * (length - side) // side) + 1, _MOST_TILES)
+        starts.append(np.linspace(0, length - side, count).astype(int).tolist())
+    return [(row, column) for row in starts[0] for column in starts[1]]
+
+
+def _levelled(part: Array) -> Array:
+    """Heights without their best plane."""
+    y = np.linspace(-1.0, 1.0, part.shape[0])[:, None]
+    x = np.linspace(-1.0, 1.0, part.shape[1])[None, :]
+    part = part - part.mean()
+    result: Array = part - np.mean(part * x) / np.mean(x**2) * x
+    return result - np.mean(part * y) / np.mean(y**2) * y
+
+
+def _gaussian(number: Array, width: float) -> Array:
+    """Spectrum of white noise after a Gaussian of that standard deviation [posts], 1 at 0."""
+    return portable.exp(-((2.0 * math.pi * width * number) ** 2))
+
+
+def _averaged(number: Array, width: float) -> Array:
+    """Part that a mean over so many posts in a row leaves of a wave."""
+    few, index = np.unique(number, return_inverse=True)
+    left = np.array([1.0 if n == 0.0 else _sinc(width * n) / _sinc(n) for n in few.tolist()])
+    averaged: Array = left[index].reshape(number.shape)
+    return averaged
+
+
+def _sinc(x: float) -> float:
+    return math.sin(math.pi * x) / (math.pi * x)
+
+
+def _ground(number: Array, beta: float, smoothed: float = 0.0) -> Array:
+    """Shape of the spectrum of pixel means of self-affine ground."""
+    # A pixel's mean, beside what is folded over at half a cycle per post.
+    pixel = np.array([_sinc(0.8 * n) ** 2 for n in number.tolist()])
+    shape: Array = portable.power(number, -beta) * pixel * _gaussian(number, smoothed)
+    return shape
+
+
+def _fit_ground(number: Array, density: Array, error: Array) -> float:
+    """χ² of ground alone, of any exponent, smoothed or not."""
+    best = math.inf
+    weight = 1.0 / error**2
+    logs = portable.log(density)
+    for beta in _BETAS_ALONE:
+        for smoothed in _SMOOTHED:
+            rest = logs - portable.log(_ground(number, float(beta), smoothed))
+            rest = rest - np.sum(weight * rest) / np.sum(weight)
+            best = min(best, float(np.sum(weight * rest**2)))
+    return best
+
+
+def _fit_noise(
+    tiles: _Tiles, density: Array, error: Array, given: float | None
+) -> tuple[Window, float, float]:
+    """The matcher's window, density of its noise at long waves, and χ²."""
+    best = (math.inf, _WINDOWS[0], 0.0)
+    for window in _WINDOWS:
+        noise = np.sort(tiles.noise(window), axis=1)[:, :2].mean(axis=1)
+        fixed = None if given is None else given**2 / window.white
+        for beta in _BETAS:
+            for smoothed in (0.0, window.smoothing):
+                ground = _ground(tiles.number, float(beta), smoothed)
+                misfit, level = _fit_levels(ground, noise, density, error, fixed)
+                misfit += ((float(beta) - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
+                if misfit < best[0]:
+                    best = (misfit, window, level)
+    return best[1], best[2], best[0]
+
+
+def _fit_levels(
+    ground: Array, noise: Array, density: Array, error: Array, fixed: float | None
+) -> tuple[float, float]:
+    """χ² of the best sum of ground and noise, and the noise's level in it."""
+    model, tiny = density, 1e-6 * density
+    level = 0.0
+    for _ in range(6):
+        weight = 1.0 / (model * error) ** 2
+        gg, gn, nn, gd, nd = (
+            float(np.sum(weight * a * b))
+            for a, b in (
+                *((ground, ground), (ground, noise), (noise, noise)),
+                *((ground, density), (noise, density)),
+            )
+        )
+        if fixed is None:
+            level = max((nd * gg - gd * gn) / max(gg * nn - gn * gn, 1e-300), 0.0)
+        else:
+            level = fixed
+        model = np.maximum(max((gd - level * gn) / gg, 0.0) * ground + level * noise, tiny)
+    return float(np.sum((portable.log(density / model) / error) ** 2)), level
+
+
+def _share(heights: Array, trusted: Mask, deviation: float, window: Window) -> float:
+    """Largest part that noise has in the mean square increments over 1, 2 and 4 posts."""
+    found = []
+    for lag in (1, 2, 4):
+        near, far = (window.correlation(n * lag) for n in (1.0, 2.0))
+        expected = deviation**2 * (6.0 - 8.0 * near + 2.0 * far)
+        square = mean_square_increment(heights, lag, trusted)
+        found.append(expected / square if square > 0.0 else 0.0)
+    return max(found)
+
+
+def _floor(
+    heights: Array, trusted: Mask, deviation: float, window: Window, level: float
+) -> NoiseFloor | None:
+    """The ground's law from the waves that stand above the noise, and how much of each is it."""
+    side = 2 ** int(math.log2(min(*heights.shape, 512) / 2))
+    tiles = _Tiles.of(heights, trusted, side)
+    if not len(tiles.power):
+        return None
+    number, density = tiles.number, tiles.mean()
+    shape = (tiles.noise(window) * tiles.count).sum(axis=1) / tiles.count.sum(axis=1)
+    noise = level * shape
+    ground = density - noise
+    seen = ground > noise
+    hidden = np.flatnonzero(~seen)
+    if not len(hidden):
+        return None
+    first = int(hidden[0])
+    # A window that is off by a twentieth tells the more the farther its noise has fallen.
+    unsure = noise * np.hypot(0.15, 0.1 * (2.0 * math.pi * window.smoothing * number) ** 2)
+    beta, error, scale = _law(number, ground, np.hypot(tiles.error() * ground, unsure), seen)
+    law = scale * _ground(number, beta)
+    kept = np.where(np.arange(len(number)) < first, ground, np.minimum(law, density)) / density
+    kept = np.where(kept > 0.95, 1.0, kept)
+    return NoiseFloor(
+        deviation=deviation,
+        correlation=window.width * (0.632 if window.square else 2.0),
+        exponent=(0.5 * beta - 1.0, 0.5 * error),
+        longest=1.0 / float(number[first]),
+        number=number,
+        density=density,
+        kept=kept,
+    )
+
+
+def _law(number: Array, ground: Array, error: Array, seen: Mask) -> tuple[float, float, float]:
+    """β, its standard error and the scale of the spectrum that passes through the waves seen.
+
+    Of the long waves those within two octaves of the hidden ones count.
+    """
+    used = seen & (number > 0.25 * number[~seen][0])
+    if used.sum() < 2:
+        used = seen | (np.arange(len(number)) < 2)
+    n, g = number[used], np.maximum(ground[used], 0.1 * error[used])
+    weight = (g / error[used]) ** 2
+    x, y = portable.log(n), portable.log(g / _ground(n, 0.0))
+    mean_x = float(np.sum(weight * x) / np.sum(weight))
+    mean_y = float(np.sum(weight * y) / np.sum(weight))
+    mean, scatter = _BETA_PRIOR
+    known = float(np.sum(weight * (x - mean_x) ** 2)) + scatter**-2.0
+    slope = float(np.sum(weight * (x - mean_x) * (y - mean_y)))
+    beta = float(np.clip((mean / scatter**2 - slope) / known, *_BETA_LIMITS))
+    return beta, known**-0.5, math.exp(mean_y + beta * mean_x)

@@ -1,0 +1,198 @@
+"""Noise of a DTM: found where there is some, taken away, and what it hid drawn again."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from scipy.ndimage import gaussian_filter, uniform_filter
+
+from terrain_forge.base import stage_key
+from terrain_forge.dtm import ArrayDtm, site_warnings, survey
+from terrain_forge.dtm.denoising import denoised
+from terrain_forge.dtm.noise_floor import find_noise
+from terrain_forge.model import MARS, Window
+from terrain_forge.terrain import Fractal, rms_deviation, shape_ground, terrain_statistics
+from tests.helpers import worlds
+from tests.helpers.places import DATA, SAMPLES
+
+JEZERO = DATA / "mars" / "jezero_hirise_3p69m_1024.tif"
+LAGS = (1, 2, 3, 4)
+
+
+@cache
+def clean(name="gale_floor_synthetic.tif", factor=2):
+    with rasterio.open(SAMPLES / name) as file:
+        heights = file.read(1).astype(float)
+    return averaged(heights, factor)
+
+
+def averaged(heights, factor):
+    rows, columns = (n // factor for n in heights.shape)
+    cut = heights[: rows * factor, : columns * factor]
+    return cut.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
+
+
+def matcher_noise(shape, deviation, window, seed=1):
+    """White noise averaged over a matcher's window: a Gaussian of posts, or a square of them."""
+    white = np.random.default_rng(seed).normal(size=shape)
+    smooth = uniform_filter if isinstance(window, int) else gaussian_filter
+    noise = smooth(white, window, mode="wrap")
+    return deviation * noise / noise.std()
+
+
+def everywhere(heights):
+    return np.ones(heights.shape, bool)
+
+
+def planned(heights, posting, *, factor=2, margin=20, **options):
+    """A site in the middle of an array of heights."""
+    rows, columns = (n - 2 * margin for n in heights.shape)
+    size = (columns * posting, rows * posting)
+    spec = ArrayDtm(posting_m=posting, size_m=size, **options)
+    found = survey(spec, body=MARS, folder=Path(), heights=heights)
+    return worlds.site().replace(size=size, spacing=posting / factor, **vars(found))
+
+
+@pytest.mark.parametrize("window", [1.0, 1.5, 3, 4])
+@pytest.mark.parametrize("deviation", [0.2, 0.35])
+def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, window):
+    truth = clean()
+    noisy = truth + matcher_noise(truth.shape, deviation, window)
+    floor = find_noise(noisy, 2.0, everywhere(noisy))
+    assert floor.deviation == pytest.approx(deviation, rel=0.12)
+    found = denoised(noisy, floor, stage_key(1, "noise"))
+    for lag in LAGS:
+        assert rms_deviation(found, lag) == pytest.approx(rms_deviation(truth, lag), rel=0.15)
+    assert rms_deviation(noisy, 1) > 1.4 * rms_deviation(truth, 1)
+    # The means stay within the noise.
+    assert np.std(found - noisy) < 1.1 * deviation
+    assert np.std(found - truth) < deviation
+
+
+def test_ground_of_a_noisy_dtm_is_as_rough_as_that_of_the_clean_one():
+    truth = clean()
+    noisy = truth + matcher_noise(truth.shape, 0.3, 3)
+    grounds = []
+    for heights in (truth, noisy):
+        site = planned(heights, 2.0)
+        grounds.append(shape_ground(site=site, window=site.window, layers=(Fractal(),)).elevation)
+    for lag in (1, 2, 4, 8):
+        ours, theirs = (rms_deviation(ground.astype(float), lag) for ground in grounds[::-1])
+        assert ours == pytest.approx(theirs, rel=0.15)
+    told = terrain_statistics(
+        site=site, ground=shape_ground(site=site, window=site.window, layers=())
+    ).as_json()["dtm_state"]
+    assert told["noise_m"] == pytest.approx(0.3, rel=0.15)
+    assert "noise of 3" in told["warnings"][0]
+    assert any("drawn as the longer ones tell" in repair for repair in told["repairs"])
+    # A window is the cut, since the DTM is filtered once.
+    window = Window(column=31, row=50, columns=40, rows=30)
+    part = shape_ground(site=site, window=window, layers=(Fractal(),)).elevation
+    assert np.array_equal(part, grounds[1][50:81, 31:72])
+
+
+def dunes(count=256):
+    """A pattern across the wind over self-affine ground."""
+    random = np.random.default_rng(4)
+    y, x = np.mgrid[0:count, 0:count]
+    phase = 60.0 * gaussian_filter(random.normal(size=(count, count)), 20.0)
+    along = ((0.9 * x + 0.35 * y) / 12.0 + phase) % 1.0
+    crests = np.where(along < 0.7, along / 0.7, (1.0 - along) / 0.3)
+    number = np.hypot(np.fft.fftfreq(count)[:, None], np.fft.rfftfreq(count)[None, :])
+    number[0, 0] = np.inf
+    waves = np.fft.rfft2(random.normal(size=(count, count))) * number**-1.8
+    ground = np.fft.irfft2(waves)
+    return gaussian_filter(2.0 * crests, 0.7) + 0.5 * ground / rms_deviation(ground, 1)
+
+
+@pytest.mark.parametrize(
+    "heights",
+    [
+        clean(factor=1), clean(), clean(factor=4), clean("moon_mare_synthetic.tif", 1),
+        clean("moon_mare_synthetic.tif", 2), dunes(), gaussian_filter(clean(), 1.0),
+        np.zeros((128, 128)), np.random.default_rng(1).normal(size=(60, 60)),
+    ],
+    ids=["gale", "gale/2", "gale/4", "mare", "mare/2", "dunes", "smoothed", "flat", "small"],
+)  # fmt: skip
+def test_clean_dtm_is_left_alone(heights):
+    """Not even dunes, craters, nor ground that a matcher smoothed are taken for noise."""
+    assert find_noise(heights, 2.0, everywhere(heights)) is None
+    site = planned(heights, 2.0)
+    assert np.array_equal(site.dtm.heights, heights)
+    assert site.dtm.noise == 0.0
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+@pytest.mark.parametrize("corner", [(0, 0), (0, 512), (512, 0), (512, 512)])
+def test_noise_over_a_real_dtm(corner):
+    with rasterio.open(JEZERO) as file:
+        heights = file.read(1).astype(float)
+    heights = heights[corner[0] : corner[0] + 400, corner[1] : corner[1] + 400]
+    assert find_noise(heights, 3.69, everywhere(heights)) is None
+    noisy = heights + matcher_noise(heights.shape, 0.35, 3)
+    found = denoised(noisy, find_noise(noisy, 3.69, everywhere(noisy)), stage_key(1, "noise"))
+    for lag in LAGS:
+        assert rms_deviation(found, lag) == pytest.approx(rms_deviation(heights, lag), rel=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+def test_parts_of_a_real_dtm_are_left_alone():
+    with rasterio.open(JEZERO) as file:
+        heights = file.read(1).astype(float)
+    parts = [
+        averaged(heights[row : row + size, column : column + size], factor)
+        for size in (256, 400, 512)
+        for row in range(0, 1025 - size, 128)
+        for column in range(0, 1025 - size, 128)
+        for factor in (1, 2)
+        if size / factor >= 160
+    ]
+    found = [find_noise(part, 3.69, everywhere(part)) for part in parts]
+    assert sum(floor is not None for floor in found) <= 0.01 * len(parts)
+
+
+def test_noise_can_be_kept_or_given():
+    noisy = clean() + matcher_noise(clean().shape, 0.3, 1.0)
+    for kept in ("keep", 0.0):
+        assert np.array_equal(planned(noisy, 2.0, noise=kept).dtm.heights, noisy)
+    given = planned(noisy, 2.0, noise=0.3)
+    assert given.dtm.noise == pytest.approx(0.3)
+    assert "said to be" in given.dtm.repairs[0]
+    small = planned(noisy[:60, :60], 2.0, noise=0.3)
+    assert small.dtm.noise == 0.0
+    assert "could not be told" in small.dtm.repairs[0]
+    ours = rms_deviation(given.dtm.heights, 1)
+    assert ours == pytest.approx(rms_deviation(clean(), 1), rel=0.2)
+
+
+def test_what_is_drawn_follows_the_seed():
+    noisy = clean() + matcher_noise(clean().shape, 0.3, 1.0)
+    floor = find_noise(noisy, 2.0, everywhere(noisy))
+    one, same, other = (denoised(noisy, floor, stage_key(n, "noise")) for n in (1, 1, 2))
+    assert np.array_equal(one, same)
+    assert 0.01 < np.std(one - other) < 0.3
+
+
+def test_an_exponent_that_ground_has_not_is_told():
+    rough = 0.05 * np.random.default_rng(1).normal(size=(90, 90))
+    site = planned(rough, 2.0, margin=10)
+    assert any("is below 0.5" in text for text in site_warnings(site))
+    assert site_warnings(planned(clean(), 2.0)) == []
+
+
+def test_detail_is_no_steeper_than_loose_ground_rests():
+    rough = planned(2.0 * clean(), 2.0, factor=64)
+    free, limited = (
+        Fractal().variation(rough.replace(body=body)) for body in (MARS.replace(repose=None), MARS)
+    )
+    assert limited.max() < free.max()
+    site = planned(clean(), 2.0, factor=8)
+    assert np.array_equal(
+        Fractal().variation(site),
+        Fractal().variation(site.replace(body=MARS.replace(repose=None))),
+    )
