@@ -101,7 +101,7 @@ class LibrarySpec(Spec):
     """Part by which the volume of a shape's collision parts together may exceed the shape's. A
     shape that one hull does not fit so well is cut into several parts, which takes seconds for
     each, once."""
-    hull_distance: Annotated[float, Interval(ge=0.02, le=1)] = 0.15
+    hull_distance: Annotated[float, Interval(ge=0.05, le=1)] = 0.15
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
 
