@@ -379,11 +379,11 @@ def _share_one_heap() -> None:
 
 def main(arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
-    _interrupt.listen()
     # A build makes many objects and few cycles, the kernels' compiler above all.
     gc.set_threshold(100_000, 50, 50)
     _share_one_heap()
     try:
+        _interrupt.listen()
         return int(cli.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
     except click.ClickException as error:
         message = " ".join(error.format_message().split())
@@ -405,6 +405,12 @@ def main(arguments: list[str]) -> int:
         return INTERNAL
 
 
+def _ignore_interrupt(unraisable: Any) -> None:
+    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
+
+
 def run() -> None:
     """The command `terrain-forge`: run the process's command line and end the process.
 
@@ -412,7 +418,10 @@ def run() -> None:
     where an interrupt met an exec() (imports run some), CPython would end by the signal, although
     it was handled.
     """
+    sys.unraisablehook = _ignore_interrupt
     status = main(sys.argv[1:])
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     with suppress(BrokenPipeError):
         sys.stdout.flush()
         sys.stderr.flush()

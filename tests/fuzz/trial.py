@@ -126,13 +126,12 @@ def _be_command(
         for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
             warnings.simplefilter("ignore", kind)
         gc.unfreeze()
-        from terrain_forge.cli import main
+        from terrain_forge.cli import run as be_command
 
+        sys.argv = ["terrain-forge", *arguments]
         if before is not None:
             before()
-        status = main([str(argument) for argument in arguments])
-        sys.stdout.flush()
-        sys.stderr.flush()
+        be_command()  # ends the process
     except BaseException:
         traceback.print_exc()
     finally:  # whatever print_exc() raises
