@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from terrain_forge.recipe import RecipeFile
 
 _M_ARENA_MAX = -8
+_NO_PATH = {errno.ENAMETOOLONG, errno.EISDIR, errno.ENOTDIR, errno.ELOOP}
+"""What the system says of paths that cannot be what they should."""
 _LONGEST = 2000
 """Characters of a line that is shown."""
 _MOST_TOLD = 10
@@ -396,7 +398,7 @@ def main(arguments: list[str]) -> int:
         if "--debug" in arguments:
             traceback.print_exc()
         _say(f"terrain-forge: {error}", err=True)
-        if getattr(error, "errno", None) == errno.ENAMETOOLONG:
+        if getattr(error, "errno", None) in _NO_PATH:
             return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
     except Exception:
