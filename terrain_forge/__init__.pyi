@@ -109,6 +109,8 @@ from .rocks import scatter as scatter
 from .rovers import FileRover as FileRover
 from .terrain import AppearanceSpec as AppearanceSpec
 from .terrain import BodyProduction as BodyProduction
+from .terrain import CraterBin as CraterBin
+from .terrain import CraterCounts as CraterCounts
 from .terrain import CraterLayer as CraterLayer
 from .terrain import CraterPowerLaw as CraterPowerLaw
 from .terrain import CraterProduction as CraterProduction
@@ -118,6 +120,7 @@ from .terrain import DisplacementMap as DisplacementMap
 from .terrain import Fractal as Fractal
 from .terrain import Layer as Layer
 from .terrain import OrthoimageSpec as OrthoimageSpec
+from .terrain import Resurfacing as Resurfacing
 from .terrain import Ripples as Ripples
 from .terrain import RmsSlope as RmsSlope
 from .terrain import shape_ground as shape_ground

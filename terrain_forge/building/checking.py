@@ -67,6 +67,11 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
         yield f"  {line}"
     rocks = rocks_of(site)
     yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
+    for population in recipe.rocks.populations:
+        fit = population.size_frequency.fit_to_counts(*population.diameters)
+        if fit:
+            yield f"  {'counts':<12} {population.name}: {fit['summary']}"
+            yield from (f"  {'warning':<12} {population.name}: {text}" for text in fit["warnings"])
     for route in site.routes:
         yield f"  path         {route.name}: {route.length:.1f} m, {duration(route):.0f} s"
     for path in recipe.paths:

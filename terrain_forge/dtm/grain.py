@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, Mask
+from terrain_forge.base import Array, Mask, portable
 
 _WIDTH = 6.0
 """Standard deviation of the Gaussian window [posts]."""
@@ -43,8 +43,6 @@ _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 def _near(heights: Array, trusted: Mask, step: tuple[int, int]) -> Array:
     """Mean square of the second increments along a step around each post."""
-    from scipy.ndimage import gaussian_filter
-
     rows, columns = heights.shape
     total, count = np.zeros(heights.shape), np.zeros(heights.shape)
     j, i = step
@@ -59,6 +57,6 @@ def _near(heights: Array, trusted: Mask, step: tuple[int, int]) -> Array:
     total[inner], count[inner] = np.where(known, square, 0.0), known
     overall = total.sum() / max(count.sum(), 1.0)
     near, weight = (
-        gaussian_filter(a, _WIDTH, mode="constant", truncate=3.0) for a in (total, count)
+        portable.smoothed(a, _WIDTH, mode="constant", truncate=3.0) for a in (total, count)
     )
     return np.asarray((near + 0.02 * overall) / (weight + 0.02))

@@ -50,12 +50,10 @@ def local_square_increments(heights: Array, lag: int, trusted: Mask, width: floa
         trusted: posts that are measured, not filled in.
         width: standard deviation of the Gaussian window [posts].
     """
-    from scipy.ndimage import gaussian_filter
-
     total, count = _sums(heights, lag, trusted)
     overall = total.sum() / max(count.sum(), 1.0)
     near, weight = (
-        gaussian_filter(a, width, mode="constant", truncate=3.0) for a in (total, count)
+        portable.smoothed(a, width, mode="constant", truncate=3.0) for a in (total, count)
     )
     return np.asarray((near + _PRIOR * overall) / (weight + _PRIOR))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Mask
+from terrain_forge.base import Array, Mask, portable
 
 FILL_METHOD = "inverse-distance interpolation from the rim (GDAL FillNodata)"
 
@@ -113,13 +113,13 @@ def destair(heights: Array, quantum: float) -> Array:
         heights: multiples of the quantum, shifted [m].
         quantum: height step of one unit [m].
     """
-    from scipy.ndimage import gaussian_filter, laplace
+    from scipy.ndimage import laplace
 
     low, high = heights - 0.5 * quantum, heights + 0.5 * quantum
     smooth = heights
     for width in _WIDTHS:
         for _ in range(_ROUNDS):
-            smooth = np.clip(gaussian_filter(smooth, width, mode="nearest"), low, high)
+            smooth = np.clip(portable.smoothed(smooth, width, mode="nearest"), low, high)
     for _ in range(_POLISH):
         bending = laplace(laplace(smooth, mode="nearest"), mode="nearest")
         smooth = np.clip(smooth - bending / 64.0, low, high)

@@ -120,12 +120,13 @@ class CraterConstants(Record):
 
     largest_simple: float
     """Diameter [m] at which craters become complex."""
-    depth_steps: tuple[float, ...] = ()
-    """Rising diameters [m] at which the next ratio of depth to diameter begins to hold."""
-    depth_ratios: tuple[float, ...]
-    """Depth over diameter of fresh craters, crest to floor: below the first step, and from each."""
-    depth_power: tuple[float, float] | None = None
-    """An upper limit of that ratio, a D^b with D in km, as (a, b); None for none."""
+    depth: tuple[float, float]
+    """Depth over diameter of fresh craters, crest to floor, as (a, b): a D^b, D in km."""
+    shallow: tuple[float, float] = (0.0, 1.0)
+    """Small ones are shallower, as (c, s): that ratio times 1 - c exp(-D / s), s in m."""
+    diffusivity_1_km: float | None = None
+    """Diffusivity that wears craters of 1 km and more [m²/10⁶ years]; None for what holds them at
+    equilibrium, as it wears the small ones."""
     equilibrium: str
     """How many craters there can be where the recipe does not say: a name of the crater layer's
     `equilibrium`."""

@@ -6,6 +6,8 @@ A geometrically stable pose is not one on rough ground: of rocks that are laid d
 side most begin to rock or roll. So each is let go in MuJoCo, damped, until it hardly moves, and is
 given its exact size in that very pose. Then gravity leans a little to all sides in turn, and the
 rock is spun a little, undamped: one that is not where it was settles anew from where it then is.
+One that leaves its space, or does not come to rest, is tried again: half turned about each of its
+axes, then the same a little beside its place.
 
 Meanwhile it has no rolling friction, though simulators that know of it are given some: a rock that
 needs it to stay would roll away in all others.
@@ -23,18 +25,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_num_threads
+from numpy.typing import NDArray
 
-from terrain_forge.base import Array, matrix_from_quaternion, portable
+from terrain_forge.base import Array, matrix_from_quaternion, mix, portable, uniforms
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
 from terrain_forge.rocks.embedding.dynamic import dynamic_contact
 from terrain_forge.rocks.embedding.embed import Lattice, embed, lattice, piece
 from terrain_forge.rocks.embedding.footprint import fits, footprints
 from terrain_forge.rocks.embedding.outline import mean_width
+from terrain_forge.rocks.scattering.corridor import in_corridor
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
 
 TIMESTEP = 0.002
 """Time step in which rocks are tested [s]."""
+TRIES = 8
+"""How often a rock is let go: by each half turn at its place, then by each a little beside it."""
 
 _CONDIM = 3  # no rolling friction: it would hold a rock that rolls away where none is known
 _DAMPED_TIMESTEP = 0.004  # [s]
@@ -51,6 +57,9 @@ _TESTS = 8
 _SHIFT = 0.003  # part of the diameter, in a test
 _TURN = np.radians(0.3)  # in a test
 _BASE = 1.0  # thickness of the ground [m]
+_HALF_TURNS = np.array([np.eye(4)[0], np.eye(4)[3], np.eye(4)[1], np.eye(4)[2]])
+"""None, then about z, x and y of the prototype."""
+_BESIDE = 0.1  # part of the diameter, at most, east and north
 
 
 def place_rocks(
@@ -73,8 +82,11 @@ def place_rocks(
     groups = site.recipe.rocks.groups
     density = np.array([group.density_kg_m3 or site.body.rock_density for group in groups])
     embedded = embed(scattered=scattered, library=library, ground=ground, density=density)
+    reach = np.array([prototype.reach for prototype in library.prototypes])[embedded.prototype]
+    near = DYNAMIC_SPACE * reach * embedded.diameter
     return settle(
         rocks=embedded,
+        low=in_corridor(site, embedded.position[:, :2], reach=near),
         library=library,
         ground=ground,
         gravity=site.body.gravity,
@@ -88,17 +100,21 @@ def settle(
     library: RockLibrary,
     ground: Heightfield,
     gravity: float,
+    low: NDArray[np.bool_] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RockField:
     """Settle dynamic rocks on the ground where they stay; their exposed diameters stay exact.
 
-    A rock that does not come to rest, or only outside its `DYNAMIC_SPACE`, stays a fixed one.
+    A rock that comes to rest in none of its tries, or only outside its `DYNAMIC_SPACE`, stays a
+    fixed one.
 
     Args:
         rocks: All rocks, embedded as static ones; `dynamic` tells which ones to settle.
         library: Their shapes.
         ground: Bare ground under all of them, with a margin of `scatter.margin` around the window.
         gravity: Gravity [m/s²].
+        low: Which rocks may stand no higher than their prototype's rise, which is what keeps
+            corridors clear, shape [rocks]; by default none. On rough ground others rest on humps.
         progress: Told the share of the dynamic rocks that have settled, now and then.
 
     Returns:
@@ -110,7 +126,9 @@ def settle(
     def settled(row: int) -> tuple[Pose, float] | None:
         n = int(rocks.prototype[row])
         rock = DynamicRock.of(rocks, row, library.prototypes[n], supports[n], gravity)
-        return _settled(rock, grid)
+        if low is not None and low[row]:
+            rock = rock._replace(highest=rock.prototype.rise * rock.diameter)
+        return _settled(rock, grid, np.uint64(rocks.id[row]))
 
     found = []
     with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -150,6 +168,8 @@ class DynamicRock(NamedTuple):
     """Support function of its footprint over the diameter, as `footprint` has it."""
     gravity: float
     """Gravity [m/s²]."""
+    highest: float = math.inf
+    """How high it may stand above its tangent plane [m]."""
 
     @classmethod
     def of(
@@ -172,21 +192,38 @@ class Pose(NamedTuple):
     """Size in units of the prototype."""
 
 
-def _settled(rock: DynamicRock, grid: Lattice) -> tuple[Pose, float] | None:
+def _settled(rock: DynamicRock, grid: Lattice, key: np.uint64) -> tuple[Pose, float] | None:
     """The pose in the world in which a rock stays on its own, with its exact diameter.
 
-    And its top above the ground's tangent plane [m]; None if it finds no such pose.
+    And its top above the ground's tangent plane [m]; None if it finds no such pose. `key` addresses
+    where beside its place it is tried.
     """
     reach = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=reach + grid.spacing)
-    pose = _upright(rock, ground, rock.position - place)
+    for attempt in range(TRIES):
+        beside = np.zeros(3)
+        if attempt >= len(_HALF_TURNS):
+            beside[:2] = (
+                _BESIDE * rock.diameter * (2.0 * uniforms(np.uint64(mix(key, attempt)), 2) - 1.0)
+            )
+        quaternion = _product(rock.quaternion, _HALF_TURNS[attempt % len(_HALF_TURNS)])
+        start = _upright(rock, ground, rock.position + beside - place, quaternion)
+        found = _rest(rock, ground, place, start)
+        if found is not None:
+            return found
+    return None
+
+
+def _rest(
+    rock: DynamicRock, ground: Heightfield, place: Array, pose: Pose
+) -> tuple[Pose, float] | None:
+    """Where a rock that is let go on its piece of ground stays, in the world, and its top."""
     for _ in range(_TESTS):
         model, data = simulation(rock, ground, pose)
         _calm(rock, model, data)
         pose = _sized(rock, ground, _moved(pose, data))
         height = _top(rock, ground, pose)
-        # No rock stands higher than its rise, which keeps corridors clear.
-        if not _in_its_space(rock, pose, place) or height > rock.prototype.rise * rock.diameter:
+        if not _in_its_space(rock, pose, place) or height > rock.highest:
             return None
         after = after_test(rock, ground, pose)
         if stays_put(rock, pose, after):
@@ -195,14 +232,21 @@ def _settled(rock: DynamicRock, grid: Lattice) -> tuple[Pose, float] | None:
     return None
 
 
-def _upright(rock: DynamicRock, ground: Heightfield, position: Array) -> Pose:
-    """The rock upright on its tangent plane, none of it below the ground."""
-    turned = _turned(rock, rock.quaternion)
+def _product(a: Array, b: Array) -> Array:
+    """The rotation `b`, then `a`, as quaternions."""
+    w, x, y, z = a.tolist()
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    return np.asarray(portable.product(left, b))
+
+
+def _upright(rock: DynamicRock, ground: Heightfield, position: Array, quaternion: Array) -> Pose:
+    """The rock at a place, turned so, none of it below the ground."""
+    turned = _turned(rock, quaternion)
     scale = rock.diameter / float(mean_width(turned[:, :2].copy()))
     corners = position + scale * turned
     sunk = float((_height(ground, corners) - corners[:, 2]).max())
     raised = np.array([*position[:2], position[2] + sunk])
-    return Pose(position=raised, quaternion=rock.quaternion, scale=scale)
+    return Pose(position=raised, quaternion=quaternion, scale=scale)
 
 
 def _turned(rock: DynamicRock, quaternion: Array) -> Array:

@@ -12,6 +12,9 @@ from .cratering.layer_craters import population_of as population_of
 from .cratering.population import LIMITS as LIMITS
 from .cratering.production import BodyProduction as BodyProduction
 from .cratering.production import CraterProduction as CraterProduction
+from .cratering.production import Resurfacing as Resurfacing
+from .cratering.productions.counts import CraterBin as CraterBin
+from .cratering.productions.counts import CraterCounts as CraterCounts
 from .cratering.productions.power_law import CraterPowerLaw as CraterPowerLaw
 from .cratering.productions.table import CraterTable as CraterTable
 from .detail import DetailSpec as DetailSpec

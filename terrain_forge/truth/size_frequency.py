@@ -64,6 +64,9 @@ def size_frequency(
     For each population:
 
     - `law`: its numbers; `extrapolated_below_m`, if it was fitted to larger rocks only than wanted;
+    - `fit_to_counts`: how well a law that was fitted to counted rocks fits these (`p_value`,
+      `counted_above` with Poisson errors) and how far it is extrapolated; null for other laws. It
+      says nothing of the world's rocks, nor do the figures below of the counted ones;
     - `arrangement`, and `effective_area_m2`: the area on which the law alone gives that number;
     - `count`: expected and observed number, the standard deviation of a correct sampler, z;
     - `cover`: the same of the cover; `outline`, the part of the ground that is seen to be rock from
@@ -76,8 +79,11 @@ def size_frequency(
       Poisson populations lie a little more evenly than random points, all the more the denser;
     - `curve`: number per m² and cover of rocks above each diameter, with the band that holds a
       right sampler at each diameter with a probability of 95 %;
-    - `dynamic`: rocks of the diameters that are to be dynamic, and how many are; null if none are
-      to;
+    - `dynamic`: rocks of the diameters that are to be dynamic, how many are, and how many found no
+      rest and are fixed; null if none are to;
+    - `burial`: mean buried part of the others' heights, expected and observed, its standard
+      deviation, and how many lie `deeper` than any was asked to, since the ground falls away under
+      them; null where there are none;
     - `visual_only`: rocks that nothing touches;
     - `unplaced`: rocks of the window that found no free place.
 
@@ -129,7 +135,7 @@ def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) ->
     known, (smallest, _) = spec.size_frequency.smallest_known, spec.diameters
     if known is not None and smallest < known:
         law = {**law, "extrapolated_below_m": known}
-    dynamic = None
+    dynamic, within = None, np.zeros(len(field), np.bool_)
     if spec.dynamic_m is not None:
         low, high = spec.dynamic_m
         within = (field.diameter >= low) & (field.diameter <= high)
@@ -141,12 +147,27 @@ def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) ->
     return {
         "name": spec.name,
         "law": law,
+        "fit_to_counts": spec.size_frequency.fit_to_counts(*spec.diameters),
         "arrangement": spec.arrangement.kind,
         "effective_area_m2": wanted.expectation.area,
         **_verification(sample, [wanted], [spec.name]),
         "dynamic": dynamic,
+        "burial": _burial(field.buried_fraction[~within], spec.buried_fraction),
         "visual_only": int(np.count_nonzero(~field.collides)),
         "unplaced": sample.unplaced.get(spec.name, 0),
+    }
+
+
+def _burial(buried: Array, asked: tuple[float, float]) -> dict[str, float] | None:
+    """Mean of what some rocks are buried, which was drawn evenly between two parts."""
+    if not len(buried):
+        return None
+    shallow, deep = asked
+    return {
+        "expected": 0.5 * (shallow + deep),
+        "observed": float(buried.mean()),
+        "standard_deviation": (deep - shallow) / float(np.sqrt(12.0 * len(buried))),
+        "deeper": int(np.count_nonzero(buried > deep + 1e-3)),
     }
 
 

@@ -32,6 +32,8 @@ def write_figure(verification: dict[str, Any], path: Path) -> None:
     number, cover = figure.subplots(1, 2)
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.13, top=0.89, wspace=0.2)
     parts = _parts(verification)
+    fits = [(part["fit_to_counts"], colour) for part, colour, _ in parts if "law" in part]
+    fits = [(fit["counted_above"], colour) for fit, colour in fits if fit]
     for part, colour, width in parts:
         _draw(number, part, "number", colour, width)
         _draw(cover, part, "cover", colour, width)
@@ -41,6 +43,8 @@ def write_figure(verification: dict[str, Any], path: Path) -> None:
         everything = parts[0][0]
         _limit(number, everything, "number", verification["area_m2"])
         _limit(cover, everything, "cover", verification["area_m2"])
+    for counted, colour in fits:
+        _draw_counted(number, counted, colour)
     if parts:
         handles, _ = number.get_legend_handles_labels()
         more = len(handles) - _NAMED
@@ -50,8 +54,11 @@ def write_figure(verification: dict[str, Any], path: Path) -> None:
         cover.plot([], [], color=_INK, linewidth=1.8, label="this world")
         cover.plot([], [], color=_INK, linewidth=1, linestyle="--", label="the law")
         cover.fill_between([], [], [], color=_INK, alpha=0.16, label=right)
+        if fits:
+            style: dict[str, Any] = {"color": _INK, "marker": "o", "markersize": 4}
+            cover.plot([], [], linestyle=":", linewidth=1, label="your counts, law there", **style)
         handles, _ = cover.get_legend_handles_labels()
-        cover.legend(handles=handles[-3:], loc="lower left", **_LEGEND)
+        cover.legend(handles=handles[-4 if fits else -3 :], loc="lower left", **_LEGEND)
     figure.savefig(path, metadata={"Software": None})
 
 
@@ -73,6 +80,26 @@ def _draw(axes: Axes, part: dict[str, Any], quantity: str, colour: str, width: f
         low, high = curve[f"{quantity}_low"], curve[f"{quantity}_high"]
         axes.fill_between(diameter, low, high, color=colour, alpha=0.16, linewidth=0)
         axes.plot(diameter, curve[f"{quantity}_expected"], color=_INK, linewidth=1, linestyle="--")
+
+
+def _draw_counted(axes: Axes, counted: dict[str, list[float]], colour: str) -> None:
+    """The user's counts with Poisson errors, and the law that was fitted to them, untruncated."""
+    at, number = counted["diameter_m"], counted["number"]
+    below = [n - low for n, low in zip(number, counted["number_low"], strict=True)]
+    above = [high - n for n, high in zip(number, counted["number_high"], strict=True)]
+    style: dict[str, Any] = {
+        "color": colour,
+        "markersize": 4,
+        "linewidth": 1,
+        "markeredgecolor": _INK,
+    }
+    axes.errorbar(at, number, yerr=[below, above], fmt="o", zorder=3, **style)
+    axes.plot(at, counted["number_law"], color=_INK, linewidth=1, linestyle=":")
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, 0.95 * at[0]), max(high, 1.1 * at[-1]))
+    low, high = axes.get_ylim()
+    seen = [value for value in number if value > 0.0]
+    axes.set_ylim(min([low, *(0.6 * n for n in seen)]), max([high, *(1.8 * n for n in seen)]))
 
 
 def population_label(part: dict[str, Any]) -> str:

@@ -125,7 +125,7 @@ CALLISTO = tf.Body(
     friction=tf.Frictions(regolith=tf.sheared(25.0, 30.0, 40.0, "assumption")),
     craters=tf.CraterConstants(
         largest_simple=4_000.0,
-        depth_ratios=(0.15,),
+        depth=(0.15, 0.0),
         equilibrium="gault",
         bright_ejecta=True,
         chronology=tf.Chronology(burst=0.0, steady=1e-4),

@@ -5,7 +5,12 @@ doi:10.1029/2010GL045777) over the square of the mean distance in astronomical u
 taken as basalt; q(k) of Golombek et al. 2003, LPSC XXXIV. Density and colours are assumptions
 within the usual ranges (docs/science.md); the soils' order is that of the albedos, bright dust
 about 0.25 to 0.3 and dark sand 0.1 to 0.15. Craters: complex from about 6 km (Robbins & Hynek 2012,
-doi:10.1029/2011JE003967); depth 0.2 D, an average of what is reported for fresh primaries. Repose:
+doi:10.1029/2011JE003967). Fresh ones of a kilometre are 0.2 D deep, an average of what is reported
+for primaries. Laws of large craters are too deep for small ones (Watters et al. 2015, JGR Planets
+120, 226, from the abstract): 0.15 D at the small end is an assumption, the middle
+between primaries (0.2) and secondaries (0.1), which counts do not tell apart. No diffusivity was
+measured that would hold all over the planet: craters wear as equilibrium needs.
+Repose:
 33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to
 Olympus Mons.
 """
@@ -53,7 +58,8 @@ MARS = Body(
     relief=(-9_000.0, 22_000.0),
     craters=CraterConstants(
         largest_simple=6_000.0,
-        depth_ratios=(0.2,),
+        depth=(0.20, 0.0),
+        shallow=(0.25, 250.0),
         equilibrium="hartmann",
         bright_ejecta=False,
         chronology=_HARTMANN_NEUKUM,

@@ -12,8 +12,8 @@ and a little darker. No size-frequency law was fitted to its rocks.
 Craters: complex from 10.3 km (Pike 1988, in Vilas et al., Mercury, p. 165, as commonly quoted; the
 change of depth near 10 km is Malin & Dzurisin's 1978). Fresh ones are as deep as images of Mariner
 10 showed (Barnouin et al. 2012, doi:10.1016/j.icarus.2012.02.029, from the abstract), for which 0.2
-D is taken. Below 400 m the Moon's ratios are assumed, and everywhere its equilibrium and its bright
-young ejecta.
+D is taken. That small ones are shallower, the equilibrium, the diffusivity at 1 km and the bright
+young ejecta are assumed to be the Moon's.
 """
 
 from __future__ import annotations
@@ -55,8 +55,9 @@ MERCURY = Body(
     ),
     craters=CraterConstants(
         largest_simple=10_300.0,
-        depth_steps=(10.0, 40.0, 100.0, 200.0, 400.0),
-        depth_ratios=(0.10, 0.11, 0.13, 0.15, 0.17, 0.20),
+        depth=(0.20, 0.0),
+        shallow=(0.38, 250.0),
+        diffusivity_1_km=5.5,
         equilibrium="trask",
         bright_ejecta=True,
         chronology=_NEUKUM,

@@ -4,9 +4,11 @@ Gravity and radius: NASA fact sheet (Williams). Irradiance: Kopp & Lean 2011,
 doi:10.1029/2010GL045777. Rocks are taken as breccia; q(k) is a fit to orbital and descent images
 (Li & Wu 2018, doi:10.1029/2017JE005496), known at second hand. Density and colours are assumptions
 within the usual ranges (docs/science.md); maria have an albedo of about 0.07, highlands 0.15.
-Craters: complex where the depths of simple and complex ones cross (Pike 1977). Depths over
-diameter from 40 to 400 m: Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022, in the steps of
-their classes; below as continued by synthterrain (NASA Ames); above: Pike 1977, 0.196 D^1.010, km.
+Craters: complex where the depths of simple and complex ones cross (Pike 1977). Fresh ones are as
+deep as Pike's, 0.196 D^1.010 km, and the shallower the smaller they are: the two figures are a fit,
+within 0.005, to the classes of Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022 (0.13 from 40
+to 100 m, 0.15 to 200 m, 0.17 to 400 m). Diffusivity at 1 km: Fassett & Thomson 2014,
+doi:10.1002/2014JE004698, the mean of 3·10⁹ years.
 Repose: 34°, an assumption. Relief: 11 km around the sphere.
 """
 
@@ -52,9 +54,9 @@ MOON = Body(
     relief=(-11_000.0, 11_000.0),
     craters=CraterConstants(
         largest_simple=10_583.0,
-        depth_steps=(10.0, 40.0, 100.0, 200.0, 400.0),
-        depth_ratios=(0.10, 0.11, 0.13, 0.15, 0.17, 0.21),
-        depth_power=(0.196, 0.010),
+        depth=(0.196, 0.010),
+        shallow=(0.38, 250.0),
+        diffusivity_1_km=5.5,
         equilibrium="trask",
         bright_ejecta=True,
         chronology=_NEUKUM,

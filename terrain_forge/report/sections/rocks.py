@@ -56,12 +56,14 @@ class Rocks(Section):
         if len(verification["populations"]) > 1:
             rows.append({"name": "together", **verification["together"]})
         sources = filter(None, map(_source, verification["populations"]))
+        counts = [part for part in verification["populations"] if part.get("fit_to_counts")]
         return [
             *parts,
             heading("Numbers and sizes"),
-            table(_SIZES, [_size_row(part, built) for part in rows], figures="llrrrrrrrl"),
+            table(_SIZES, [_size_row(part, built) for part in rows], figures="llrrrrrrrll"),
+            *(paragraph(_counted(part), "note") for part in counts),
             heading("Cover and places"),
-            table(_PLACES, [_place_row(part) for part in rows], figures="llrrrrrrrr"),
+            table(_PLACES, [_place_row(part) for part in rows], figures="llrrrrrrrrr"),
             paragraph(_note(verification), "note"),
             *(paragraph(words, "note") for words in sources),
             heading("Shapes"),
@@ -70,9 +72,10 @@ class Rocks(Section):
         ]
 
 
-_SIZES = ("Population", "Law", "D [m]", "Expected", "Observed", "z", "K–S", "p", "Unplaced", "")
+_SIZES = ("Population", "Law", "D [m]", "Expected", "Observed", "z", "K–S", "p", "Unplaced",
+          "Drawn", "Your counts")  # fmt: skip
 _PLACES = ("Population", "Arrangement", "Cover expected", "±", "Observed", "z", "Visible cover",
-           "Clark–Evans", "Dynamic", "Visual only")  # fmt: skip
+           "Clark–Evans", "Burial", "Dynamic", "Visual only")  # fmt: skip
 
 
 def _size_row(part: dict[str, Any], built: Built) -> list[Shown]:
@@ -89,21 +92,36 @@ def _size_row(part: dict[str, Any], built: Built) -> list[Shown]:
         f"{ks['p_value']:.3f}" if ks else "–",
         thousands(part["unplaced"]) if "unplaced" in part else "–",
         _verdict(part, built),
+        _fit(part.get("fit_to_counts")),
     ]
 
 
 def _verdict(part: dict[str, Any], built: Built) -> Shown:
-    """What the checks of its sizes and numbers say."""
+    """Whether the rocks are drawn as the law says, by the check of their sizes."""
     if "file" in part:
         return Cell("as listed", "open")
-    passed = [
-        check["passed"]
-        for check in built.validation.get("checks", ())
-        if check["name"].startswith("rocks: ") and check["name"].endswith(f" of {part['name']}")
-    ]
-    if not passed:
-        return ""
-    return Cell("agrees", "good") if all(passed) else Cell("differs", "bad")
+    for check in built.validation.get("checks", ()):
+        if check["name"] == f"rocks: sizes of {part['name']}":
+            return Cell("as the law", "good") if check["passed"] else Cell("differs", "bad")
+    return ""
+
+
+def _fit(fit: dict[str, Any] | None) -> Shown:
+    """Whether the law fits the rocks that the user counted."""
+    if not fit:
+        return "–"
+    if fit["fits"] is None:
+        return Cell("not tested", "open")
+    words = f"{'fit' if fit['fits'] else 'do not fit'}, p = {fit['p_value']:.2g}"
+    if fit["fits"] and fit["warnings"]:
+        return Cell(f"{words}, end far from these", "open")
+    return Cell(words, "good" if fit["fits"] else "bad")
+
+
+def _counted(part: dict[str, Any]) -> str:
+    fit = part["fit_to_counts"]
+    words = "; ".join([fit["summary"], *(f"warning: {text}" for text in fit["warnings"])])
+    return f"{part['name']}: {words}."
 
 
 def _law(part: dict[str, Any]) -> str:
@@ -132,7 +150,7 @@ def _source(part: dict[str, Any]) -> str:
 
 def _place_row(part: dict[str, Any]) -> list[Shown]:
     cover, evenness, dynamic = part["cover"], part.get("clark_evans"), part.get("dynamic")
-    wanted = "expected" in cover
+    wanted, burial = "expected" in cover, part.get("burial")
     return [
         part["name"],
         _LIES.get(part.get("arrangement", ""), "as listed" if "file" in part else ""),
@@ -142,6 +160,7 @@ def _place_row(part: dict[str, Any]) -> list[Shown]:
         signed(cover.get("z")),
         _percent(cover["outline"]),
         f"{evenness['ratio']:.3f}" if evenness else "–",
+        f"{burial['observed']:.3f} for {burial['expected']:.3f}" if burial else "–",
         f"{thousands(dynamic['dynamic'])} of {thousands(dynamic['expected'])}" if dynamic else "–",
         thousands(part["visual_only"]) if "visual_only" in part else "–",
     ]
@@ -155,11 +174,14 @@ def _note(verification: dict[str, Any]) -> str:
     note = (
         "z: deviation in standard deviations of a correct sampler. K–S: Kolmogorov–Smirnov "
         "distance "
-        "of the diameters from the law, and its p. Agrees: so says the check of the sizes. "
+        "of the diameters from the law, and its p. Drawn: whether the rocks are drawn as the law "
+        "says; your counts: whether the law fits the rocks that it was fitted to. "
         "Cover: Σ πD²/4; ±: its standard deviation; seen from above: where a rock is the highest "
         "thing, less since a rock's outline is no disc. Clark–Evans: distance to the nearest rock "
         "over that of random points; rocks that cannot overlap lie a little more evenly (above 1), "
-        "clustered ones closer (below 1)."
+        "clustered ones closer (below 1). Burial: mean buried part of the height, for what was "
+        "asked; rocks lie deeper where the ground falls away under them. Dynamic: those that "
+        "found rest, the others are fixed."
     )
     if verification["corridor_area_m2"] > 0:
         note += (

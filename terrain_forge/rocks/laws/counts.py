@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, InputFile, Key, Positive, RecipeError
 from terrain_forge.model import Body
-from terrain_forge.rocks.laws.fitting import Fit, RockCount, fit_law, goodness
+from terrain_forge.rocks.laws.fitting import Fit, RockCount, counted_above, fit_law, goodness
 from terrain_forge.rocks.laws.golombek import MAX_K, USUAL, DecayOf, decay_of
 from terrain_forge.rocks.laws.law import SizeLaw
 
@@ -24,6 +24,11 @@ MAX_COUNTED = 100_000
 """Rocks or bins of a count; more are told apart well enough by bins."""
 LEAST_COUNTED = 5
 """Rocks that a law is fitted to at least."""
+MISFIT = 0.001
+"""A law that fits has a lower p-value once in a thousand counts."""
+FARTHEST_BEYOND = 2.0
+"""How many times smaller or larger than any counted rock others may be drawn without a warning: an
+octave, in which the laws that fit a count equally well still tell about the same number."""
 
 _BINS = ("low_m", "high_m", "count")
 _TABLE = InputFile(
@@ -163,6 +168,38 @@ class Counts(SizeLaw):
             "complete_from_m": self.count.smallest,
             "parameters": {name: one._asdict() for name, one in self.fitted.parameters.items()},
             "goodness": goodness(self.count, self.fitted),
+        }
+
+    def fit_to_counts(self, smallest: float, largest: float) -> dict[str, Any]:
+        """How well the fitted law agrees with the count, and how far it goes beyond it."""
+        known, most = self.count.smallest, self.count.largest
+        good = goodness(self.count, self.fitted)
+        p = good["p_value"]
+        test = good["test"].replace("_", "-").replace("kolmogorov-smirnov", "Kolmogorov–Smirnov")
+        shown = f"{test} p = {p:.2g}" if p is not None else f"too few bins for a {test} test"
+        below, above = known / smallest, largest / most
+        summary = f"{self.fit} law fitted to {self.count.rocks} rocks of {known:g} to {most:.3g} m"
+        summary += f", {shown}"
+        warnings = []
+        if p is not None and p < MISFIT:
+            warnings.append(f"the law does not fit the count: {shown}, at least {MISFIT:g}")
+        for drawn, end, factor in ((smallest, known, below), (largest, most, above)):
+            if factor > 1.0 + 1e-9:
+                summary += f", extrapolated from {end:.3g} to {drawn:.3g} m ({factor:.2g} times)"
+            if factor > FARTHEST_BEYOND:
+                warnings.append(
+                    f"rocks of {drawn:.3g} m are {factor:.2g} times beyond the count, which ends "
+                    f"at {end:.3g} m: more than {FARTHEST_BEYOND:g} times, few laws hold so far"
+                )
+        return {
+            "summary": summary,
+            "warnings": warnings,
+            "test": good["test"],
+            "p_value": p,
+            "fits": None if p is None else p >= MISFIT,
+            "extrapolated_below": max(below, 1.0),
+            "extrapolated_above": max(above, 1.0),
+            "counted_above": counted_above(self.count, self.fitted.law),
         }
 
     def _check_fit(self, key: Key) -> None:

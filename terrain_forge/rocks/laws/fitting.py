@@ -25,6 +25,8 @@ FittedLaw = Golombek | PowerLaw | Exponential
 
 LEAST_EXPECTED = 5.0
 """Rocks that a bin of the chi-square test is expected to hold at least; smaller bins are joined."""
+_ONE_SIGMA = 0.6827
+_MOST_STEPS = 64
 _DECAYS = 1e-3, 500.0
 _IMPOSSIBLE = 1e100
 _GRID = 200
@@ -53,6 +55,13 @@ class RockCount:
     def rocks(self) -> int:
         """How many were counted."""
         return len(self.diameters) + int(self.counts.sum())
+
+    @property
+    def largest(self) -> float:
+        """Diameter [m] up to which there are rocks: of an open bin its lower end."""
+        held = self.bins[self.counts > 0]
+        ends = np.where(np.isinf(held[:, 1]), held[:, 0], held[:, 1])
+        return float(max(self.diameters.max(initial=0.0), ends.max(initial=0.0)))
 
     @property
     def different(self) -> int:
@@ -217,6 +226,37 @@ def goodness(count: RockCount, fit: Fit) -> dict[str, Any]:
         "fitted_parameters": len(fit.parameters),
         "note": "the law was fitted to the same rocks, so that the p-value is too large",
     }
+
+
+def counted_above(count: RockCount, law: FittedLaw) -> dict[str, list[float]]:
+    """Counted rocks above the lower end of each bin, and those that a law expects [1/m²].
+
+    Rocks that were counted one by one are put in bins of half an octave. What lies in no bin was
+    not counted: there the law's own number stands. `number_low` to `number_high` holds the mean of
+    a Poisson count with 68 % (Garwood 1936).
+    """
+    from scipy.special import gammaincinv
+
+    if not len(count.bins):
+        edges = count.smallest * portable.power(2.0, 0.5 * np.arange(_MOST_STEPS))
+        edges = np.append(edges[edges <= count.largest], np.inf)
+        held, _ = np.histogram(count.diameters, edges)
+        bins = np.column_stack([edges[:-1], edges[1:]])
+        count = RockCount(area=count.area, smallest=count.smallest, bins=bins, counts=held)
+    order = np.argsort(count.bins[:, 0])
+    low = count.bins[order, 0]
+    counted, expected = (
+        np.cumsum(one[order][::-1])[::-1] for one in (count.counts, count.expected(law))
+    )
+    number, tail = law.cumulative_number(low), 0.5 * (1.0 - _ONE_SIGMA)
+    between = number - expected / count.area  # what the law has where nobody counted
+    found = {
+        "number": counted,
+        "number_low": np.where(counted > 0, gammaincinv(np.maximum(counted, 1.0), tail), 0.0),
+        "number_high": gammaincinv(counted + 1.0, 1.0 - tail),
+    }
+    above = {name: (values / count.area + between).tolist() for name, values in found.items()}
+    return {"diameter_m": low.tolist(), **above, "number_law": number.tolist()}
 
 
 def _joined(counted: Array, expected: Array) -> tuple[Array, Array]:

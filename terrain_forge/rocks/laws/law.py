@@ -52,6 +52,14 @@ class SizeLaw(Spec):
         """Diameters [m] drawn between two diameters [m], one by each hashed address."""
         raise NotImplementedError
 
+    def fit_to_counts(self, smallest: float, largest: float) -> dict[str, Any] | None:  # noqa: ARG002
+        """How well the law fits the rocks that it was made from, as JSON can hold it.
+
+        None for a law that was not fitted to counts. `summary` says it in a line, `warnings` has a
+        line for each reason to doubt rocks between two diameters [m] that are drawn from it.
+        """
+        return None
+
     def on(self, body: Body, key: Key = ()) -> SizeLaw:  # noqa: ARG002
         """The law with what it leaves to the body written out; by default itself.
 

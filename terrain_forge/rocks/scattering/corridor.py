@@ -6,7 +6,7 @@ from math import hypot
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, inner, kernel, segment_square_distance
 from terrain_forge.model import ExclusionZone, Route, Rover, Site, Window
@@ -100,9 +100,13 @@ def corridors(site: Site) -> Corridors:
     )
 
 
-def in_corridor(site: Site, xy: Array) -> NDArray[np.bool_]:
-    """Which points (east, north) [m], shape [points, 2], lie in a corridor or exclusion zone."""
-    return np.asarray(_inside(corridors(site), np.array(xy, np.float64, order="C")))
+def in_corridor(site: Site, xy: Array, *, reach: ArrayLike = 0.0) -> NDArray[np.bool_]:
+    """Which points (east, north) [m], shape [points, 2], lie in a corridor or exclusion zone.
+
+    Or come as near to one as their `reach` [m].
+    """
+    near = np.broadcast_to(np.asarray(reach, np.float64), len(xy)).copy()
+    return np.asarray(_inside(corridors(site), np.array(xy, np.float64, order="C"), near))
 
 
 def corridor_area(site: Site, window: Window) -> float:
@@ -178,21 +182,24 @@ def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_kept_free(strips, x, y, limit):  # type: ignore[no-untyped-def]
-    """Whether a place lies in a corridor or exclusion zone; `limit` as of `search_radius`."""
+def is_kept_free(strips, x, y, limit, reach=0.0):  # type: ignore[no-untyped-def]
+    """Whether a place lies within a reach of a corridor or exclusion zone.
+
+    `limit` as of `search_radius`.
+    """
     away = distances(strips, x, y, limit)
     for s in range(len(away)):
-        if away[s] < strips.half_width[s]:
+        if away[s] < strips.half_width[s] + reach:
             return True
     return False
 
 
 @kernel
-def _inside(strips, xy):  # type: ignore[no-untyped-def]
+def _inside(strips, xy, reach):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
-    limit = search_radius(strips, 0.0)
     for n in range(len(xy)):
-        inside[n] = is_kept_free(strips, xy[n, 0], xy[n, 1], limit)
+        limit = search_radius(strips, reach[n])
+        inside[n] = is_kept_free(strips, xy[n, 0], xy[n, 1], limit, reach[n])
     return inside
 
 

@@ -46,6 +46,10 @@ _DOMAIN = 8.0
 _MODES = 400
 _VISIBLE = 3e-4
 """Height [diameters] below which a worn crater ends."""
+VANISHING = 0.046
+"""Depth over diameter down to which craters are counted: with it, half of those of 40 to 100 m that
+are at equilibrium on the Moon are shallower than 0.07 (Basilevsky 1976, as in NASA's SLS-SPEC-159,
+table 3.4.1.2-2)."""
 
 
 def fassett_thomson(x: Array) -> Array:
@@ -103,30 +107,20 @@ def worn_shapes() -> tuple[Array, Array]:
     return values, reach
 
 
-def diffusivity(diameter: Array, *, constant: float | None = None) -> Array:
-    """Diffusivity κ [m²/10⁶ years] by which craters of diameters [m] wear.
+def vanishing_wear(diameter: Array, *, body: Body) -> Array:
+    """τ at which craters of diameters [m] are too shallow to be counted."""
+    usual = np.array([FT_DEPTH, 0.5 * FT_RIM, 0.5 * FT_RIM])
+    depth = np.ptp(portable.product(worn_shapes()[0], usual), axis=1)
+    left = VANISHING / fresh_ratio(diameter, body=body)
+    root = np.interp(left, (depth / depth[0])[::-1], np.arange(ROWS)[::-1] / (ROWS - 1))
+    return root * root
 
-    Up to 125 m as in synthterrain (NASA Ames, after C. Fassett), which holds small lunar craters at
-    their equilibrium; 5.5 from 1 km on, the mean of the last 3·10⁹ years (Fassett & Thomson 2014);
-    a power law between. Craters of other bodies wear by other means: there, it is an assumption.
-    A `constant` holds for all sizes instead.
-    """
-    diameter = np.asarray(diameter, np.float64)
-    if constant is not None:
-        return np.full(diameter.shape, constant)
-    middle = 1.23e-3 * portable.power(diameter, 0.8386)
-    at_125 = 1.23e-3 * 125.0**0.8386
-    exponent = portable.log(5.5 / at_125) / portable.log(1000.0 / 125.0)
-    return np.select(
-        [diameter <= 11.2, diameter < 45.0, diameter < 125.0, diameter < 1000.0],
-        [
-            0.0155,
-            1.55e-3 * portable.power(diameter, 0.974),
-            middle,
-            at_125 * portable.power(diameter / 125.0, exponent),
-        ],
-        5.5,
-    )
+
+def fresh_ratio(diameter: Array, *, body: Body) -> Array:
+    """Depth over diameter of a body's fresh craters of diameters [m]: a D^b (1 - c exp(-D / s))."""
+    (factor, exponent), (share, scale) = body.craters.depth, body.craters.shallow
+    large = factor * portable.power(np.asarray(diameter, np.float64) / 1000.0, exponent)
+    return np.asarray(large * (1.0 - share * portable.exp(-np.asarray(diameter) / scale)))
 
 
 class FreshShapes(NamedTuple):
@@ -154,16 +148,9 @@ def fresh_shapes(
     0.036 D^1.014, km.
     """
     diameter = np.asarray(diameter, np.float64)
-    kilometres = diameter / 1000.0
-    pike = 0.196 * portable.power(kilometres, 0.010)
     given = np.nan if depth_to_diameter is None else depth_to_diameter
-    classes = np.searchsorted(body.craters.depth_steps, diameter, side="right")
-    usual = np.array(body.craters.depth_ratios)[classes]
-    if body.craters.depth_power is not None:
-        factor, exponent = body.craters.depth_power
-        usual = np.minimum(usual, factor * portable.power(kilometres, exponent))
-    depth = np.where(np.isnan(given), usual, given) * diameter
-    rim = depth * (0.036 * portable.power(kilometres, 0.014)) / pike
+    depth = np.where(np.isnan(given), fresh_ratio(diameter, body=body), given) * diameter
+    rim = depth * (0.036 / 0.196) * portable.power(diameter / 1000.0, 0.004)
     blanket = np.minimum(ejecta_thickness(0.5 * diameter), RIM_SHARE * rim)
     return FreshShapes(depth=depth, rim=rim, ejecta=blanket if ejecta else np.zeros_like(blanket))
 

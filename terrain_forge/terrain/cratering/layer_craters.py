@@ -11,9 +11,9 @@ from terrain_forge.base import Array, mix, rectangle_distance, stage_key
 from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Site, Table
 from terrain_forge.terrain.cratering.craters import Craters
-from terrain_forge.terrain.cratering.degradation import diffusivity, fresh_shapes
+from terrain_forge.terrain.cratering.degradation import fresh_shapes
 from terrain_forge.terrain.cratering.placement import Drawn, Rectangle, draw_craters
-from terrain_forge.terrain.cratering.population import Population
+from terrain_forge.terrain.cratering.population import Population, Wear
 
 if TYPE_CHECKING:
     from terrain_forge.terrain.layers.craters import CraterLayer
@@ -55,8 +55,7 @@ def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
     """What chance draws for a layer on a site; None where its craters are listed only."""
     if spec.production is None:
         return None
-    of_body = site.body.craters
-    equilibrium = spec.equilibrium or of_body.equilibrium
+    of_body = site.body.craters.equilibrium
     smallest, largest = spec.diameter_m
     if smallest is None:
         smallest = FEWEST_NODES * site.spacing
@@ -65,16 +64,26 @@ def population_of(spec: CraterLayer, *, site: Site) -> Population | None:
     drawn = Population(
         body=site.body,
         production=spec.production,
-        equilibrium=equilibrium,
+        wear=wear_of(spec, site=site),
+        equilibrium=spec.equilibrium or ("none" if spec.production.complete else of_body),
         diameters=(smallest, largest or _ALL[1]),
-        diffusivity=spec.diffusivity_m2_per_myr,
     )
     if largest is not None:
         return drawn
     # What one crater of the area is expected to reach.
     table, area = replace(drawn, diameters=_ALL).table, site.size[0] * site.size[1]
     expected = float(table.diameter[np.argmax(table.number * area < 1.0)])
-    return replace(drawn, diameters=(smallest, min(expected, of_body.largest_simple)))
+    return replace(drawn, diameters=(smallest, min(expected, site.body.craters.largest_simple)))
+
+
+def wear_of(spec: CraterLayer, *, site: Site) -> Wear:
+    """How fast a layer's craters wear: by its own production and equilibrium where it has them."""
+    return Wear(
+        body=site.body,
+        kind=None if spec.production is None else spec.production.kind,
+        equilibrium=spec.equilibrium or "none",
+        constant=spec.diffusivity_m2_per_myr,
+    )
 
 
 def listed_places(table: Table, *, site: Site) -> Array:
@@ -111,12 +120,11 @@ def _shaped(drawn: Drawn, spec: CraterLayer, *, site: Site, ratio: Array, listed
         depth_to_diameter=np.where(ratio == NOT_GIVEN, usual, ratio),
         ejecta=spec.ejecta,
     )
-    kappa = diffusivity(drawn.diameter, constant=spec.diffusivity_m2_per_myr)
     return Craters(
         **drawn._asdict(),
         listed=np.full(len(drawn.id), listed),
         fresh_depth=fresh.depth,
         fresh_rim=fresh.rim,
         fresh_ejecta=fresh.ejecta,
-        wear=kappa * 1000.0 * drawn.age / drawn.diameter**2,
+        wear=wear_of(spec, site=site).of(drawn.diameter, drawn.age),
     )

@@ -57,15 +57,16 @@ def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> 
         most, least = population.number(np.array([low, high]))
         address = np.uint64(mix(key, zigzag(octave)))
         ids, xy, numbers = _place_octave(address, first, last, side, most, least, table.number)
-        drawn.append((ids, xy, *_sizes(numbers, *table)))
-    ids, xy, diameter, part = (np.concatenate(column) for column in zip(*drawn, strict=True))
-    chronology, age = population.chronology, population.production.age_ga
-    gathered = _uniforms(ids, _AGE) * part * float(chronology.number(age))
-    ages = age_of(gathered, age, chronology.burst, chronology.rate, chronology.steady)
+        drawn.append((ids, xy, _sizes(numbers, table.diameter, table.number)))
+    ids, xy, diameter = (np.concatenate(column) for column in zip(*drawn, strict=True))
     smallest, largest = population.diameters
     kept = rectangle_distance(xy, area) < 0.5 * REACH * diameter
     kept &= (diameter >= smallest) & (diameter <= largest)
-    return Drawn(id=ids[kept], xy=xy[kept], diameter=diameter[kept], age=ages[kept])
+    ids, diameter = ids[kept], diameter[kept]
+    chronology, age = population.chronology, population.production.age_ga
+    gathered = _uniforms(ids, _AGE) * population.part(diameter) * float(chronology.number(age))
+    ages = age_of(gathered, age, chronology.burst, chronology.rate, chronology.steady)
+    return Drawn(id=ids, xy=xy[kept], diameter=diameter, age=ages)
 
 
 def expected_craters(population: Population, area: Rectangle) -> float:
@@ -126,9 +127,9 @@ def _count(cell, mean):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sizes(wanted, diameter, number, part):  # type: ignore[no-untyped-def]
-    """Diameters of numbers N(≥D) by inversion of the table, and the part that is left of each."""
-    found, left = np.empty(len(wanted)), np.empty(len(wanted))
+def _sizes(wanted, diameter, number):  # type: ignore[no-untyped-def]
+    """Diameters of numbers N(≥D) by inversion of the table."""
+    found = np.empty(len(wanted))
     for n in range(len(wanted)):
         low, high = 0, len(number) - 1
         while high - low > 1:  # the last diameter whose number is not below the wanted one
@@ -140,8 +141,7 @@ def _sizes(wanted, diameter, number, part):  # type: ignore[no-untyped-def]
         share = np.log(number[low] / wanted[n]) / np.log(number[low] / number[high])
         share = min(max(share, 0.0), 1.0)
         found[n] = diameter[low] * (diameter[high] / diameter[low]) ** share
-        left[n] = part[low] + share * (part[high] - part[low])
-    return found, left
+    return found
 
 
 @kernel

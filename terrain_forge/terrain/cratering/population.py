@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, PowerPieces, portable
-from terrain_forge.model import Body, Chronology
-from terrain_forge.terrain.cratering.degradation import diffusivity
-from terrain_forge.terrain.cratering.production import Counted, CraterProduction
+from terrain_forge.model import MOON, Body, Chronology, ProductionFunction
+from terrain_forge.terrain.cratering.degradation import vanishing_wear
+from terrain_forge.terrain.cratering.production import Counted, CraterProduction, gathered
 
-_SEEN = 0.1133
-"""κt/D² at which a tenth of a crater's depth is left."""
+_ASIDE = 1.0905077326652577
+"""An eighth of an octave: how far on both sides of a diameter craters are counted for a rate."""
+_HELD = 125.0
+"""Diameter [m] up to which equilibrium tells how craters wear, where 1 km was measured too."""
 _PER_OCTAVE = 64
 """Diameters of the table on an octave; a power law between them is right to 2 in 100 000."""
 
@@ -63,8 +65,63 @@ class SizeTable(NamedTuple):
     """Diameters [m]."""
     number: Array
     """N(≥D) on a square metre [1/m²], falling."""
-    part: Array
-    """Part of all craters that were produced there which is left, 0 to 1: the youngest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wear:
+    """How fast craters wear: so that equilibrium holds.
+
+    A crater becomes too shallow to be counted in the time in which as many come as there can be of
+    its size. Then those at equilibrium are of all depths in the same shares, whatever the
+    production. Wear goes on as impacts come, so that ages are counted in years of today's rate.
+    """
+
+    body: Body
+    """Where they wear."""
+    kind: str | None = None
+    """Production function that says how often they come; the body's first if it has none such, and
+    the Moon's if it has none at all."""
+    equilibrium: str = "none"
+    """How many there can be: a name of LIMITS; the body's for `none`."""
+    constant: float | None = None
+    """Diffusivity of all craters instead [m²/10⁶ years]."""
+
+    @cached_property
+    def function(self) -> ProductionFunction:
+        """The production function."""
+        own = self.body.craters.productions or MOON.craters.productions
+        return next((one for one in own if one.kind == self.kind), own[0])
+
+    def lifetime(self, diameter: Array) -> Array:
+        """Time in which as many craters of diameters [m] come as there can be [10⁹ years]."""
+        limit = LIMITS[
+            self.body.craters.equilibrium if self.equilibrium == "none" else self.equilibrium
+        ]
+        most, came = (
+            law.number(diameter / _ASIDE) - law.number(diameter * _ASIDE)
+            for law in (limit, gathered(self.function, 1.0))
+        )
+        chronology = self.function.chronology
+        return most / came * (chronology.number(1.0) / chronology.steady)
+
+    def diffusivity(self, diameter: Array) -> Array:
+        """Diffusivity κ [m²/10⁶ years] by which craters of diameters [m] wear today."""
+        diameter = np.asarray(diameter, np.float64)
+        if self.constant is not None:
+            return np.full(diameter.shape, self.constant)
+        large = self.body.craters.diffusivity_1_km
+        held = diameter if large is None else np.minimum(diameter, _HELD)
+        kappa = vanishing_wear(held, body=self.body) * held**2 / (1000.0 * self.lifetime(held))
+        if large is None:
+            return kappa
+        beyond = portable.log(np.clip(diameter, _HELD, 1000.0) / _HELD)
+        return kappa * portable.power(large / kappa, beyond / portable.log(1000.0 / _HELD))
+
+    def of(self, diameter: Array, age: Array) -> Array:
+        """τ = κ t / D² of craters of diameters [m] and ages [10⁹ years]."""
+        chronology = self.function.chronology
+        years = age if self.constant is not None else chronology.number(age) / chronology.steady
+        return np.asarray(self.diffusivity(diameter) * 1000.0 * years / diameter**2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +139,8 @@ class Population:
     """How many there can be: a name of LIMITS, or `none`."""
     diameters: tuple[float, float]
     """Smallest and largest diameter [m]; others would be there, but are left out."""
-    diffusivity: float | None = None
-    """How fast all craters wear [m²/10⁶ years], if not by their size."""
+    wear: Wear
+    """How fast they wear."""
 
     @property
     def chronology(self) -> Chronology:
@@ -103,19 +160,21 @@ class Population:
         return np.minimum(number, LIMITS[self.equilibrium].number(diameter))
 
     def part(self, diameter: Array) -> Array:
-        """Part of the craters of a size that is left, by dN/dD of both laws."""
-        if self.production.counted:  # those that are young enough to be seen
-            kappa = diffusivity(diameter, constant=self.diffusivity)
-            oldest = self.production.age_ga
+        """Part of the whole age's craters of a size that the oldest ones left have seen, 0 to 1."""
+        chronology, production = self.chronology, self.production
+        oldest = chronology.number(production.oldest(diameter))
+        whole = chronology.number(production.age_ga)
+        if production.counted:  # those that are young enough to be seen
+            vanishing = vanishing_wear(diameter, body=self.body) * diameter**2
             with np.errstate(divide="ignore"):
-                seen_for = np.minimum(_SEEN * diameter**2 / (1000.0 * kappa), oldest)
-            return self.chronology.number(seen_for) / self.chronology.number(oldest)
+                seen_for = vanishing / (1000.0 * self.wear.diffusivity(diameter))
+            return np.minimum(seen_for * chronology.steady, oldest) / whole
         if self.equilibrium == "none":
-            return np.ones_like(diameter)
+            return oldest / whole
         limit, produced = LIMITS[self.equilibrium], self.produced
         most, came = limit.number(diameter), produced.number(diameter)
         left = most * limit.slope(diameter) / (came * produced.slope(diameter))
-        return np.where(most < came, np.minimum(left, 1.0), 1.0)
+        return np.where(most < came, np.minimum(left, 1.0), 1.0) * oldest / whole
 
     @cached_property
     def table(self) -> SizeTable:
@@ -125,7 +184,7 @@ class Population:
         """
         low, high = _PER_OCTAVE * portable.log2(self.diameters)
         diameter = portable.power(2.0, np.arange(np.floor(low), np.ceil(high) + 1) / _PER_OCTAVE)
-        return SizeTable(diameter, self.number(diameter), self.part(diameter))
+        return SizeTable(diameter, self.number(diameter))
 
     def density(self, low: float, high: float) -> float:
         """Expected craters of diameters from `low` to `high` [m] on a square metre [1/m²]."""

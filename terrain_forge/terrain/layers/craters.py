@@ -77,7 +77,7 @@ class CraterLayer(Layer):
     """How many craters have come; without it only those of the file."""
     equilibrium: Equilibrium | None = None
     """How many there can be. Without it, the body's: Trask's law on airless
-    ones, Hartmann's on Mars."""
+    ones, Hartmann's on Mars; none for a table or counts of your own."""
     diameter_m: tuple[Positive | None, Positive | None] = (None, None)
     """Smallest and largest diameter [m]. A smallest of null is 4 spacings, the least that the grid
     can show; a largest of null is 5 postings of the DTM, which shows the larger ones itself, or
@@ -94,7 +94,7 @@ class CraterLayer(Layer):
     """How much brighter than the ground the ejecta of a fresh crater of 100 m and more are, on
     airless bodies; it fades with age (to 1/e in 50·10⁶ years) and is less for smaller craters."""
     diffusivity_m2_per_myr: Annotated[float, Interval(ge=0, le=1000)] | None = None
-    """How fast craters wear [m²/10⁶ years]; by default it grows with their size. 0: not at all."""
+    """How fast craters wear [m²/10⁶ years]; by default so that equilibrium holds. 0: not at all."""
 
     def __post_init__(self) -> None:
         if self.production is None and self.file is None:

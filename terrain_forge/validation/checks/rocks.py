@@ -25,6 +25,8 @@ from terrain_forge.validation.outlines import heights_above
 
 SIGNIFICANCE = 0.001
 """A correct sampler's rocks fall below this p-value once in a thousand worlds."""
+UNSETTLED_LIMIT = 0.1
+"""Part of the dynamic rocks that may find no rest, so that they are fixed."""
 UNPLACED_LIMIT = 0.001
 """Part of the rocks that may find no free place."""
 _ROCKS = 2000
@@ -48,6 +50,7 @@ class Rocks(Inspection):
         return [
             *_place_checks(world, [part["name"] for part in verification.get("lists", ())]),
             *_size_checks(verification),
+            *_population_checks(verification),
             *_shape_checks(world, verification.get("shapes", {})),
         ]
 
@@ -66,6 +69,33 @@ def _place_checks(world: World, lists: list[str]) -> list[Check]:
         at_most("rocks: overlaps", float(len(overlaps.scattered)), 0.0, note=note),
         at_most("rocks: without a free place", float(unplaced), limit, note=f"besides {count}"),
     ]
+
+
+def _population_checks(verification: dict[str, Any]) -> list[Check]:
+    """Dynamic rocks that found no rest, burial, and laws that were fitted to counts."""
+    checks = []
+    for population in verification.get("populations", ()):
+        name, dynamic, burial = (population.get(key) for key in ("name", "dynamic", "burial"))
+        if dynamic and dynamic["expected"]:
+            fixed, asked = dynamic["fixed"], dynamic["expected"]
+            limit = float(max(math.floor(UNSETTLED_LIMIT * asked), 1))
+            note = f"of {asked} that were to be dynamic; these are fixed in the ground"
+            title = f"rocks: dynamic ones of {name} without rest"
+            checks.append(at_most(title, float(fixed), limit, note=note))
+        if burial:
+            note = (
+                f"mean buried part of the height, asked {burial['expected']:.3f} ± "
+                f"{burial['standard_deviation']:.3f}; {burial['deeper']} lie deeper than asked"
+            )
+            checks.append(at_most(f"rocks: burial of {name}", burial["observed"], None, note=note))
+        if fit := population.get("fit_to_counts"):
+            note = "; ".join([fit["summary"], *fit["warnings"]])
+            title = f"rocks: law of {name} against its counts"
+            p = Check(
+                name=title, figure=fit["p_value"], unit="", limit=None, passed=True, note=note
+            )
+            checks.append(p)
+    return checks
 
 
 def _size_checks(verification: dict[str, Any]) -> list[Check]:

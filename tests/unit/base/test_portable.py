@@ -74,3 +74,13 @@ def test_eigenvectors_of_symmetric_matrices():
     np.testing.assert_allclose(vectors.swapaxes(1, 2) @ vectors, np.tile(np.eye(3), (50, 1, 1)),
                                atol=1e-13)  # fmt: skip
     assert portable.eigh(a[1])[0].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_smoothing_is_that_of_scipy():
+    from scipy.ndimage import gaussian_filter
+
+    values = np.random.default_rng(3).normal(size=(40, 30))
+    for width, mode in ((0.7, "nearest"), (2.0, "constant"), (3.5, "nearest")):
+        expected = gaussian_filter(values, width, mode=mode, truncate=3.0)
+        found = portable.smoothed(values, width, mode=mode, truncate=3.0)
+        assert np.allclose(found, expected, rtol=0, atol=1e-14)

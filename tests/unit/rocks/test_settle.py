@@ -181,6 +181,36 @@ def test_they_need_no_rolling_friction(world, tmp_path):
     assert watch(world, scene).stayed.mean() >= 0.95
 
 
+def rough(height=0.04):
+    """Waves about as long as the largest rocks."""
+    land = worlds.ground()
+    waves = height * np.sin(14.0 * land.east[None, :]) * np.cos(12.0 * land.north[:, None])
+    return land.replace(elevation=land.elevation + waves)
+
+
+def test_a_rock_that_finds_no_rest_is_tried_again(monkeypatch):
+    """Turned and a little beside its place; one that settles at once is not touched by that."""
+    land = rough()
+    before = laid(land, np.ones(COUNT, np.bool_))
+    again = settle(rocks=before, library=LIBRARY, ground=land, gravity=GRAVITY)
+    monkeypatch.setattr(settling, "TRIES", 1)
+    once = settle(rocks=before, library=LIBRARY, ground=land, gravity=GRAVITY)
+    assert again.dynamic.sum() > once.dynamic.sum()
+    assert again.dynamic.mean() >= 0.9
+    assert again.select(once.dynamic) == once.select(once.dynamic)
+
+
+def test_only_rocks_at_corridors_keep_below_their_rise():
+    land = rough(0.12)
+    before = laid(land, np.ones(COUNT, np.bool_))
+    rise = np.array([prototype.rise for prototype in LIBRARY.prototypes])[before.prototype]
+    low = np.arange(COUNT) % 2 == 0
+    kept = settle(rocks=before, library=LIBRARY, ground=land, gravity=GRAVITY, low=low)
+    high = kept.height > rise * kept.diameter
+    assert not high[low & kept.dynamic].any()
+    assert high[~low & kept.dynamic].any()
+
+
 def test_a_rock_on_its_edge_does_not_pass(settled):
     """Balanced to a hundredth of its size it stays by itself; leaning gravity tips it over."""
     box = trimesh.creation.box((1.2, 0.6, 1.2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -345,3 +346,62 @@ def test_goodness_says_that_the_law_was_fitted():
     found = law.report()["goodness"]
     assert found["fitted_parameters"] == 1
     assert "too large" in found["note"]
+
+
+def test_a_count_that_its_law_fits_raises_no_warning():
+    """Bins of a law with Poisson numbers: p is uniform, and the errors hold the law as they say."""
+    law, edges = Golombek(k=0.1), np.geomspace(0.2, 1.6, 7)
+    random, number = np.random.default_rng(12), law.cumulative_number(np.geomspace(0.2, 1.6, 7))
+    p_values, within = [], []
+    for _ in range(60):
+        found = random.poisson(400.0 * (number[:-1] - number[1:])).tolist()
+        bins = tuple(zip(edges[:-1].tolist(), edges[1:].tolist(), found, strict=True))
+        fit = Counts(area_m2=400.0, bins=bins).fit_to_counts(0.15, 1.6)
+        counted = fit["counted_above"]
+        within += list(
+            (np.array(counted["number_low"]) <= law.cumulative_number(edges[:-1]))
+            & (law.cumulative_number(edges[:-1]) <= np.array(counted["number_high"]))
+        )
+        p_values.append(fit["p_value"])
+        assert fit["fits"]
+        assert fit["extrapolated_below"] == pytest.approx(0.2 / 0.15)
+    assert kstest(p_values, "uniform").pvalue > ALPHA
+    assert 0.6 < np.mean(within) < 0.85
+
+
+def test_a_count_that_its_law_misses_and_that_ends_far_off_is_told():
+    """A power law counted from 0.5 m; Golombek's law, which falls faster, drawn from 0.1 m."""
+    edges = (0.5, 0.7, 1.0, 1.4, 2.0, None)
+    number = [0.05 * d**-1.2 for d in edges[:-1]] + [0.0]
+    found = [round(2000.0 * (a - b)) for a, b in pairwise(number)]
+    law = Counts(area_m2=2000.0, bins=tuple(zip(edges[:-1], edges[1:], found, strict=True)))
+    fit = law.fit_to_counts(0.1, 3.0)
+    assert fit["p_value"] < ALPHA
+    assert not fit["fits"]
+    misfit, beyond = fit["warnings"]
+    assert "does not fit the count: chi-square p = " in misfit
+    assert "rocks of 0.1 m are 5 times beyond the count" in beyond
+    assert "extrapolated from 0.5 to 0.1 m (5 times)" in fit["summary"]
+    counted = fit["counted_above"]
+    above = np.cumsum(found[::-1])[::-1] / 2000.0
+    np.testing.assert_allclose(counted["number"], above)
+    np.testing.assert_allclose(counted["number_law"], law.cumulative_number(edges[:-1]))
+    assert Golombek(k=0.1).fit_to_counts(0.1, 3.0) is None
+
+
+def test_what_lies_in_no_bin_is_taken_from_the_law():
+    law = Counts(area_m2=9.0, bins=((0.1, 0.3, 40), (0.5, 0.8, 3)))
+    first, second = law.fit_to_counts(0.1, 1.0)["counted_above"]["number"]
+    number = law.cumulative_number(np.array([0.3, 0.5, 0.8]))
+    assert second == pytest.approx(3 / 9 + number[2])
+    assert first == pytest.approx(43 / 9 + number[2] + number[0] - number[1])
+
+
+def test_rocks_counted_one_by_one_are_shown_in_half_octaves():
+    diameters, area = counted(Golombek(k=0.1), rocks=200, smallest=0.15, seed=3)
+    survey = Counts(diameters_m=diameters, area_m2=area, complete_from_m=0.15)
+    shown = survey.fit_to_counts(0.15, 1.0)["counted_above"]
+    at = np.array(shown["diameter_m"])
+    np.testing.assert_allclose(at, 0.15 * 2.0 ** (0.5 * np.arange(len(at))))
+    larger = [np.count_nonzero(np.array(diameters) >= d) / area for d in at]
+    np.testing.assert_allclose(shown["number"], larger)

@@ -11,7 +11,7 @@ from scipy.stats import chi2, kstest, norm, poisson
 
 from terrain_forge.base import DataError, RecipeError
 from terrain_forge.dtm import ArrayDtm, FlatDtm
-from terrain_forge.model import MARS, MOON, Table, Window
+from terrain_forge.model import MARS, MERCURY, MOON, Table, Window
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
 from terrain_forge.report.page import render
@@ -22,16 +22,20 @@ from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.terrain import (
     LIMITS,
     BodyProduction,
+    CraterBin,
+    CraterCounts,
     CraterLayer,
     CraterTable,
+    Resurfacing,
     fresh_shapes,
     make_craters,
     population_of,
     shape_ground,
 )
 from terrain_forge.terrain.cratering import degradation
-from terrain_forge.terrain.cratering.degradation import diffusivity, ejecta_thickness, worn_shapes
+from terrain_forge.terrain.cratering.degradation import ejecta_thickness, worn_shapes
 from terrain_forge.terrain.cratering.placement import age_of, expected_craters
+from terrain_forge.terrain.cratering.population import Wear
 from terrain_forge.terrain.cratering.productions.power_law import CraterPowerLaw
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.truth.craters import write_craters
@@ -147,14 +151,77 @@ def test_equilibrium_begins_where_production_crosses_it(age, crossing):
 
 
 def test_fresh_depths():
-    """Pike's 5 km crater, and the steps of Stopar et al."""
-    shape = fresh_shapes(np.array([5000.0, 399.0, 150.0, 50.0, 20.0, 5.0]), body=MOON)
+    """Pike's 5 km crater; the classes of Stopar et al. in their middles; the ends on Mars."""
+    diameters = np.array([5000.0, 283.0, 141.0, 63.0])
+    shape = fresh_shapes(diameters, body=MOON)
     assert shape.depth[0] == pytest.approx(995.90, rel=1e-5)
     assert shape.rim[0] == pytest.approx(184.10, rel=1e-4)
-    ratios = shape.depth[1:] / [399.0, 150.0, 50.0, 20.0, 5.0]
-    assert ratios == pytest.approx([0.17, 0.15, 0.13, 0.11, 0.10])
-    mars = fresh_shapes(np.array([30.0]), body=MARS)
-    assert mars.depth[0] == pytest.approx(6.0)
+    assert shape.depth[1:] / diameters[1:] == pytest.approx([0.17, 0.15, 0.13], abs=0.005)
+    ends = np.array([1.0, 5000.0])
+    assert fresh_shapes(ends, body=MARS).depth / ends == pytest.approx([0.15, 0.2], abs=0.001)
+
+
+@pytest.mark.parametrize("body", [MOON, MARS, MERCURY], ids=lambda body: body.name)
+def test_depth_and_wear_have_no_steps(body):
+    """Over a diameter that is one in a thousand larger they change by less than six in 1000."""
+    diameters = 1.001 ** np.arange(np.log(0.5) / np.log(1.001), np.log(5000.0) / np.log(1.001))
+    ratio = fresh_shapes(diameters, body=body).depth / diameters
+    assert np.all(np.diff(ratio) > 0.0)
+    assert np.abs(np.diff(np.log(ratio))).max() < 0.0006
+    for one in body.craters.productions:
+        for equilibrium in ("trask", "hartmann"):
+            wear = Wear(body=body, kind=one.kind, equilibrium=equilibrium)
+            assert np.abs(np.diff(np.log(wear.diffusivity(diameters)))).max() < 0.006
+
+
+# Shares of depth over diameter: below 0.07, 0.10 and 0.15, and above (SLS-SPEC-159, table
+# 3.4.1.2-2, after Basilevsky 1976: 0.50, 0.30, 0.17, 0.03 of lunar craters below a kilometre).
+
+
+def shares(place, spec, low, high):
+    """Shares of the classes among craters of some diameters, over three seeds."""
+    depths = []
+    for seed in range(3):
+        craters = everywhere(spec, place.replace(seed=seed))
+        craters = craters.select((craters.diameter >= low) & (craters.diameter < high))
+        depths.append(craters.depth / craters.diameter)
+    depths = np.concatenate(depths)
+    assert len(depths) > 300
+    return np.histogram(depths, [0.0, 0.07, 0.10, 0.15, 1.0])[0] / len(depths)
+
+
+@pytest.mark.parametrize(("low", "high"), [(2, 10), (10, 40), (40, 100)])
+@pytest.mark.parametrize("age", [1.5, 3.3, 3.8])
+def test_shares_of_depths_at_equilibrium(low, high, age):
+    """Within 0.1 of the table in each class."""
+    place = moon((25.0 * high, 25.0 * high), spacing=low / 4.0)
+    spec = layer(
+        production=BodyProduction(kind="neukum", age_ga=age), diameter_m=(float(low), float(high))
+    )
+    found = shares(place, spec, low, high)
+    assert np.abs(found - [0.50, 0.30, 0.17, 0.03]).max() < 0.1
+
+
+@pytest.mark.parametrize("kind", ["ivanov", "hartmann_daubar"])
+@pytest.mark.parametrize(("low", "high"), [(10, 40), (40, 100), (100, 200)])
+def test_old_craters_of_mars_are_shallow(kind, low, high):
+    """After 3·10⁹ years few are deeper than 0.15, and the mix is the Moon's within 0.15."""
+    place = moon((40.0 * high, 40.0 * high), spacing=low / 4.0).replace(body=MARS)
+    spec = layer(
+        production=BodyProduction(kind=kind, age_ga=3.0), diameter_m=(float(low), float(high))
+    )
+    found = shares(place, spec, low, high)
+    assert found[3] < 0.12
+    assert np.abs(found - [0.50, 0.30, 0.17, 0.03]).max() < 0.15
+
+
+def test_craters_of_a_young_surface_are_deep():
+    place = moon((2000.0, 2000.0), spacing=4.0)
+    spec = layer(production=BodyProduction(kind="neukum", age_ga=0.1), diameter_m=(20.0, 400.0))
+    craters = everywhere(spec, place)
+    young = craters.select(craters.diameter > 30.0)
+    assert len(young) > 50
+    assert np.all(young.depth > 0.7 * young.fresh_depth)
 
 
 def test_ejecta_never_exceed_half_the_rim():
@@ -264,10 +331,21 @@ def test_wear_is_even_in_space():
         beyond = int(np.ceil(reach / 0.01))
         assert np.abs(values[row, beyond:]).max(initial=0.0) < 1e-12
     assert np.all(np.diff(reaches) >= 0.0)
-    assert diffusivity(np.array([1e3, 5e3])) == pytest.approx([5.5, 5.5])
-    assert diffusivity(np.array([5.0, 20.0, 100.0])) == pytest.approx(
-        [0.0155, 1.55e-3 * 20**0.974, 1.23e-3 * 100**0.8386]
-    )
+
+
+def test_wear_holds_equilibrium_and_is_measured_at_a_kilometre():
+    """A crater has reached 0.046 of its diameter when as many of its size have come as can be."""
+    wear = Wear(body=MOON, kind="neukum", equilibrium="trask")
+    diameters = np.array([5.0, 20.0, 100.0])
+    at = wear.lifetime(diameters) * 1000.0 * wear.diffusivity(diameters) / diameters**2
+    fresh = fresh_shapes(diameters, body=MOON)
+    place, spec = listed([(0.0, 0.0, diameter, 0.0) for diameter in diameters])
+    craters = everywhere(spec, place)
+    craters = craters.select(np.argsort(craters.diameter)).replace(wear=at)
+    np.testing.assert_array_equal(craters.fresh_depth, fresh.depth)
+    assert craters.depth / diameters == pytest.approx(0.046, abs=0.0015)
+    assert wear.diffusivity(np.array([1e3, 5e3])) == pytest.approx([5.5, 5.5])
+    assert 0.1 < wear.diffusivity(np.array([100.0]))[0] < 0.4
 
 
 @pytest.mark.parametrize("age", [0.0, 0.05, 2.0])
@@ -278,7 +356,7 @@ def test_surface_of_one_crater_is_its_profile(age):
     x = np.hypot(east[None, :] - 3.17, north[:, None] + 8.41) / 20.0
     shape = fresh_shapes(np.array([40.0]), body=MOON)
     depth, rim, ejecta = float(shape.depth[0]), float(shape.rim[0]), float(shape.ejecta[0])
-    tau = float(diffusivity(np.array([40.0]))[0]) * 1000.0 * age / 1600.0
+    tau = float(everywhere(spec, place).wear[0])
     radii, wanted = (
         worn(
             fresh_profile((np.arange(400) + 0.5) * 0.02, depth=depth, rim=rim, ejecta=ejecta),
@@ -408,6 +486,128 @@ def test_layers_of_other_names_are_others():
     place = moon()
     one, other = everywhere(layer(), place), everywhere(layer(name="secondaries"), place)
     assert not np.isin(one.id, other.id).any()
+
+
+# Histories and counts
+
+
+def within_poisson(found, mean):
+    return min(poisson.cdf(found, mean), poisson.sf(found - 1, mean)) > 0.5 * ALPHA
+
+
+HISTORY = BodyProduction(
+    kind="ivanov",
+    age_ga=3.6,
+    resurfaced=(Resurfacing(age_ga=1.2, below_m=1000.0), Resurfacing(age_ga=0.2, below_m=200.0)),
+)
+
+
+def test_small_craters_are_as_many_as_came_since_they_were_erased():
+    """In each band as many as the production of its own age has there, and none that is older."""
+    law = HISTORY.law(MARS)
+    bands = ((60.0, 200.0, 0.2), (200.0, 1000.0, 1.2), (1000.0, 4000.0, 3.6))
+    place = moon((60_000.0, 60_000.0), spacing=15.0).replace(body=MARS)
+    spec = layer(production=HISTORY, diameter_m=(60.0, 4000.0), equilibrium="none")
+    craters = everywhere(spec, place)
+    craters = craters.select(np.all(np.abs(craters.xy) <= 30_000.0, axis=1))
+    for low, high, age in bands:
+        alone = BodyProduction(kind="ivanov", age_ga=age).law(MARS).number(np.array([low, high]))
+        assert np.diff(law.number(np.array([low, high]))) == pytest.approx(np.diff(alone))
+        inside = (craters.diameter >= low) & (craters.diameter < high)
+        assert within_poisson(inside.sum(), 3.6e9 * -np.diff(alone)[0])
+        assert 0.9 * age < craters.age[inside].max() <= age
+    at = np.geomspace(30.0, 3000.0, 400)
+    slope = -np.diff(np.log(law.number(at))) / np.diff(np.log(at))
+    assert np.median(np.abs(slope / law.slope(np.sqrt(at[1:] * at[:-1])) - 1.0)) < 1e-3
+
+
+def test_counted_bins_are_met():
+    """Counts that no single age has: 5285 craters on 3037 km², 1707 of them above 100 m."""
+    area = 3036.6
+    counted = ((60.0, 100.0, 3578), (100.0, 200.0, 1200), (200.0, 500.0, 0), (700.0, 1500.0, 507))
+    bins = tuple(
+        CraterBin(diameter_m=(low, high), number_per_km2=n / area, age_ga=0.5 if n > 600 else None)
+        for low, high, n in counted
+    )
+    production = CraterCounts(bins=bins, age_ga=3.5)
+    side = 1000.0 * area**0.5
+    place = moon((side, side), spacing=15.0).replace(body=MARS)
+    craters = everywhere(layer(production=production, diameter_m=(60.0, None)), place)
+    craters = craters.select(np.all(np.abs(craters.xy) <= 0.5 * side, axis=1))
+    assert within_poisson(len(craters), 5285)
+    assert within_poisson(np.count_nonzero(craters.diameter >= 100.0), 1707)
+    for low, high, number in counted:
+        inside = (craters.diameter >= low) & (craters.diameter < high)
+        assert within_poisson(inside.sum(), number) if number else not inside.any()
+    assert craters.age[craters.diameter < 200.0].max() <= 0.5 < craters.age.max()
+
+
+@pytest.mark.parametrize(
+    "production",
+    [
+        BodyProduction(
+            kind="neukum", age_ga=3.5, resurfaced=(Resurfacing(age_ga=0.1, below_m=12.0),)
+        ),
+        CraterCounts(
+            bins=(
+                CraterBin(diameter_m=(2, 5), number_per_km2=9e3),
+                CraterBin(diameter_m=(5, 60), number_per_km2=900.0),
+            ),
+            age_ga=3.5,
+        ),
+    ],
+    ids=["history", "counts"],
+)
+def test_windows_of_histories_and_counts_equal_the_cut(production):
+    place, spec = moon(), layer(production=production)
+    whole = shape_ground(site=place, window=place.window, layers=(spec,)).elevation
+    window = Window(column=57, row=31, columns=90, rows=111)
+    part = shape_ground(site=place, window=window, layers=(spec,)).elevation
+    np.testing.assert_array_equal(part, whole[31:143, 57:148])
+
+
+@pytest.mark.parametrize(
+    ("production", "match"),
+    [
+        (
+            '"kind":"neukum","age_ga":1,"resurfaced":[{"age_ga":2,"below_m":50}]',
+            "resurfaced: ages must fall from age_ga on, and below_m from event to event",
+        ),
+        (
+            '"kind":"neukum","age_ga":3,"resurfaced":[{"age_ga":2,"below_m":50},'
+            '{"age_ga":1,"below_m":60}]',
+            "below_m from event to event",
+        ),
+        ('"kind":"neukum","age_ga":3,"resurfaced":[{"age_ga":2}]', "below_m"),
+        (
+            '"kind":"counts","age_ga":3,"bins":[{"diameter_m":[5,3],"number_per_km2":1}]',
+            "bins: diameters must rise, in a bin and from bin to bin",
+        ),
+        (
+            '"kind":"counts","age_ga":3,"bins":[{"diameter_m":[3,5],"number_per_km2":1},'
+            '{"diameter_m":[4,8],"number_per_km2":1}]',
+            "from bin to bin",
+        ),
+        (
+            '"kind":"counts","age_ga":3,"bins":[{"diameter_m":[3,5],"number_per_km2":0}]',
+            "bins: no craters in any bin",
+        ),
+        (
+            '"kind":"counts","age_ga":3,"bins":[{"diameter_m":[3,5],"number_per_km2":1,'
+            '"age_ga":3.5}]',
+            "bins: none may be older than age_ga",
+        ),
+        ('"kind":"counts","age_ga":3,"bins":[]', "bins"),
+    ],
+)
+def test_histories_and_counts_that_cannot_be(production, match):
+    text = (
+        '{"name":"m","body":"moon","dtm":{"kind":"flat","size_m":[100,80]},"terrain":{"spacing_m":'
+        '0.5,"layers":[{"kind":"craters","production":{%s}}]}}'
+    )
+    with pytest.raises(RecipeError, match=match) as caught:
+        recipe_from_json(text % production)
+    assert "\n" not in str(caught.value)
 
 
 # Windows and overlaps

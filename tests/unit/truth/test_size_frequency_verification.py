@@ -339,6 +339,38 @@ def test_laws_tell_where_they_go_on_beyond_the_count():
         assert found["law"].get("extrapolated_below_m") == beyond
 
 
+def test_counts_are_drawn_over_the_curve_and_told_apart_from_it(tmp_path):
+    """Rocks drawn as the law says, of a law that does not fit the count it was made from."""
+    bins = ((0.5, 0.7, 53), (0.7, 1.0, 35), (1.0, 1.4, 33), (1.4, 2.0, 22), (2.0, None, 90))
+    counts = Counts(area_m2=2000.0, bins=bins)
+    spec = PopulationSpec(name="p0", size_frequency=counts, diameter_m=(0.1, 2.5))
+    world = scattered([draw(np.random.default_rng(4), spec, 1e4)])
+    text, picture = write_size_frequency(world, tmp_path, rocks=rocks(spec))
+    (found,) = json.loads(text.read_text())["populations"]
+    assert found["kolmogorov_smirnov"]["p_value"] > ALPHA
+    assert not found["fit_to_counts"]["fits"]
+    plain = tmp_path / "plain"
+    plain.mkdir()
+    other = PopulationSpec(name="p0", size_frequency=counts.fitted.law, diameter_m=(0.1, 2.5))
+    _, without = write_size_frequency(world, plain, rocks=rocks(other))
+    assert picture.read_bytes() != without.read_bytes()
+
+
+def test_burial_is_told_of_static_rocks_alone():
+    world = scattered([np.full(8, 0.3)])
+    buried = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.0])
+    diameter = np.where(buried > 0.0, 0.3, 0.2)
+    world = world.replace(field=world.field.replace(buried_fraction=buried, diameter=diameter))
+    spec = replace(population("p0", diameter=(0.15, 1.0)), dynamic_m=(0.15, 0.25))
+    (found,) = size_frequency(world, rocks=rocks(spec))["populations"]
+    assert found["burial"] == {
+        "expected": pytest.approx(0.275),
+        "observed": pytest.approx(0.35),
+        "standard_deviation": pytest.approx(0.45 / np.sqrt(72.0)),
+        "deeper": 1,
+    }
+
+
 def test_any_name_can_be_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr("matplotlib.axis.Axis.draw", DRAW_AXIS)
     spec = population("_a$ {b_$", diameter=(0.2, 1.5))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import MinLen
@@ -38,6 +38,8 @@ class CraterTable(CraterProduction):
     """Craters of at least these diameters on a square kilometre [1/km²], falling."""
     age_ga: Age
     """Age of the surface [10⁹ years]; it tells how worn the craters are."""
+
+    complete: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         diameters, numbers = self.diameters_m, self.numbers_per_km2
