@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from terrain_forge.base import FARTHEST, LEAST, MOST
 from terrain_forge.model import exporter, exporter_names
 from terrain_forge.recipe import RENAMES, json_schema
 
@@ -21,7 +22,7 @@ A recipe is a YAML file with the keys below. It is checked before any data is re
 refused. Lengths end in `_m`, angles in `_deg`. Paths are relative to the recipe.
 `recipe.schema.json` is the same as JSON Schema: in VS Code, put `# yaml-language-server:
 $schema=…/docs/recipe.schema.json` on the first line. `recipes/hello.yaml` is an example with
-comments.
+comments. What every number, name and file may be at most stands in [limits](limits.md).
 
 This page is made from the code by `python docs/make_pages.py`.
 """
@@ -125,7 +126,12 @@ def limits(value: dict[str, Any]) -> str:
     names = {"number": "number", "integer": "whole number", "string": "text", "null": "nothing"}
     text = names.get(value.get("type", ""), value.get("type", "anything"))
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    bounds = [f"{sign} {value[key]:g}" for key, sign in signs.items() if key in value]
+    everyones = {"minimum": (-FARTHEST,), "maximum": (FARTHEST, MOST)}  # in limits.md
+    bounds = [
+        "> 0" if value[key] == LEAST else f"{sign} {value[key]:g}"
+        for key, sign in signs.items()
+        if key in value and value[key] not in everyones.get(key, ())
+    ]
     return " ".join([text, ", ".join(bounds)]).strip()
 
 

@@ -7,6 +7,7 @@ the system refused, or an internal error; 130 interrupted.
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import logging
 import os
@@ -16,6 +17,7 @@ import traceback
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +36,10 @@ if TYPE_CHECKING:
     from terrain_forge.recipe import RecipeFile
 
 _M_ARENA_MAX = -8
+_NO_PATH = {errno.ENAMETOOLONG, errno.EISDIR, errno.ENOTDIR, errno.ELOOP}
+"""What the system says of paths that cannot be what they should."""
+_LONGEST = 2000
+"""Characters of a line that is shown."""
 _MOST_TOLD = 10
 """Failed checks that the terminal shows."""
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
@@ -85,7 +91,8 @@ def cli(debug: bool) -> None:
         handler.addFilter(_plain_record)
     for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
         logging.getLogger(noisy).setLevel(logging.WARNING if debug else logging.CRITICAL)
-    warnings.showwarning = _show_warning
+    os.environ.setdefault("CPL_LOG", os.devnull)  # GDAL's own lines about broken files
+    warnings.showwarning = partial(_show_warning, others=debug)
 
 
 @cli.command()
@@ -251,6 +258,8 @@ def _plain_record(record: logging.LogRecord) -> bool:
 
 
 def _plain(text: str) -> str:
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -346,12 +355,18 @@ class _located:
 
 
 def _show_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    *_: Any,
+    others: bool = False,
 ) -> None:
-    """Show a warning about a recipe as one line, others as Python does."""
-    ours = issubclass(category, RecipeWarning)
-    text = message if ours else warnings.formatwarning(message, category, filename, lineno).strip()
-    _say(f"terrain-forge: {text}", err=True)
+    """Show a warning about a recipe as one line; those of other libraries are for developers."""
+    if issubclass(category, RecipeWarning):
+        _say(f"terrain-forge: {message}", err=True)
+    elif others:
+        _say(warnings.formatwarning(message, category, filename, lineno).strip(), err=True)
 
 
 def _share_one_heap() -> None:
@@ -366,11 +381,11 @@ def _share_one_heap() -> None:
 
 def main(arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
-    _interrupt.listen()
     # A build makes many objects and few cycles, the kernels' compiler above all.
     gc.set_threshold(100_000, 50, 50)
     _share_one_heap()
     try:
+        _interrupt.listen()
         return int(cli.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
     except click.ClickException as error:
         message = " ".join(error.format_message().split())
@@ -383,11 +398,19 @@ def main(arguments: list[str]) -> int:
         if "--debug" in arguments:
             traceback.print_exc()
         _say(f"terrain-forge: {error}", err=True)
+        if getattr(error, "errno", None) in _NO_PATH:
+            return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
     except Exception:
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
         return INTERNAL
+
+
+def _ignore_interrupt(unraisable: Any) -> None:
+    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
 
 
 def run() -> None:
@@ -397,7 +420,10 @@ def run() -> None:
     where an interrupt met an exec() (imports run some), CPython would end by the signal, although
     it was handled.
     """
+    sys.unraisablehook = _ignore_interrupt
     status = main(sys.argv[1:])
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     with suppress(BrokenPipeError):
         sys.stdout.flush()
         sys.stderr.flush()

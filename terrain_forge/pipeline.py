@@ -22,6 +22,7 @@ from terrain_forge.building import (
     BuildResult,
     Manifest,
     altered_files,
+    blaming,
     chosen_exports,
     dtm_lines,
     exports_in,
@@ -156,9 +157,10 @@ def plan(
     site = _with_found_craters(site)
     populations = site.recipe.rocks.populations
     require_place(populations, site)
-    check_packing(
-        populations, size, partial(find_library, recipe.rocks.library, custom=site.meshes)
-    )
+    wanted = site.recipe.rocks.library
+    check_packing(populations, size, partial(find_library, wanted.sample(), custom=site.meshes))
+    if wanted.may_fail:
+        find_library(wanted, custom=site.meshes)
     return site
 
 
@@ -353,7 +355,7 @@ def export(
     require_listed(out, manifest, folders, force=force)
     before = _before(out, manifest, *(f"{folder}/" for folder in folders))
     exports = {export.folder: export for export in exports_in(manifest)}
-    with updating(out) as staging:
+    with updating(out) as staging, blaming(out, before.altered):
         for order in orders:
             watch(f"export {order.folder}")
             exports[order.folder] = write_export(world, staging, order)
@@ -391,13 +393,14 @@ def validate(
     watch("load")
     world = World.load(out)
     require_readable_recipe(world, out)
-    with updating(out):
+    before = _before(out, manifest)
+    with updating(out), blaming(out, before.altered):
         return _assess(
             world,
             out,
             exports=exports_in(manifest),
             watch=watch,
-            before=_before(out, manifest),
+            before=before,
             every_consumer=every_consumer,
             drives=drives,
         )

@@ -4,6 +4,9 @@ from . import portable as portable
 from .arrays import Array as Array
 from .arrays import Key as Key
 from .arrays import Mask as Mask
+from .bounded import read_arrays as read_arrays
+from .bounded import read_text as read_text
+from .bounded import require_file as require_file
 from .errors import DataError as DataError
 from .errors import ExportError as ExportError
 from .errors import OutputError as OutputError
@@ -53,8 +56,15 @@ from .seeds import uniform as uniform
 from .seeds import uniforms as uniforms
 from .seeds import zigzag as zigzag
 from .specs import BY_KIND as BY_KIND
+from .specs import FARTHEST as FARTHEST
+from .specs import LEAST as LEAST
+from .specs import MAX_MESH as MAX_MESH
 from .specs import MAX_NAME as MAX_NAME
+from .specs import MAX_NAME_BYTES as MAX_NAME_BYTES
+from .specs import MAX_TABLE as MAX_TABLE
+from .specs import MOST as MOST
 from .specs import ByKind as ByKind
+from .specs import Coordinate as Coordinate
 from .specs import FileName as FileName
 from .specs import Fraction as Fraction
 from .specs import InputFile as InputFile

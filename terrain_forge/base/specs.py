@@ -10,23 +10,36 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
-from annotated_types import Ge, Gt, Interval, Len, MinLen, Predicate
+from annotated_types import Interval, Len, MinLen, Predicate
 
 from terrain_forge.base.errors import RecipeError
 
-Positive = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Ge(0)]
+LEAST, MOST = 1e-12, 1e12
+"""Smallest and largest number of a recipe that must be above 0: their squares can be computed."""
+FARTHEST = 1e9
+"""Largest coordinate [m]."""
+
+Positive = Annotated[float, Interval(ge=LEAST, le=MOST)]
+NotNegative = Annotated[float, Interval(ge=0, le=MOST)]
 Fraction = Annotated[float, Interval(ge=0, le=1)]
-Pair = tuple[float, float]
+Coordinate = Annotated[float, Interval(ge=-FARTHEST, le=FARTHEST)]
+Pair = tuple[Coordinate, Coordinate]
 PositivePair = tuple[Positive, Positive]
 
 MAX_NAME = 100
 """Characters of a name that may become a file's."""
+MAX_NAME_BYTES = 200
+"""What it may have in UTF-8: file systems take 255, some of which our own endings need."""
+MAX_TABLE = 256 * 2**20
+"""Bytes of a table of the user's."""
+MAX_MESH = 64 * 2**20
+"""Bytes of a rock's mesh of the user's."""
 
 
 def is_file_name(text: str) -> bool:
     """Whether a text can name a file or folder that is visible and does not leave its folder."""
-    return bool(text) and text[0] != "." and text.isprintable() and not set(text) & set("/\\:")
+    plain = bool(text) and text[0] != "." and text.isprintable() and not set(text) & set("/\\:")
+    return plain and len(text.encode()) <= MAX_NAME_BYTES
 
 
 FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]

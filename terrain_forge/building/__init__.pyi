@@ -5,6 +5,7 @@ from .checking import dtm_lines as dtm_lines
 from .checking import site_lines as site_lines
 from .manifest import Manifest as Manifest
 from .manifest import altered_files as altered_files
+from .manifest import blaming as blaming
 from .manifest import exports_in as exports_in
 from .manifest import foreign_files as foreign_files
 from .manifest import own_files as own_files

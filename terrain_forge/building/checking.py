@@ -18,13 +18,19 @@ from terrain_forge.recipe import (
     require_exports,
     rocks_of,
 )
-from terrain_forge.rocks import expected_dynamic
+from terrain_forge.rocks import LibrarySpec, expected_dynamic
 from terrain_forge.validation import MOST_WATCHED
 
 SETTLING = 0.035
 """Time to settle a dynamic rock [s], on 2 cores."""
 WATCHING = 0.06
 """Time to watch a dynamic rock in the exported world [s], on 2 cores."""
+TEXEL, USUAL_SIDE = 1e-6, 1024
+"""Time for each pixel of a larger texture [s] than one of so many pixels a side."""
+SHAPE = 0.1
+"""Time to make each shape of a library [s] beyond the usual number."""
+DRIVING = 1 / 18
+"""Time to simulate a second of driving [s]; of many drives two are made at once."""
 
 
 def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
@@ -74,7 +80,29 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    yield f"cost           {cost(expected_nodes(recipe), rocks, dynamic)}"
+    more = _pictures(orders) + _library(recipe) + _drives(site)
+    yield f"cost           {cost(expected_nodes(recipe), rocks, dynamic, more)}"
+
+
+def _pictures(orders: Sequence[ExportOrder]) -> float:
+    """Time that the exports' textures take [s]."""
+    sides = [getattr(order.options, "texture_pixels", 0) for order in orders]
+    return TEXEL * sum(side**2 for side in sides if side > USUAL_SIDE)
+
+
+def _library(recipe: Recipe) -> float:
+    """Time that the library takes where it is not in the cache [s]."""
+    spec = recipe.rocks.library
+    return SHAPE * max(spec.shapes - LibrarySpec().shapes, 0)
+
+
+def _drives(site: Site) -> float:
+    """Time that driving takes [s]."""
+    spec = site.recipe.validate
+    starts, drive = (spec.starts_spec, spec.drive_spec) if spec else (None, None)
+    seconds = 0.5 * starts.count * starts.length_m / starts.speed_m_s if starts else 0.0
+    seconds += sum(duration(r) for r in site.routes if drive and r.name == drive.path)
+    return DRIVING * seconds
 
 
 def check_raster(path: Path) -> list[str]:
@@ -108,14 +136,14 @@ def _described(path: Path) -> list[str]:
     return min(found)[1]
 
 
-def cost(nodes: float, rocks: float, dynamic: float = 0.0) -> str:
-    """Estimate of memory and time, from the rates of benchmarks/ on 2 cores."""
-    seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3
+def cost(nodes: float, rocks: float, dynamic: float = 0.0, more: float = 0.0) -> str:
+    """Estimate of memory and time, from the rates of benchmarks/ on 2 cores, and `more` [s]."""
+    seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3 + more
     seconds += dynamic * SETTLING + min(dynamic, MOST_WATCHED) * WATCHING
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     return (
-        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s "
-        f"without a drive, {memory_needed(nodes, rocks) / 1e9:.1f} GB"
+        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s, "
+        f"{memory_needed(nodes, rocks) / 1e9:.1f} GB"
     )
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError
+from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
@@ -22,6 +23,8 @@ NAME = "manifest.json"
 STAGING = ".terrain-forge"
 """Ending of the folders in which something is being made."""
 FORMAT = 2
+MAX_MANIFEST = 2**28
+"""Bytes of a manifest."""
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
@@ -74,9 +77,13 @@ def read_manifest(directory: Path) -> Manifest:
         OutputError: if the folder holds none of ours.
     """
     try:
-        manifest = json.loads((directory / NAME).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})") from None
+        if not (directory / NAME).is_file():
+            raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})")
+        manifest = json.loads(read_text(directory / NAME, NAME, most=MAX_MANIFEST))
+    except DataError as error:
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from None  # the disk's fault
+        raise OutputError(f"{directory}: {error}") from None
     except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None
     if not _is_ours(manifest):
@@ -157,12 +164,35 @@ def altered_files(
         manifest: its manifest.
         besides: files and folders (with a slash) that are about to be written anew.
     """
-    found = _hashes(directory, _files(directory))
+    names = _files(directory)
+    for path in (directory / name for name in names):
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise OutputError(f"{path} is no regular file: move it away")
+    found = _hashes(directory, names)
     return {
         name: wanted
         for name, wanted in manifest["outputs"].items()
         if found.get(name) != wanted and not name.startswith(besides)
     }
+
+
+@contextmanager
+def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
+    """Turns what a world's damaged files raise, wherever they are read, into one line.
+
+    Raises:
+        OutputError: in place of any error that is not ours nor the disk's, if a file is altered.
+    """
+    try:
+        yield
+    except TerrainForgeError:
+        raise
+    except Exception as error:
+        if not altered or getattr(error, "errno", None):
+            raise
+        why = " ".join(str(error).split()) or type(error).__name__
+        name = min(altered)
+        raise OutputError(f"{directory / name} is not as it was built: {why[:300]}") from error
 
 
 def _versions() -> dict[str, str]:

@@ -27,7 +27,6 @@ from .raster import files_of_raster as files_of_raster
 from .raster import open_dataset as open_dataset
 from .raster import open_raster as open_raster
 from .raster import read_image as read_image
-from .raster import require_file as require_file
 from .site_survey import survey as survey
 from .spec import ArrayDtm as ArrayDtm
 from .spec import Centre as Centre

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable, reading
+from terrain_forge.base import Array, DataError, portable, reading, require_file
 from terrain_forge.dtm.lattice import anchors, bilinear
 from terrain_forge.dtm.projection import (
     datum_radii,
@@ -33,6 +34,8 @@ DRIVERS = (
 """GDAL's drivers that are used: those of formats whose data lie in the file or beside it.
 
 Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
+MAX_PIXELS = 2**26
+"""Pixels of an image."""
 _EVERY = 8  # samples
 _CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
@@ -257,6 +260,9 @@ def open_dataset(path: Path) -> Any:
     """
     import rasterio
 
+    for beside in path.absolute().parent.glob(f"{escape(path.stem)}.*"):  # GDAL looks into them
+        if beside.exists() and not (beside.is_file() or beside.is_dir()):
+            raise DataError(f"{beside.name} beside {path.name} is no regular file")
     with warnings.catch_warnings(), rasterio.Env(CPL_VSIL_CURL_ALLOWED_EXTENSIONS="{none}"):
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         # rasterio.open() takes one driver; the class that it opens takes several.
@@ -290,20 +296,6 @@ def _georeference(dataset: Any, spec: RasterDtm) -> tuple[str, tuple[float, ...]
         across, down = across - 1, down - 1
     middle_column, middle_row = (dataset.width - 1) / 2, (dataset.height - 1) / 2
     return "", (across / width, 0.0, middle_column, 0.0, -down / height, middle_row)
-
-
-def require_file(path: Path, name: str, key: tuple[str | int, ...]) -> None:
-    """Refuse a path that leads to no file.
-
-    Raises:
-        DataError: says by `name` what is there instead.
-    """
-    with reading(name, key=key):
-        if path.is_dir():
-            raise DataError(f"is a folder, not a file: {name}", key=key)
-        if not path.is_file():
-            problem = "is no regular file" if path.exists() else "no such file"
-            raise DataError(f"{problem}: {name}", key=key)
 
 
 def files_of_raster(path: Path) -> list[Path]:
@@ -343,6 +335,8 @@ def _brightness(dataset: Any) -> Array:
     """Brightness of a dataset's pixels, 0 to 1 if they are integers."""
     from rasterio.enums import ColorInterp
 
+    if dataset.width * dataset.height > MAX_PIXELS:
+        raise DataError(f"{dataset.width} × {dataset.height} pixels, at most {MAX_PIXELS:,}")
     kinds = dataset.colorinterp
     if kinds[0] == ColorInterp.palette:
         colours = np.zeros((256 ** np.dtype(dataset.dtypes[0]).itemsize, 3))

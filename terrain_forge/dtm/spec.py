@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Interval, MinLen
 
-from terrain_forge.base import InputFile, Pair, Positive, PositivePair, Spec
+from terrain_forge.base import Coordinate, InputFile, Pair, Positive, PositivePair, Spec
 
 Longitude = Annotated[float, Interval(ge=-180, le=360)]
 Latitude = Annotated[float, Interval(ge=-90, le=90)]
@@ -43,7 +43,7 @@ class RasterDtm(Spec):
     """Which band of the raster holds the heights."""
     nodata: float | None = None
     """A value that means "no data", besides those that the file declares."""
-    nodata_range: Pair | None = None
+    nodata_range: tuple[float, float] | None = None
     """Values of the file from the first to the second mean "no data" too, such as [-1e9, -1e4]."""
     fill_holes_m: Annotated[float, Ge(0)] | None = None
     """Width of the widest hole within the site that is filled in [m]; without it 8 samples. Wider
@@ -63,7 +63,7 @@ class RasterDtm(Spec):
     """For integers without a vertical scale: heights of 0 and of the type's largest value [m]."""
     height_scale: Annotated[float, Gt(0)] | None = None
     """Metres per unit of the raster, instead of what the file declares."""
-    height_offset_m: float | None = None
+    height_offset_m: Coordinate | None = None
     """Height of the value 0 [m], instead of what the file declares."""
 
 

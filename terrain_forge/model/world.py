@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import OutputError, Record, from_plain, to_plain
+from terrain_forge.base import OutputError, Record, from_plain, read_arrays, read_text, to_plain
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
@@ -24,10 +22,8 @@ from terrain_forge.model.site import Site, Window
 from terrain_forge.model.trajectory import Trajectory
 
 FORMAT = 5
-_UNREADABLE = (
-    *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError),
-    *(BadZipFile, zlib.error),
-)
+MAX_JSON = 2**30
+"""Bytes of a world's JSON."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,17 +115,18 @@ class World(Record):
         sensor_kinds()  # registers them among the records
         text = Path(directory) / "world" / "world.json"
         try:
-            plain = json.loads(text.read_text(encoding="utf-8"))
+            plain = json.loads(read_text(text, text.name, most=MAX_JSON))
             if plain.get("format") != FORMAT:
                 found = plain.get("format")
                 raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
-            with np.load(text.with_name("arrays.npz"), allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
+            arrays = read_arrays(text.with_name("arrays.npz"))
             world: World = from_plain(plain["world"], arrays)
             if plain["shared_rover"]:
                 world = world.replace(site=world.site.replace(custom_rover=world.rover))
             return world.replace(site=world.site.with_current_keys(text))
-        except _UNREADABLE as error:
+        except OutputError:
+            raise
+        except Exception as error:  # a record stumbles over whatever stands there
             why = " ".join(str(error).split()) or type(error).__name__
             raise OutputError(
                 f"{directory}: holds no readable terrain-forge world ({why})"

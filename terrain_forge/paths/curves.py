@@ -11,6 +11,10 @@ from terrain_forge.base import Array, Key, RecipeError, portable
 
 STEP = 0.02
 """Distance of a curve's points [m]."""
+LONGEST = 100_000.0
+"""Length of a route [m]."""
+MAX_KNOTS = 100_000
+"""Points that a route is given by."""
 SHARPEST = 0.5
 """Turn between two of its points [rad], beyond which a curve is not smooth."""
 SPOT_STEP = 0.05
@@ -78,11 +82,22 @@ def trace(
     """
     fine = np.linspace(*ends, samples + 1)
     rough = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    require_length(float(rough[-1]))
     count = max(int(np.ceil(rough[-1] / STEP)), 2)
     parameter = np.interp(np.linspace(0.0, rough[-1], count + 1), rough, fine)
     along = tangent(parameter)
     heading = np.unwrap(portable.arctan2(along[:, 1], along[:, 0]))
     return Curve(position=curve(parameter), heading=heading)
+
+
+def require_length(length: float, *, key: Key = ()) -> None:
+    """Refuse a route that is too long to be traced.
+
+    Raises:
+        RecipeError: with its length.
+    """
+    if not length <= LONGEST:
+        raise RecipeError(f"a route of {length:.3g} m, at most {LONGEST:,.0f} m", key=key)
 
 
 def trace_polyline(points: Array, *, closed: bool, radius: float, key: Key) -> Curve:
@@ -100,6 +115,7 @@ def trace_polyline(points: Array, *, closed: bool, radius: float, key: Key) -> C
     """
     corners = np.vstack([points, points[:1]]) if closed else points
     lengths = _legs(corners, closed, key)
+    require_length(float(lengths.sum()), key=key)
     along = np.diff(corners, axis=0) / lengths[:, None]
     heading = portable.arctan2(along[:, 1], along[:, 0])
     following = np.roll(heading, -1) if closed else heading[1:]
@@ -149,6 +165,8 @@ def _turn(begin: Array, heading: float, angle: float, radius: float) -> tuple[Ar
 
 def _legs(points: Array, closed: bool, key: Key) -> Array:
     """Lengths between neighbouring points [m]; of a closed curve the last is the first again."""
+    if len(points) > MAX_KNOTS:
+        raise RecipeError(f"{len(points):,} points, at most {MAX_KNOTS:,}", key=key)
     lengths: Array = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if lengths.min() < 1e-6:
         at = int(np.argmin(lengths))

@@ -39,7 +39,10 @@ def plan_route(
             if a shape or an arc has no space.
         DataError: if a recorded path cannot be followed.
     """
-    curve, time = _trace(spec.route, recorded, (*key, "route"))
+    try:
+        curve, time = _trace(spec.route, recorded, (*key, "route"))
+    except RecipeError as error:
+        raise RecipeError(str(error), key=error.key or (*key, "route")) from None
     corridor = spec.corridor or (Corridor() if driven else Corridor(width_m=0.0))
     width = rover.width + CORRIDOR_MARGIN if corridor.width_m is None else corridor.width_m
     clearance = corridor.clearance_m

@@ -9,9 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Key, RecipeError, portable, rpy_from_quaternion
-from terrain_forge.dtm import require_file
-from terrain_forge.paths.curves import STEP, Curve, trace_spline
+from terrain_forge.base import (
+    MAX_TABLE,
+    Array,
+    DataError,
+    Key,
+    RecipeError,
+    portable,
+    read_text,
+    reading,
+    rpy_from_quaternion,
+)
+from terrain_forge.paths.curves import STEP, Curve, require_length, trace_spline
 from terrain_forge.paths.spec import Recorded
 
 MAX_POSES = 2_000_000
@@ -54,12 +63,9 @@ def read_recorded(spec: Recorded, folder: Path, *, key: Key) -> RecordedPoses:
     Raises:
         DataError: if the file is missing, or no such path; says in which line.
     """
-    require_file(folder / spec.file, spec.file, key)
-    try:
-        text = (folder / spec.file).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise DataError(f"{spec.file} is no text in UTF-8", key=key) from None
-    columns = _columns(spec.file, text, key)
+    text = read_text(folder / spec.file, spec.file, most=MAX_TABLE, lines=2 * MAX_POSES, key=key)
+    with reading(spec.file, key=key):
+        columns = _columns(spec.file, text, key)
     angle = math.radians(spec.turn_deg)
     turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     position = portable.product(np.stack([columns["x"], columns["y"]], -1), turn) + np.asarray(
@@ -108,6 +114,7 @@ def _replay(time: Array, poses: RecordedPoses, *, stands: bool) -> tuple[Curve, 
     from scipy.interpolate import CubicSpline
 
     steps = np.linalg.norm(np.diff(poses.position, axis=0), axis=1)
+    require_length(float(steps.sum()))
     parts = np.maximum(np.ceil(steps / STEP), 1).astype(np.int64)
     first = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[first]

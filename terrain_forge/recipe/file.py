@@ -10,15 +10,31 @@ from typing import Any
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
 
-from terrain_forge.base import Key, OutputError, RecipeError, TerrainForgeError
+from terrain_forge.base import (
+    DataError,
+    Key,
+    OutputError,
+    RecipeError,
+    TerrainForgeError,
+    read_text,
+)
 from terrain_forge.recipe.exports import hint_at
 from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter, json_schema
 
 _UNION = ("tuple[", "dict[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
+MAX_RECIPE = 2**20
+"""Bytes of a recipe."""
+MAX_DEPTH = 50
+"""Mappings and lists within each other in a recipe."""
+MAX_DIGITS = 400
+"""Digits of a whole number in a recipe."""
+_TOO_DEEP = f"mappings and lists are nested more than {MAX_DEPTH} deep"
 _PLAIN_TAGS = {
     f"tag:yaml.org,2002:{n}" for n in ("map", "seq", "str", "int", "float", "bool", "null")
 }
@@ -98,15 +114,13 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
 
 def _read(path: Path) -> tuple[Any, dict[Key, int]]:
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise RecipeError(f"{path}: no such recipe") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecipeError(f"{path}: cannot be read as text ({error})") from None
+        text = read_text(path, str(path), most=MAX_RECIPE)
+    except DataError as error:
+        raise RecipeError(str(error)) from None
+    lines: dict[Key, int] = {}
     try:
         yaml = YAML(typ="safe", pure=True)
         node = yaml.compose(text)
-        lines: dict[Key, int] = {}
         _collect(path, node, (), lines, set())
         data = node and yaml.constructor.construct_document(node)
     except MarkedYAMLError as error:
@@ -114,7 +128,12 @@ def _read(path: Path) -> tuple[Any, dict[Key, int]]:
         line = f":{mark.line + 1}" if mark else ""
         problem = " ".join(str(error.problem or error.context).split())
         raise RecipeError(f"{path}{line}: not YAML: {problem}") from None
-    except (YAMLError, RecursionError, ValueError) as error:
+    except RecursionError:
+        raise RecipeError(f"{path}:{_deep_line(text)}: {_TOO_DEEP}") from None
+    except ReaderError as error:
+        number = text.count("\n", 0, error.position) + 1
+        raise RecipeError(f"{path}:{number}: not YAML: {error.reason}") from None
+    except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
         raise RecipeError(f"{path}:1: a recipe is a mapping of keys, found {type(data).__name__}")
@@ -131,6 +150,11 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
         raise RecipeError(_locate(path, lines, key, f"YAML tag {node.tag}: recipes are plain data"))
     if id(node) in seen:
         raise RecipeError(_locate(path, lines, key, "YAML alias: recipes are plain data"))
+    if len(key) > MAX_DEPTH:
+        raise RecipeError(f"{path}:{line}: {_TOO_DEEP}")
+    if str(node.tag).endswith(":int") and len(node.value) > MAX_DIGITS:
+        message = f"a number of {len(node.value):,} digits, at most {MAX_DIGITS}"
+        raise RecipeError(_locate(path, lines, key, message))
     seen.add(id(node))
     if isinstance(node, MappingNode):
         for name, value in node.value:
@@ -142,6 +166,16 @@ def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[
     elif isinstance(node, SequenceNode):
         for index, value in enumerate(node.value):
             _collect(path, value, (*key, index), lines, seen)
+
+
+def _deep_line(text: str) -> int:
+    """The line where a text is nested too deeply."""
+    depth = 0
+    for event in YAML(typ="safe", pure=True).parse(text):
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            return int(event.start_mark.line) + 1
+    return 1
 
 
 def _apply(data: Any, change: str) -> None:
@@ -163,7 +197,7 @@ def _apply(data: Any, change: str) -> None:
             target = target[int(key)] if is_list else target.setdefault(str(key), {})
         target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
         renamed = rename_keys(data)  # in a value that is a mapping
-    except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
+    except (YAMLError, RecursionError, ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
     except RecipeError as error:
         raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None

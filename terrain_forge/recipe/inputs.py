@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
@@ -18,8 +19,20 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, InputFile, Key, RecipeError, Spec, reading
-from terrain_forge.dtm import files_of_raster, read_image, require_file
+from terrain_forge.base import (
+    MAX_MESH,
+    MAX_TABLE,
+    Array,
+    DataError,
+    InputFile,
+    Key,
+    RecipeError,
+    Spec,
+    read_text,
+    reading,
+    require_file,
+)
+from terrain_forge.dtm import files_of_raster, read_image
 from terrain_forge.model import BODIES, CustomMesh, DtmPatch, Image, Table
 from terrain_forge.recipe.schema import Recipe
 
@@ -110,7 +123,8 @@ class InputFiles:
         """
         for one in self.found:
             if one.mark.kind != "folder":
-                require_file(self.folder / one.path, one.path, one.key)
+                most = MAX_MESH if one.mark.kind == "mesh" else math.inf
+                require_file(self.folder / one.path, one.path, one.key, most=most)
 
     def taken_over(self, recipe: Recipe) -> Recipe:
         """The recipe whose specs hold the numbers of the tables that they take over.
@@ -120,8 +134,8 @@ class InputFiles:
         """
         for one in self.found:
             if one.taken_over:
-                require_file(self.folder / one.path, one.path, one.key)
-                table = read_table(one.path, self.folder, one.mark, key=one.key)
+                with reading(one.path, key=one.key):
+                    table = read_table(one.path, self.folder, one.mark, key=one.key)
                 try:
                     recipe = _changed(recipe, one.owner, methodcaller("with_table", table))
                 except ValueError as error:
@@ -215,7 +229,8 @@ class InputFiles:
         hashes: dict[str, str] = {}
         for name, path, used in (*files, *beside):
             if name not in hashes:
-                hashes[name] = fingerprint(path, used=used)
+                with reading(name):
+                    hashes[name] = fingerprint(path, used=used)
         return tuple(hashes.items())
 
 
@@ -292,10 +307,9 @@ def read_table(file: str, folder: Path, mark: InputFile, *, key: Key) -> Table:
     Raises:
         DataError: if it is no such table; says in which line.
     """
+    text = read_text(folder / file, file, most=MAX_TABLE, lines=2 * mark.most, key=key)
     try:
-        return _read(file, (folder / file).read_text(encoding="utf-8-sig"), mark)
-    except UnicodeDecodeError:
-        raise DataError(f"{file} is no text in UTF-8", key=key) from None
+        return _read(file, text, mark)
     except ValueError as error:
         raise DataError(f"{file}{error}", key=key) from None
 

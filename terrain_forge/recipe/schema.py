@@ -92,7 +92,7 @@ Dtm = Annotated[RasterDtm | FlatDtm | ArrayDtm, ByKind(default="raster")]
 class TerrainSpec(Spec):
     """The ground's grid and what shapes it."""
 
-    spacing_m: Positive
+    spacing_m: Annotated[float, Interval(ge=0.001, le=10_000)]
     """Distance of the ground's nodes [m]; a wheel needs a few per radius, say 0.05 to 0.25."""
     layers: tuple[AnyLayer, ...] = ()
     """Displacement layers, added in this order."""

@@ -71,8 +71,8 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
             populations or rocks, too much cover, or rocks kept out of everywhere.
     """
     _check_names(rocks)
-    if rocks.groups and not rocks.library.family_names():
-        raise RecipeError("0 shapes and no meshes: rocks need a shape", key=("rocks", "library"))
+    if not rocks.library.family_names():
+        raise RecipeError("0 shapes and no meshes: a library needs one", key=("rocks", "library"))
     for number, population in enumerate(rocks.populations):
         key = ("rocks", "populations", number)
         _check_sizes(population, size, key)

@@ -13,7 +13,7 @@ import platform
 import tempfile
 import zlib
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -35,6 +35,7 @@ from terrain_forge.base import (
     from_plain,
     mix,
     portable,
+    read_arrays,
     stage_key,
     to_plain,
 )
@@ -55,6 +56,8 @@ MOST_FILES = 64
 _VARIABLE = "TERRAIN_FORGE_CACHE"
 _MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
 _BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
+MOST_PACKED = 64
+"""Shapes by which is judged whether rocks can be packed."""
 _OUTLINE_TOLERANCE = 2e-3  # of a mean axis
 
 
@@ -98,9 +101,20 @@ class LibrarySpec(Spec):
     """Part by which the volume of a shape's collision parts together may exceed the shape's. A
     shape that one hull does not fit so well is cut into several parts, which takes seconds for
     each, once."""
-    hull_distance: Annotated[float, Interval(ge=0.02, le=1)] = 0.15
+    hull_distance: Annotated[float, Interval(ge=0.05, le=1)] = 0.15
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
+
+    def sample(self) -> LibrarySpec:
+        """As many shapes as tell how they can be packed: making more takes minutes."""
+        return replace(self, shapes=min(self.shapes, max(MOST_PACKED, len(self.families))))
+
+    @property
+    def may_fail(self) -> bool:
+        """Whether only making the library tells if its collision parts are as close as wanted."""
+        usual = LibrarySpec()
+        tight = self.hull_excess < usual.hull_excess or self.hull_distance < usual.hull_distance
+        return tight or self.hull_vertices < usual.hull_vertices or bool(self.meshes)
 
     def family_names(self) -> tuple[str, ...]:
         """The families that the library has shapes of, each once."""
@@ -285,16 +299,15 @@ def _origin() -> str:
 
 
 def _read(file: Path) -> RockLibrary | None:
+    if not file.is_file():
+        return None
     try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(file)
         plain = json.loads(arrays.pop("plain").tobytes())
         library = from_plain(plain["library"], arrays)
         if isinstance(library, RockLibrary) and library.content_hash == plain["content_hash"]:
             return library
         logger.info("rock cache: %s does not hold what it should", file)
-    except FileNotFoundError:
-        pass
     except _BROKEN as error:
         logger.info("rock cache: %s cannot be read (%s)", file, error)
     return None

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
+    Coordinate,
     DataError,
     InputFile,
     Key,
@@ -42,9 +43,9 @@ Angle = Annotated[float, Interval(ge=0, lt=90)]
 class HeightBand(Spec):
     """Ground between two heights."""
 
-    above_m: float | None = None
+    above_m: Coordinate | None = None
     """World z [m] from which the layer applies; without it there is no lower bound."""
-    below_m: float | None = None
+    below_m: Coordinate | None = None
     """World z [m] up to which the layer applies; without it there is no upper bound."""
     fade_m: NotNegative = 0.0
     """Height beyond a bound within which the layer fades out [m]."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _BIN = 1.0
 _MAX_BINS = 1000
 _LINES_PER_HALF_WIDTH = 25
+_MOST_LINES = 200_000
 
 
 class Corridors(NamedTuple):
@@ -118,7 +119,7 @@ def corridor_area(site: Site, window: Window) -> float:
         return 0.0
     east, north = site.axes(window)
     step = float(strips.half_width.min()) / _LINES_PER_HALF_WIDTH
-    lines = int(np.ceil((north[-1] - north[0]) / step))
+    lines = min(int(np.ceil((north[-1] - north[0]) / step)), _MOST_LINES)
     return float(_area(strips, east[0], east[-1], north[0], north[-1], lines))
 
 

@@ -1,0 +1,88 @@
+"""Files that are no larger than they say: text in UTF-8, arrays in an npz."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+from zipfile import ZIP_STORED, ZipFile
+
+import numpy as np
+from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
+from numpy.typing import NDArray
+
+from terrain_forge.base.errors import DataError, reading
+
+_LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
+
+
+def require_file(
+    path: Path, name: str, key: tuple[str | int, ...] = (), *, most: float = math.inf
+) -> None:
+    """Refuse what is no file, such as a pipe or a device, and one of more than `most` bytes.
+
+    Raises:
+        DataError: says by `name` what is there instead.
+    """
+    with reading(name, key=key):
+        if path.is_dir():
+            raise DataError(f"is a folder, not a file: {name}", key=key)
+        if not path.is_file():
+            problem = "is no regular file" if path.exists() else "no such file"
+            raise DataError(f"{problem}: {name}", key=key)
+        if (size := path.stat().st_size) > most:
+            raise DataError(
+                f"{name} has {size / 2**20:,.1f} MiB, at most {most / 2**20:,.0f} MiB", key=key
+            )
+
+
+def read_text(
+    path: Path, name: str, *, most: int, lines: int = 2**32, key: tuple[str | int, ...] = ()
+) -> str:
+    """The text of a file in UTF-8, a byte order mark left out.
+
+    Args:
+        path: The file.
+        name: What it is called in errors.
+        most: Bytes that it may have.
+        lines: Lines that it may have.
+        key: Where in the recipe it is named.
+
+    Raises:
+        DataError: if there is no such file or it is no such text; names the line.
+    """
+    require_file(path, name, key, most=most)
+    with reading(name, key=key):
+        data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise DataError(f"{name}:{line}: is no text in UTF-8", key=key) from None
+    if (found := sum(map(text.count, _LINE_ENDS))) > lines:
+        raise DataError(f"{name} has {found:,} lines, at most {lines:,}", key=key)
+    return text
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an npz that is stored as it is, not compressed: no array is larger than it.
+
+    Raises:
+        DataError: if there is no such file.
+        ValueError, LookupError, OSError, EOFError, BadZipFile: if its bytes are not the arrays'.
+    """
+    require_file(path, path.name)
+    with ZipFile(path) as archive:
+        parts = archive.infolist()
+        for part in parts:
+            if part.compress_type != ZIP_STORED or part.file_size != part.compress_size:
+                raise ValueError(f"{part.filename} of {path.name} is compressed")
+            with archive.open(part) as file:
+                readers = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
+                shape, _, kind = readers[read_magic(file)](file)
+                if part.file_size - file.tell() != math.prod(shape) * kind.itemsize:
+                    raise ValueError(f"{part.filename} of {path.name} is not of the size it says")
+        if sum(part.file_size for part in parts) > path.stat().st_size:
+            raise ValueError(f"{path.name} claims more bytes than it has")
+    with np.load(path, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

@@ -1,0 +1,54 @@
+"""docs/limits.md says what the code keeps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from terrain_forge.base import specs
+from terrain_forge.building import manifest
+from terrain_forge.dtm import raster
+from terrain_forge.model import world
+from terrain_forge.paths import curves, recorded, routes
+from terrain_forge.recipe import file
+from terrain_forge.rocks import populations
+from terrain_forge.rocks.laws import counts
+from terrain_forge.rocks.shapes import custom_mesh
+
+PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
+MIB = 2**20
+
+ROWS = {
+    "a recipe": f"{file.MAX_RECIPE // MIB} MiB of UTF-8; {file.MAX_DEPTH} mappings and lists within"
+    f" each other; whole numbers of {file.MAX_DIGITS} digits; no tags, anchors or merges",
+    "a number that must be above 0": f"{specs.LEAST:g} to {specs.MOST:g}",
+    "a coordinate": f"±{specs.FARTHEST:g} m",
+    "a name": f"{specs.MAX_NAME} characters, {specs.MAX_NAME_BYTES} bytes of UTF-8; no separator, "
+    "no leading dot, nothing that cannot be printed",
+    "any input file": "a regular file: no pipe, no device, no folder",
+    "a raster": f"{len(raster.DRIVERS)} of GDAL's formats, all files of it beside it",
+    "an image": f"as a raster; {raster.MAX_PIXELS:,} pixels",
+    "a table": f"{specs.MAX_TABLE // MIB} MiB of UTF-8; {specs.InputFile.most:,} rows and twice as "
+    "many lines",
+    "sizes that a recipe counts": f"{counts.MAX_COUNTED:,}",
+    "a path's file": f"{specs.MAX_TABLE // MIB} MiB of UTF-8; {recorded.MAX_POSES:,} poses",
+    "a rock's mesh": f"{specs.MAX_MESH // MIB} MiB; {custom_mesh.MOST_FACES:,} faces",
+    "a route": f"{curves.LONGEST:,.0f} m; {curves.MAX_KNOTS:,} points that it is given by; "
+    f"{routes.MOST_SAMPLES:,} samples",
+    "rocks": f"{populations.MAX_POPULATIONS} populations and lists; "
+    f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each",
+    "a world": "what the machine's memory holds, by the estimate of `terrain-forge check`",
+    "a saved world": f"{world.MAX_JSON // MIB:,} MiB of world.json; {manifest.MAX_MANIFEST // MIB} "
+    "MiB of manifest.json; arrays.npz uncompressed, of the size that it says",
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_page_has_the_limit(name):
+    assert f"| {name} | {ROWS[name]} |" in PAGE.read_text(encoding="utf-8").splitlines()
+
+
+def test_the_page_has_no_other_limit():
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    assert sum(line.startswith("| ") for line in lines) == len(ROWS) + 1

@@ -1,0 +1,182 @@
+"""Many inputs one after the other, and the figures of what came of them."""
+
+from __future__ import annotations
+
+import random
+import re
+import shutil
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.fuzz import samples, trial
+from tests.fuzz.files import Files, Worlds
+from tests.fuzz.kills import Kills
+from tests.fuzz.recipes import Recipes, put_traps
+
+CORPUS = Path(__file__).parent / "corpus"
+KINDS = ("recipes", "files", "worlds", "kills")
+_COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
+
+
+@dataclass
+class Figures:
+    """What came of a campaign."""
+
+    inputs: Counter[str] = field(default_factory=Counter)
+    """Number of inputs by kind."""
+    findings: dict[str, list[str]] = field(default_factory=dict)
+    """Signature of each fault, and where its inputs were saved."""
+    statuses: Counter[str] = field(default_factory=Counter)
+    """Number of ends by kind and exit status."""
+    seconds: float = 0.0
+    slowest: float = 0.0
+    largest: float = 0.0
+
+    def lines(self) -> list[str]:
+        """The figures as text."""
+        kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(self.inputs.items()))
+        ends = ", ".join(f"{kind}: {number}" for kind, number in sorted(self.statuses.items()))
+        return [
+            f"{self.inputs.total()} inputs in {self.seconds:.0f} s: {kinds}",
+            f"ends: {ends}",
+            f"slowest {self.slowest:.1f} s, largest {self.largest / 1e9:.2f} GB",
+            f"{len(self.findings)} findings",
+            *(f"  {len(where)} × {name}: {where[0]}" for name, where in self.findings.items()),
+        ]
+
+
+class Campaign:
+    """Draws inputs, runs them and keeps what failed.
+
+    Args:
+        seed: Root of all chance.
+        kinds: Of `KINDS`.
+        keep: Where inputs that fail are saved.
+        builds: Part of the good recipes that is built too.
+    """
+
+    def __init__(
+        self, *, seed: int, kinds: tuple[str, ...] = KINDS, keep: Path, builds: float = 0.1
+    ) -> None:
+        self.figures = Figures()
+        self._rng, self._kinds, self._keep, self._builds = random.Random(seed), kinds, keep, builds
+        self._place = Path(tempfile.mkdtemp(prefix="fuzz-"))
+        trial.warm_up()
+        (self._place / "good").mkdir()
+        self._writers: dict[str, Recipes | Files | Worlds] = {
+            "recipes": Recipes(self._rng),
+            "files": Files(self._rng, self._place / "good"),
+        }
+        if {"worlds", "kills"} & {*kinds}:
+            world = self._good_world()
+            self._writers["worlds"], self._kills = Worlds(self._rng, world), Kills(self._rng, world)
+
+    def regressions(self) -> None:
+        """Check the inputs that something was once wrong with."""
+        for path in sorted(CORPUS.iterdir()):
+            folder = self._place / "case"
+            if path.is_dir():
+                shutil.copytree(path, folder)
+            else:
+                folder.mkdir()
+                shutil.copyfile(path, folder / "recipe.yaml")
+            command = ("check", "recipe.yaml")
+            for fault in self._judged("corpus", command, folder):
+                self._save(f"{path.name}: {fault}", " ".join(command), folder)
+            self.figures.inputs["corpus"] += 1
+            shutil.rmtree(folder)
+
+    def run(self, *, seconds: float = 1e9, inputs: int = 10**9) -> Figures:
+        """Run for a time, or a number of inputs."""
+        begin, kinds = time.monotonic(), self._kinds
+        try:
+            first = self.figures.inputs.total()
+            while (
+                self.figures.inputs.total() - first < inputs and time.monotonic() - begin < seconds
+            ):
+                self._step(kinds[self.figures.inputs.total() % len(kinds)])
+                self.figures.seconds = time.monotonic() - begin
+        finally:
+            shutil.rmtree(self._place, ignore_errors=True)
+        return self.figures
+
+    def _good_world(self) -> Path:
+        folder = self._place / "built"
+        folder.mkdir()
+        samples.write_recipe({**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}, folder)
+        ended = trial.run(("build", "recipe.yaml", "-o", "world"), folder, seconds=90, memory=6e9)
+        assert ended.status == 0, ended.stderr
+        return folder / "world"
+
+    def _step(self, kind: str) -> None:
+        folder = self._place / "case"
+        folder.mkdir()
+        self.figures.inputs[kind] += 1
+        if kind == "kills":
+            found, command = self._kills.attempt(folder), "build, export, validate"
+        else:
+            if kind == "recipes":
+                put_traps(folder)
+            arguments = self._writers[kind].write(folder)
+            command = " ".join(arguments)
+            found = self._judged(kind, arguments, folder)
+        for fault in found:
+            self._save(f"{kind}: {fault}", command, folder)
+        shutil.rmtree(folder)
+
+    def _judged(self, kind: str, arguments: tuple[str, ...], folder: Path) -> list[str]:
+        allowed = (0, 1, 2) if kind == "worlds" else (0, 2)
+        before = {path.name for path in folder.iterdir()}
+        ended = trial.run(arguments, folder)
+        self._note(kind, ended)
+        found = trial.faults(ended, allowed=allowed)
+        if kind == "worlds":
+            return found
+        left = {path.name for path in folder.iterdir()} - before
+        found += [f"left behind: {sorted(left)}"] if left else []
+        cost = _COST.search(ended.stdout)
+        if ended.status == 0 and cost and not found and self._rng.random() < self._builds:
+            nodes, estimate = float(cost[1]) * 1e6, float(cost[3])
+            if nodes < 20_000 and estimate <= 10:
+                found += self._built(arguments, folder, estimate)
+        return found
+
+    def _built(self, arguments: tuple[str, ...], folder: Path, estimate: float) -> list[str]:
+        """What is wrong with the build of a recipe that `check` finds good."""
+        self.figures.inputs["builds"] += 1
+        seconds = 30.0 + 5.0 * estimate
+        command = ("build", *arguments[1:], "-o", "built")
+        ended = trial.run(command, folder, seconds=seconds, memory=trial.BUILD_MEMORY)
+        self._note("builds", ended)
+        found = trial.faults(ended, allowed=(0, 1), seconds=seconds, memory=trial.BUILD_MEMORY)
+        return [f"build: {fault}" for fault in found]
+
+    def _note(self, kind: str, ended: trial.Ended) -> None:
+        self.figures.statuses[f"{kind} {ended.status}"] += 1
+        self.figures.slowest = max(self.figures.slowest, ended.seconds)
+        self.figures.largest = max(self.figures.largest, ended.memory)
+
+    def _save(self, fault: str, command: str, folder: Path) -> None:
+        """Keep the input of a fault, of each kind of fault the first few."""
+        where = self.figures.findings.setdefault(fault, [])
+        if len(where) >= 3:
+            where.append("")
+            return
+        number = sum(map(len, self.figures.findings.values()))
+        target = self._keep / f"{number:04}"
+        while target.exists():
+            number += 1
+            target = self._keep / f"{number:04}"
+        where.append(str(target))
+        target.mkdir(parents=True)
+        (target / "fault.txt").write_text(f"{fault}\n{command}\n", encoding="utf-8")
+        for path in folder.iterdir():
+            if path.is_dir() and not path.is_symlink():
+                shutil.copytree(path, target / path.name, symlinks=True)
+            elif path.is_symlink() or path.is_fifo():
+                (target / f"{path.name}.is").write_text(f"{path.is_fifo()} {path.is_symlink()}")
+            elif path.stat().st_size < 2**24:
+                shutil.copyfile(path, target / path.name)

@@ -1,0 +1,67 @@
+"""No array is larger than the bytes that a file has for it."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+
+import numpy as np
+import pytest
+
+from terrain_forge.base import OutputError, read_arrays
+from terrain_forge.model import World
+
+
+def header(shape: tuple[int, ...]) -> bytes:
+    text = str({"descr": "<f8", "fortran_order": False, "shape": shape}).ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
+
+
+def archive(path, content: bytes, method: int = zipfile.ZIP_STORED) -> None:
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("a.npy", content, method)
+
+
+def test_what_is_saved_is_read(tmp_path):
+    arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(7), "c": np.zeros((0, 3), "i4")}
+    np.savez(tmp_path / "a.npz", **arrays)
+    found = read_arrays(tmp_path / "a.npz")
+    assert {*found} == {*arrays}
+    assert all(np.array_equal(found[name], arrays[name]) for name in arrays)
+
+
+@pytest.mark.parametrize("shape", [(10**10, 10), (2**62, 4), (3,)])
+def test_a_header_that_claims_more(tmp_path, shape):
+    archive(tmp_path / "a.npz", header(shape) + bytes(16))
+    with pytest.raises(ValueError, match="not of the size it says"):
+        read_arrays(tmp_path / "a.npz")
+
+
+def test_a_bomb(tmp_path):
+    archive(tmp_path / "a.npz", header((2**22,)) + bytes(2**25), zipfile.ZIP_DEFLATED)
+    with pytest.raises(ValueError, match="is compressed"):
+        read_arrays(tmp_path / "a.npz")
+
+
+def test_objects_are_not_unpacked(tmp_path):
+    stream = io.BytesIO()
+    np.save(stream, np.array([{}], object), allow_pickle=True)
+    archive(tmp_path / "a.npz", stream.getvalue())
+    with pytest.raises(ValueError, match=r"not of the size|Object arrays"):
+        read_arrays(tmp_path / "a.npz")
+
+
+def test_a_world_of_nothing_readable(tmp_path):
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "arrays.npz").write_bytes(b"PK")
+    for text in (
+        '{"format": 5}',
+        "[" * 100_000,
+        "\0",
+        "5",
+        '{"format": 5, "world": {"record": []}}',
+    ):
+        (tmp_path / "world" / "world.json").write_text(text)
+        with pytest.raises(OutputError, match="no readable terrain-forge world"):
+            World.load(tmp_path)

@@ -1,0 +1,106 @@
+"""Recipes and tables that break readers cost one line, which names the place."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+
+from tests.helpers.command_line import run
+
+RECIPE = """schema: 1
+name: mini
+seed: 1
+body: moon
+dtm: {kind: flat, size_m: [3, 2]}
+terrain: {spacing_m: 0.25}
+"""
+
+
+def complaint(path) -> str:
+    begin = time.monotonic()
+    done = run("check", path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert time.monotonic() - begin < 20.0
+    assert all(c.isprintable() for c in done.stderr[:-1])
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    ("seed", "says"),
+    [
+        (b"\x00", ":3: not YAML: special characters"),
+        (b"\xc3\x28", ":3: is no text in UTF-8"),
+        (b"[" * 5000, ":3: mappings and lists are nested more than 50 deep"),
+        (b"[" * 60 + b"]" * 60, ":3: mappings and lists are nested more than 50 deep"),
+        (b"9" * 5000, ":3: seed: a number of 5,000 digits, at most 400"),
+        (b"9" * 50, ":3: seed: must be less than"),
+        (b"1\nname: \x1b[31m", "special characters are not allowed"),
+        (b'1\n"\\e[31m\\n": 2', ":4: \\x1b[31m\\n: unknown key"),
+        (b"&a 1\nbody: *a", ":4: body: YAML alias"),
+        (b"[" + b"0.123456, " * 90_000 + b"]", ":3: seed: must be a valid integer"),
+        (b"#" * 2_000_000, "at most 1 MiB"),
+    ],
+)
+def test_the_text_of_a_recipe(tmp_path, seed, says):
+    path = tmp_path / "mini.yaml"
+    path.write_bytes(RECIPE.encode().replace(b"seed: 1", b"seed: " + seed))
+    assert says in complaint(path)
+
+
+def test_what_does_not_end(tmp_path):
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    assert "is no regular file" in complaint(pipe)
+    (tmp_path / "zero.yaml").symlink_to("/dev/zero")
+    assert "is no regular file" in complaint(tmp_path / "zero.yaml")
+    assert "File name too long" in complaint(tmp_path / f"{'x' * 300}.yaml")
+
+
+ROUTE = "paths: [{{name: way, speed_m_s: 1, route: {{{}}}}}]\n"
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        (ROUTE.format("kind: file, file: PIPE"), ":7: paths[0].route.file: is no regular file"),
+        (ROUTE.format("points_m: [[0, 0], [1.0e+6, 0]]"), "a route of 1e+06 m, at most 100,000 m"),
+        (ROUTE.format("kind: polyline, points_m: [[0, 0], [1.0e+6, 0]]"), "at most 100,000 m"),
+        (ROUTE.format("kind: spiral, length_m: 1.0e+6"), "paths[0].route: a route of 1e+06 m"),
+        (ROUTE.format("kind: spiral, length_m: 1.0e+13"), "must be less than or equal to"),
+        (ROUTE.format("points_m: [[0, 0], [1.0e+300, 0]]"), "must be less than or equal to"),
+        ("rocks: {library: {shapes: 0}}\n", "0 shapes and no meshes"),
+        ("rocks: {exclusion_zones: [{centre_m: [0, 0], radius_m: 1.0e-300}]}\n", "or equal to"),
+        ("rocks: {lists: [{name: a, file: PIPE}]}\n", "rocks.lists[0].file: is no regular file"),
+    ],
+)
+def test_what_a_recipe_says(tmp_path, more, says):
+    os.mkfifo(tmp_path / "PIPE")
+    path = tmp_path / "mini.yaml"
+    path.write_text(RECIPE + more)
+    assert says in complaint(path)
+
+
+def test_a_pipe_beside_a_raster(tmp_path):
+    (tmp_path / "dem.img").write_bytes(bytes(64))
+    os.mkfifo(tmp_path / "dem.hdr")
+    assert "dem.hdr beside dem.img is no regular file" in complaint(tmp_path / "dem.img")
+
+
+def test_arguments(tmp_path):
+    path = tmp_path / "mini.yaml"
+    path.write_text(RECIPE)
+    deep = run("check", path, "--set", f"seed={'[' * 3000}")
+    assert (deep.returncode, "there is no place 'seed'" in deep.stderr) == (2, True)
+    long = run("build", path, "-o", tmp_path / ("x" * 300))
+    assert (long.returncode, "File name too long" in long.stderr) == (2, True)
+
+
+def test_lines_of_a_table(tmp_path):
+    path = tmp_path / "mini.yaml"
+    path.write_text(RECIPE + "rocks: {lists: [{name: a, file: many.csv}]}\n")
+    (tmp_path / "many.csv").write_text("x_m,y_m,diameter_m\n" + "\r" * 5_000_000)
+    assert "has 5,000,001 lines, at most 4,000,000" in complaint(path)
+    (tmp_path / "many.csv").write_bytes(b"x_m,y_m,diameter_m\n0,0,1\n\xff")
+    assert "many.csv:3: is no text in UTF-8" in complaint(path)
