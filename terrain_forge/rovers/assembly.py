@@ -7,38 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from terrain_forge.base import Array
-from terrain_forge.model import Mesh
+from terrain_forge.model import Mesh, Shape
 
 TURNING = ("revolute", "continuous")
 """Kinds of joints that turn about an axis."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Solid:
-    """A piece of geometry on a body."""
-
-    kind: str
-    """`box`, `cylinder`, `sphere` or `mesh`."""
-    size: tuple[float, ...]
-    """As `Shape.size`."""
-    placement: Array
-    """In the body's frame, shape [4, 4]."""
-    collides: bool
-    """Whether physics sees it."""
-    visible: bool
-    """Whether people see it."""
-    rgb: tuple[float, float, float]
-    """sRGB colour, 0 to 1."""
-    mesh: Mesh | None = None
-    """Triangles of a mesh around its box's centre."""
-
-    def fills(self, other: Solid) -> bool:
-        """Whether another fills the same space: one solid then is both seen and touched."""
-        return (
-            self.mesh is None is other.mesh
-            and (self.kind, self.size) == (other.kind, other.size)
-            and np.array_equal(self.placement, other.placement)
-        )
+Solid = tuple[Array, Shape]
+"""Placement in a body's frame, shape [4, 4], of a shape whose own position means nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,3 +94,21 @@ def placed(position: Array, rotation: Array) -> Array:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return matrix
+
+
+def solid(
+    placement: Array,
+    kind: str,
+    size: tuple[float, ...],
+    *,
+    collides: bool,
+    visible: bool,
+    rgb: tuple[float, float, float],
+    mesh: Mesh | None = None,
+) -> Solid:
+    """A piece of geometry; arguments as `Shape` has them."""
+    shape = Shape(
+        kind=kind, size=size, position=np.zeros(3), rpy=np.zeros(3),
+        collides=collides, visible=visible, rgb=rgb, mesh=mesh,
+    )  # fmt: skip
+    return placement, shape

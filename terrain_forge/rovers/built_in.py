@@ -20,13 +20,12 @@ from pydantic import Field, TypeAdapter, ValidationError
 from terrain_forge.base import DataError, Pair, RecipeError, Spec, load_plugin, plugins
 from terrain_forge.model import Rover, Sensor, sensor_kinds
 from terrain_forge.rovers.custom import FileRover, RoverSpec
-from terrain_forge.rovers.expressions import Budget, evaluate
+from terrain_forge.rovers.expressions import Scope, Value, evaluate
 from terrain_forge.rovers.grousers import GrouserSpec, add_grousers
 from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rolling import make_rover
-from terrain_forge.rovers.scopes import Scope, Value
 from terrain_forge.rovers.substitution import Substitution
 from terrain_forge.rovers.urdf import read_urdf
 
@@ -183,8 +182,8 @@ def build_rover(choice: BuiltInRover) -> Rover:
     packages = Packages({}, file, library=_OURS)
     root, _ = expand_xacro(file, packages, names=names)
     assembly = read_urdf(root, file=file, packages=packages, meshes=MeshFiles(packages))
-    texts = Substitution(packages, Budget())
-    filled = partial(_filled, texts=texts, names=texts.scope(names))
+    texts = Substitution(packages)
+    filled = partial(_filled, texts=texts, names=Scope(values=names))
     try:
         reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
         reading |= filled(told.reading)

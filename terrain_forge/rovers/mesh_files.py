@@ -13,12 +13,18 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, TerrainForgeError, portable
+from terrain_forge.base import Array, TerrainForgeError, portable
 from terrain_forge.model import Mesh
-from terrain_forge.rovers.assembly import Solid, placed
-from terrain_forge.rovers.limits import FARTHEST, MOST_TRIANGLES, require_below
-from terrain_forge.rovers.packages import MOST_MESH, Packages, read_file
-from terrain_forge.rovers.rover_xml import KEY
+from terrain_forge.rovers.assembly import Solid, placed, solid
+from terrain_forge.rovers.bounds import (
+    FARTHEST,
+    MOST_MESH,
+    MOST_TRIANGLES,
+    FileError,
+    read_file,
+    require_below,
+)
+from terrain_forge.rovers.packages import Packages
 
 _GREY = (0.6, 0.6, 0.6)
 Part = tuple[Array, NDArray[np.int32], tuple[float, ...]]
@@ -61,10 +67,9 @@ class MeshFiles:
         """
         parts = [(v * scale, f, colour) for v, f, colour in self._parts(path)]
         if not all(np.abs(v).max() <= FARTHEST for v, _, _ in parts):
-            raise DataError(
+            raise FileError(
                 f"mesh {path.name} has vertices beyond {FARTHEST:g} m, or none that are numbers: "
-                "is its scale right?",
-                key=KEY,
+                "is its scale right?"
             )
         if collides:
             place = (path, scale.tobytes())
@@ -96,10 +101,10 @@ def mesh_solid(
     """Triangles as a solid, whose origin becomes the centre of their box."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     centre = (low + high) / 2
-    return Solid(
-        kind="mesh",
-        size=tuple((high - low).tolist()),
-        placement=portable.product(placement, placed(centre, np.eye(3))),
+    return solid(
+        portable.product(placement, placed(centre, np.eye(3))),
+        "mesh",
+        tuple((high - low).tolist()),
         collides=collides,
         visible=not collides,
         rgb=rgb,
@@ -119,7 +124,7 @@ def hull_of(vertices: Array, name: str) -> tuple[Array, NDArray[np.int32]]:
     try:
         hull = trimesh.convex.convex_hull(vertices)
     except QhullError:
-        raise DataError(f"{name}: a mesh that is flat cannot be collided with", key=KEY) from None
+        raise FileError(f"{name}: a mesh that is flat cannot be collided with") from None
     return np.array(hull.vertices, np.float64), np.array(hull.faces, np.int32)
 
 
@@ -128,9 +133,9 @@ def _load(path: Path, packages: Packages) -> list[Part]:
 
     name, kind = f"mesh {path.name}", path.suffix.lower().removeprefix(".")
     if kind not in _READ_AS:
-        raise DataError(f"{name}: allowed are {', '.join(_READ_AS)}", key=KEY)
+        raise FileError(f"{name}: allowed are {', '.join(_READ_AS)}")
     if not path.exists():
-        raise DataError(f"{name} is missing: looked for {path}", key=KEY)
+        raise FileError(f"{name} is missing: looked for {path}")
     data = read_file(path, name, most=MOST_MESH)
     try:
         if kind in _CHECKS:
@@ -147,18 +152,18 @@ def _load(path: Path, packages: Packages) -> list[Part]:
         raise
     except Exception as error:  # trimesh's readers raise whatever a broken file provokes
         if isinstance(error, ImportError) and kind == "dae":
-            raise DataError(f"{name} needs the package {error.name}", key=KEY) from None
+            raise FileError(f"{name} needs the package {error.name}") from None
         why = " ".join(str(error).split()) or type(error).__name__
-        raise DataError(f"{name} cannot be read: {why}", key=KEY) from None
+        raise FileError(f"{name} cannot be read: {why}") from None
     parts: dict[tuple[float, ...], list[Any]] = {}
     for mesh in meshes:
         if mesh.vertices.shape[1:] != (3,) or mesh.faces.shape[1:] != (3,):
-            raise DataError(f"{name} is flat, or not made of triangles", key=KEY)
+            raise FileError(f"{name} is flat, or not made of triangles")
         if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
-            raise DataError(f"{name} has triangles of vertices that it lacks", key=KEY)
+            raise FileError(f"{name} has triangles of vertices that it lacks")
         parts.setdefault(_colour(mesh), []).append(mesh)
     if not parts:
-        raise DataError(f"{name} holds no triangles", key=KEY)
+        raise FileError(f"{name} holds no triangles")
     joined: list[tuple[tuple[float, ...], Any]] = [
         (colour, trimesh.util.concatenate(meshes)) for colour, meshes in parts.items()
     ]

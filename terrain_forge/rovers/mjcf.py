@@ -10,21 +10,21 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, load_model, matrix_from_quaternion, portable
-from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
-from terrain_forge.rovers.limits import (
+from terrain_forge.base import Array, load_model, matrix_from_quaternion, portable
+from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed, solid
+from terrain_forge.rovers.bounds import (
     FARTHEST,
     HEAVIEST,
     MOST_LINKS,
     MOST_SHAPES,
     MOST_TRIANGLES,
+    FileError,
     check_name,
     require_below,
 )
 from terrain_forge.rovers.mesh_files import hull_of, mesh_solid
 from terrain_forge.rovers.mjcf_files import check_mjcf
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.rover_xml import KEY
 
 _SEEN_GROUPS = 3
 """Geoms of groups below are drawn by default."""
@@ -44,11 +44,11 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
         model = load_model(file)
     except ValueError as error:
         why = " ".join(str(error).split())
-        raise DataError(f"{file.name}: MuJoCo cannot load it: {why}", key=KEY) from None
+        raise FileError(f"{file.name}: MuJoCo cannot load it: {why}") from None
     finally:
         mujoco.set_mju_user_warning(None)
     if model.nbody < 2:
-        raise DataError(f"{file.name} holds no body", key=KEY)
+        raise FileError(f"{file.name} holds no body")
     _require_sane(model, file.name)
     trees, sizes = np.unique(model.body_rootid[1:], return_counts=True)
     root = int(trees[np.argmax(sizes)])
@@ -73,7 +73,7 @@ def _require_sane(model: Any, name: str) -> None:
     for what, most in limits.items():
         values = np.abs(getattr(model, what))
         if values.size and not values.max() <= most:
-            raise DataError(f"{name}: a {what} of MuJoCo's is above {most:g}", key=KEY)
+            raise FileError(f"{name}: a {what} of MuJoCo's is above {most:g}")
 
 
 def _bodies(
@@ -187,16 +187,7 @@ def _solids(model: Any, geom: int, at: Array, hulls: _Hulls) -> list[Solid]:
     }
     if kind in simple:
         named, size = simple[kind]
-        return [
-            Solid(
-                kind=named,
-                size=size,
-                placement=placement,
-                collides=collides,
-                visible=visible,
-                rgb=rgb,
-            )
-        ]
+        return [solid(placement, named, size, collides=collides, visible=visible, rgb=rgb)]
     triangles = _triangles(model, geom, kind)
     if triangles is None:
         return []

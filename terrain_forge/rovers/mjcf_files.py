@@ -8,10 +8,15 @@ import stat
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from terrain_forge.base import DataError
-from terrain_forge.rovers.limits import MOST_LINKS, MOST_SHAPES, require_below
-from terrain_forge.rovers.packages import MOST_MESH, MOST_TEXT, Packages, read_file
-from terrain_forge.rovers.rover_xml import KEY, parse_xml
+from terrain_forge.rovers.bounds import (
+    MOST_LINKS,
+    MOST_MESH,
+    MOST_SHAPES,
+    FileError,
+    read_xml,
+    require_below,
+)
+from terrain_forge.rovers.packages import Packages
 
 _MOST_COPIES = 1_000
 """Copies that `replicate`, `composite`, `flexcomp` and `attach` make, in all."""
@@ -42,7 +47,7 @@ def check_mjcf(file: Path, packages: Packages) -> list[Path]:
     found = _Model(file, packages)
     found.read(file, file.name, 1)
     if any(part.attached for part in found.parts):
-        raise DataError(f"{file.name}: a model that is attached attaches others", key=KEY)
+        raise FileError(f"{file.name}: a model that is attached attaches others")
     for what, most in _LIMITS.items():
         attached = found.attached * sum(part.counts[what] for part in found.parts)
         require_below(found.counts[what] + attached, most, what, file.name)
@@ -66,7 +71,7 @@ class _Model:
     def read(self, file: Path, name: str, times: int) -> None:
         """Read a file that stands so many times in the model."""
         self.files.append(file)
-        root = parse_xml(read_file(file, name, most=MOST_TEXT), name)
+        root = read_xml(file, name)
         self._walk(root, file, times)
 
     def _walk(self, element: Element, file: Path, times: int) -> None:
@@ -108,13 +113,13 @@ class _Model:
             self._strips |= text != "false"
         elif key == "memory":
             if _bytes(text) > 2**32:
-                raise DataError(f"{element.tag} memory={text[:40]!r}: at most 4 GB", key=KEY)
+                raise FileError(f"{element.tag} memory={text[:40]!r}: at most 4 GB")
         elif key not in _TEXTS:
             if _NO_NUMBER.search(text):
-                raise DataError(f"{element.tag} {key}={text[:80]!r}: must be numbers", key=KEY)
+                raise FileError(f"{element.tag} {key}={text[:80]!r}: must be numbers")
             most = 1000 if key.startswith("nuser") else _CAPS.get(key, math.inf)
             if any(number > most for number in _numbers(text)):
-                raise DataError(f"{element.tag} {key}={text[:80]!r}: at most {most:g}", key=KEY)
+                raise FileError(f"{element.tag} {key}={text[:80]!r}: at most {most:g}")
 
     def assets(self) -> list[Path]:
         """Meshes, pictures and fields, wherever MuJoCo may look for them.
@@ -138,14 +143,14 @@ class _Model:
 def _check_asset(path: Path, name: str) -> None:
     told = path.stat()
     if not stat.S_ISREG(told.st_mode):
-        raise DataError(f"{name[:200]} is no regular file", key=KEY)
+        raise FileError(f"{name[:200]} is no regular file")
     if told.st_size > MOST_MESH:
-        raise DataError(f"{name[:200]} has more than {MOST_MESH / 1e6:g} MB", key=KEY)
+        raise FileError(f"{name[:200]} has more than {MOST_MESH / 1e6:g} MB")
     with path.open("rb") as file:
         head = file.read(24)
     width, height = (int.from_bytes(head[n : n + 4], "big") for n in (16, 20))
     if head[1:4] == b"PNG" and width * height > _PIXELS:
-        raise DataError(f"{name[:200]} has {width} × {height} pixels, too many", key=KEY)
+        raise FileError(f"{name[:200]} has {width} × {height} pixels, too many")
 
 
 def _copies(element: Element) -> int:

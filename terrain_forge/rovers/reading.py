@@ -5,20 +5,21 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from terrain_forge.base import DataError, TerrainForgeError
+from terrain_forge.base import TerrainForgeError
 from terrain_forge.rovers.assembly import Assembly
+from terrain_forge.rovers.bounds import FileError, parse_xml, read_xml
 from terrain_forge.rovers.custom import FileRover, FoundRover
 from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.mesh_files import MeshFiles
-from terrain_forge.rovers.packages import MOST_TEXT, Packages, read_file
+from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rolling import make_rover
-from terrain_forge.rovers.rover_xml import KEY, parse_xml
 from terrain_forge.rovers.urdf import read_urdf
 
 _LONGEST = 600
@@ -44,23 +45,19 @@ def read_rover(spec: FileRover, folder: Path) -> FoundRover:
 
 
 def _read(spec: FileRover, file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
-    root = parse_xml(read_file(file, spec.file, most=MOST_TEXT), spec.file)
+    root = read_xml(file, spec.file)
     if root.tag == "mujoco":
         from terrain_forge.rovers.mjcf import read_mjcf
 
         return read_mjcf(file, packages)
     if root.tag != "robot":
-        raise DataError(
-            f"{spec.file} is a <{root.tag}>, allowed: a URDF or xacro (<robot>), an MJCF "
-            "(<mujoco>)",
-            key=KEY,
+        raise FileError(
+            f"{spec.file} is a <{root.tag}>, allowed: a URDF or xacro (<robot>), an MJCF (<mujoco>)"
         )
     files = [file]
     if file.suffix != ".xacro":
         _require_plain(root, spec.file)
     elif spec.trust:
-        from terrain_forge.rovers.trusted import expand_trusted
-
         text, included = expand_trusted(file, packages)
         root, files = parse_xml(text, spec.file), [file, *included]
     else:
@@ -74,8 +71,8 @@ def _read(spec: FileRover, file: Path, packages: Packages) -> tuple[Assembly, li
 def _require_plain(root: Element, name: str) -> None:
     for element in root.iter():
         if element.tag.startswith("xacro:"):
-            raise DataError(
-                f"{name} holds <{element.tag}>; a .urdf is not evaluated, name it .xacro", key=KEY
+            raise FileError(
+                f"{name} holds <{element.tag}>; a .urdf is not evaluated, name it .xacro"
             )
 
 
@@ -92,10 +89,10 @@ def _one_line(name: str) -> Iterator[None]:
     except TerrainForgeError as error:
         raise type(error)(_printable(str(error)), key=error.key) from None
     except RecursionError:
-        raise DataError(_printable(f"{name} nests too deep"), key=KEY) from None
+        raise FileError(_printable(f"{name} nests too deep")) from None
     except Exception as error:  # readers raise whatever a broken file provokes
         why = f"{type(error).__name__}: {error}"
-        raise DataError(_printable(f"{name} cannot be read as a rover: {why}"), key=KEY) from None
+        raise FileError(_printable(f"{name} cannot be read as a rover: {why}")) from None
     finally:
         log.setLevel(level)
 
@@ -105,3 +102,41 @@ def _printable(text: str) -> str:
     line = " ".join(text.split())
     line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
     return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}…"
+
+
+def expand_trusted(file: Path, packages: Packages) -> tuple[bytes, tuple[Path, ...]]:
+    """The URDF text of a xacro file, and the files that it includes.
+
+    Raises:
+        DataError: if the package `xacro` is not installed, or the file is not right.
+    """
+    try:
+        import xacro
+    except ImportError:
+        raise FileError(
+            f"{file.name} with `trust: true` needs the package xacro: "
+            "pip install 'terrain-forge[xacro]'"
+        ) from None
+    xacro.all_includes.clear()
+    try:
+        with _finding(packages), redirect_stderr(StringIO()), redirect_stdout(StringIO()):
+            text = str(xacro.process_file(str(file)).toxml())
+    except TerrainForgeError:
+        raise
+    except Exception as error:  # xacro evaluates Python: whatever the file's expressions raise
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise FileError(f"{file.name}: xacro cannot expand it: {why}") from None
+    return text.encode(), tuple(dict.fromkeys(map(Path, xacro.all_includes)))
+
+
+@contextmanager
+def _finding(packages: Packages) -> Iterator[None]:
+    """Lets xacro's $(find PACKAGE) ask us, where it would ask an installed ROS."""
+    from xacro import substitution_args
+
+    original = substitution_args._eval_find
+    substitution_args._eval_find = lambda package: str(packages.folder(package))
+    try:
+        yield
+    finally:
+        substitution_args._eval_find = original

@@ -11,7 +11,7 @@ import pytest
 from terrain_forge.base import DataError
 from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.trusted import expand_trusted
+from terrain_forge.rovers.reading import expand_trusted
 from tests.helpers.places import DATA
 
 ROBOT = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
