@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from terrain_forge.base import Array
-from terrain_forge.model import Mesh, Shape
+from terrain_forge.model import Coupling, Shape
 
 TURNING = ("revolute", "continuous")
 """Kinds of joints that turn about an axis."""
@@ -15,6 +16,8 @@ TURNING = ("revolute", "continuous")
 
 Solid = tuple[Array, Shape]
 """Placement in a body's frame, shape [4, 4], of a shape whose own position means nothing."""
+bare_shape = partial(Shape, position=np.zeros(3), rpy=np.zeros(3))
+"""A shape for a solid."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,20 +65,6 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gear:
-    """A joint that follows another: angle = ratio * other + offset [rad]."""
-
-    joint: str
-    """The joint that follows."""
-    leader: str
-    """The joint that it follows."""
-    ratio: float
-    """Angle per angle."""
-    offset: float
-    """Angle where the other's is 0 [rad]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Assembly:
     """Bodies and joints of a file."""
 
@@ -83,10 +72,8 @@ class Assembly:
     """As the file calls it."""
     bodies: tuple[Body, ...]
     """Parents before children; the first is the root."""
-    gears: tuple[Gear, ...]
-    """Joints that follow others."""
-    notes: tuple[str, ...]
-    """What was taken otherwise than the file says, a sentence each."""
+    gears: tuple[Coupling, ...]
+    """Joints that follow others; by the names of joints, where a rover's are by those of links."""
 
 
 def placed(position: Array, rotation: Array) -> Array:
@@ -94,21 +81,3 @@ def placed(position: Array, rotation: Array) -> Array:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return matrix
-
-
-def solid(
-    placement: Array,
-    kind: str,
-    size: tuple[float, ...],
-    *,
-    collides: bool,
-    visible: bool,
-    rgb: tuple[float, float, float],
-    mesh: Mesh | None = None,
-) -> Solid:
-    """A piece of geometry; arguments as `Shape` has them."""
-    shape = Shape(
-        kind=kind, size=size, position=np.zeros(3), rpy=np.zeros(3),
-        collides=collides, visible=visible, rgb=rgb, mesh=mesh,
-    )  # fmt: skip
-    return placement, shape

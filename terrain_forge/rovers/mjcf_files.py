@@ -5,25 +5,22 @@ from __future__ import annotations
 import math
 import re
 import stat
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from terrain_forge.rovers.bounds import (
-    MOST_LINKS,
-    MOST_MESH,
-    MOST_SHAPES,
-    FileError,
-    read_xml,
-    require_below,
-)
+from terrain_forge.rovers import bounds
+from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.packages import Packages
 
-_MOST_COPIES = 1_000
-"""Copies that `replicate`, `composite`, `flexcomp` and `attach` make, in all."""
 _MOST_ELEMENTS = 200_000
 _LIMITS = {
-    "copies": _MOST_COPIES, "elements": _MOST_ELEMENTS, "bodies": MOST_LINKS, "geoms": MOST_SHAPES
-}  # fmt: skip
+    "copies": 1_000,  # that `replicate`, `composite`, `flexcomp` and `attach` make, in all
+    "elements": _MOST_ELEMENTS,
+    "bodies": bounds.MOST_LINKS,
+    "geoms": bounds.MOST_SHAPES,
+}
 _CAPS = {
     **dict.fromkeys(("width", "height", "nrow", "ncol"), 8192),
     **dict.fromkeys(("params", "maxhullvert", "nkey", "nuserdata"), 1000),
@@ -31,6 +28,7 @@ _CAPS = {
 }
 _DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 _MODELS = ("include", "model")
+_COUNTED = {"body": "bodies", "geom": "geoms"}
 _COPYING = ("replicate", "composite", "flexcomp", "attach")
 _TEXTS = ("name", "class", "childclass", "prefix", "model", "data", "value", "comment")
 _NO_NUMBER = re.compile(r"(?i)(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])")
@@ -45,44 +43,43 @@ def check_mjcf(file: Path, packages: Packages) -> list[Path]:
             if the model repeats itself too often.
     """
     found = _Model(file, packages)
-    found.read(file, file.name, 1)
+    found.read(file, file.name)
     if any(part.attached for part in found.parts):
         raise FileError(f"{file.name}: a model that is attached attaches others")
     for what, most in _LIMITS.items():
         attached = found.attached * sum(part.counts[what] for part in found.parts)
-        require_below(found.counts[what] + attached, most, what, file.name)
+        bounds.require_below(found.counts[what] + attached, most, what, file.name)
     return [path for model in (found, *found.parts) for path in (*model.files, *model.assets())]
 
 
+@dataclass
 class _Model:
     """Counts what a model has, copies included, and gathers the files that it names."""
 
-    def __init__(self, file: Path, packages: Packages) -> None:
-        self.files: list[Path] = []
-        self.parts: list[_Model] = []
-        self.counts = dict.fromkeys(_LIMITS, 0)
-        self.attached = 0
-        self._strips = False
-        self._main = file
-        self._packages = packages
-        self._names: list[str] = []
-        self._directories = [""]
+    main: Path
+    packages: Packages
+    files: list[Path] = field(default_factory=list)
+    parts: list[_Model] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+    attached: int = 0
+    strips: bool = False
+    names: list[str] = field(default_factory=list)
+    directories: list[str] = field(default_factory=lambda: [""])
 
-    def read(self, file: Path, name: str, times: int) -> None:
+    def read(self, file: Path, name: str, times: int = 1) -> None:
         """Read a file that stands so many times in the model."""
         self.files.append(file)
-        root = read_xml(file, name)
-        self._walk(root, file, times)
+        self._walk(bounds.read_xml(file, name), file, times)
 
     def _walk(self, element: Element, file: Path, times: int) -> None:
-        self.counts["elements"] += times
-        self.counts["bodies"] += times * (element.tag == "body")
-        self.counts["geoms"] += times * (element.tag == "geom")
+        for what in ("elements", _COUNTED.get(element.tag, "others")):
+            self.counts[what] += times
         if element.tag in _COPYING:
-            times *= _copies(element)
+            copies = math.prod(max(n, 1.0) for n in _numbers(element.get("count", "1")))
+            times *= int(min(copies, 1e9))
             self.counts["copies"] += times
             self.attached += times * (element.tag == "attach")
-            require_below(self.counts["copies"], _MOST_COPIES, "copies", file.name)
+            bounds.require_below(self.counts["copies"], _LIMITS["copies"], "copies", file.name)
         for key, text in element.attrib.items():
             self._look_at(element, key, text)
         if element.tag in _MODELS and "file" in element.attrib:
@@ -93,24 +90,24 @@ class _Model:
     def _follow(self, element: Element, file: Path, times: int) -> None:
         """Read a file that is included or attached; MuJoCo looks for it beside the model's own."""
         name = element.attrib["file"]
-        for place in dict.fromkeys((self._main.parent, file.parent)):
+        for place in dict.fromkeys((self.main.parent, file.parent)):
             path = place / name
             if path.exists() or path.is_symlink():
-                self._packages.require(path, name)
+                self.packages.require(path, name)
                 if element.tag == "model" and all(path != part.files[0] for part in self.parts):
-                    self.parts.append(_Model(path, self._packages))
-                    self.parts[-1].read(path, name, 1)
+                    self.parts.append(_Model(path, self.packages))
+                    self.parts[-1].read(path, name)
                 elif element.tag == "include" and path not in self.files:
                     self.read(path, name, times)
 
     def _look_at(self, element: Element, key: str, text: str) -> None:
         if key in _DIRECTORIES:
-            self._directories.append(text)
+            self.directories.append(text)
         elif key.startswith("file"):
             if element.tag not in _MODELS:
-                self._names.append(text)
+                self.names.append(text)
         elif key == "strippath":
-            self._strips |= text != "false"
+            self.strips |= text != "false"
         elif key == "memory":
             if _bytes(text) > 2**32:
                 raise FileError(f"{element.tag} memory={text[:40]!r}: at most 4 GB")
@@ -128,13 +125,13 @@ class _Model:
             DataError: for one that must not be read.
         """
         found: dict[Path, None] = {}
-        bases = dict.fromkeys(file.parent / d for file in self.files for d in self._directories)
-        require_below(len(bases) * len(self._names), _MOST_ELEMENTS, "paths", self._main.name)
-        names = [Path(name).name if self._strips else name for name in self._names]
-        for name in dict.fromkeys((*names, *self._names)):
+        bases = dict.fromkeys(file.parent / d for file in self.files for d in self.directories)
+        bounds.require_below(len(bases) * len(self.names), _MOST_ELEMENTS, "paths", self.main.name)
+        names = [Path(name).name if self.strips else name for name in self.names]
+        for name in dict.fromkeys((*names, *self.names)):
             for path in (base / name for base in bases):
                 if path.exists() or path.is_symlink():
-                    self._packages.require(path, name)
+                    self.packages.require(path, name)
                     _check_asset(path, name)
                     found[path] = None
         return list(found)
@@ -144,18 +141,13 @@ def _check_asset(path: Path, name: str) -> None:
     told = path.stat()
     if not stat.S_ISREG(told.st_mode):
         raise FileError(f"{name[:200]} is no regular file")
-    if told.st_size > MOST_MESH:
-        raise FileError(f"{name[:200]} has more than {MOST_MESH / 1e6:g} MB")
+    if told.st_size > bounds.MOST_MESH:
+        raise FileError(f"{name[:200]} has more than {bounds.MOST_MESH / 1e6:g} MB")
     with path.open("rb") as file:
         head = file.read(24)
     width, height = (int.from_bytes(head[n : n + 4], "big") for n in (16, 20))
     if head[1:4] == b"PNG" and width * height > _PIXELS:
         raise FileError(f"{name[:200]} has {width} × {height} pixels, too many")
-
-
-def _copies(element: Element) -> int:
-    count = math.prod(max(number, 1.0) for number in _numbers(element.get("count", "1")))
-    return int(min(count, 1e9))
 
 
 def _numbers(text: str) -> list[float]:

@@ -55,21 +55,16 @@ class Packages:
         if package and Path(package).name == package and package != "..":
             beside = (self._file.parent, (self._home or self._file.parent).parent)
             for level, above in enumerate(self._file.parents):
-                if above.name == package and _is_found(above, bare=level < _NEAR):
-                    return self._opened(package, above)
-                if _is_found(above / package, bare=above in beside):
-                    return self._opened(package, above / package)
+                for folder, bare in ((above, level < _NEAR), (above / package, above in beside)):
+                    if folder.name == package and _is_found(folder, bare=bare):
+                        self._known[package] = folder
+                        self._roots.append(folder.resolve())
+                        return folder
         raise FileError(
             f"package {package[:80]!r} is not found about {self._file.name}: name its folder under "
             "packages",
             key=("rover", "packages"),
         )
-
-    def _opened(self, package: str, folder: Path) -> Path:
-        """A found folder, whose files may now be read."""
-        self._known[package] = folder
-        self._roots.append(folder.resolve())
-        return folder
 
     def path(self, name: str, beside: Path) -> Path:
         """The file that a path means: package://, model://, file://, absolute or beside a folder.

@@ -10,7 +10,7 @@ import numpy as np
 
 from terrain_forge.base import Array, DataError, portable, rpy_from_matrix
 from terrain_forge.model import Coupling, Link, Rover, Wheel
-from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, placed
+from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.custom import FileRover
 from terrain_forge.rovers.tread import Tread, corners, measure_tread
@@ -66,7 +66,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         clearance=max(lowest, 0.0),
         step_limit=spec.step_limit_m,
         couplings=machine.couplings(passive),
-        notes=(*assembly.notes, *notes),
+        notes=tuple(notes),
     )
 
 
@@ -78,7 +78,9 @@ class _Machine:
         self.spec = spec
         self.file = spec.file
         self.told_gears = [
-            Gear(joint=c.joint, leader=c.follows, ratio=c.ratio, offset=math.radians(c.offset_deg))
+            Coupling(
+                link=c.joint, leader=c.follows, ratio=c.ratio, offset=math.radians(c.offset_deg)
+            )
             for c in spec.couplings
         ]
         self.gears = [*assembly.gears, *self.told_gears]
@@ -152,7 +154,7 @@ class _Machine:
     def find_passive(self, wheels: set[str], free_wheels: set[str]) -> set[str]:
         """Bodies whose joints turn freely: suspensions, swivels, wheels without a motor."""
         told, held = self._told("passive"), self._told("held")
-        geared = {self.of_joint.get(name) for g in self.gears for name in (g.joint, g.leader)}
+        geared = {self.of_joint.get(name) for g in self.gears for name in (g.link, g.leader)}
         above = {name for wheel in wheels | free_wheels for name in self._ancestors(wheel)}
         near = above | geared
         free = {n for n, b in self.bodies.items() if n in near and self._is_suspension(b)}
@@ -175,13 +177,11 @@ class _Machine:
         """Gears between passive joints."""
         found = []
         for gear in self.gears:
-            pair = (self.of_joint.get(gear.joint, ""), self.of_joint.get(gear.leader, ""))
+            pair = (self.of_joint.get(gear.link, ""), self.of_joint.get(gear.leader, ""))
             if all(name in passive for name in pair):
-                found.append(
-                    Coupling(link=pair[0], leader=pair[1], ratio=gear.ratio, offset=gear.offset)
-                )
+                found.append(gear.replace(link=pair[0], leader=pair[1]))
             elif gear in self.told_gears:
-                wrong = gear.joint if pair[0] not in passive else gear.leader
+                wrong = gear.link if pair[0] not in passive else gear.leader
                 raise DataError(
                     f"{wrong!r} is no passive joint, there are: {', '.join(sorted(passive))}",
                     key=("rover", "couplings"),

@@ -18,18 +18,10 @@ from terrain_forge.base import (
     portable,
     quaternion_from_rpy,
 )
-from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, Joint, Solid, placed, solid
-from terrain_forge.rovers.bounds import (
-    FARTHEST,
-    HEAVIEST,
-    MOST_EFFORT,
-    MOST_LINKS,
-    MOST_SHAPES,
-    SMALLEST,
-    FileError,
-    check_name,
-    require_below,
-)
+from terrain_forge.model import Coupling
+from terrain_forge.rovers import bounds
+from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Joint, Solid, bare_shape, placed
+from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
 
@@ -42,22 +34,21 @@ _TAGS = ("visual", "collision")
 _KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 
 
-def read_urdf(robot: Element, *, file: Path, packages: Packages, meshes: MeshFiles) -> Assembly:
-    """The assembly of a `<robot>`.
+def read_urdf(robot: Element, file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
+    """The assembly of a `<robot>`, and the meshes that it names.
 
     Args:
         robot: The root element.
         file: Where it is from; its mesh paths are relative to it.
         packages: Where the packages are that its paths name.
-        meshes: Reads its meshes.
 
     Raises:
         DataError: for what a URDF cannot be: two roots, a loop, a number that is none.
     """
     links, joints = (_by_name(robot, tag, file) for tag in ("link", "joint"))
     shapes = sum(len(link.findall(tag)) for link in links.values() for tag in _TAGS)
-    require_below(len(links), MOST_LINKS, "links", file.name)
-    require_below(shapes, MOST_SHAPES, "shapes", file.name)
+    bounds.require_below(len(links), bounds.MOST_LINKS, "links", file.name)
+    bounds.require_below(shapes, bounds.MOST_SHAPES, "shapes", file.name)
     transmitted = robot.findall("transmission/joint")
     controlled = robot.findall("ros2_control/joint/command_interface/..")
     driven = {joint.get("name", "") for joint in (*transmitted, *controlled)}
@@ -65,17 +56,15 @@ def read_urdf(robot: Element, *, file: Path, packages: Packages, meshes: MeshFil
     if len(by_child) < len(joints):
         raise FileError(f"{file.name}: a link is the child of two joints")
     materials = {_name(m): _rgb(m) for m in robot.findall("material")}  # the last of a name
+    meshes = MeshFiles(packages)
     reader = _LinkReader(file, packages, meshes, materials)
     bodies = [
         reader.body(name, links[name], by_child.get(name), driven)
         for name in _parents_first(links, by_child, file)
     ]
-    return Assembly(
-        name=check_name(robot.get("name") or file.stem, "robot"),
-        bodies=tuple(bodies),
-        gears=tuple(gear for joint in joints.values() for gear in _gears(joint)),
-        notes=(),
-    )
+    name = bounds.check_name(robot.get("name") or file.stem, "robot")
+    gears = tuple(gear for joint in joints.values() for gear in _gears(joint))
+    return Assembly(name=name, bodies=tuple(bodies), gears=gears), list(meshes.read)
 
 
 @dataclass(frozen=True)
@@ -123,13 +112,18 @@ class _LinkReader:
         for shape in geometry if geometry is not None else []:
             if shape.tag == "mesh":
                 path = self.packages.path(shape.get("filename", ""), self.file.parent)
-                scale = np.array(_floats(shape, "scale", "1 1 1", 3, most=FARTHEST))
+                scale = np.array(_floats(shape, "scale", "1 1 1", 3, most=bounds.FARTHEST))
                 return self.meshes.solids(
                     path, scale=scale, placement=placement, collides=collides, rgb=rgb
                 )
-            size, told = _size(shape), rgb or _GREY
-            visible = not collides
-            return [solid(placement, shape.tag, size, collides=collides, visible=visible, rgb=told)]
+            made = bare_shape(
+                kind=shape.tag,
+                size=_size(shape),
+                collides=collides,
+                visible=not collides,
+                rgb=rgb or _GREY,
+            )
+            return [(placement, made)]
         raise FileError(f"{self.file.name}: a {element.tag} has no geometry")
 
 
@@ -182,27 +176,27 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
         kind=kind,
         axis=axis / length,
         limits=(limits[0], limits[1]) if kind == "revolute" else None,
-        damping=_float(dynamics, "damping", 0.0, least=0.0, most=MOST_EFFORT),
-        friction=_float(dynamics, "friction", 0.0, least=0.0, most=MOST_EFFORT),
-        effort=effort if 0 < effort <= MOST_EFFORT else None,
+        damping=_float(dynamics, "damping", 0.0, least=0.0, most=bounds.MOST_EFFORT),
+        friction=_float(dynamics, "friction", 0.0, least=0.0, most=bounds.MOST_EFFORT),
+        effort=effort if 0 < effort <= bounds.MOST_EFFORT else None,
         driven=name in driven,
     )
 
 
-def _gears(joint: Element) -> list[Gear]:
+def _gears(joint: Element) -> list[Coupling]:
     """What a turning joint follows."""
     if joint.get("type") not in TURNING:
         return []
     gears = [
-        Gear(
-            joint=_name(joint),
+        Coupling(
+            link=_name(joint),
             leader=mimic.get("joint", ""),
-            ratio=_float(mimic, "multiplier", 1.0, most=MOST_EFFORT),
-            offset=_float(mimic, "offset", 0.0, most=MOST_EFFORT),
+            ratio=_float(mimic, "multiplier", 1.0, most=bounds.MOST_EFFORT),
+            offset=_float(mimic, "offset", 0.0, most=bounds.MOST_EFFORT),
         )
         for mimic in joint.findall("mimic")
     ]
-    if any(gear.joint == gear.leader for gear in gears):
+    if any(gear.link == gear.leader for gear in gears):
         raise FileError(f"joint {_name(joint)!r} follows itself")
     return gears
 
@@ -212,12 +206,12 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
     inertial = link.find("inertial")
     if inertial is None:
         return 0.0, np.zeros(3), np.zeros((3, 3))
-    mass = _float(inertial.find("mass"), "value", 0.0, most=HEAVIEST)
+    mass = _float(inertial.find("mass"), "value", 0.0, most=bounds.HEAVIEST)
     if mass < 0:
         raise FileError(f"link {_name(link)!r} has a mass of {mass:g} kg, must be 0 or more")
     tensor = inertial.find("inertia")
     xx, xy, xz, yy, yz, zz = (
-        _float(tensor, name, 0.0, most=HEAVIEST)
+        _float(tensor, name, 0.0, most=bounds.HEAVIEST)
         for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     placement = _origin(inertial)
@@ -229,8 +223,8 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
 def _origin(element: Element) -> Array:
     """The element's `<origin>` as a matrix, shape [4, 4]."""
     origin = element.find("origin")
-    rpy = np.array(_floats(origin, "rpy", "0 0 0", 3, most=FARTHEST))
-    position = np.array(_floats(origin, "xyz", "0 0 0", 3, most=FARTHEST))
+    rpy = np.array(_floats(origin, "rpy", "0 0 0", 3, most=bounds.FARTHEST))
+    position = np.array(_floats(origin, "xyz", "0 0 0", 3, most=bounds.FARTHEST))
     return placed(position, matrix_from_quaternion(quaternion_from_rpy(rpy)))
 
 
@@ -240,11 +234,10 @@ def _size(shape: Element) -> tuple[float, ...]:
         raise FileError(f"geometry {shape.tag!r}: box, cylinder, sphere or mesh")
     count = 3 if shape.tag == "box" else 1
     size = tuple(v for key in sizes[shape.tag] for v in _floats(shape, key, "", count))
-    if not all(SMALLEST <= length <= FARTHEST for length in size):
+    least, most = bounds.SMALLEST, bounds.FARTHEST
+    if not all(least <= length <= most for length in size):
         told = " ".join(f"{length:g}" for length in size)
-        raise FileError(
-            f"a {shape.tag} has lengths of {told} m, must be {SMALLEST:g} to {FARTHEST:g} m"
-        )
+        raise FileError(f"a {shape.tag} has lengths of {told} m, must be {least:g} to {most:g} m")
     return size
 
 
@@ -260,7 +253,7 @@ def _name(element: Element) -> str:
     name = element.get("name", "")
     if not name:
         raise FileError(f"a {element.tag} has no name")
-    return check_name(name, element.tag)
+    return bounds.check_name(name, element.tag)
 
 
 def _by_name(robot: Element, tag: str, file: Path) -> dict[str, Element]:
