@@ -107,28 +107,28 @@ class _Machine:
         turned = portable.product(self.base, self.poses[name][:3, :3])
         return portable.product(turned, self.bodies[name].joint.axis)
 
-    def body_named(self, name: str, key: tuple[str | int, ...]) -> str:
-        """The body that a link's or a joint's name means."""
-        found = name if name in self.bodies else self.of_joint.get(name, "")
-        if not found or self.bodies[found].joint.kind not in TURNING:
-            raise DataError(
-                f"{self.file} has no joint or link {name!r} that turns, it has: {self._turning()}",
-                key=key,
-            )
-        return found
-
     def _turning(self) -> str:
         names = [b.joint.name for b in self.bodies.values() if b.joint.kind in TURNING]
         return ", ".join(names) or "none"
 
+    def _told(self, key: str) -> set[str]:
+        """Bodies of the joints or links that the recipe lists under a key."""
+        bodies = set()
+        for n, name in enumerate(getattr(self.spec, key)):
+            found = name if name in self.bodies else self.of_joint.get(name, "")
+            if not found or self.bodies[found].joint.kind not in TURNING:
+                has = self._turning()
+                raise DataError(
+                    f"{self.file} has no joint or link {name!r} that turns, it has: {has}",
+                    key=("rover", key, n),
+                )
+            bodies.add(found)
+        return bodies
+
     def find_wheels(self) -> tuple[set[str], set[str]]:
         """Bodies of the driven wheels, and of wheels that roll without a motor."""
         if self.spec.wheels:
-            named = [
-                self.body_named(name, ("rover", "wheels", number))
-                for number, name in enumerate(self.spec.wheels)
-            ]
-            return set(named), set()
+            return self._told("wheels"), set()
         found = {body.name for body in self.bodies.values() if self._is_wheel(body)}
         driven = {name for name in found if self.bodies[name].joint.driven} or found
         driven -= self._told("passive") | self._told("held")
@@ -145,11 +145,6 @@ class _Machine:
         endless = joint.kind == "continuous" or (limits and limits[1] - limits[0] > _TURNS)
         named = "wheel" in body.name.lower() or "wheel" in joint.name.lower()
         return bool(endless and named and abs(self.axis(body.name)[2]) < _UPRIGHT)
-
-    def _told(self, key: str) -> set[str]:
-        """Bodies of the joints that the recipe lists under a key."""
-        names = getattr(self.spec, key)
-        return {self.body_named(name, ("rover", key, n)) for n, name in enumerate(names)}
 
     def find_passive(self, wheels: set[str], free_wheels: set[str]) -> set[str]:
         """Bodies whose joints turn freely: suspensions, swivels, wheels without a motor."""
@@ -232,10 +227,9 @@ class _Machine:
 
     def torque(self, wheels: set[str], treads: dict[str, Tread], mass: float) -> float:
         """The file's least effort of a wheel [N m]; else that for the steepest tilt, twice over."""
-        efforts = [self.bodies[name].joint.effort for name in wheels]
-        told = [effort for effort in efforts if effort]
-        if told:
-            return min(told)
+        joints = [self.bodies[name].joint for name in wheels]
+        if efforts := [joint.effort for joint in joints if joint.effort]:
+            return min(efforts)
         radius = max(tread.radius for tread in treads.values())
         slope = math.sin(math.radians(self.spec.tilt_limit_deg))
         return 2 * mass * _EARTH * slope * radius / len(wheels)
