@@ -254,9 +254,6 @@ def _add_grousers(rover: Rover, spec: GrouserSpec) -> Rover:
     """The rover with bars on its wheels, which weigh what they did.
 
     A wheel's cylinder is seen as the drum between the bars; it collides as that too, or as before.
-
-    Raises:
-        RecipeError: if they are too high for the wheels.
     """
     if spec.height_m >= 0.5 * min(wheel.radius for wheel in rover.wheels):
         raise RecipeError(
@@ -264,35 +261,27 @@ def _add_grousers(rover: Rover, spec: GrouserSpec) -> Rover:
             key=("rover", "grousers", "height_m"),
         )
     bars = Grousers(count=spec.count, height=spec.height_m, thickness=spec.thickness_m)
-    wheels = {wheel.link: wheel.replace(grousers=bars) for wheel in rover.wheels}
-    links = [
-        link.replace(shapes=_shapes(link.shapes, wheels[link.name], spec.collides))
-        if link.name in wheels
-        else link
-        for link in rover.links
-    ]
-    return rover.replace(links=tuple(links), wheels=tuple(wheels.values()))
+    wheels = {wheel.link: wheel for wheel in rover.wheels}
+    links = []
+    for link in rover.links:
+        made: list[Shape] = []
+        for shape in link.shapes:
+            wheel = wheels.get(link.name)
+            if not wheel or shape.kind != "cylinder" or shape.size[0] < wheel.radius:
+                made.append(shape)
+                continue
+            drum = shape.replace(size=(shape.size[0] - bars.height, *shape.size[1:]))
+            if shape.collides and not spec.collides:
+                made.append(shape.replace(visible=False))
+                drum = drum.replace(collides=False)
+            if drum.visible or drum.collides:
+                made += [drum, *_bars(shape, wheel, bars, spec.collides)]
+        links.append(link.replace(shapes=tuple(made)))
+    barred = tuple(wheel.replace(grousers=bars) for wheel in rover.wheels)
+    return rover.replace(links=tuple(links), wheels=barred)
 
 
-def _shapes(shapes: tuple[Shape, ...], wheel: Wheel, collides: bool) -> tuple[Shape, ...]:
-    made: list[Shape] = []
-    for shape in shapes:
-        if shape.kind != "cylinder" or shape.size[0] < wheel.radius:
-            made.append(shape)
-            continue
-        assert wheel.grousers
-        drum = shape.replace(size=(shape.size[0] - wheel.grousers.height, *shape.size[1:]))
-        if shape.collides and not collides:
-            made.append(shape.replace(visible=False))
-            drum = drum.replace(collides=False)
-        if drum.visible or drum.collides:
-            made += [drum, *_bars(shape, wheel, collides)]
-    return tuple(made)
-
-
-def _bars(rim: Shape, wheel: Wheel, collides: bool) -> list[Shape]:
-    assert wheel.grousers
-    bars = wheel.grousers
+def _bars(rim: Shape, wheel: Wheel, bars: Grousers, collides: bool) -> list[Shape]:
     # Their outer edges, not the middles of their tops, reach the wheel's radius.
     top, tread = math.sqrt(wheel.radius**2 - bars.thickness**2 / 4), wheel.radius - bars.height
     size, made = (bars.thickness, wheel.width, top - tread), []

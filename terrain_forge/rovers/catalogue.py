@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cache
@@ -54,10 +54,7 @@ else:
     ]
 """What a recipe's `rover` may be."""
 
-
-@cache
-def _adapter(name: str) -> TypeAdapter[Any]:
-    return TypeAdapter(built_in_rovers()[name])
+_adapter: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 def find_rover(name: str, **options: Any) -> Rover:
@@ -72,7 +69,7 @@ def find_rover(name: str, **options: Any) -> Rover:
     """
     known = built_in_rovers()
     if name in known:
-        return build_rover(_adapter(name).validate_python(options))
+        return build_rover(_adapter(known[name]).validate_python(options))
     close = get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(

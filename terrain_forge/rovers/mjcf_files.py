@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import stat
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -132,32 +131,23 @@ class _Model:
             for path in (base / name for base in bases):
                 if path.exists() or path.is_symlink():
                     self.packages.require(path, name)
-                    _check_asset(path, name)
+                    _check_asset(path, name[:200])
                     found[path] = None
         return list(found)
 
 
 def _check_asset(path: Path, name: str) -> None:
-    told = path.stat()
-    if not stat.S_ISREG(told.st_mode):
-        raise FileError(f"{name[:200]} is no regular file")
-    if told.st_size > bounds.MOST_MESH:
-        raise FileError(f"{name[:200]} has more than {bounds.MOST_MESH / 1e6:g} MB")
-    with path.open("rb") as file:
-        head = file.read(24)
+    head = bounds.read_file(path, name, most=bounds.MOST_MESH)[:24]
     width, height = (int.from_bytes(head[n : n + 4], "big") for n in (16, 20))
     if head[1:4] == b"PNG" and width * height > _PIXELS:
-        raise FileError(f"{name[:200]} has {width} × {height} pixels, too many")
+        raise FileError(f"{name} has {width} × {height} pixels, too many")
 
 
 def _numbers(text: str) -> list[float]:
-    numbers = []
-    for word in text.split():
-        try:
-            numbers.append(float(word))
-        except ValueError:
-            return []
-    return numbers
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
 
 
 def _bytes(text: str) -> float:
