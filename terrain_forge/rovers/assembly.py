@@ -3,42 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from terrain_forge.base import Array
-from terrain_forge.model import Mesh
+from terrain_forge.model import Coupling, Shape
 
 TURNING = ("revolute", "continuous")
 """Kinds of joints that turn about an axis."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Solid:
-    """A piece of geometry on a body."""
-
-    kind: str
-    """`box`, `cylinder`, `sphere` or `mesh`."""
-    size: tuple[float, ...]
-    """As `Shape.size`."""
-    placement: Array
-    """In the body's frame, shape [4, 4]."""
-    collides: bool
-    """Whether physics sees it."""
-    visible: bool
-    """Whether people see it."""
-    rgb: tuple[float, float, float]
-    """sRGB colour, 0 to 1."""
-    mesh: Mesh | None = None
-    """Triangles of a mesh around its box's centre."""
-
-    def fills(self, other: Solid) -> bool:
-        """Whether another fills the same space: one solid then is both seen and touched."""
-        return (
-            self.mesh is None is other.mesh
-            and (self.kind, self.size) == (other.kind, other.size)
-            and np.array_equal(self.placement, other.placement)
-        )
+Solid = tuple[Array, Shape]
+"""Placement in a body's frame, shape [4, 4], of a shape whose own position means nothing."""
+bare_shape = partial(Shape, position=np.zeros(3), rpy=np.zeros(3))
+"""A shape for a solid."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,20 +65,6 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gear:
-    """A joint that follows another: angle = ratio * other + offset [rad]."""
-
-    joint: str
-    """The joint that follows."""
-    leader: str
-    """The joint that it follows."""
-    ratio: float
-    """Angle per angle."""
-    offset: float
-    """Angle where the other's is 0 [rad]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Assembly:
     """Bodies and joints of a file."""
 
@@ -107,10 +72,8 @@ class Assembly:
     """As the file calls it."""
     bodies: tuple[Body, ...]
     """Parents before children; the first is the root."""
-    gears: tuple[Gear, ...]
-    """Joints that follow others."""
-    notes: tuple[str, ...]
-    """What was taken otherwise than the file says, a sentence each."""
+    gears: tuple[Coupling, ...]
+    """Joints that follow others; by the names of joints, where a rover's are by those of links."""
 
 
 def placed(position: Array, rotation: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, make_dataclass
 from functools import cache, lru_cache, partial
@@ -14,19 +15,16 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Interval, Le, Lt
 from pydantic import Field, TypeAdapter, ValidationError
 
-from terrain_forge.base import DataError, Pair, RecipeError, Spec, load_plugin, plugins
-from terrain_forge.model import Rover, Sensor, sensor_kinds
+from terrain_forge.base import DataError, Pair, Positive, RecipeError, Spec, load_plugin, plugins
+from terrain_forge.model import Grousers, Rover, Sensor, Shape, Wheel, sensor_kinds
 from terrain_forge.rovers.custom import FileRover, RoverSpec
-from terrain_forge.rovers.expressions import Budget, evaluate
-from terrain_forge.rovers.grousers import GrouserSpec, add_grousers
+from terrain_forge.rovers.expressions import Scope, Value, evaluate
 from terrain_forge.rovers.macros import expand_xacro
-from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rolling import make_rover
-from terrain_forge.rovers.scopes import Scope, Value
 from terrain_forge.rovers.substitution import Substitution
 from terrain_forge.rovers.urdf import read_urdf
 
@@ -93,6 +91,21 @@ class Description(Spec):
     sensors: tuple[dict[str, Any], ...] = ()
     """The rig, with expressions: `name`, `kind`, `link`, `position_m`, `rpy_deg`, and figures
     of its kind."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrouserSpec(Spec):
+    """Bars across a wheel's tread."""
+
+    count: Annotated[int, Interval(ge=3, le=200)] = 24
+    """How many, evenly around the wheel."""
+    height_m: Positive = 0.01
+    """Above the tread [m]; the wheel's radius reaches to their tops."""
+    thickness_m: Positive = 0.004
+    """Along the tread [m]."""
+    collides: bool = False
+    """Whether physics sees the bars. By default it rolls on a smooth cylinder of the wheel's
+    radius: bars on hard ground jolt as they would on rock."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,15 +189,18 @@ def build_rover(choice: BuiltInRover) -> Rover:
     """
     told, file = choice.DESCRIPTION, choice.FILE
     sizes = getattr(choice, "dimensions", None)
-    names: dict[str, Value] = {name: _listed(getattr(sizes, name)) for name in told.dimensions}
+    names: dict[str, Value] = {name: getattr(sizes, name) for name in told.dimensions}
+    for name, value in names.items():
+        if isinstance(value, tuple):
+            names[name] = _Listed(value)
     _require_fit(told, names)
     names["detailed"] = choice.model == "detailed"
     names["grouser_height_m"] = choice.grousers.height_m if choice.grousers else 0.0
     packages = Packages({}, file, library=_OURS)
     root, _ = expand_xacro(file, packages, names=names)
-    assembly = read_urdf(root, file=file, packages=packages, meshes=MeshFiles(packages))
-    texts = Substitution(packages, Budget())
-    filled = partial(_filled, texts=texts, names=texts.scope(names))
+    assembly, _ = read_urdf(root, file, packages)
+    texts = Substitution(packages)
+    filled = partial(_filled, texts=texts, names=Scope(values=names))
     try:
         reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
         reading |= filled(told.reading)
@@ -196,7 +212,7 @@ def build_rover(choice: BuiltInRover) -> Rover:
     except (ValidationError, ValueError, TypeError, LookupError) as error:
         raise DataError(f"{file.stem}.yaml: {' '.join(str(error).split())}", key=_KEY) from None
     rover = rover.replace(name=file.stem, sensors=sensors)
-    return add_grousers(rover, choice.grousers) if choice.grousers else rover
+    return _add_grousers(rover, choice.grousers) if choice.grousers else rover
 
 
 def _require_fit(told: Description, names: Mapping[str, Value]) -> None:
@@ -216,10 +232,6 @@ class _Listed(tuple[float, ...]):
         return " ".join(map(repr, self))
 
 
-def _listed(value: Value) -> Value:
-    return _Listed(value) if isinstance(value, tuple) else value
-
-
 def _filled(told: Any, *, texts: Substitution, names: Scope) -> Any:
     """A part of a description with its expressions evaluated."""
     again = partial(_filled, texts=texts, names=names)
@@ -236,3 +248,49 @@ def _sensor(told: dict[str, Any]) -> Sensor:
         raise ValueError(f"unknown kind of sensor {kind!r}, there are: {', '.join(sorted(kinds))}")
     rpy = np.radians(told.pop("rpy_deg", (0.0, 0.0, 0.0)))
     return kinds[kind](rpy=rpy, position=told.pop("position_m"), **told)
+
+
+def _add_grousers(rover: Rover, spec: GrouserSpec) -> Rover:
+    """The rover with bars on its wheels, which weigh what they did.
+
+    A wheel's cylinder is seen as the drum between the bars; it collides as that too, or as before.
+    """
+    if spec.height_m >= 0.5 * min(wheel.radius for wheel in rover.wheels):
+        raise RecipeError(
+            f"{spec.height_m:g} m, must be less than half the wheel's radius",
+            key=("rover", "grousers", "height_m"),
+        )
+    bars = Grousers(count=spec.count, height=spec.height_m, thickness=spec.thickness_m)
+    wheels = {wheel.link: wheel for wheel in rover.wheels}
+    links = []
+    for link in rover.links:
+        made: list[Shape] = []
+        for shape in link.shapes:
+            wheel = wheels.get(link.name)
+            if not wheel or shape.kind != "cylinder" or shape.size[0] < wheel.radius:
+                made.append(shape)
+                continue
+            drum = shape.replace(size=(shape.size[0] - bars.height, *shape.size[1:]))
+            if shape.collides and not spec.collides:
+                made.append(shape.replace(visible=False))
+                drum = drum.replace(collides=False)
+            if drum.visible or drum.collides:
+                made += [drum, *_bars(shape, wheel, bars, spec.collides)]
+        links.append(link.replace(shapes=tuple(made)))
+    barred = tuple(wheel.replace(grousers=bars) for wheel in rover.wheels)
+    return rover.replace(links=tuple(links), wheels=barred)
+
+
+def _bars(rim: Shape, wheel: Wheel, bars: Grousers, collides: bool) -> list[Shape]:
+    # Their outer edges, not the middles of their tops, reach the wheel's radius.
+    top, tread = math.sqrt(wheel.radius**2 - bars.thickness**2 / 4), wheel.radius - bars.height
+    size, made = (bars.thickness, wheel.width, top - tread), []
+    for angle in (2 * math.pi * n / bars.count for n in range(bars.count)):
+        place = (top + tread) / 2 * np.array([math.sin(angle), 0.0, math.cos(angle)])
+        made.append(
+            Shape(
+                kind="box", size=size, position=rim.position + place,
+                rpy=np.array([0.0, angle, 0.0]), collides=collides, rgb=rim.rgb,
+            )
+        )  # fmt: skip
+    return made

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
 
+import numpy as np
 from pydantic import Discriminator, Tag, TypeAdapter
 
-from terrain_forge.base import RecipeError
+from terrain_forge.base import RecipeError, TerrainForgeError
 from terrain_forge.model import Rover
+from terrain_forge.rovers.assembly import Assembly
+from terrain_forge.rovers.bounds import FileError, parse_xml, read_xml
 from terrain_forge.rovers.built_in import BuiltInRover, build_rover, built_in_rovers
 from terrain_forge.rovers.custom import FileRover, FoundRover
+from terrain_forge.rovers.macros import expand_trusted, expand_xacro
+from terrain_forge.rovers.packages import Packages
+from terrain_forge.rovers.rolling import make_rover
+from terrain_forge.rovers.urdf import read_urdf
 
 if TYPE_CHECKING:
     from terrain_forge.model import Site
 
+_LONGEST = 600
+"""Characters of a message."""
 _FILE = "FileRover"
 """Tag of a rover from a file: its kind, `file`, is the name of one of its keys too."""
 
@@ -41,10 +54,7 @@ else:
     ]
 """What a recipe's `rover` may be."""
 
-
-@cache
-def _adapter(name: str) -> TypeAdapter[Any]:
-    return TypeAdapter(built_in_rovers()[name])
+_adapter: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 def find_rover(name: str, **options: Any) -> Rover:
@@ -59,7 +69,7 @@ def find_rover(name: str, **options: Any) -> Rover:
     """
     known = built_in_rovers()
     if name in known:
-        return build_rover(_adapter(name).validate_python(options))
+        return build_rover(_adapter(known[name]).validate_python(options))
     close = get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(
@@ -81,29 +91,21 @@ def resolve_rover(choice: RoverChoice, folder: Path) -> FoundRover:
             wheel's diameter.
         DataError: for a file that is missing, cannot be read, or is not of a wheeled rover.
     """
-    found = _find_choice(choice, folder)
-    _require_step(found.rover)
-    return found
-
-
-def _find_choice(choice: RoverChoice, folder: Path) -> FoundRover:
     if isinstance(choice, str):
-        return FoundRover(rover=find_rover(choice))
-    if isinstance(choice, BuiltInRover):
-        return FoundRover(rover=build_rover(choice))
-    from terrain_forge.rovers.reading import read_rover
-
-    return read_rover(choice, folder)
-
-
-def _require_step(rover: Rover) -> None:
-    highest = 2.0 * min(wheel.radius for wheel in rover.wheels)
-    if rover.step_limit is not None and rover.step_limit > highest:
+        found = FoundRover(rover=find_rover(choice))
+    elif isinstance(choice, BuiltInRover):
+        found = FoundRover(rover=build_rover(choice))
+    else:
+        found = _read_rover(choice, folder)
+    step = found.rover.step_limit
+    highest = 2.0 * min(wheel.radius for wheel in found.rover.wheels)
+    if step is not None and step > highest:
         raise RecipeError(
-            f"{rover.step_limit:.3g} m is more than the diameter of the smallest wheel, "
-            f"{highest:.3g} m, over which no wheel climbs",
+            f"{step:.3g} m is more than the diameter of the smallest wheel, {highest:.3g} m, over "
+            "which no wheel climbs",
             key=("rover", "step_limit_m"),
         )
+    return found
 
 
 def rover_of(site: Site) -> Rover:
@@ -128,3 +130,67 @@ def require_ground(rover: Rover, *, spacing: float) -> None:
             f"larger wheel, or a terrain.spacing_m of at most {least:.3g} m",
             key=("rover",),
         )
+
+
+def _read_rover(spec: FileRover, folder: Path) -> FoundRover:
+    """The rover of a URDF, xacro or MJCF file."""
+    with _one_line(spec.file):
+        file = folder / spec.file
+        given = {name: folder / place for name, place in spec.packages.items()}
+        assembly, files = _read(spec, file, Packages(given, file))
+        return FoundRover(rover=make_rover(assembly, spec), files=tuple(dict.fromkeys(files)))
+
+
+def _read(spec: FileRover, file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
+    root = read_xml(file, spec.file)
+    if root.tag == "mujoco":
+        from terrain_forge.rovers.mjcf import read_mjcf
+
+        return read_mjcf(file, packages)
+    if root.tag != "robot":
+        raise FileError(
+            f"{spec.file} is a <{root.tag}>, allowed: a URDF or xacro (<robot>), an MJCF (<mujoco>)"
+        )
+    files = [file]
+    if file.suffix != ".xacro":
+        for element in root.iter():
+            if element.tag.startswith("xacro:"):
+                raise FileError(
+                    f"{spec.file} holds <{element.tag}>; a .urdf is not evaluated, name it .xacro"
+                )
+    elif spec.trust:
+        text, included = expand_trusted(file, packages)
+        root, files = parse_xml(text, spec.file), [file, *included]
+    else:
+        root, included = expand_xacro(file, packages)
+        files += included
+    assembly, meshes = read_urdf(root, file, packages)
+    return assembly, [*files, *meshes]
+
+
+@contextmanager
+def _one_line(name: str) -> Iterator[None]:
+    """Turns whatever a file provokes into one line; libraries have nothing to say on their own."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    try:
+        log.setLevel(logging.CRITICAL + 1)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except TerrainForgeError as error:
+        raise type(error)(_printable(str(error)), key=error.key) from None
+    except RecursionError:
+        raise FileError(_printable(f"{name} nests too deep")) from None
+    except Exception as error:  # readers raise whatever a broken file provokes
+        why = f"{type(error).__name__}: {error}"
+        raise FileError(_printable(f"{name} cannot be read as a rover: {why}")) from None
+    finally:
+        log.setLevel(level)
+
+
+def _printable(text: str) -> str:
+    """One line that no terminal takes for a command."""
+    line = " ".join(text.split())
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
+    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}…"

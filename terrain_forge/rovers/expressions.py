@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
-from terrain_forge.rovers.scopes import Scope, Value
-
+Value = Any
+"""bool, int, float, str or None; list, tuple or dict of such; a scope; an XML element."""
 FAULTS = (
     *(SyntaxError, ValueError, ArithmeticError, TypeError, LookupError, RecursionError),
     MemoryError,  # Python's parser raises it where parentheses nest too deep
@@ -22,12 +23,120 @@ _HEAVIEST = 10_000
 _LARGEST = 2**128
 _CONTAINER_STEPS = 50
 """What it costs to look at a list, in steps of an expression, besides one for each item."""
+_DIGITS = 400
+"""Digits of a number that a text is."""
+_TRUTHS = {"true": True, "True": True, "false": False, "False": False}
 
 
-class Names(Protocol):
-    """What an expression may name."""
+class Scope:
+    """Properties or macros by their names; what a scope lacks the one above it may have.
 
-    def __getitem__(self, name: str, /) -> Value: ...
+    Args:
+        above: the scope around it.
+        values: what it holds.
+        namespace: whether it is that of an included file, rather than that of a macro.
+    """
+
+    def __init__(
+        self,
+        above: Scope | None = None,
+        *,
+        values: Mapping[str, Value] | None = None,
+        namespace: bool = False,
+    ) -> None:
+        self._above, self._namespace = above, namespace
+        self._values: dict[str, Value] = {}
+        for name, value in (values or {}).items():
+            self.set(name, value)
+
+    def _chain(self) -> Iterator[Scope]:
+        scope: Scope | None = self
+        while scope is not None:
+            yield scope
+            scope = scope._above
+
+    def __str__(self) -> str:
+        return "a namespace"
+
+    def __contains__(self, name: str) -> bool:
+        return any(name in scope._values for scope in self._chain())
+
+    def __getitem__(self, name: str) -> Value:
+        holder = next((scope for scope in self._chain() if name in scope._values), None)
+        if holder is None:
+            raise KeyError(name)
+        value = holder._values[name]
+        if isinstance(value, _Lazy):
+            if value.asked:
+                raise ValueError(f"property {name!r} is defined by itself")
+            value.asked = True
+            value = holder._values[name] = literal(value.evaluate(value.text, holder))
+        return value
+
+    def set(
+        self, name: str, value: Value, *, lazy: Callable[[str, Scope], Value] | None = None
+    ) -> None:
+        """Define a value; one that is a text may be `lazy`, evaluated once it is asked for."""
+        value = literal(value)
+        self._values[name] = _Lazy(value, lazy) if lazy and isinstance(value, str) else value
+
+    def remove(self, name: str) -> None:
+        """Forget a value, here and above."""
+        for scope in self._chain():
+            scope._values.pop(name, None)
+
+    @property
+    def top(self) -> Scope:
+        """The outermost scope."""
+        return [*self._chain()][-1]
+
+    @property
+    def caller(self) -> Scope | None:
+        """The scope that a macro was called in; a namespace's is the one that includes it."""
+        if self._namespace:
+            return self._above
+        return next((s for s in [*self._chain()][1:] if not s._namespace), None)
+
+
+@dataclass
+class _Lazy:
+    """A property's text before anybody asked for its value."""
+
+    text: str
+    evaluate: Callable[[str, Scope], Value]
+    asked: bool = False
+
+
+def literal(value: Value) -> Value:
+    """A number or a truth value where a text is one; without quotes where it has them."""
+    if not isinstance(value, str):
+        return value
+    if len(value) >= 2 and value[0] == value[-1] == "'":
+        return value[1:-1]
+    if "_" in value or len(value) > _DIGITS:
+        return value
+    for kind in (int, float):
+        try:
+            return kind(value)
+        except ValueError:
+            pass
+    return _TRUTHS.get(value, value)
+
+
+def truth(value: Value) -> bool:
+    """What a condition's value says.
+
+    Raises:
+        ValueError: if that is neither true nor false.
+    """
+    if not isinstance(value, str):
+        return bool(value)
+    if value in _TRUTHS:
+        return _TRUTHS[value]
+    try:
+        return bool(int(value[:_DIGITS]))
+    except ValueError:
+        raise ValueError(f"a condition is {value[:80]!r}, neither true nor false") from None
 
 
 class Budget:
@@ -59,6 +168,15 @@ def _of_numbers(calculate: Callable[..., Value]) -> Callable[..., Value]:
     return lambda *values: calculate(*map(_number, values))
 
 
+def _of_text(kind: type, most: int) -> Callable[[Value], Value]:
+    """A number from a number, or from a text of which so many characters count."""
+    return lambda value: kind(value[:most] if isinstance(value, str) else _number(value))
+
+
+def _extreme(choose: Callable[[Iterable[Any]], Value]) -> Callable[..., Value]:
+    return lambda *values: choose([*map(_number, values[0] if len(values) == 1 else values)])
+
+
 def _add(left: Value, right: Value) -> Value:
     if type(left) is type(right) and isinstance(left, (str, list, tuple)):
         return left + right
@@ -73,45 +191,21 @@ def _power(base: Value, exponent: Value) -> Value:
     return math.pow(base, exponent)
 
 
-def _extreme(choose: Callable[[Iterable[Any]], Value]) -> Callable[..., Value]:
-    def choice(*values: Value) -> Value:
-        many = values[0] if len(values) == 1 else values
-        return choose([_number(value) for value in many])
-
-    return choice
-
-
 def _round(value: Value, digits: Value = None) -> Value:
     if digits is not None and not -20 <= _number(digits) <= 20:
         raise ValueError("round: between -20 and 20 digits")
     return round(_number(value), digits)
 
 
-def _whole(value: Value) -> int:
-    return int(value[:40] if isinstance(value, str) else _number(value))
-
-
-def _real(value: Value) -> float:
-    return float(value[:80] if isinstance(value, str) else _number(value))
-
-
-_BINARY: dict[type, Callable[[Any, Any], Any]] = {
-    ast.Add: _add,
-    ast.Sub: _of_numbers(operator.sub),
-    ast.Mult: _of_numbers(operator.mul),
-    ast.Div: _of_numbers(operator.truediv),
-    ast.FloorDiv: _of_numbers(operator.floordiv),
-    ast.Mod: _of_numbers(operator.mod),
-    ast.Pow: _of_numbers(_power),
-}
-_COMPARISONS: dict[type, Callable[[Any, Any], Any]] = {
-    ast.Eq: operator.eq, ast.NotEq: operator.ne,
+_OPERATORS: dict[type, Callable[..., Any]] = {
+    ast.Add: _add, ast.Sub: _of_numbers(operator.sub), ast.Mult: _of_numbers(operator.mul),
+    ast.Div: _of_numbers(operator.truediv), ast.FloorDiv: _of_numbers(operator.floordiv),
+    ast.Mod: _of_numbers(operator.mod), ast.Pow: _of_numbers(_power),
+    ast.USub: _of_numbers(operator.neg), ast.UAdd: _of_numbers(operator.pos),
+    ast.Not: operator.not_, ast.Eq: operator.eq, ast.NotEq: operator.ne,
     ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
     ast.In: lambda one, many: one in many, ast.NotIn: lambda one, many: one not in many,
     ast.Is: operator.is_, ast.IsNot: operator.is_not,
-}  # fmt: skip
-_UNARY: dict[type, Callable[[Any], Any]] = {
-    ast.USub: _of_numbers(operator.neg), ast.UAdd: _of_numbers(operator.pos), ast.Not: operator.not_
 }  # fmt: skip
 _CONSTANTS = {name: getattr(math, name) for name in ("pi", "e", "tau")}
 _MATH = {
@@ -123,8 +217,8 @@ _MATH = {
 }
 _BUILT_IN: dict[str, Callable[..., Value]] = {
     "abs": _of_numbers(abs), "min": _extreme(min), "max": _extreme(max), "round": _round,
-    "len": len, "str": str, "bool": bool, "int": _whole, "float": _real, "list": list,
-    "tuple": tuple, "dict": dict,
+    "len": len, "str": str, "bool": bool, "int": _of_text(int, 40), "float": _of_text(float, 80),
+    "list": list, "tuple": tuple, "dict": dict,
 }  # fmt: skip
 FUNCTIONS: dict[str, Callable[..., Value]] = {
     **_MATH, **_BUILT_IN,
@@ -141,7 +235,7 @@ _REFUSED = (
 
 def evaluate(
     text: str,
-    names: Names,
+    names: Mapping[str, Value] | Scope,
     *,
     budget: Budget | None = None,
     functions: Mapping[str, Callable[..., Value]] = FUNCTIONS,
@@ -175,22 +269,22 @@ def evaluate(
     return value
 
 
+@dataclass(frozen=True)
 class _Evaluation:
     """Walks a syntax tree."""
 
-    def __init__(
-        self, names: Names, budget: Budget, functions: Mapping[str, Callable[..., Value]]
-    ) -> None:
-        self._names, self._budget, self._functions = names, budget, functions
+    names: Mapping[str, Value] | Scope
+    budget: Budget
+    functions: Mapping[str, Callable[..., Value]]
 
     def value(self, node: ast.expr) -> Value:
         """The value of a part of the expression."""
-        self._budget.spend("steps")
+        self.budget.spend("steps")
         value = self._compute(node)
         if isinstance(value, (list, tuple, dict)):
-            self._budget.spend("steps", _CONTAINER_STEPS + len(value))
+            self.budget.spend("steps", _CONTAINER_STEPS + len(value))
         elif isinstance(value, str):
-            self._budget.spend("characters", len(value))
+            self.budget.spend("characters", len(value))
         return value
 
     def _compute(self, node: ast.expr) -> Value:
@@ -198,72 +292,65 @@ class _Evaluation:
             case ast.Constant(value=bool() | int() | float() | str() | None as value):
                 return _bounded(value)
             case ast.Name() | ast.Attribute():
-                return self._look_up(node)
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-                return _bounded(_BINARY[type(op)](self.value(left), self.value(right)))
-            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
-                return _UNARY[type(op)](self.value(operand))
-            case ast.Compare():
-                return self._compare(node)
-            case ast.BoolOp(op=op, values=values):
+                return self._look_up(_dotted(node))
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return _bounded(_OPERATORS[type(op)](self.value(left), self.value(right)))
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](self.value(operand))
+            case ast.Compare(left=first, ops=ops, comparators=parts):
+                left = self.value(first)
+                for comparison, part in zip(ops, parts, strict=True):
+                    right = self.value(part)
+                    if not _OPERATORS[type(comparison)](left, right):
+                        return False
+                    left = right
+                return True
+            case ast.BoolOp(op=op, values=parts):
                 decided: Value = None
-                for part in values:
+                for part in parts:
                     decided = self.value(part)
                     if bool(decided) == isinstance(op, ast.Or):
                         break
                 return decided
             case ast.IfExp(test=test, body=body, orelse=other):
                 return self.value(body if self.value(test) else other)
-            case ast.Subscript(value=many, slice=index) if not isinstance(index, ast.Slice):
-                return self._item(self.value(many), self.value(index))
-            case ast.List(elts=parts):
-                return _bounded([self.value(part) for part in parts])
-            case ast.Tuple(elts=parts):
-                return _bounded(tuple(self.value(part) for part in parts))
-            case ast.Dict(keys=keys, values=values) if None not in keys:
-                pairs = zip(keys, values, strict=True)
+            case ast.Subscript(value=told, slice=index) if not isinstance(index, ast.Slice):
+                many = self.value(told)
+                if not isinstance(many, (str, list, tuple, dict)):
+                    raise ValueError(f"{str(many)[:40]!r} has no items")
+                return many[self.value(index)]
+            case ast.List(elts=parts) | ast.Tuple(elts=parts):
+                kind = list if isinstance(node, ast.List) else tuple
+                return _bounded(kind(map(self.value, parts)))
+            case ast.Dict(keys=keys, values=parts) if None not in keys:
+                pairs = zip(keys, parts, strict=True)
                 return _bounded({self.value(k): self.value(v) for k, v in pairs if k})
             case ast.Call(func=function, args=given, keywords=named):
-                return self._call(function, given, named)
+                return self._call(_dotted(function), given, named)
         raise ValueError(f"{ast.unparse(node)[:80]!r} {_REFUSED}")
 
-    def _look_up(self, node: ast.expr) -> Value:
+    def _look_up(self, dotted: str) -> Value:
         """A name; or one in the namespace of an included file, `arm.length`."""
-        first, *rest = _dotted(node).split(".")
+        first, *rest = dotted.split(".")
         try:
-            found = self._names[first]
+            found = self.names[first]
         except KeyError:
-            if _dotted(node) in _NAMED:
-                return _NAMED[_dotted(node)]
+            if dotted in _NAMED:
+                return _NAMED[dotted]
             if first in ("math", "python", "xacro"):
-                raise ValueError(f"{_dotted(node)!r} {_REFUSED}") from None
+                raise ValueError(f"{dotted!r} {_REFUSED}") from None
             raise ValueError(f"unknown name {first!r}") from None
         for name in rest:
             if not isinstance(found, Scope) or name.startswith("_"):
-                raise ValueError(f"{ast.unparse(node)[:80]!r} {_REFUSED}")
+                raise ValueError(f"{dotted[:80]!r} {_REFUSED}")
             found = found[name]
         return found
 
-    def _compare(self, node: ast.Compare) -> bool:
-        left = self.value(node.left)
-        for op, part in zip(node.ops, node.comparators, strict=True):
-            right = self.value(part)
-            if not _COMPARISONS[type(op)](left, right):
-                return False
-            left = right
-        return True
-
-    def _item(self, many: Value, index: Value) -> Value:
-        if not isinstance(many, (str, list, tuple, dict)):
-            raise ValueError(f"{str(many)[:40]!r} has no items")
-        return many[index]
-
-    def _call(self, node: ast.expr, given: list[ast.expr], named: list[ast.keyword]) -> Value:
-        name = _dotted(node)
-        function = self._functions.get(name)
+    def _call(self, name: str, given: list[ast.expr], named: list[ast.keyword]) -> Value:
+        function = self.functions.get(name)
         told = {word.arg: word.value for word in named if word.arg}
         if function is None or (named and function is not dict) or len(told) < len(named):
-            raise ValueError(f"{(name or ast.unparse(node))[:80]!r} {_REFUSED}")
+            raise ValueError(f"{name[:80]!r} {_REFUSED}")
         values = [self.value(part) for part in given]
         return _bounded(function(*values, **{key: self.value(v) for key, v in told.items()}))
 
@@ -279,22 +366,15 @@ def _dotted(node: ast.expr) -> str:
 
 
 def _bounded(value: Value) -> Value:
-    """The value, if it is not too large."""
+    """The value, if it is not too large with all that it holds."""
     if isinstance(value, int) and abs(value) > _LARGEST:
         raise ValueError("a whole number of more than 128 bits")
-    if isinstance(value, (str, list, tuple, dict)) and _weight(value, _HEAVIEST) > _HEAVIEST:
-        raise ValueError(f"a text or list of more than {_HEAVIEST} characters or items")
+    weight, left = 0, [value]
+    while left:
+        part = left.pop()
+        weight += len(part) if isinstance(part, str) else 1
+        if weight > _HEAVIEST:
+            raise ValueError(f"a text or list of more than {_HEAVIEST} characters or items")
+        if isinstance(part, (list, tuple, dict)):
+            left += part.items() if isinstance(part, dict) else part
     return value
-
-
-def _weight(value: Value, most: int) -> int:
-    """How much a value holds, itself included; it stops counting where that is too much."""
-    if isinstance(value, str):
-        return len(value)
-    total = 1
-    if isinstance(value, (list, tuple, dict)):
-        for part in value.items() if isinstance(value, dict) else value:
-            total += _weight(part, most - total)
-            if total > most:
-                break
-    return total

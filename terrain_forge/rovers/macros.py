@@ -9,16 +9,18 @@ from __future__ import annotations
 import keyword
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
-from terrain_forge.base import DataError
-from terrain_forge.rovers.expressions import FAULTS, Budget
-from terrain_forge.rovers.packages import MOST_TEXT, Packages, read_file
-from terrain_forge.rovers.rover_xml import KEY, parse_xml
-from terrain_forge.rovers.scopes import Scope, Value, truth
-from terrain_forge.rovers.substitution import Substitution, attribute
+from terrain_forge.base import TerrainForgeError
+from terrain_forge.rovers.bounds import FileError, read_xml
+from terrain_forge.rovers.expressions import FAULTS, Scope, Value, truth
+from terrain_forge.rovers.packages import Packages
+from terrain_forge.rovers.substitution import Substitution
 
 _PREFIX = "xacro:"
 _DEEPEST = 250
@@ -44,10 +46,40 @@ def expand_xacro(
     Raises:
         DataError: for a file that is not right, or that only Python could expand.
     """
-    return _Expansion(packages, names or {}).run(file)
+    return _Expansion(packages).run(file, Scope(values=names))
 
 
-@dataclass
+def expand_trusted(file: Path, packages: Packages) -> tuple[bytes, tuple[Path, ...]]:
+    """The URDF text of a xacro file, and the files that it includes.
+
+    Raises:
+        DataError: if the package `xacro` is not installed, or the file is not right.
+    """
+    try:
+        import xacro
+        from xacro import substitution_args
+    except ImportError:
+        raise FileError(
+            f"{file.name} with `trust: true` needs the package xacro: "
+            "pip install 'terrain-forge[xacro]'"
+        ) from None
+    original = substitution_args._eval_find
+    xacro.all_includes.clear()
+    try:  # $(find PACKAGE) asks us, where it would ask an installed ROS
+        substitution_args._eval_find = lambda package: str(packages.folder(package))
+        with redirect_stderr(StringIO()), redirect_stdout(StringIO()):
+            text = str(xacro.process_file(str(file)).toxml())
+    except TerrainForgeError:
+        raise
+    except Exception as error:  # xacro evaluates Python: whatever the file's expressions raise
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise FileError(f"{file.name}: xacro cannot expand it: {why}") from None
+    finally:
+        substitution_args._eval_find = original
+    return text.encode(), tuple(dict.fromkeys(map(Path, xacro.all_includes)))
+
+
+@dataclass(frozen=True)
 class _Macro:
     """A macro: what it consists of, and its parameters with their defaults."""
 
@@ -57,7 +89,7 @@ class _Macro:
     otherwise. None for a parameter that must be given."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Frame:
     """Nodes that are being expanded, and where to."""
 
@@ -76,11 +108,10 @@ class _Frame:
 class _Expansion:
     """Expands node after node, those within others by a stack of our own: none is too deep."""
 
-    def __init__(self, packages: Packages, names: Mapping[str, Value]) -> None:
+    def __init__(self, packages: Packages) -> None:
         self._packages = packages
-        self._budget = Budget()
-        self._texts = Substitution(packages, self._budget)
-        self._names = self._texts.scope(names)
+        self._texts = Substitution(packages)
+        self._budget = self._texts.budget
         self._stack: list[_Frame] = []
         self._files: list[Path] = []
         self._parsed: dict[Path, Element] = {}
@@ -93,15 +124,12 @@ class _Expansion:
             "call": self._dynamic_call,
         }  # fmt: skip
 
-    def run(self, file: Path) -> tuple[Element, tuple[Path, ...]]:
+    def run(self, file: Path, names: Scope) -> tuple[Element, tuple[Path, ...]]:
         """The expanded root, and the files that were included."""
         holder = Element("")
         self._open = [file.resolve()]
-        texts = list[str]()
-        self._stack = [
-            _Frame(iter([self._parse(file, file.name)]), holder, texts, self._names, Scope(), file)
-        ]
-        frame = self._stack[-1]
+        frame = _Frame(iter([self._parse(file, file.name)]), holder, [], names, Scope(), file)
+        self._stack = [frame]
         try:
             while self._stack:
                 frame = self._stack[-1]
@@ -115,20 +143,27 @@ class _Expansion:
                     self._budget.spend("elements")
                     self._expand(node, frame)
         except FAULTS as error:
-            raise DataError(f"{frame.file.name}: {error}", key=KEY) from None
+            raise FileError(f"{frame.file.name}: {error}") from None
         if len(holder) != 1:
-            raise DataError(f"{file.name} expands to nothing", key=KEY)
+            raise FileError(f"{file.name} expands to nothing")
         return holder[0], tuple(self._files)
 
     def _parse(self, file: Path, name: str) -> Element:
         if file not in self._parsed:
-            self._parsed[file] = parse_xml(read_file(file, name, most=MOST_TEXT), name)
+            self._parsed[file] = read_xml(file, name)
         return self._parsed[file]
 
-    def _push(self, frame: _Frame) -> None:
+    def _push(self, frame: _Frame, nodes: Iterator[Element | str], **changes: Any) -> None:
+        """Expand nodes next, to where a frame's are unless told otherwise."""
         if len(self._stack) > _NESTED:
             raise ValueError(f"elements and macros nest more than {_NESTED} deep")
-        self._stack.append(frame)
+        self._stack.append(replace(frame, **{"whole": False, "then": None, **changes}, nodes=nodes))
+
+    def _text(self, node: Element, name: str, frame: _Frame) -> str:
+        return self._texts.text(_attribute(node, name), frame.names)
+
+    def _true(self, text: str, frame: _Frame) -> bool:
+        return truth(self._texts.value(text, frame.names))
 
     def _expand(self, node: Element | str, frame: _Frame) -> None:
         if isinstance(node, str):
@@ -146,87 +181,65 @@ class _Expansion:
             for name, text in node.attrib.items()
             if not name.startswith((_PREFIX, "xmlns"))
         }
-        made = Element(node.tag, own)
+        made, texts = Element(node.tag, own), list[str]()
         frame.made.append(made)
-        self._inside(node, frame, made)
 
-    def _inside(self, node: Element, frame: _Frame, made: Element | None = None) -> None:
-        """Expand what is in an element, to another element or to where it stands itself."""
-        if made is None:
-            inner = _Frame(
-                _nodes(node), frame.made, frame.texts, frame.names, frame.macros, frame.file
-            )
-        else:
-            texts = list[str]()
+        def finish() -> None:
+            made.text = "".join(texts) or None
 
-            def finish() -> None:
-                made.text = "".join(texts) or None
-
-            inner = _Frame(
-                _nodes(node), made, texts, frame.names, frame.macros, frame.file, True, finish
-            )
-        self._push(inner)
+        self._push(frame, _nodes(node), made=made, texts=texts, whole=True, then=finish)
 
     def _property(self, node: Element, frame: _Frame) -> None:
-        name = self._texts.text(attribute(node, "name"), frame.names)
+        names, scope = frame.names, node.get("scope", "")
+        name = self._text(node, "name", frame)
         if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("__"):
             raise ValueError(f"{name[:80]!r} is no name of a property")
-        value, default = node.get("value"), node.get("default")
-        if truth(self._texts.value(node.get("remove", "false"), frame.names)):
-            frame.names.remove(name)
+        if self._true(node.get("remove", "false"), frame):
+            names.remove(name)
             return
-        if default is not None:
-            if name in frame.names:
-                return
-            value = default
-        target: Scope | None = {"global": frame.names.top, "parent": frame.names.caller}.get(
-            node.get("scope", ""), frame.names
-        )
+        if "default" in node.attrib and name in names:
+            return
+        value = node.get("default", node.get("value"))
+        target = {"global": names.top, "parent": names.caller}.get(scope, names)
         if target is None:  # nothing is above the file's own scope
             return
         if value is None:
             target.set(f"**{name}", node)
-            return
-        lazy = truth(self._texts.value(node.get("lazy_eval", "true"), frame.names))
-        lazy = lazy and node.get("scope") not in ("global", "parent")
-        target.set(name, value if lazy else self._texts.value(value, frame.names), lazy=lazy)
+        elif self._true(node.get("lazy_eval", "true"), frame) and scope not in ("global", "parent"):
+            target.set(name, value, lazy=self._texts.value)
+        else:
+            target.set(name, self._texts.value(value, names))
 
     def _arg(self, node: Element, frame: _Frame) -> None:
-        default = self._texts.text(attribute(node, "default"), frame.names)
-        self._texts.arguments.setdefault(attribute(node, "name"), default)
+        default = self._text(node, "default", frame)
+        self._texts.arguments.setdefault(_attribute(node, "name"), default)
 
     def _condition(self, node: Element, frame: _Frame) -> None:
-        told = truth(self._texts.value(attribute(node, "value"), frame.names))
-        if told == (node.tag == "xacro:if"):
-            self._inside(node, frame)
+        if self._true(_attribute(node, "value"), frame) == (node.tag == "xacro:if"):
+            self._push(frame, _nodes(node))
 
     def _element(self, node: Element, frame: _Frame) -> None:
-        name = self._texts.text(attribute(node, "xacro:name"), frame.names)
+        name = self._text(node, "xacro:name", frame)
         if not name:
             raise ValueError("<xacro:element> has an empty name")
-        renamed = Element(name, {k: v for k, v in node.attrib.items() if k != "xacro:name"})
-        renamed.text = node.text
-        renamed.extend(node)
-        self._expand(renamed, frame)
+        self._expand(_renamed(node, name, "xacro:name"), frame)
 
     def _attribute(self, node: Element, frame: _Frame) -> None:
-        name, value = (
-            self._texts.text(attribute(node, key), frame.names) for key in ("name", "value")
-        )
+        name, value = (self._text(node, key, frame) for key in ("name", "value"))
         if frame.whole:  # the package too drops those within a condition or a macro
             frame.made.set(name, value)
 
     def _insert(self, node: Element, frame: _Frame) -> None:
-        name = attribute(node, "name")
+        name = _attribute(node, "name")
         if f"**{name}" in frame.names:
-            self._inside(frame.names[f"**{name}"], frame)
+            self._push(frame, _nodes(frame.names[f"**{name}"]))
         elif f"*{name}" in frame.names:
             self._keep(frame.names[f"*{name}"], frame)
         else:
             raise ValueError(f"there is no block {name[:80]!r}")
 
     def _include(self, node: Element, frame: _Frame) -> None:
-        told = self._texts.text(attribute(node, "filename"), frame.names)
+        told = self._text(node, "filename", frame)
         optional = truth(node.get("optional", "false"))
         names, macros = frame.names, frame.macros
         if space := self._texts.text(node.get("ns", ""), names):
@@ -237,7 +250,7 @@ class _Expansion:
         for file in reversed(self._packages.found(told, frame.file.parent)):
             if not optional or file.exists():
                 nodes = self._included(file, told[:200])
-                self._push(_Frame(nodes, frame.made, frame.texts, names, macros, file))
+                self._push(frame, nodes, names=names, macros=macros, file=file)
 
     def _included(self, file: Path, name: str) -> Iterator[Element | str]:
         whole = file.resolve()
@@ -251,7 +264,7 @@ class _Expansion:
         self._open.remove(whole)
 
     def _macro(self, node: Element, frame: _Frame) -> None:
-        name = attribute(node, "name").removeprefix(_PREFIX)
+        name = _attribute(node, "name").removeprefix(_PREFIX)
         if name == "call" or "." in name:
             raise ValueError(f"{name[:80]!r} is no name of a macro")
         rest, parameters = node.get("params", "").strip(), dict[str, tuple[bool, str] | None]()
@@ -265,15 +278,13 @@ class _Expansion:
         frame.macros.set(name, _Macro(node, parameters))
 
     def _dynamic_call(self, node: Element, frame: _Frame) -> None:
-        name = self._texts.text(attribute(node, "macro"), frame.names)
-        call = Element(f"xacro:{name}", {k: v for k, v in node.attrib.items() if k != "macro"})
-        call.extend(node)
-        self._call(name, call, frame)
+        name = self._text(node, "macro", frame)
+        self._call(name, _renamed(node, f"xacro:{name}", "macro"), frame)
 
     def _call(self, tag: str, node: Element, frame: _Frame) -> None:
         """Expand the blocks of a call where it stands, then its macro with them."""
         self._budget.spend("elements", 3)  # its scopes cost as much
-        macro, names, macros = self._find_macro(tag, frame)
+        macro, names, macros = _find_macro(tag, frame)
         own = Scope(names)
         for name, text in node.attrib.items():
             if name not in macro.parameters:
@@ -282,61 +293,74 @@ class _Expansion:
         blocks = Element("")
 
         def begin() -> None:
-            self._bind(tag, macro, own, set(node.attrib), list(blocks), frame)
+            given = list(blocks)
+            for name, told in macro.parameters.items():
+                if name not in node.attrib:
+                    own.set(name, self._untold(tag, name, told, given, frame))
+            if given:
+                raise ValueError(f"<xacro:{tag[:80]}> has no use for <{given[0].tag[:80]}>")
             self._calls += 1
             if self._calls > _DEEPEST:
                 raise ValueError(f"macros call each other more than {_DEEPEST} deep")
-            nodes, scope = _nodes(macro.body), Scope(macros)
-            self._push(_Frame(nodes, frame.made, frame.texts, own, scope, frame.file, then=end))
+            self._push(frame, _nodes(macro.body), names=own, macros=Scope(macros), then=end)
 
         def end() -> None:
             self._calls -= 1
 
         if len(node):
-            inner = frame.names, frame.macros, frame.file
-            self._push(_Frame(_nodes(node), blocks, [], *inner, then=begin))
+            self._push(frame, _nodes(node), made=blocks, texts=[], then=begin)
         else:
             begin()
 
-    def _find_macro(self, tag: str, frame: _Frame) -> tuple[_Macro, Scope, Scope]:
-        """A macro, and the scopes that it is expanded in; `arm.link` is one of a namespace."""
-        names, macros = frame.names, frame.macros
-        *spaces, name = tag.split(".")
-        for space in spaces:
-            if space not in names or space not in macros:
-                raise ValueError(f"<xacro:{tag[:80]}>: there is no namespace {space[:80]!r}")
-            names, macros = names[space], macros[space]
-        if name not in macros or not isinstance(macros[name], _Macro):
-            raise ValueError(f"<xacro:{tag[:80]}>: there is no macro of that name")
-        return macros[name], names, macros
-
-    def _bind(
+    def _untold(
         self,
         tag: str,
-        macro: _Macro,
-        own: Scope,
-        given: set[str],
+        name: str,
+        told: tuple[bool, str] | None,
         blocks: list[Element],
         frame: _Frame,
-    ) -> None:
-        """Put what a call does not tell into the macro's scope: blocks in order, and defaults."""
-        for name, told in macro.parameters.items():
-            if name in given:
-                continue
-            if name.startswith("*"):
-                if not blocks:
-                    raise ValueError(f"<xacro:{tag[:80]}> lacks the block {name[:80]!r}")
-                own.set(name, blocks.pop(0))
-            elif told is None:
-                raise ValueError(f"<xacro:{tag[:80]}> lacks {name[:80]!r}")
-            elif told[0] and name in frame.names:
-                own.set(name, frame.names[name])
-            elif told[0] and not told[1]:
-                raise ValueError(f"<xacro:{tag[:80]}> lacks {name[:80]!r}, and so does its caller")
-            else:
-                own.set(name, self._texts.value(told[1], frame.names))
-        if blocks:
-            raise ValueError(f"<xacro:{tag[:80]}> has no use for <{blocks[0].tag[:80]}>")
+    ) -> Value:
+        """A parameter that is no attribute of a call: its next block, or a default."""
+        if name.startswith("*"):
+            if not blocks:
+                raise ValueError(f"<xacro:{tag[:80]}> lacks the block {name[:80]!r}")
+            return blocks.pop(0)
+        if told is None:
+            raise ValueError(f"<xacro:{tag[:80]}> lacks {name[:80]!r}")
+        forward, default = told
+        if forward and name in frame.names:
+            return frame.names[name]
+        if forward and not default:
+            raise ValueError(f"<xacro:{tag[:80]}> lacks {name[:80]!r}, and so does its caller")
+        return self._texts.value(default, frame.names)
+
+
+def _find_macro(tag: str, frame: _Frame) -> tuple[_Macro, Scope, Scope]:
+    """A macro, and the scopes that it is expanded in; `arm.link` is one of a namespace."""
+    names, macros = frame.names, frame.macros
+    *spaces, name = tag.split(".")
+    for space in spaces:
+        if space not in names or space not in macros:
+            raise ValueError(f"<xacro:{tag[:80]}>: there is no namespace {space[:80]!r}")
+        names, macros = names[space], macros[space]
+    if name not in macros or not isinstance(macros[name], _Macro):
+        raise ValueError(f"<xacro:{tag[:80]}>: there is no macro of that name")
+    return macros[name], names, macros
+
+
+def _attribute(element: Element, name: str) -> str:
+    """An attribute that an element must have."""
+    if name not in element.attrib:
+        raise ValueError(f"<{element.tag[:80]}> lacks {name!r}")
+    return element.attrib[name]
+
+
+def _renamed(element: Element, tag: str, without: str) -> Element:
+    """A copy with another tag, without the attribute that tells it."""
+    copy = Element(tag, {k: v for k, v in element.attrib.items() if k != without})
+    copy.text = element.text
+    copy.extend(element)
+    return copy
 
 
 def _nodes(element: Element) -> Iterator[Element | str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,12 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, TerrainForgeError, portable
+from terrain_forge.base import Array, TerrainForgeError, portable
 from terrain_forge.model import Mesh
-from terrain_forge.rovers.assembly import Solid, placed
-from terrain_forge.rovers.limits import FARTHEST, MOST_TRIANGLES, require_below
-from terrain_forge.rovers.packages import MOST_MESH, Packages, read_file
-from terrain_forge.rovers.rover_xml import KEY
+from terrain_forge.rovers import bounds
+from terrain_forge.rovers.assembly import Solid, bare_shape, placed
+from terrain_forge.rovers.bounds import FileError
+from terrain_forge.rovers.packages import Packages
 
 _GREY = (0.6, 0.6, 0.6)
 Part = tuple[Array, NDArray[np.int32], tuple[float, ...]]
@@ -59,12 +60,13 @@ class MeshFiles:
         Raises:
             DataError: if it is missing or no mesh.
         """
-        parts = [(v * scale, f, colour) for v, f, colour in self._parts(path)]
-        if not all(np.abs(v).max() <= FARTHEST for v, _, _ in parts):
-            raise DataError(
-                f"mesh {path.name} has vertices beyond {FARTHEST:g} m, or none that are numbers: "
-                "is its scale right?",
-                key=KEY,
+        if path not in self.read:
+            self.read[path] = _load(path, self._packages)
+        parts = [(v * scale, f, colour) for v, f, colour in self.read[path]]
+        if not all(np.abs(v).max() <= bounds.FARTHEST for v, _, _ in parts):
+            raise FileError(
+                f"mesh {path.name} has vertices beyond {bounds.FARTHEST:g} m, or none that are "
+                "numbers: is its scale right?"
             )
         if collides:
             place = (path, scale.tobytes())
@@ -73,16 +75,11 @@ class MeshFiles:
             vertices, faces = self._hulls[place]
             return [mesh_solid(vertices, faces, placement, collides=True, rgb=_GREY)]
         self._triangles += sum(len(f) for _, f, _ in parts)
-        require_below(self._triangles, MOST_TRIANGLES, "triangles", "the rover")
+        bounds.require_below(self._triangles, bounds.MOST_TRIANGLES, "triangles", "the rover")
         return [
             mesh_solid(v, f, placement, collides=False, rgb=rgb or (c[0], c[1], c[2]))
             for v, f, c in parts
         ]
-
-    def _parts(self, path: Path) -> list[Part]:
-        if path not in self.read:
-            self.read[path] = _load(path, self._packages)
-        return self.read[path]
 
 
 def mesh_solid(
@@ -96,15 +93,15 @@ def mesh_solid(
     """Triangles as a solid, whose origin becomes the centre of their box."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     centre = (low + high) / 2
-    return Solid(
+    shape = bare_shape(
         kind="mesh",
         size=tuple((high - low).tolist()),
-        placement=portable.product(placement, placed(centre, np.eye(3))),
         collides=collides,
         visible=not collides,
         rgb=rgb,
         mesh=Mesh(vertices=vertices - centre, faces=faces),
     )
+    return portable.product(placement, placed(centre, np.eye(3))), shape
 
 
 def hull_of(vertices: Array, name: str) -> tuple[Array, NDArray[np.int32]]:
@@ -119,7 +116,7 @@ def hull_of(vertices: Array, name: str) -> tuple[Array, NDArray[np.int32]]:
     try:
         hull = trimesh.convex.convex_hull(vertices)
     except QhullError:
-        raise DataError(f"{name}: a mesh that is flat cannot be collided with", key=KEY) from None
+        raise FileError(f"{name}: a mesh that is flat cannot be collided with") from None
     return np.array(hull.vertices, np.float64), np.array(hull.faces, np.int32)
 
 
@@ -128,10 +125,10 @@ def _load(path: Path, packages: Packages) -> list[Part]:
 
     name, kind = f"mesh {path.name}", path.suffix.lower().removeprefix(".")
     if kind not in _READ_AS:
-        raise DataError(f"{name}: allowed are {', '.join(_READ_AS)}", key=KEY)
+        raise FileError(f"{name}: allowed are {', '.join(_READ_AS)}")
     if not path.exists():
-        raise DataError(f"{name} is missing: looked for {path}", key=KEY)
-    data = read_file(path, name, most=MOST_MESH)
+        raise FileError(f"{name} is missing: looked for {path}")
+    data = bounds.read_file(path, name, most=bounds.MOST_MESH)
     try:
         if kind in _CHECKS:
             _CHECKS[kind](data)
@@ -139,7 +136,7 @@ def _load(path: Path, packages: Packages) -> list[Part]:
         scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=beside)
         shown = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
         triangles = sum(len(getattr(mesh, "faces", ())) for mesh in shown)
-        require_below(triangles, MOST_TRIANGLES, "triangles", name)
+        bounds.require_below(triangles, bounds.MOST_TRIANGLES, "triangles", name)
         if kind == "dae" and scene.units not in (None, "m", "meter", "meters"):
             scene = scene.convert_units("meters")
         meshes = [m for m in scene.dump() if isinstance(m, trimesh.Trimesh) and len(m.faces)]
@@ -147,40 +144,40 @@ def _load(path: Path, packages: Packages) -> list[Part]:
         raise
     except Exception as error:  # trimesh's readers raise whatever a broken file provokes
         if isinstance(error, ImportError) and kind == "dae":
-            raise DataError(f"{name} needs the package {error.name}", key=KEY) from None
+            raise FileError(f"{name} needs the package {error.name}") from None
         why = " ".join(str(error).split()) or type(error).__name__
-        raise DataError(f"{name} cannot be read: {why}", key=KEY) from None
+        raise FileError(f"{name} cannot be read: {why}") from None
     parts: dict[tuple[float, ...], list[Any]] = {}
     for mesh in meshes:
         if mesh.vertices.shape[1:] != (3,) or mesh.faces.shape[1:] != (3,):
-            raise DataError(f"{name} is flat, or not made of triangles", key=KEY)
+            raise FileError(f"{name} is flat, or not made of triangles")
         if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
-            raise DataError(f"{name} has triangles of vertices that it lacks", key=KEY)
+            raise FileError(f"{name} has triangles of vertices that it lacks")
         parts.setdefault(_colour(mesh), []).append(mesh)
     if not parts:
-        raise DataError(f"{name} holds no triangles", key=KEY)
-    joined: list[tuple[tuple[float, ...], Any]] = [
-        (colour, trimesh.util.concatenate(meshes)) for colour, meshes in parts.items()
-    ]
+        raise FileError(f"{name} holds no triangles")
+    joined: dict[tuple[float, ...], Any] = {
+        colour: trimesh.util.concatenate(some) for colour, some in parts.items()
+    }
     return [
         (np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int32), colour)
-        for colour, mesh in joined
+        for colour, mesh in joined.items()
     ]
 
 
+@dataclass(frozen=True)
 class _Beside:
     """Lets trimesh read what a mesh names: materials and buffers, of the rover's own folders."""
 
-    def __init__(self, folder: Path, packages: Packages) -> None:
-        self._folder = folder
-        self._packages = packages
+    folder: Path
+    packages: Packages
 
     def get(self, name: str) -> bytes:
         """The content of a file; textures are not read."""
-        path = self._packages.path(str(name), self._folder)
+        path = self.packages.path(str(name), self.folder)
         if path.suffix.lower() not in (".mtl", ".bin"):
             raise FileNotFoundError(path.name)
-        return read_file(path, path.name, most=MOST_MESH)
+        return bounds.read_file(path, path.name, most=bounds.MOST_MESH)
 
 
 def _check_collada(data: bytes) -> None:
@@ -195,23 +192,20 @@ def _check_collada(data: bytes) -> None:
     def size(element: Element) -> int:
         """Characters of all geometry that an element shows, once for each time it does."""
         if element not in known:
-            known[element] = MOST_MESH  # while it is not known: a loop is endless
+            known[element] = bounds.MOST_MESH  # while it is not known: a loop is endless
             total = 1
             for child in element:
                 target = marked.get(child.get("url", "")[1:])
                 if child.tag.startswith(f"{space}instance_") and target is not None:
-                    total += _text_size(target) if "geometry" in child.tag else size(target)
+                    texts = (part.text or "" for part in target.iter())
+                    total += sum(map(len, texts)) if "geometry" in child.tag else size(target)
                 elif child.tag in (f"{space}node", f"{space}visual_scene"):
                     total += size(child)
             known[element] = total
         return known[element]
 
-    if sum(map(size, root.iter(f"{space}visual_scene"))) > MOST_MESH:
+    if sum(map(size, root.iter(f"{space}visual_scene"))) > bounds.MOST_MESH:
         raise ValueError("its nodes repeat each other too often")
-
-
-def _text_size(element: Element) -> int:
-    return sum(len(part.text or "") for part in element.iter())
 
 
 def _check_gltf(data: bytes) -> None:
@@ -233,8 +227,7 @@ _CHECKS: dict[str, Callable[[bytes], None]] = {
 
 def _colour(mesh: Any) -> tuple[float, ...]:
     """The mesh's main sRGB colour, 0 to 1; grey where it has none."""
-    material = getattr(mesh.visual, "material", None)
-    colour = getattr(material, "main_color", None)
+    colour = getattr(getattr(mesh.visual, "material", None), "main_color", None)
     if colour is None:
         colour = mesh.visual.main_color if mesh.visual.defined else np.multiply(255, _GREY)
     return tuple((np.asarray(colour, np.float64)[:3] / 255.0).round(3).tolist())

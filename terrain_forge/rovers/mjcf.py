@@ -10,26 +10,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, load_model, matrix_from_quaternion, portable
-from terrain_forge.rovers.assembly import Assembly, Body, Gear, Joint, Solid, placed
-from terrain_forge.rovers.limits import (
-    FARTHEST,
-    HEAVIEST,
-    MOST_LINKS,
-    MOST_SHAPES,
-    MOST_TRIANGLES,
-    check_name,
-    require_below,
-)
+from terrain_forge.base import Array, load_model, matrix_from_quaternion, portable
+from terrain_forge.model import Coupling
+from terrain_forge.rovers import bounds
+from terrain_forge.rovers.assembly import Assembly, Body, Joint, Solid, bare_shape, placed
+from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import hull_of, mesh_solid
 from terrain_forge.rovers.mjcf_files import check_mjcf
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.rover_xml import KEY
 
 _SEEN_GROUPS = 3
 """Geoms of groups below are drawn by default."""
-_Hulls = dict[int, tuple[Array, NDArray[np.int32]]]
-"""Convex hulls by the numbers of their meshes."""
 
 
 def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
@@ -44,172 +35,158 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
         model = load_model(file)
     except ValueError as error:
         why = " ".join(str(error).split())
-        raise DataError(f"{file.name}: MuJoCo cannot load it: {why}", key=KEY) from None
+        raise FileError(f"{file.name}: MuJoCo cannot load it: {why}") from None
     finally:
         mujoco.set_mju_user_warning(None)
     if model.nbody < 2:
-        raise DataError(f"{file.name} holds no body", key=KEY)
+        raise FileError(f"{file.name} holds no body")
     _require_sane(model, file.name)
     trees, sizes = np.unique(model.body_rootid[1:], return_counts=True)
     root = int(trees[np.argmax(sizes)])
-    driven = _driven_joints(model)
-    bodies, hulls = list[Body](), _Hulls()
-    for body in np.flatnonzero(model.body_rootid == root).tolist():
-        bodies += _bodies(model, body, root, driven, hulls)
-    gears = [gear for n in range(model.neq) if (gear := _gear(model, n)) is not None]
-    name = check_name(file.stem, "robot")
-    return Assembly(name=name, bodies=tuple(bodies), gears=tuple(gears), notes=()), files
+    reader = _Reader(model, root)
+    return Assembly(
+        name=bounds.check_name(file.stem, "robot"),
+        bodies=tuple(
+            made
+            for body in np.flatnonzero(model.body_rootid == root).tolist()
+            for made in reader.bodies(body)
+        ),
+        gears=tuple(
+            Coupling(
+                link=_name(model, "joint", model.eq_obj1id[n]),
+                leader=_name(model, "joint", model.eq_obj2id[n]),
+                ratio=float(model.eq_data[n, 1]),
+                offset=float(model.eq_data[n, 0]),
+            )
+            for n in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT).tolist()
+            if model.eq_obj2id[n] >= 0
+        ),
+    ), files
 
 
 def _require_sane(model: Any, name: str) -> None:
     """Refuse what no rover has: too much of everything, or numbers beyond all measure."""
-    require_below(model.nbody, MOST_LINKS, "bodies", name)
-    require_below(model.ngeom, MOST_SHAPES, "geoms", name)
+    bounds.require_below(model.nbody, bounds.MOST_LINKS, "bodies", name)
+    bounds.require_below(model.ngeom, bounds.MOST_SHAPES, "geoms", name)
     meshes = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
-    require_below(int(model.mesh_facenum[meshes].sum()), MOST_TRIANGLES, "triangles", name)
+    bounds.require_below(
+        int(model.mesh_facenum[meshes].sum()), bounds.MOST_TRIANGLES, "triangles", name
+    )
     lengths = ("body_pos", "body_ipos", "geom_pos", "geom_size", "jnt_pos", "mesh_vert")
     masses = ("body_mass", "body_inertia", "dof_damping", "dof_frictionloss")
-    limits = {**dict.fromkeys(lengths, FARTHEST), **dict.fromkeys(masses, HEAVIEST)}
+    limits = {**dict.fromkeys(lengths, bounds.FARTHEST), **dict.fromkeys(masses, bounds.HEAVIEST)}
     for what, most in limits.items():
         values = np.abs(getattr(model, what))
         if values.size and not values.max() <= most:
-            raise DataError(f"{name}: a {what} of MuJoCo's is above {most:g}", key=KEY)
+            raise FileError(f"{name}: a {what} of MuJoCo's is above {most:g}")
 
 
-def _bodies(
-    model: Any, body: int, root: int, driven: dict[int, float | None], hulls: _Hulls
-) -> list[Body]:
-    """A body; where several joints hold it, a massless body for each joint but the last.
+class _Reader:
+    """Makes bodies of those of a model's tree; each hull of a mesh once."""
 
-    MuJoCo's joints may turn about any point of the body: frames are moved there.
-    """
-    name = _name(model, mujoco.mjtObj.mjOBJ_BODY, body)
-    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    joints = [j for j in range(first, first + count) if body != root]
-    placement = _placement(model.body_pos[body], model.body_quat[body])
-    if body == root:
-        parent, placement = "", np.eye(4)
-    else:
-        above = int(model.body_parentid[body])
-        parent = _name(model, mujoco.mjtObj.mjOBJ_BODY, above)
-        placement = portable.product(placed(-_anchor(model, above, root), np.eye(3)), placement)
-    made: list[Body] = []
-    at = np.zeros(3)
-    for joint in joints:
-        anchor = np.array(model.jnt_pos[joint])
-        placement = portable.product(placement, placed(anchor - at, np.eye(3)))
-        at, last = anchor, joint == joints[-1]
-        own = name if last else f"{name}_{_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)}"
-        held = _joint(model, joint, driven)
-        made.append(Body(name=own, parent=parent, placement=placement, joint=held))
-        parent, placement = own, np.eye(4)
-    made = made or [Body(name=name, parent=parent, placement=placement)]
-    return [*made[:-1], _massive(model, body, made[-1], at, hulls)]
+    def __init__(self, model: Any, root: int) -> None:
+        self._model, self._root = model, root
+        self._hulls: dict[int, tuple[Array, NDArray[np.int32]]] = {}
+        self._driven: dict[int, float | None] = {}
+        """Joints with an actuator, and its largest torque [N m] where it is limited."""
+        for n in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist():
+            most = float(np.abs(model.actuator_forcerange[n]).max())
+            limited = model.actuator_forcelimited[n] and most
+            self._driven[int(model.actuator_trnid[n, 0])] = most if limited else None
 
+    def bodies(self, body: int) -> list[Body]:
+        """A body; where several joints hold it, a massless body for each joint but the last.
 
-def _anchor(model: Any, body: int, root: int) -> Array:
-    """Where our frame of a body is in MuJoCo's: at its last joint, shape [3] [m]."""
-    count = int(model.body_jntnum[body])
-    if body == root or not count:
-        return np.zeros(3)
-    return np.array(model.jnt_pos[int(model.body_jntadr[body]) + count - 1])
+        MuJoCo's joints may turn about any point of the body: frames are moved there.
+        """
+        model, told = self._model, self._model.body(body)
+        name, parent, placement = _name(model, "body", body), "", np.eye(4)
+        if body != self._root:
+            above = int(model.body_parentid[body])
+            parent, turn = _name(model, "body", above), matrix_from_quaternion(np.array(told.quat))
+            shift = placed(-self._anchor(above), np.eye(3))
+            placement = portable.product(shift, placed(np.array(told.pos), turn))
+        bare, made = Body(name=name, parent=parent, placement=placement), list[Body]()
+        at, joints = np.zeros(3), self._joints(body)
+        for joint in joints:
+            anchor = np.array(model.jnt_pos[joint])
+            placement = portable.product(placement, placed(anchor - at, np.eye(3)))
+            at = anchor
+            own = name if joint == joints[-1] else f"{name}_{_name(model, 'joint', joint)}"
+            bare = Body(name=own, parent=parent, placement=placement, joint=self._joint(joint))
+            made.append(bare)
+            parent, placement = own, np.eye(4)
+        turn = matrix_from_quaternion(told.iquat)
+        inertia = portable.product(portable.product(turn, np.diag(told.inertia)), turn.T)
+        first = int(model.body_geomadr[body])
+        geoms = range(first, first + int(model.body_geomnum[body]))
+        whole = replace(
+            bare,
+            mass=float(model.body_mass[body]),
+            centre_of_mass=told.ipos - at,
+            inertia=inertia,
+            solids=tuple(solid for geom in geoms for solid in self._solids(geom, at)),
+        )
+        return [*made[:-1], whole]
 
+    def _joints(self, body: int) -> range:
+        """Numbers of the joints that hold a body; none holds the root."""
+        first, count = int(self._model.body_jntadr[body]), int(self._model.body_jntnum[body])
+        return range(first, first + count) if body != self._root else range(0)
 
-def _massive(model: Any, body: int, bare: Body, at: Array, hulls: _Hulls) -> Body:
-    """A body with its mass and geometry, its frame `at` a point of MuJoCo's."""
-    rotation = matrix_from_quaternion(model.body_iquat[body])
-    geoms = range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body])
-    return replace(
-        bare,
-        mass=float(model.body_mass[body]),
-        centre_of_mass=model.body_ipos[body] - at,
-        inertia=portable.product(
-            portable.product(rotation, np.diag(model.body_inertia[body])), rotation.T
-        ),
-        solids=tuple(solid for geom in geoms for solid in _solids(model, geom, at, hulls)),
-    )
+    def _anchor(self, body: int) -> Array:
+        """Where our frame of a body is in MuJoCo's: at its last joint, shape [3] [m]."""
+        joints = self._joints(body)
+        return np.array(self._model.jnt_pos[joints[-1]]) if joints else np.zeros(3)
 
+    def _joint(self, joint: int) -> Joint:
+        model = self._model
+        limited = bool(model.jnt_limited[joint])
+        turning = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        address = int(model.jnt_dofadr[joint])
+        low, high = model.jnt_range[joint].tolist()
+        return Joint(
+            name=_name(model, "joint", joint),
+            kind=("revolute" if limited else "continuous") if turning else "sliding",
+            axis=np.array(model.jnt_axis[joint]),
+            limits=(low, high) if limited else None,
+            damping=float(model.dof_damping.reshape(model.nv, -1)[address, 0]),
+            friction=float(model.dof_frictionloss[address]),
+            effort=self._driven.get(joint),
+            driven=joint in self._driven,
+        )
 
-def _joint(model: Any, joint: int, driven: dict[int, float | None]) -> Joint:
-    limited = bool(model.jnt_limited[joint])
-    turning = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
-    address = int(model.jnt_dofadr[joint])
-    low, high = model.jnt_range[joint].tolist()
-    kind = ("revolute" if limited else "continuous") if turning else "sliding"
-    return Joint(
-        name=_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint),
-        kind=kind,
-        axis=np.array(model.jnt_axis[joint]),
-        limits=(low, high) if limited else None,
-        damping=float(model.dof_damping.reshape(model.nv, -1)[address, 0]),
-        friction=float(model.dof_frictionloss[address]),
-        effort=driven.get(joint),
-        driven=joint in driven,
-    )
-
-
-def _driven_joints(model: Any) -> dict[int, float | None]:
-    """Joints with an actuator, and its largest torque [N m] where it is limited."""
-    driven: dict[int, float | None] = {}
-    for actuator in range(model.nu):
-        if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT:
-            limited = bool(model.actuator_forcelimited[actuator])
-            most = float(np.abs(model.actuator_forcerange[actuator]).max())
-            driven[int(model.actuator_trnid[actuator, 0])] = most if limited and most else None
-    return driven
-
-
-def _gear(model: Any, number: int) -> Gear | None:
-    """A joint equality with a slope, as a gear."""
-    if model.eq_type[number] != mujoco.mjtEq.mjEQ_JOINT or model.eq_obj2id[number] < 0:
-        return None
-    return Gear(
-        joint=_name(model, mujoco.mjtObj.mjOBJ_JOINT, int(model.eq_obj1id[number])),
-        leader=_name(model, mujoco.mjtObj.mjOBJ_JOINT, int(model.eq_obj2id[number])),
-        ratio=float(model.eq_data[number, 1]),
-        offset=float(model.eq_data[number, 0]),
-    )
-
-
-def _solids(model: Any, geom: int, at: Array, hulls: _Hulls) -> list[Solid]:
-    """A geom as solids; nothing for planes and height fields, which no rover has."""
-    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
-    placement = _placement(model.geom_pos[geom] - at, model.geom_quat[geom])
-    collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
-    rgba = _rgba(model, geom)
-    visible = bool(model.geom_group[geom] < _SEEN_GROUPS and rgba[3] > 0)
-    rgb = (rgba[0], rgba[1], rgba[2])
-    x, y, z = model.geom_size[geom].tolist()
-    simple = {
-        mujoco.mjtGeom.mjGEOM_BOX: ("box", (2 * x, 2 * y, 2 * z)),
-        mujoco.mjtGeom.mjGEOM_CYLINDER: ("cylinder", (x, 2 * y)),
-        mujoco.mjtGeom.mjGEOM_SPHERE: ("sphere", (x,)),
-    }
-    if kind in simple:
-        named, size = simple[kind]
-        return [
-            Solid(
-                kind=named,
-                size=size,
-                placement=placement,
-                collides=collides,
-                visible=visible,
-                rgb=rgb,
-            )
-        ]
-    triangles = _triangles(model, geom, kind)
-    if triangles is None:
-        return []
-    vertices, faces = triangles
-    made = []
-    if visible:
-        made.append(mesh_solid(vertices, faces, placement, collides=False, rgb=rgb))
-    if collides:
-        number = int(model.geom_dataid[geom])
-        if number < 0 or number not in hulls:
-            hulls[number] = hull_of(vertices, _name(model, mujoco.mjtObj.mjOBJ_GEOM, geom))
-        made.append(mesh_solid(*hulls[number], placement, collides=True, rgb=rgb))
-    return made
+    def _solids(self, geom: int, at: Array) -> list[Solid]:
+        """A geom as solids; nothing for planes and height fields, which no rover has."""
+        model, told = self._model, self._model.geom(geom)
+        kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+        placement = placed(told.pos - at, matrix_from_quaternion(np.array(told.quat)))
+        collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+        material = int(model.geom_matid[geom])
+        rgba = model.mat_rgba[material] if material >= 0 else told.rgba
+        red, green, blue, alpha = (round(float(value), 4) for value in rgba)
+        rgb, visible = (red, green, blue), bool(model.geom_group[geom] < _SEEN_GROUPS and alpha > 0)
+        x, y, z = told.size.tolist()
+        simple = {
+            mujoco.mjtGeom.mjGEOM_BOX: ("box", (2 * x, 2 * y, 2 * z)),
+            mujoco.mjtGeom.mjGEOM_CYLINDER: ("cylinder", (x, 2 * y)),
+            mujoco.mjtGeom.mjGEOM_SPHERE: ("sphere", (x,)),
+        }
+        if kind in simple:
+            named, size = simple[kind]
+            shape = bare_shape(kind=named, size=size, collides=collides, visible=visible, rgb=rgb)
+            return [(placement, shape)]
+        triangles = _triangles(model, geom, kind)
+        if triangles is None:
+            return []
+        made, number = [], int(model.geom_dataid[geom])
+        if visible:
+            made.append(mesh_solid(*triangles, placement, collides=False, rgb=rgb))
+        if collides:
+            if number < 0 or number not in self._hulls:
+                self._hulls[number] = hull_of(triangles[0], _name(model, "geom", geom))
+            made.append(mesh_solid(*self._hulls[number], placement, collides=True, rgb=rgb))
+        return made
 
 
 def _triangles(model: Any, geom: int, kind: Any) -> tuple[Array, NDArray[np.int32]] | None:
@@ -234,16 +211,6 @@ def _triangles(model: Any, geom: int, kind: Any) -> tuple[Array, NDArray[np.int3
     return np.array(shape.vertices, np.float64), np.array(shape.faces, np.int32)
 
 
-def _rgba(model: Any, geom: int) -> tuple[float, ...]:
-    material = int(model.geom_matid[geom])
-    rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
-    return tuple(round(float(value), 4) for value in rgba)
-
-
-def _placement(position: Array, quaternion: Array) -> Array:
-    return placed(np.array(position), matrix_from_quaternion(np.array(quaternion)))
-
-
-def _name(model: Any, kind: Any, index: int) -> str:
-    name = mujoco.mj_id2name(model, kind, index) or f"{kind.name[6:].lower()}_{index}"
-    return check_name(name, kind.name[6:].lower())
+def _name(model: Any, kind: str, index: int) -> str:
+    """The name of a `body`, `joint` or `geom`; its number where it has none."""
+    return bounds.check_name(getattr(model, kind)(index).name or f"{kind}_{index}", kind)

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 import re
-import stat
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from terrain_forge.base import DataError
-from terrain_forge.rovers.limits import MOST_LINKS, MOST_SHAPES, require_below
-from terrain_forge.rovers.packages import MOST_MESH, MOST_TEXT, Packages, read_file
-from terrain_forge.rovers.rover_xml import KEY, parse_xml
+from terrain_forge.rovers import bounds
+from terrain_forge.rovers.bounds import FileError
+from terrain_forge.rovers.packages import Packages
 
-_MOST_COPIES = 1_000
-"""Copies that `replicate`, `composite`, `flexcomp` and `attach` make, in all."""
 _MOST_ELEMENTS = 200_000
 _LIMITS = {
-    "copies": _MOST_COPIES, "elements": _MOST_ELEMENTS, "bodies": MOST_LINKS, "geoms": MOST_SHAPES
-}  # fmt: skip
+    "copies": 1_000,  # that `replicate`, `composite`, `flexcomp` and `attach` make, in all
+    "elements": _MOST_ELEMENTS,
+    "bodies": bounds.MOST_LINKS,
+    "geoms": bounds.MOST_SHAPES,
+}
 _CAPS = {
     **dict.fromkeys(("width", "height", "nrow", "ncol"), 8192),
     **dict.fromkeys(("params", "maxhullvert", "nkey", "nuserdata"), 1000),
@@ -26,6 +27,7 @@ _CAPS = {
 }
 _DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 _MODELS = ("include", "model")
+_COUNTED = {"body": "bodies", "geom": "geoms"}
 _COPYING = ("replicate", "composite", "flexcomp", "attach")
 _TEXTS = ("name", "class", "childclass", "prefix", "model", "data", "value", "comment")
 _NO_NUMBER = re.compile(r"(?i)(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])")
@@ -40,44 +42,43 @@ def check_mjcf(file: Path, packages: Packages) -> list[Path]:
             if the model repeats itself too often.
     """
     found = _Model(file, packages)
-    found.read(file, file.name, 1)
+    found.read(file, file.name)
     if any(part.attached for part in found.parts):
-        raise DataError(f"{file.name}: a model that is attached attaches others", key=KEY)
+        raise FileError(f"{file.name}: a model that is attached attaches others")
     for what, most in _LIMITS.items():
         attached = found.attached * sum(part.counts[what] for part in found.parts)
-        require_below(found.counts[what] + attached, most, what, file.name)
+        bounds.require_below(found.counts[what] + attached, most, what, file.name)
     return [path for model in (found, *found.parts) for path in (*model.files, *model.assets())]
 
 
+@dataclass
 class _Model:
     """Counts what a model has, copies included, and gathers the files that it names."""
 
-    def __init__(self, file: Path, packages: Packages) -> None:
-        self.files: list[Path] = []
-        self.parts: list[_Model] = []
-        self.counts = dict.fromkeys(_LIMITS, 0)
-        self.attached = 0
-        self._strips = False
-        self._main = file
-        self._packages = packages
-        self._names: list[str] = []
-        self._directories = [""]
+    main: Path
+    packages: Packages
+    files: list[Path] = field(default_factory=list)
+    parts: list[_Model] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+    attached: int = 0
+    strips: bool = False
+    names: list[str] = field(default_factory=list)
+    directories: list[str] = field(default_factory=lambda: [""])
 
-    def read(self, file: Path, name: str, times: int) -> None:
+    def read(self, file: Path, name: str, times: int = 1) -> None:
         """Read a file that stands so many times in the model."""
         self.files.append(file)
-        root = parse_xml(read_file(file, name, most=MOST_TEXT), name)
-        self._walk(root, file, times)
+        self._walk(bounds.read_xml(file, name), file, times)
 
     def _walk(self, element: Element, file: Path, times: int) -> None:
-        self.counts["elements"] += times
-        self.counts["bodies"] += times * (element.tag == "body")
-        self.counts["geoms"] += times * (element.tag == "geom")
+        for what in ("elements", _COUNTED.get(element.tag, "others")):
+            self.counts[what] += times
         if element.tag in _COPYING:
-            times *= _copies(element)
+            copies = math.prod(max(n, 1.0) for n in _numbers(element.get("count", "1")))
+            times *= int(min(copies, 1e9))
             self.counts["copies"] += times
             self.attached += times * (element.tag == "attach")
-            require_below(self.counts["copies"], _MOST_COPIES, "copies", file.name)
+            bounds.require_below(self.counts["copies"], _LIMITS["copies"], "copies", file.name)
         for key, text in element.attrib.items():
             self._look_at(element, key, text)
         if element.tag in _MODELS and "file" in element.attrib:
@@ -88,33 +89,33 @@ class _Model:
     def _follow(self, element: Element, file: Path, times: int) -> None:
         """Read a file that is included or attached; MuJoCo looks for it beside the model's own."""
         name = element.attrib["file"]
-        for place in dict.fromkeys((self._main.parent, file.parent)):
+        for place in dict.fromkeys((self.main.parent, file.parent)):
             path = place / name
             if path.exists() or path.is_symlink():
-                self._packages.require(path, name)
+                self.packages.require(path, name)
                 if element.tag == "model" and all(path != part.files[0] for part in self.parts):
-                    self.parts.append(_Model(path, self._packages))
-                    self.parts[-1].read(path, name, 1)
+                    self.parts.append(_Model(path, self.packages))
+                    self.parts[-1].read(path, name)
                 elif element.tag == "include" and path not in self.files:
                     self.read(path, name, times)
 
     def _look_at(self, element: Element, key: str, text: str) -> None:
         if key in _DIRECTORIES:
-            self._directories.append(text)
+            self.directories.append(text)
         elif key.startswith("file"):
             if element.tag not in _MODELS:
-                self._names.append(text)
+                self.names.append(text)
         elif key == "strippath":
-            self._strips |= text != "false"
+            self.strips |= text != "false"
         elif key == "memory":
             if _bytes(text) > 2**32:
-                raise DataError(f"{element.tag} memory={text[:40]!r}: at most 4 GB", key=KEY)
+                raise FileError(f"{element.tag} memory={text[:40]!r}: at most 4 GB")
         elif key not in _TEXTS:
             if _NO_NUMBER.search(text):
-                raise DataError(f"{element.tag} {key}={text[:80]!r}: must be numbers", key=KEY)
+                raise FileError(f"{element.tag} {key}={text[:80]!r}: must be numbers")
             most = 1000 if key.startswith("nuser") else _CAPS.get(key, math.inf)
             if any(number > most for number in _numbers(text)):
-                raise DataError(f"{element.tag} {key}={text[:80]!r}: at most {most:g}", key=KEY)
+                raise FileError(f"{element.tag} {key}={text[:80]!r}: at most {most:g}")
 
     def assets(self) -> list[Path]:
         """Meshes, pictures and fields, wherever MuJoCo may look for them.
@@ -123,44 +124,30 @@ class _Model:
             DataError: for one that must not be read.
         """
         found: dict[Path, None] = {}
-        bases = dict.fromkeys(file.parent / d for file in self.files for d in self._directories)
-        require_below(len(bases) * len(self._names), _MOST_ELEMENTS, "paths", self._main.name)
-        names = [Path(name).name if self._strips else name for name in self._names]
-        for name in dict.fromkeys((*names, *self._names)):
+        bases = dict.fromkeys(file.parent / d for file in self.files for d in self.directories)
+        bounds.require_below(len(bases) * len(self.names), _MOST_ELEMENTS, "paths", self.main.name)
+        names = [Path(name).name if self.strips else name for name in self.names]
+        for name in dict.fromkeys((*names, *self.names)):
             for path in (base / name for base in bases):
                 if path.exists() or path.is_symlink():
-                    self._packages.require(path, name)
-                    _check_asset(path, name)
+                    self.packages.require(path, name)
+                    _check_asset(path, name[:200])
                     found[path] = None
         return list(found)
 
 
 def _check_asset(path: Path, name: str) -> None:
-    told = path.stat()
-    if not stat.S_ISREG(told.st_mode):
-        raise DataError(f"{name[:200]} is no regular file", key=KEY)
-    if told.st_size > MOST_MESH:
-        raise DataError(f"{name[:200]} has more than {MOST_MESH / 1e6:g} MB", key=KEY)
-    with path.open("rb") as file:
-        head = file.read(24)
+    head = bounds.read_file(path, name, most=bounds.MOST_MESH)[:24]
     width, height = (int.from_bytes(head[n : n + 4], "big") for n in (16, 20))
     if head[1:4] == b"PNG" and width * height > _PIXELS:
-        raise DataError(f"{name[:200]} has {width} × {height} pixels, too many", key=KEY)
-
-
-def _copies(element: Element) -> int:
-    count = math.prod(max(number, 1.0) for number in _numbers(element.get("count", "1")))
-    return int(min(count, 1e9))
+        raise FileError(f"{name} has {width} × {height} pixels, too many")
 
 
 def _numbers(text: str) -> list[float]:
-    numbers = []
-    for word in text.split():
-        try:
-            numbers.append(float(word))
-        except ValueError:
-            return []
-    return numbers
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
 
 
 def _bytes(text: str) -> float:

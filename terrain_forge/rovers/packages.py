@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from terrain_forge.base import DataError
-from terrain_forge.rovers.rover_xml import KEY
+from terrain_forge.rovers.bounds import FileError
 
 _BESIDE = ("assets", "materials", "mesh", "meshes", "robots", "textures", "urdf", "xacro")
 """Folders that may lie beside that of a file which is in no package."""
 _WILD = re.compile(r"[*?[]")
 _NEAR = 4
 """Folders above a file of which one may be a package without a package.xml."""
-MOST_TEXT, MOST_MESH = 20_000_000, 300_000_000
-"""Largest files [bytes]."""
 
 
 class Packages:
@@ -60,21 +55,16 @@ class Packages:
         if package and Path(package).name == package and package != "..":
             beside = (self._file.parent, (self._home or self._file.parent).parent)
             for level, above in enumerate(self._file.parents):
-                if above.name == package and _is_found(above, bare=level < _NEAR):
-                    return self._opened(package, above)
-                if _is_found(above / package, bare=above in beside):
-                    return self._opened(package, above / package)
-        raise DataError(
+                for folder, bare in ((above, level < _NEAR), (above / package, above in beside)):
+                    if folder.name == package and _is_found(folder, bare=bare):
+                        self._known[package] = folder
+                        self._roots.append(folder.resolve())
+                        return folder
+        raise FileError(
             f"package {package[:80]!r} is not found about {self._file.name}: name its folder under "
             "packages",
             key=("rover", "packages"),
         )
-
-    def _opened(self, package: str, folder: Path) -> Path:
-        """A found folder, whose files may now be read."""
-        self._known[package] = folder
-        self._roots.append(folder.resolve())
-        return folder
 
     def path(self, name: str, beside: Path) -> Path:
         """The file that a path means: package://, model://, file://, absolute or beside a folder.
@@ -87,7 +77,7 @@ class Packages:
             package, _, rest = rest.partition("/")
             path = self.folder(package) / rest
         elif mark and scheme != "file":
-            raise DataError(f"{name[:200]!r} is no file: only package://, file:// are", key=KEY)
+            raise FileError(f"{name[:200]!r} is no file: only package://, file:// are")
         else:
             path = beside / (rest if mark else name)
         self.require(path, name)
@@ -104,7 +94,7 @@ class Packages:
             alike = self._library / name if self._library else path
             return [path if path.is_file() else alike]
         if not path.parent.is_dir():
-            raise DataError(f"{name[:200]!r}: there is no such folder", key=KEY)
+            raise FileError(f"{name[:200]!r}: there is no such folder")
         files = sorted(path.parent.glob(path.name))
         for file in files:
             self.require(file, str(file))
@@ -119,9 +109,9 @@ class Packages:
         try:
             whole = path.resolve()
         except (OSError, RuntimeError, ValueError) as error:
-            raise DataError(f"{name[:200]!r} is no path: {error}", key=KEY) from None
+            raise FileError(f"{name[:200]!r} is no path: {error}") from None
         if not any(whole.is_relative_to(root) for root in self._roots):
-            raise DataError(
+            raise FileError(
                 f"{name[:200]!r} lies outside of {self._roots[0].name!r}, the folder of "
                 f"{self._file.name}: name its own folder under packages",
                 key=("rover", "packages"),
@@ -150,35 +140,3 @@ def _personal() -> tuple[Path, ...]:
     except RuntimeError:
         return ()
     return (home, *home.parents)
-
-
-def read_file(path: Path, name: str, *, most: int) -> bytes:
-    """The content of a regular file: no pipe or device, which may have no end.
-
-    Args:
-        path: The file.
-        name: What messages call it.
-        most: Its largest size [bytes].
-
-    Raises:
-        DataError: if it is missing, not regular or too large.
-    """
-    try:
-        with open(path, "rb", opener=_open_at_once) as file:
-            told = os.fstat(file.fileno())
-            if not stat.S_ISREG(told.st_mode):
-                raise DataError(f"{name} is no regular file", key=KEY)
-            data = file.read(most + 1) if told.st_size <= most else b""
-    except FileNotFoundError:
-        raise DataError(f"no such file: {name}", key=KEY) from None
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise DataError(f"{name} cannot be read: {why}", key=KEY) from None
-    if max(told.st_size, len(data)) > most:
-        raise DataError(f"{name} has more than {most / 1e6:g} MB", key=KEY)
-    return data
-
-
-def _open_at_once(path: str, flags: int) -> int:
-    """Open a file without waiting for somebody to write to a pipe."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

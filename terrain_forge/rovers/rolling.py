@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, portable, rpy_from_matrix
-from terrain_forge.model import Coupling, Link, Rover, Shape, Wheel
-from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, Solid, placed
+from terrain_forge.model import Coupling, Link, Rover, Wheel
+from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
+from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.custom import FileRover
-from terrain_forge.rovers.tread import Tread, measure_tread
+from terrain_forge.rovers.tread import Tread, corners, measure_tread
 
-FILE = ("rover", "file")
 _UPRIGHT = 0.7
 """Vertical part of an axis from which a joint is one that steers."""
 _ACROSS = 0.95
@@ -27,7 +26,8 @@ _ROUNDING = 1e-12
 """What rounding may leave of an inertia about the origin that is taken away again."""
 _THINNEST = 1e-9
 """Smallest principal inertia over the largest; a thin rod of 10 m and 1 mm has 1e-8."""
-_HEADINGS = {"x": 0.0, "-x": math.pi, "y": -math.pi / 2, "-y": math.pi / 2}
+_HEADINGS = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, -1.0), "-y": (0.0, 1.0)}
+"""Cosine and sine of the turn that brings an axis forward."""
 
 
 def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
@@ -43,26 +43,30 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     machine = _Machine(assembly, spec)
     wheels, free_wheels = machine.find_wheels()
     passive = machine.find_passive(wheels, free_wheels)
-    notes = [*assembly.notes, *machine.held_notes(wheels | passive)]
-    turned, treads = machine.stand(wheels)
-    links, more = _make_links(turned, wheels, passive, treads)
-    rolling = tuple(
-        Wheel(link=name, centre=tread.centre, radius=tread.radius, width=tread.width)
-        for name, tread in treads.items()
-    )
+    bodies, treads = machine.stand(wheels)
+    links, notes = _make_links(bodies, wheels, passive, treads)
+    named = [b for b in assembly.bodies if b.joint.kind != "fixed" and b.joint.name]
+    held = [b.joint.name for b in named if b.name not in wheels | passive]
+    if held:
+        notes = [f"Held at rest: {', '.join(held)}.", *notes]
+    base = [s for s in links[0].shapes if s.collides] or links[0].shapes
+    lowest = min((float(corners(shape)[:, 2].min()) for shape in base), default=0.0)
     mass = sum(link.mass for link in links)
     return Rover(
         name=assembly.name,
         links=tuple(links),
-        wheels=rolling,
+        wheels=tuple(
+            Wheel(link=name, centre=tread.centre, radius=tread.radius, width=tread.width)
+            for name, tread in treads.items()
+        ),
         sensors=(),
         torque_limit=spec.torque_limit_n_m or machine.torque(wheels, treads, mass),
         speed_limit=spec.speed_limit_m_s,
         tilt_limit=math.radians(spec.tilt_limit_deg),
-        clearance=_clearance(links[0]),
+        clearance=max(lowest, 0.0),
         step_limit=spec.step_limit_m,
         couplings=machine.couplings(passive),
-        notes=(*notes, *more),
+        notes=tuple(notes),
     )
 
 
@@ -73,52 +77,58 @@ class _Machine:
         self.bodies = {body.name: body for body in assembly.bodies}
         self.spec = spec
         self.file = spec.file
-        self.gears = (*assembly.gears, *_told_gears(spec))
+        self.told_gears = [
+            Coupling(
+                link=c.joint, leader=c.follows, ratio=c.ratio, offset=math.radians(c.offset_deg)
+            )
+            for c in spec.couplings
+        ]
+        self.gears = [*assembly.gears, *self.told_gears]
         self.of_joint = {b.joint.name: b.name for b in assembly.bodies if b.joint.name}
-        self.poses = _poses(assembly.bodies)
-        self.base = self._find_base(assembly)
-
-    def _find_base(self, assembly: Assembly) -> Array:
-        """Rotation from the file's root axes to those of base_link, shape [3, 3]."""
-        name = self.spec.base or ("base_link" if "base_link" in self.bodies else "")
+        self.poses: dict[str, Array] = {}
+        """Of each body in the root's frame at rest, shape [4, 4]."""
+        for body in assembly.bodies:
+            above = self.poses.get(body.parent, np.eye(4))
+            self.poses[body.name] = portable.product(above, body.placement)
+        name = spec.base or ("base_link" if "base_link" in self.bodies else "")
         if name and name not in self.bodies:
             raise DataError(
                 f"{self.file} has no link {name!r}, it has: {', '.join(self.bodies)}",
                 key=("rover", "base"),
             )
         pose = self.poses[name or assembly.bodies[0].name]
-        angle = _HEADINGS[self.spec.forward]
-        cosine, sine = math.cos(angle), math.sin(angle)
+        cosine, sine = _HEADINGS[spec.forward]
         turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        return portable.product(np.round(turn, 15), pose[:3, :3].T)
+        self.base = portable.product(turn, pose[:3, :3].T)
+        """Rotation from the file's root axes to those of base_link, shape [3, 3]."""
 
     def axis(self, name: str) -> Array:
         """Axis of a body's joint in base_link's axes."""
         turned = portable.product(self.base, self.poses[name][:3, :3])
         return portable.product(turned, self.bodies[name].joint.axis)
 
-    def body_named(self, name: str, key: tuple[str | int, ...]) -> str:
-        """The body that a link's or a joint's name means."""
-        found = name if name in self.bodies else self.of_joint.get(name, "")
-        if not found or self.bodies[found].joint.kind not in TURNING:
-            raise DataError(
-                f"{self.file} has no joint or link {name!r} that turns, it has: {self._turning()}",
-                key=key,
-            )
-        return found
-
     def _turning(self) -> str:
         names = [b.joint.name for b in self.bodies.values() if b.joint.kind in TURNING]
         return ", ".join(names) or "none"
 
+    def _told(self, key: str) -> set[str]:
+        """Bodies of the joints or links that the recipe lists under a key."""
+        bodies = set()
+        for n, name in enumerate(getattr(self.spec, key)):
+            found = name if name in self.bodies else self.of_joint.get(name, "")
+            if not found or self.bodies[found].joint.kind not in TURNING:
+                has = self._turning()
+                raise DataError(
+                    f"{self.file} has no joint or link {name!r} that turns, it has: {has}",
+                    key=("rover", key, n),
+                )
+            bodies.add(found)
+        return bodies
+
     def find_wheels(self) -> tuple[set[str], set[str]]:
         """Bodies of the driven wheels, and of wheels that roll without a motor."""
         if self.spec.wheels:
-            named = [
-                self.body_named(name, ("rover", "wheels", number))
-                for number, name in enumerate(self.spec.wheels)
-            ]
-            return set(named), set()
+            return self._told("wheels"), set()
         found = {body.name for body in self.bodies.values() if self._is_wheel(body)}
         driven = {name for name in found if self.bodies[name].joint.driven} or found
         driven -= self._told("passive") | self._told("held")
@@ -136,22 +146,14 @@ class _Machine:
         named = "wheel" in body.name.lower() or "wheel" in joint.name.lower()
         return bool(endless and named and abs(self.axis(body.name)[2]) < _UPRIGHT)
 
-    def _told(self, key: str) -> set[str]:
-        """Bodies of the joints that the recipe lists under a key."""
-        names = getattr(self.spec, key)
-        return {self.body_named(name, ("rover", key, n)) for n, name in enumerate(names)}
-
     def find_passive(self, wheels: set[str], free_wheels: set[str]) -> set[str]:
         """Bodies whose joints turn freely: suspensions, swivels, wheels without a motor."""
         told, held = self._told("passive"), self._told("held")
-        geared = {self.of_joint.get(name) for g in self.gears for name in (g.joint, g.leader)}
+        geared = {self.of_joint.get(name) for g in self.gears for name in (g.link, g.leader)}
         above = {name for wheel in wheels | free_wheels for name in self._ancestors(wheel)}
-        free = {
-            name
-            for name in above | (geared & set(self.bodies))
-            if self._is_suspension(self.bodies[str(name)])
-        }
-        return ({str(name) for name in free} | told | free_wheels) - held - wheels
+        near = above | geared
+        free = {n for n, b in self.bodies.items() if n in near and self._is_suspension(b)}
+        return (free | told | free_wheels) - held - wheels
 
     def _is_suspension(self, body: Body) -> bool:
         joint = body.joint
@@ -166,23 +168,15 @@ class _Machine:
             name = parent
         return names
 
-    def held_notes(self, kept: set[str]) -> list[str]:
-        """What is said about joints that could move and do not."""
-        held = [b.joint.name for b in self.bodies.values() if b.joint.kind != "fixed"]
-        held = [name for name in held if name and self.of_joint[name] not in kept]
-        return [f"Held at rest: {', '.join(held)}."] if held else []
-
     def couplings(self, passive: Collection[str]) -> tuple[Coupling, ...]:
         """Gears between passive joints."""
         found = []
         for gear in self.gears:
-            pair = (self.of_joint.get(gear.joint, ""), self.of_joint.get(gear.leader, ""))
+            pair = (self.of_joint.get(gear.link, ""), self.of_joint.get(gear.leader, ""))
             if all(name in passive for name in pair):
-                found.append(
-                    Coupling(link=pair[0], leader=pair[1], ratio=gear.ratio, offset=gear.offset)
-                )
-            elif gear in self.gears[len(self.gears) - len(self.spec.couplings) :]:
-                wrong = gear.joint if pair[0] not in passive else gear.leader
+                found.append(gear.replace(link=pair[0], leader=pair[1]))
+            elif gear in self.told_gears:
+                wrong = gear.link if pair[0] not in passive else gear.leader
                 raise DataError(
                     f"{wrong!r} is no passive joint, there are: {', '.join(sorted(passive))}",
                     key=("rover", "couplings"),
@@ -199,10 +193,8 @@ class _Machine:
                     f"rover: forward is {self.spec.forward}, choose another of x, -x, y, -y",
                     key=("rover", "forward"),
                 )
-        raised = {
-            n: portable.product(placed(np.zeros(3), self.base), pose)
-            for n, pose in self.poses.items()
-        }
+        turned = placed(np.zeros(3), self.base)
+        raised = {n: portable.product(turned, pose) for n, pose in self.poses.items()}
         treads = self._treads(wheels, raised)
         lowest = min(tread.centre[2] - tread.radius for tread in treads.values())
         amid = np.mean([tread.centre for tread in treads.values()], axis=0)
@@ -211,75 +203,36 @@ class _Machine:
         bodies = [
             replace(b, placement=portable.product(shift, raised[n])) for n, b in self.bodies.items()
         ]
-        return bodies, {n: tread.moved(-origin) for n, tread in treads.items()}
+        return bodies, {n: replace(t, centre=t.centre - origin) for n, t in treads.items()}
 
     def _treads(self, wheels: set[str], poses: dict[str, Array]) -> dict[str, Tread]:
         """Treads of the wheels, front left first."""
-        treads = {}
-        parts: dict[str, list[Body]] = {name: [self.bodies[name]] for name in wheels}
+        parts: dict[str, list[Body]] = {name: [self.bodies[name]] for name in sorted(wheels)}
         for body in self.bodies.values():  # a tyre may be a link of its own
             for name in self._ancestors(body.name) if body.joint.kind == "fixed" else []:
                 if name in wheels:
                     parts[name].append(body)
-        for name in sorted(wheels):
-            treads[name] = measure_tread(
+        treads = {
+            name: measure_tread(
                 name,
-                [
-                    (portable.product(poses[part.name], s.placement), s)
-                    for part in parts[name]
-                    for s in part.solids
-                ],
+                [(portable.product(poses[b.name], at), s) for b in bodies for at, s in b.solids],
                 centre=poses[name][:3, 3],
                 axis=self.axis(name),
                 radius=self.spec.wheel_radius_m,
             )
+            for name, bodies in parts.items()
+        }
         places = {n: (-round(float(t.centre[0]), 2), -t.centre[1], n) for n, t in treads.items()}
         return {name: treads[name] for name in sorted(treads, key=places.__getitem__)}
 
     def torque(self, wheels: set[str], treads: dict[str, Tread], mass: float) -> float:
         """The file's least effort of a wheel [N m]; else that for the steepest tilt, twice over."""
-        efforts = [self.bodies[name].joint.effort for name in wheels]
-        told = [effort for effort in efforts if effort]
-        if told:
-            return min(told)
+        joints = [self.bodies[name].joint for name in wheels]
+        if efforts := [joint.effort for joint in joints if joint.effort]:
+            return min(efforts)
         radius = max(tread.radius for tread in treads.values())
         slope = math.sin(math.radians(self.spec.tilt_limit_deg))
         return 2 * mass * _EARTH * slope * radius / len(wheels)
-
-
-def _told_gears(spec: FileRover) -> tuple[Gear, ...]:
-    return tuple(
-        Gear(joint=c.joint, leader=c.follows, ratio=c.ratio, offset=math.radians(c.offset_deg))
-        for c in spec.couplings
-    )
-
-
-def _poses(bodies: tuple[Body, ...]) -> dict[str, Array]:
-    """Pose of each body in the root's frame at rest, shape [4, 4]."""
-    poses: dict[str, Array] = {}
-    for body in bodies:
-        poses[body.name] = portable.product(poses.get(body.parent, np.eye(4)), body.placement)
-    return poses
-
-
-@dataclass(kw_only=True)
-class _Mass:
-    """Mass properties that grow body by body, in base_link's frame."""
-
-    mass: float = 0.0
-    moment: NDArray[np.float64]
-    """Mass times position [kg m], shape [3]."""
-    about_origin: NDArray[np.float64]
-    """Inertia about the frame's origin [kg m²], shape [3, 3]."""
-
-    def add(self, body: Body) -> None:
-        """Add a body that stands in base_link's frame."""
-        rotation = body.placement[:3, :3]
-        at = portable.product(rotation, body.centre_of_mass) + body.placement[:3, 3]
-        self.mass += body.mass
-        self.moment = self.moment + body.mass * at
-        turned = portable.product(portable.product(rotation, body.inertia), rotation.T)
-        self.about_origin = self.about_origin + turned + body.mass * _steiner(at)
 
 
 def _steiner(arm: Array) -> Array:
@@ -296,13 +249,12 @@ def _make_links(
     for body in bodies:
         group[body.name] = body.name if body.name in moving else group.get(body.parent, "")
     places = {"": np.zeros(3), **{b.name: b.placement[:3, 3] for b in bodies}}
-    links, notes = [], []
+    links, notes = list[Link](), list[str]()
     for name in ("", *(b.name for b in bodies if b.name in moving)):
         members = [body for body in bodies if group[body.name] == name]
         link, said = _make_link(name, members, places[name], wheels, treads)
         if name:
-            body = members[0]
-            parent = group[body.parent]
+            parent = group[members[0].parent]
             link = link.replace(parent=_called(parent), origin=places[name] - places[parent])
         links.append(link)
         notes += said
@@ -318,30 +270,31 @@ def _make_link(
     name: str, members: list[Body], origin: Array, wheels: set[str], treads: dict[str, Tread]
 ) -> tuple[Link, list[str]]:
     """A link of bodies that do not move against each other."""
-    total = _Mass(moment=np.zeros(3), about_origin=np.zeros((3, 3)))
+    mass, moment, about = 0.0, np.zeros(3), np.zeros((3, 3))  # in base_link's frame
     for body in members:
-        total.add(body)
-    if not total.mass > 0:
+        rotation = body.placement[:3, :3]
+        at = portable.product(rotation, body.centre_of_mass) + body.placement[:3, 3]
+        mass += body.mass
+        moment = moment + body.mass * at
+        turned = portable.product(portable.product(rotation, body.inertia), rotation.T)
+        about = about + turned + body.mass * _steiner(at)
+    if not mass > 0:
         where = f"link {name!r} moves but" if name else "the body of the rover"
-        raise DataError(f"{where} has no mass, must be above 0 kg", key=FILE)
-    centre = total.moment / total.mass
-    inertia, said = _possible(
-        total.about_origin - total.mass * _steiner(centre), total.about_origin, name
-    )
-    solids = [
-        (portable.product(body.placement, solid.placement), solid)
-        for body in members
-        for solid in body.solids
-    ]
+        raise FileError(f"{where} has no mass, must be above 0 kg")
+    centre = moment / mass
+    inertia, said = _possible(about - mass * _steiner(centre), about, name)
     joint = members[0].joint
-    axis = (
-        portable.product(members[0].placement[:3, :3], joint.axis)
-        if name
-        else np.array([1.0, 0.0, 0.0])
-    )
+    axis = np.array([1.0, 0.0, 0.0])
+    if name:
+        axis = portable.product(members[0].placement[:3, :3], joint.axis)
     # A wheel that rolls forward turns about +y, to whichever side its axis pointed.
     forward = -1.0 if name in wheels and axis[1] < 0 else 1.0
-    shapes = [_shape(pose, solid, origin) for pose, solid in solids]
+    shapes = []
+    for body in members:
+        for place, shape in body.solids:
+            pose = portable.product(body.placement, place)
+            rpy = rpy_from_matrix(pose[:3, :3])
+            shapes.append(shape.replace(position=pose[:3, 3] - origin, rpy=rpy))
     if name in treads:
         shapes = treads[name].dress(shapes, origin)
     link = Link(
@@ -353,7 +306,7 @@ def _make_link(
         limits=joint.limits if name and name not in wheels else None,
         damping=joint.damping if name else 0.0,
         friction=joint.friction if name else 0.0,
-        mass=total.mass,
+        mass=mass,
         centre_of_mass=centre - origin,
         inertia=inertia,
         shapes=tuple(shapes),
@@ -373,28 +326,6 @@ def _possible(inertia: Array, about_origin: Array, name: str) -> tuple[Array, li
         return inertia, []
     mean = float(np.trace(inertia)) / 3
     if not mean > rounding:
-        raise DataError(f"link {name or 'base_link'!r} has no inertia, must be above 0", key=FILE)
+        raise FileError(f"link {name or 'base_link'!r} has no inertia, must be above 0")
     called = _called(name)
     return mean * np.eye(3), [f"No body has the inertia of {called}: its mean was taken."]
-
-
-def _shape(pose: Array, solid: Solid, origin: Array) -> Shape:
-    return Shape(
-        kind=solid.kind,
-        size=solid.size,
-        position=pose[:3, 3] - origin,
-        rpy=rpy_from_matrix(pose[:3, :3]),
-        collides=solid.collides,
-        rgb=solid.rgb,
-        visible=solid.visible,
-        mesh=solid.mesh,
-    )
-
-
-def _clearance(base: Link) -> float:
-    """Height of the lowest box around a solid of the body [m]; 0 if it reaches to the ground."""
-    from terrain_forge.rovers.tread import corners
-
-    solid = [shape for shape in base.shapes if shape.collides] or base.shapes
-    lowest = [float(corners(shape)[:, 2].min()) for shape in solid]
-    return max(min(lowest, default=0.0), 0.0)

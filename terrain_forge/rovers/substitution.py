@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
-from terrain_forge.rovers.expressions import FUNCTIONS, Budget, evaluate
+from terrain_forge.rovers.expressions import FUNCTIONS, Budget, Scope, Value, evaluate, literal
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.scopes import Scope, Value, literal
 
 _PIECE = re.compile(
     r"(?P<escaped>\$\$+[{(])|\$\{(?P<expression>[^}]*)\}"
@@ -27,29 +25,22 @@ class Substitution:
 
     Args:
         packages: Finds what `$(find …)` names.
-        budget: What it may cost.
     """
 
-    def __init__(self, packages: Packages, budget: Budget) -> None:
+    def __init__(self, packages: Packages) -> None:
         self.file = Path()
         """The file that is being expanded."""
         self.arguments: dict[str, str] = {}
         """Values of `$(arg …)`."""
+        self.budget = Budget()
+        """What it may cost."""
         self._packages = packages
-        self._budget = budget
         self._depth = 0
-
-    def scope(self, names: Mapping[str, Value]) -> Scope:
-        """A scope of its own that holds these values."""
-        scope = Scope(evaluate=self.value)
-        for name, value in names.items():
-            scope.set(name, value)
-        return scope
 
     def text(self, told: str, names: Scope) -> str:
         """A text with everything in it substituted."""
         text = str(self.value(told, names))
-        self._budget.spend("characters", len(text))
+        self.budget.spend("characters", len(text))
         return text
 
     def value(self, told: str, names: Scope) -> Value:
@@ -58,7 +49,7 @@ class Substitution:
         Raises:
             ValueError: for what is wrong in it.
         """
-        self._budget.spend("characters", len(told))
+        self.budget.spend("characters", len(told))
         if "$" not in told:
             return told
         self._depth += 1
@@ -77,14 +68,14 @@ class Substitution:
         text = "".join(map(str, values))
         if len(text) > _LONGEST:
             raise ValueError(f"a text of more than {_LONGEST} characters")
-        self._budget.spend("characters", len(text))
+        self.budget.spend("characters", len(text))
         return text
 
     def _piece(self, found: re.Match[str], names: Scope) -> Value:
         if found["expression"] is not None:
             expression = self.text(found["expression"], names)
             functions = FUNCTIONS | {"xacro.arg": self._argument}
-            return evaluate(expression, names, budget=self._budget, functions=functions)
+            return evaluate(expression, names, budget=self.budget, functions=functions)
         if found["command"] is not None:
             return self._command(self.text(found["command"], names))
         return found["escaped"][1:] if found["escaped"] else found["text"]
@@ -105,15 +96,16 @@ class Substitution:
                     "its default"
                 )
             case ["eval", *_]:
-                own = self.scope({**self.arguments, "true": True, "false": False})
-                functions = FUNCTIONS | {
+                own = Scope(values={**self.arguments, "true": True, "false": False})
+                functions: dict[str, Callable[..., Value]] = {
+                    **FUNCTIONS,
                     "arg": lambda name: literal(self._argument(name)),
                     "find": self._find,
                     "dirname": self._dirname,
                     "optenv": lambda _, default="": default,
                 }
                 expression = told.strip().removeprefix("eval")
-                return str(evaluate(expression, own, budget=self._budget, functions=functions))
+                return str(evaluate(expression, own, budget=self.budget, functions=functions))
         raise ValueError(
             f"$({told[:80]}) is not known: arg, find, dirname, optenv and eval are; for a file of "
             "yours, `trust: true` runs the package xacro"
@@ -129,14 +121,3 @@ class Substitution:
 
     def _dirname(self) -> str:
         return str(self.file.resolve().parent)
-
-
-def attribute(element: Element, name: str) -> str:
-    """An attribute that an element must have.
-
-    Raises:
-        ValueError: if it has not.
-    """
-    if name not in element.attrib:
-        raise ValueError(f"<{element.tag[:80]}> lacks {name!r}")
-    return element.attrib[name]

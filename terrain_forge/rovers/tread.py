@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,10 +37,6 @@ class Tread:
     round: bool
     """Whether what collides is a sphere or a cylinder of this very radius already."""
 
-    def moved(self, by: Array) -> Tread:
-        """The same elsewhere; `by` in metres, shape [3]."""
-        return replace(self, centre=self.centre + by)
-
     def dress(self, shapes: Sequence[Shape], origin: Array) -> list[Shape]:
         """The wheel's shapes; a smooth cylinder collides in place of what is not round.
 
@@ -69,7 +65,7 @@ class Tread:
 
 def measure_tread(
     name: str,
-    solids: Sequence[tuple[Array, Solid]],
+    solids: Sequence[Solid],
     *,
     centre: Array,
     axis: Array,
@@ -87,17 +83,19 @@ def measure_tread(
     Raises:
         DataError: if it has no shape and no radius was told.
     """
-    touched = [(pose, s) for pose, s in solids if s.collides] or list(solids)
+    touched = [(pose, s) for pose, s in solids if s.collides] or solids
     if not touched:
         raise DataError(
             f"wheel {name!r} has no geometry: its radius is unknown", key=("rover", "wheels")
         )
-    points = np.concatenate([_outline(pose, solid) for pose, solid in touched]) - centre
+    points = np.concatenate([_outline(s, p[:3, :3], p[:3, 3]) for p, s in touched]) - centre
     along = portable.product(points, axis)
     reach = np.linalg.norm(points - along[:, None] * axis, axis=1)
     measured, width = float(reach.max()), float(np.ptp(along))
-    shape = touched[0][1]
-    exact = len(touched) == 1 and _is_round(*touched[0], axis) and shape.collides
+    pose, shape = touched[0]
+    aligned = abs(float(portable.product(pose[:3, 2], axis))) > _ALIGNED
+    exact = len(touched) == 1 and shape.collides
+    exact &= shape.kind == "sphere" or (shape.kind == "cylinder" and aligned)
     if exact:
         measured = shape.size[0]
         width = shape.size[1] if shape.kind == "cylinder" else 2 * measured
@@ -112,32 +110,20 @@ def measure_tread(
 
 def corners(shape: Shape) -> Array:
     """Points of a shape that no point of it exceeds, in the link's frame [m], shape [n, 3]."""
-    rotation = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
-    if shape.mesh is not None:
-        return np.asarray(portable.product(shape.mesh.vertices, rotation.T) + shape.position)
-    return np.asarray(
-        portable.product(_points(shape.kind, shape.size), rotation.T) + shape.position
-    )
+    return _outline(shape, matrix_from_quaternion(quaternion_from_rpy(shape.rpy)), shape.position)
 
 
-def _is_round(pose: Array, solid: Solid, axis: Array) -> bool:
-    if solid.kind == "sphere":
-        return True
-    return solid.kind == "cylinder" and abs(float(portable.product(pose[:3, 2], axis))) > _ALIGNED
-
-
-def _outline(pose: Array, solid: Solid) -> Array:
-    local = _points(solid.kind, solid.size) if solid.mesh is None else solid.mesh.vertices
-    return np.asarray(portable.product(local, pose[:3, :3].T) + pose[:3, 3])
-
-
-def _points(kind: str, size: tuple[float, ...]) -> Array:
-    """Outermost points of a simple solid around its centre [m], shape [n, 3]."""
-    if kind == "box":
-        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-        return np.asarray(signs * size)
+def _outline(shape: Shape, rotation: Array, position: Array) -> Array:
+    """Outermost points of a shape that is turned and put somewhere [m], shape [n, 3]."""
+    size = shape.size
     angles = np.linspace(0.0, 2 * math.pi, 72, endpoint=False)
     ring = size[0] * np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
-    if kind == "sphere":
-        return np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
-    return np.concatenate([ring + np.array([0, 0, z]) for z in (-size[1] / 2, size[1] / 2)])
+    if shape.mesh is not None:
+        points = shape.mesh.vertices
+    elif shape.kind == "box":
+        points = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * size
+    elif shape.kind == "sphere":
+        points = np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
+    else:
+        points = np.concatenate([ring + np.array([0, 0, z]) for z in (-size[1] / 2, size[1] / 2)])
+    return np.asarray(portable.product(points, rotation.T) + position)

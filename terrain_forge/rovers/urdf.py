@@ -6,7 +6,7 @@ The format: https://docs.ros.org/en/rolling/Tutorials/Intermediate/URDF/URDF-Mai
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -14,25 +14,16 @@ import numpy as np
 
 from terrain_forge.base import (
     Array,
-    DataError,
     matrix_from_quaternion,
     portable,
     quaternion_from_rpy,
 )
-from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Gear, Joint, Solid, placed
-from terrain_forge.rovers.limits import (
-    FARTHEST,
-    HEAVIEST,
-    MOST_EFFORT,
-    MOST_LINKS,
-    MOST_SHAPES,
-    SMALLEST,
-    check_name,
-    require_below,
-)
+from terrain_forge.model import Coupling
+from terrain_forge.rovers import bounds
+from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Joint, Solid, bare_shape, placed
+from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.rover_xml import KEY
 
 _GREY = (0.6, 0.6, 0.6)
 _STEEPEST = 1e6
@@ -43,57 +34,47 @@ _TAGS = ("visual", "collision")
 _KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 
 
-def read_urdf(robot: Element, *, file: Path, packages: Packages, meshes: MeshFiles) -> Assembly:
-    """The assembly of a `<robot>`.
+def read_urdf(robot: Element, file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
+    """The assembly of a `<robot>`, and the meshes that it names.
 
     Args:
         robot: The root element.
         file: Where it is from; its mesh paths are relative to it.
         packages: Where the packages are that its paths name.
-        meshes: Reads its meshes.
 
     Raises:
         DataError: for what a URDF cannot be: two roots, a loop, a number that is none.
     """
-    joints = robot.findall("joint")
-    links = _by_name(robot, "link", file)
-    _by_name(robot, "joint", file)
+    links, joints = (_by_name(robot, tag, file) for tag in ("link", "joint"))
     shapes = sum(len(link.findall(tag)) for link in links.values() for tag in _TAGS)
-    require_below(len(links), MOST_LINKS, "links", file.name)
-    require_below(shapes, MOST_SHAPES, "shapes", file.name)
-    driven = _driven_joints(robot)
-    by_child = {_reference(joint, "child"): joint for joint in joints}
+    bounds.require_below(len(links), bounds.MOST_LINKS, "links", file.name)
+    bounds.require_below(shapes, bounds.MOST_SHAPES, "shapes", file.name)
+    transmitted = robot.findall("transmission/joint")
+    controlled = robot.findall("ros2_control/joint/command_interface/..")
+    driven = {joint.get("name", "") for joint in (*transmitted, *controlled)}
+    by_child = {_reference(joint, "child"): joint for joint in joints.values()}
     if len(by_child) < len(joints):
-        raise DataError(f"{file.name}: a link is the child of two joints", key=KEY)
+        raise FileError(f"{file.name}: a link is the child of two joints")
     materials = {_name(m): _rgb(m) for m in robot.findall("material")}  # the last of a name
+    meshes = MeshFiles(packages)
     reader = _LinkReader(file, packages, meshes, materials)
     bodies = [
         reader.body(name, links[name], by_child.get(name), driven)
         for name in _parents_first(links, by_child, file)
     ]
-    gears = [gear for joint in joints for gear in _gears(joint)]
-    return Assembly(
-        name=check_name(robot.get("name") or file.stem, "robot"),
-        bodies=tuple(bodies),
-        gears=tuple(gears),
-        notes=(),
-    )
+    name = bounds.check_name(robot.get("name") or file.stem, "robot")
+    gears = tuple(gear for joint in joints.values() for gear in _gears(joint))
+    return Assembly(name=name, bodies=tuple(bodies), gears=gears), list(meshes.read)
 
 
+@dataclass(frozen=True)
 class _LinkReader:
     """Makes bodies of links; knows where meshes are and what colours have names."""
 
-    def __init__(
-        self,
-        file: Path,
-        packages: Packages,
-        meshes: MeshFiles,
-        materials: dict[str, tuple[float, float, float] | None],
-    ) -> None:
-        self._file = file
-        self._packages = packages
-        self._meshes = meshes
-        self._materials = materials
+    file: Path
+    packages: Packages
+    meshes: MeshFiles
+    materials: dict[str, tuple[float, float, float] | None]
 
     def body(self, name: str, link: Element, joint: Element | None, driven: set[str]) -> Body:
         """The body of a link and of the joint above it."""
@@ -106,8 +87,11 @@ class _LinkReader:
             ]
             for tag in _TAGS
         )
-        solids = [*(replace(s, collides=any(map(s.fills, touched))) for s in seen)]
-        solids += [s for s in touched if not any(map(s.fills, seen))]
+        solids = [
+            (place, shape.replace(collides=any(_fills((place, shape), s) for s in touched)))
+            for place, shape in seen
+        ]  # one solid is both seen and touched where two fill the same space
+        solids += [t for t in touched if not any(_fills(t, s) for s in seen)]
         return Body(
             name=name,
             parent="" if joint is None else _reference(joint, "parent"),
@@ -121,31 +105,32 @@ class _LinkReader:
 
     def _solids(self, element: Element, *, collides: bool) -> list[Solid]:
         geometry = element.find("geometry")
-        rgb = None if collides else self._colour(element.find("material"))
+        material, rgb = element.find("material"), None
+        if material is not None and not collides:
+            rgb = _rgb(material) or self.materials.get(material.get("name", ""))
         placement = _origin(element)
         for shape in geometry if geometry is not None else []:
             if shape.tag == "mesh":
-                path = self._packages.path(shape.get("filename", ""), self._file.parent)
-                scale = np.array(_floats(shape, "scale", "1 1 1", 3, most=FARTHEST))
-                return self._meshes.solids(
+                path = self.packages.path(shape.get("filename", ""), self.file.parent)
+                scale = np.array(_floats(shape, "scale", "1 1 1", 3, most=bounds.FARTHEST))
+                return self.meshes.solids(
                     path, scale=scale, placement=placement, collides=collides, rgb=rgb
                 )
-            return [
-                Solid(
-                    kind=shape.tag,
-                    size=_size(shape),
-                    placement=placement,
-                    collides=collides,
-                    visible=not collides,
-                    rgb=rgb or _GREY,
-                )
-            ]
-        raise DataError(f"{self._file.name}: a {element.tag} has no geometry", key=KEY)
+            made = bare_shape(
+                kind=shape.tag,
+                size=_size(shape),
+                collides=collides,
+                visible=not collides,
+                rgb=rgb or _GREY,
+            )
+            return [(placement, made)]
+        raise FileError(f"{self.file.name}: a {element.tag} has no geometry")
 
-    def _colour(self, material: Element | None) -> tuple[float, float, float] | None:
-        if material is None:
-            return None
-        return _rgb(material) or self._materials.get(material.get("name", ""))
+
+def _fills(one: Solid, other: Solid) -> bool:
+    (at, a), (there, b) = one, other
+    alike = a.mesh is None is b.mesh and (a.kind, a.size) == (b.kind, b.size)
+    return alike and np.array_equal(at, there)
 
 
 def _parents_first(
@@ -154,28 +139,19 @@ def _parents_first(
     """Names of all links, parents before children."""
     parent = {child: _reference(joint, "parent") for child, joint in by_child.items()}
     for name in {*parent, *parent.values()} - set(links):
-        raise DataError(f"{file.name}: a joint names the link {name!r}, there is none", key=KEY)
+        raise FileError(f"{file.name}: a joint names the link {name!r}, there is none")
     roots = [name for name in links if name not in parent]
     if len(roots) != 1:
         found = ", ".join(roots) or "none"
-        raise DataError(f"{file.name}: a rover has one root link, found {found}", key=KEY)
+        raise FileError(f"{file.name}: a rover has one root link, found {found}")
     order, level = [], roots
     while level:
         order += level
         last = set(level)
         level = [child for child, above in parent.items() if above in last]
     if len(order) < len(links):
-        raise DataError(f"{file.name}: joints form a loop", key=KEY)
+        raise FileError(f"{file.name}: joints form a loop")
     return order
-
-
-def _driven_joints(robot: Element) -> set[str]:
-    """Joints with a motor, by a transmission or a ros2_control command."""
-    names = {j.get("name", "") for t in robot.findall("transmission") for j in t.findall("joint")}
-    for joint in robot.findall("ros2_control/joint"):
-        if joint.find("command_interface") is not None:
-            names.add(joint.get("name", ""))
-    return names
 
 
 def _joint(element: Element | None, driven: set[str]) -> Joint:
@@ -183,16 +159,15 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
         return Joint()
     name, kind = _name(element), element.get("type", "")
     if kind not in _KINDS:
-        raise DataError(
-            f"joint {name!r} has the type {kind[:40]!r}, must be one of {', '.join(_KINDS)}",
-            key=KEY,
+        raise FileError(
+            f"joint {name!r} has the type {kind[:40]!r}, must be one of {', '.join(_KINDS)}"
         )
     if kind not in TURNING:  # neither its axis nor its limits mean anything to the rover
         return Joint(name=name, kind=kind, driven=name in driven)
     axis = np.array(_floats(element.find("axis"), "xyz", "1 0 0", 3, most=_STEEPEST))
     length = float(portable.norm(axis))
     if not length >= 1 / _STEEPEST:
-        raise DataError(f"joint {name!r} is {kind}, and its axis has no direction", key=KEY)
+        raise FileError(f"joint {name!r} is {kind}, and its axis has no direction")
     limit, dynamics = element.find("limit"), element.find("dynamics")
     effort = _float(limit, "effort", 0.0)
     limits = tuple(_float(limit, end, 0.0, most=_ENDLESS) for end in ("lower", "upper"))
@@ -201,36 +176,28 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
         kind=kind,
         axis=axis / length,
         limits=(limits[0], limits[1]) if kind == "revolute" else None,
-        damping=_loss(dynamics, "damping"),
-        friction=_loss(dynamics, "friction"),
-        effort=effort if 0 < effort <= MOST_EFFORT else None,
+        damping=_float(dynamics, "damping", 0.0, least=0.0, most=bounds.MOST_EFFORT),
+        friction=_float(dynamics, "friction", 0.0, least=0.0, most=bounds.MOST_EFFORT),
+        effort=effort if 0 < effort <= bounds.MOST_EFFORT else None,
         driven=name in driven,
     )
 
 
-def _loss(dynamics: Element | None, name: str) -> float:
-    """Damping or dry friction; a negative one would drive the joint."""
-    value = _float(dynamics, name, 0.0, most=MOST_EFFORT)
-    if value < 0:
-        raise DataError(f"dynamics {name}={value:g}: must be 0 or more", key=KEY)
-    return value
-
-
-def _gears(joint: Element) -> list[Gear]:
+def _gears(joint: Element) -> list[Coupling]:
     """What a turning joint follows."""
     if joint.get("type") not in TURNING:
         return []
     gears = [
-        Gear(
-            joint=_name(joint),
+        Coupling(
+            link=_name(joint),
             leader=mimic.get("joint", ""),
-            ratio=_float(mimic, "multiplier", 1.0, most=MOST_EFFORT),
-            offset=_float(mimic, "offset", 0.0, most=MOST_EFFORT),
+            ratio=_float(mimic, "multiplier", 1.0, most=bounds.MOST_EFFORT),
+            offset=_float(mimic, "offset", 0.0, most=bounds.MOST_EFFORT),
         )
         for mimic in joint.findall("mimic")
     ]
-    if any(gear.joint == gear.leader for gear in gears):
-        raise DataError(f"joint {_name(joint)!r} follows itself", key=KEY)
+    if any(gear.link == gear.leader for gear in gears):
+        raise FileError(f"joint {_name(joint)!r} follows itself")
     return gears
 
 
@@ -239,14 +206,12 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
     inertial = link.find("inertial")
     if inertial is None:
         return 0.0, np.zeros(3), np.zeros((3, 3))
-    mass = _float(inertial.find("mass"), "value", 0.0, most=HEAVIEST)
+    mass = _float(inertial.find("mass"), "value", 0.0, most=bounds.HEAVIEST)
     if mass < 0:
-        raise DataError(
-            f"link {_name(link)!r} has a mass of {mass:g} kg, must be 0 or more", key=KEY
-        )
+        raise FileError(f"link {_name(link)!r} has a mass of {mass:g} kg, must be 0 or more")
     tensor = inertial.find("inertia")
     xx, xy, xz, yy, yz, zz = (
-        _float(tensor, name, 0.0, most=HEAVIEST)
+        _float(tensor, name, 0.0, most=bounds.HEAVIEST)
         for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     placement = _origin(inertial)
@@ -258,29 +223,21 @@ def _mass(link: Element) -> tuple[float, Array, Array]:
 def _origin(element: Element) -> Array:
     """The element's `<origin>` as a matrix, shape [4, 4]."""
     origin = element.find("origin")
-    rpy = np.array(_floats(origin, "rpy", "0 0 0", 3, most=FARTHEST))
-    position = np.array(_floats(origin, "xyz", "0 0 0", 3, most=FARTHEST))
+    rpy = np.array(_floats(origin, "rpy", "0 0 0", 3, most=bounds.FARTHEST))
+    position = np.array(_floats(origin, "xyz", "0 0 0", 3, most=bounds.FARTHEST))
     return placed(position, matrix_from_quaternion(quaternion_from_rpy(rpy)))
 
 
 def _size(shape: Element) -> tuple[float, ...]:
-    if shape.tag == "box":
-        return _positive(shape, _floats(shape, "size", "", 3))
-    radius = _float(shape, "radius", math.nan)
-    if shape.tag == "sphere":
-        return _positive(shape, (radius,))
-    if shape.tag == "cylinder":
-        return _positive(shape, (radius, _float(shape, "length", math.nan)))
-    raise DataError(f"geometry {shape.tag!r}: box, cylinder, sphere or mesh", key=KEY)
-
-
-def _positive(shape: Element, size: tuple[float, ...]) -> tuple[float, ...]:
-    if not all(SMALLEST <= length <= FARTHEST for length in size):
+    sizes = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length")}
+    if shape.tag not in sizes:
+        raise FileError(f"geometry {shape.tag!r}: box, cylinder, sphere or mesh")
+    count = 3 if shape.tag == "box" else 1
+    size = tuple(v for key in sizes[shape.tag] for v in _floats(shape, key, "", count))
+    least, most = bounds.SMALLEST, bounds.FARTHEST
+    if not all(least <= length <= most for length in size):
         told = " ".join(f"{length:g}" for length in size)
-        raise DataError(
-            f"a {shape.tag} has lengths of {told} m, must be {SMALLEST:g} to {FARTHEST:g} m",
-            key=KEY,
-        )
+        raise FileError(f"a {shape.tag} has lengths of {told} m, must be {least:g} to {most:g} m")
     return size
 
 
@@ -295,8 +252,8 @@ def _rgb(material: Element) -> tuple[float, float, float] | None:
 def _name(element: Element) -> str:
     name = element.get("name", "")
     if not name:
-        raise DataError(f"a {element.tag} has no name", key=KEY)
-    return check_name(name, element.tag)
+        raise FileError(f"a {element.tag} has no name")
+    return bounds.check_name(name, element.tag)
 
 
 def _by_name(robot: Element, tag: str, file: Path) -> dict[str, Element]:
@@ -304,34 +261,44 @@ def _by_name(robot: Element, tag: str, file: Path) -> dict[str, Element]:
     found: dict[str, Element] = {}
     for element in robot.findall(tag):
         if found.setdefault(_name(element), element) is not element:
-            raise DataError(f"{file.name} has two {tag}s {_name(element)!r}", key=KEY)
+            raise FileError(f"{file.name} has two {tag}s {_name(element)!r}")
     return found
 
 
 def _reference(joint: Element, tag: str) -> str:
     found = joint.find(tag)
     if found is None or not found.get("link"):
-        raise DataError(f"joint {_name(joint)!r} names no {tag} link", key=KEY)
+        raise FileError(f"joint {_name(joint)!r} names no {tag} link")
     return str(found.get("link"))
 
 
-def _float(element: Element | None, name: str, default: float, *, most: float = math.inf) -> float:
-    return _floats(element, name, repr(default), 1, most=most)[0]
+def _float(element: Element | None, name: str, default: float, **bounds: float) -> float:
+    return _floats(element, name, repr(default), 1, **bounds)[0]
 
 
 def _floats(
-    element: Element | None, name: str, default: str, count: int, *, most: float = math.inf
+    element: Element | None,
+    name: str,
+    default: str,
+    count: int,
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
 ) -> tuple[float, ...]:
+    """The numbers of an attribute, none of them above `most` to either side."""
     text = default if element is None else element.get(name, default)
     try:
         values = tuple(map(float, text.split()))
     except ValueError:
         values = ()
+    why = ""
     if len(values) != count or not (text == default or all(map(math.isfinite, values))):
-        what = "a number" if count == 1 else f"{count} numbers"
+        why = "a number" if count == 1 else f"{count} numbers"
+    elif any(abs(value) > most for value in values):
+        why = f"at most {most:g}"
+    elif any(value < least for value in values):
+        why = f"{least:g} or more"
+    if why:
         tag = "?" if element is None else element.tag
-        raise DataError(f"{tag} {name}={text[:200]!r}: must be {what}", key=KEY)
-    if any(abs(value) > most for value in values):
-        tag = "?" if element is None else element.tag
-        raise DataError(f"{tag} {name}={text[:200]!r}: must be at most {most:g}", key=KEY)
+        raise FileError(f"{tag} {name}={text[:200]!r}: must be {why}")
     return values

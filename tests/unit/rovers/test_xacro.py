@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from terrain_forge.base import DataError
-from terrain_forge.rovers.macros import expand_xacro
+from terrain_forge.rovers.macros import expand_trusted, expand_xacro
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.trusted import expand_trusted
 from tests.helpers.places import DATA
 
 ROBOT = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
