@@ -28,7 +28,7 @@ from terrain_forge.writers import (
 
 from ..sdf.model import world_name
 from ..sdf.rocks import is_single
-from .options import ADVICE, WORTH_SAYING, Load, Options, outline_error, require_parsable
+from .options import ADVICE, WORTH_SAYING, Load, Options, require_parsable
 from .rocks import (
     MATERIALS,
     collision,
@@ -53,7 +53,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     folder = directory / "assets"
     folder.mkdir()
     shapes = world.library.prototypes
-    error = outline_error(world, options)
+    error = options.merged_error(world)
     coarse = [p.meshes[level_of_detail(p, error)] for p in shapes]
     links: list[Lines] = []
     rocks: list[Lines] = []

@@ -65,6 +65,11 @@ class Options(Spec):
     """Hydroelastic modulus of dynamic rocks [Pa]: how hard they are. The ground and the static
     rocks are rigid."""
 
+    def merged_error(self, world: World) -> float:
+        """The error that outlines of a world's merged rocks may have."""
+        tried = COARSENESS if self.outline_error is None else (self.outline_error,)
+        return next((e for e in tried if parsing_load(world, self, e).bearable), tried[-1])
+
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
@@ -118,19 +123,13 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         )
 
 
-def outline_error(world: World, options: Options) -> float:
-    """The error that a merged rock's outline may have."""
-    tried = COARSENESS if options.outline_error is None else (options.outline_error,)
-    return next((e for e in tried if parsing_load(world, options, e).bearable), tried[-1])
-
-
 def require_parsable(world: World, options: Options) -> Load:
     """What Drake's parser takes for a world.
 
     Raises:
         ExportError: if it would sit over it for long; says what to choose instead.
     """
-    load = parsing_load(world, options, outline_error(world, options))
+    load = parsing_load(world, options, options.merged_error(world))
     if not load.bearable:
         raise ExportError(f"Drake's parser would load {load} ({_ALLOWED}); {ADVICE}")
     return load

@@ -24,8 +24,6 @@ from terrain_forge.validation import (
     run,
 )
 
-from .options import outline_error
-
 VARIABLE = "TERRAIN_FORGE_DRAKE_PYTHON"
 """The environment variable that names a Python with Drake."""
 
@@ -54,7 +52,7 @@ def read_drake(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
         text = run(command, text=json.dumps(order), log=scratch / "drake.log")
         reading = read_answer(sample, text, binary)
     reasons = {"gravity": "Drake takes none from files", "path": "Drake has no actors"}
-    error = outline_error(sample.world, options)
+    error = options.merged_error(sample.world)
     return replace(reading, tracks=None, rock_error=error, reasons=reasons)
 
 

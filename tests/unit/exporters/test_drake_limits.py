@@ -7,7 +7,6 @@ from terrain_forge.exporters.drake.options import (
     COARSENESS,
     MB_PER_FACE,
     WORTH_SAYING,
-    outline_error,
     parsing_load,
     require_parsable,
 )
@@ -59,10 +58,10 @@ def test_merged_rocks_are_as_coarse_as_the_parser_needs(small_world, monkeypatch
     merged = Options(individual_min_m=9)
     fine, coarse = (parsing_load(world, merged, error) for error in (COARSENESS[0], COARSENESS[-1]))
     assert fine.faces > 1.5 * coarse.faces
-    assert outline_error(world, merged) == COARSENESS[0]
+    assert merged.merged_error(world) == COARSENESS[0]
     limit = MB_PER_FACE * 0.5 * (fine.faces + coarse.faces)
     monkeypatch.setattr("terrain_forge.exporters.drake.options.MOST_MB", limit)
-    assert outline_error(world, merged) > COARSENESS[0]
+    assert merged.merged_error(world) > COARSENESS[0]
     assert require_parsable(world, merged).bearable
     with pytest.raises(ExportError, match="larger individual_min_m or outline_error"):
         require_parsable(world, Options(individual_min_m=9, outline_error=COARSENESS[0]))
