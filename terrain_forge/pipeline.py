@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,13 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Progress, Stopwatch, reading, silent
 from terrain_forge.building import (
-    ASSESSED,
     BuildResult,
-    Manifest,
-    altered_files,
+    FolderState,
     blaming,
     chosen_exports,
     dtm_lines,
     exports_in,
-    foreign_files,
-    own_files,
+    folder_state,
     put,
     re_export_orders,
     read_manifest,
@@ -353,7 +350,7 @@ def export(
     orders = re_export_orders(world, out, only)
     folders = [order.folder for order in orders]
     require_listed(out, manifest, folders, force=force)
-    before = _before(out, manifest, *(f"{folder}/" for folder in folders))
+    before = folder_state(out, manifest, *(f"{folder}/" for folder in folders))
     exports = {export.folder: export for export in exports_in(manifest)}
     with updating(out) as staging, blaming(out, before.altered):
         for order in orders:
@@ -393,7 +390,7 @@ def validate(
     watch("load")
     world = World.load(out)
     require_readable_recipe(world, out)
-    before = _before(out, manifest)
+    before = folder_state(out, manifest)
     with updating(out), blaming(out, before.altered):
         return _assess(
             world,
@@ -406,34 +403,13 @@ def validate(
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Before:
-    """What lies in a built folder before it is assessed again."""
-
-    altered: dict[str, str] = field(default_factory=dict)
-    """Files that are not as they were built, with the hash that they should have."""
-    foreign: tuple[str, ...] = ()
-    """Files that are not the world's."""
-    assessment: tuple[str, ...] = ()
-    """Files of an earlier assessment."""
-
-
-def _before(out: Path, manifest: Manifest, *renewed: str) -> _Before:
-    foreign = foreign_files(out, manifest)
-    return _Before(
-        altered=altered_files(out, manifest, besides=(*ASSESSED, *renewed)),
-        foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
-        assessment=tuple(own_files(out, manifest, under="validation/")),
-    )
-
-
 def _assess(
     world: World,
     directory: Path,
     *,
     exports: tuple[Export, ...],
     watch: Stopwatch,
-    before: _Before = _Before(),
+    before: FolderState | None = None,
     every_consumer: bool = False,
     drives: int | None = None,
 ) -> bool:
@@ -444,7 +420,7 @@ def _assess(
         directory: the output folder.
         exports: what was exported into the folder.
         watch: called with what is being done.
-        before: what lay in the folder.
+        before: what lay in the folder; nothing, if not given.
         every_consumer: whether to open the exports in all consumers, whatever the recipe says.
         drives: from how many random starts to drive, instead of what the recipe says.
 
@@ -455,6 +431,7 @@ def _assess(
     from terrain_forge.validation import validate as validate_world
 
     watch("validation")
+    before = before or FolderState()
     spec = world.site.recipe.validate or ValidateSpec()
     if every_consumer:
         spec = replace(spec, consumers="all")

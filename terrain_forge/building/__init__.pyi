@@ -3,15 +3,12 @@
 from .checking import check_raster as check_raster
 from .checking import dtm_lines as dtm_lines
 from .checking import site_lines as site_lines
-from .manifest import Manifest as Manifest
-from .manifest import altered_files as altered_files
+from .manifest import FolderState as FolderState
 from .manifest import blaming as blaming
 from .manifest import exports_in as exports_in
-from .manifest import foreign_files as foreign_files
-from .manifest import own_files as own_files
+from .manifest import folder_state as folder_state
 from .manifest import read_manifest as read_manifest
 from .manifest import write_manifest as write_manifest
-from .re_export import ASSESSED as ASSESSED
 from .re_export import re_export_orders as re_export_orders
 from .re_export import require_readable_recipe as require_readable_recipe
 from .staging import put as put

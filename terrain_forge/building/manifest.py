@@ -8,6 +8,7 @@ import platform
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ _PACKAGES = (
     *("matplotlib", "pillow", "pydantic"),
 )
 _OWN = {NAME, f".{NAME}", "timings.json"}
+_ASSESSED = "validation/", "report.html"
+"""What every assessment writes anew."""
 _FREE = ("dataset/", "validation/consumers/")
 
 
@@ -134,13 +137,6 @@ def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
     return [name for name in _files(directory) if name not in listed]
 
 
-def own_files(directory: Path, manifest: Manifest, *, under: str) -> list[str]:
-    """A world's own files that begin with a place, such as `validation/`."""
-    foreign = {*foreign_files(directory, manifest)}
-    names = (name for name in _files(directory) if not name.endswith("/"))
-    return [name for name in names if name.startswith(under) and name not in foreign]
-
-
 def changed_files(directory: Path, manifest: Manifest) -> list[str]:
     """Files that were changed after the manifest had been written."""
     written = (directory / NAME).stat().st_mtime_ns
@@ -228,3 +224,35 @@ def _is_promised(name: str) -> bool:
     """Whether equal builds must agree in this file."""
     changing = name in (NAME, "timings.json") or name.endswith(".log")
     return not changing and not name.startswith(_FREE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FolderState:
+    """What lies in a built folder before it is assessed again."""
+
+    altered: dict[str, str] = field(default_factory=dict)
+    """Files that are not as they were built, with the hash that they should have."""
+    foreign: tuple[str, ...] = ()
+    """Files that are not the world's."""
+    assessment: tuple[str, ...] = ()
+    """Files of an earlier assessment."""
+
+
+def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
+    """What lies in a built folder, besides what is about to be written anew.
+
+    Args:
+        out: The folder.
+        manifest: Its manifest.
+        renewed: Folders (with a slash) that are written anew.
+    """
+    foreign = foreign_files(out, manifest)
+    return FolderState(
+        altered=altered_files(out, manifest, besides=(*_ASSESSED, *renewed)),
+        foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
+        assessment=tuple(
+            name
+            for name in _files(out)
+            if name.startswith("validation/") and not name.endswith("/") and name not in foreign
+        ),
+    )

@@ -9,9 +9,6 @@ from terrain_forge.base import OutputError, RecipeError
 from terrain_forge.model import World
 from terrain_forge.recipe import ExportOrder, export_orders
 
-ASSESSED = ("validation/", "report.html")
-"""What every assessment writes anew."""
-
 
 def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:
     """The exports that `only` names: folders of the world's recipe, or else exporters.
