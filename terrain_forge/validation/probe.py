@@ -36,11 +36,11 @@ def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
         facts[word].append(parts)
     meshes = list(_meshes(facts["mesh"], binary))
     shapes = {
-        kind: (
+        kind: [
             (f"{name}/{model}", np.array(matrix, np.float64).reshape(3, 4), meshes[int(mesh)])
             for found, model, name, mesh, *matrix in facts["shape"]
             if found == kind
-        )
+        ]
         for kind in ("touched", "seen")
     }
     ground, touched = ground_and_rocks(sample, shapes["touched"])
