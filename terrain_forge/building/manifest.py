@@ -22,7 +22,9 @@ Manifest = dict[str, Any]
 """What a manifest holds, as JSON."""
 NAME = "manifest.json"
 STAGING = ".terrain-forge"
-"""Ending of the folders in which something is being made."""
+"""Folder of a world in which something is being made, and ending of the one beside it."""
+LOCK, MARK = "lock", b"a terrain-forge is or was at work here\n"
+"""File that tells such a folder from a user's, and what it holds."""
 FORMAT = 2
 MAX_MANIFEST = 2**28
 """Bytes of a manifest."""
@@ -30,7 +32,7 @@ _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
 )
-_OWN = {NAME, f".{NAME}", "timings.json"}
+_OWN = {NAME, "timings.json"}
 _ASSESSED = "validation/", "report.html"
 """What every assessment writes anew."""
 _FREE = ("dataset/", "validation/consumers/")
@@ -67,7 +69,7 @@ def write_manifest(
         "outputs": dict(sorted(outputs.items())),
         "varying": sorted({*names} - {*outputs} - _OWN),
     }
-    path, fresh = directory / NAME, directory / f".{NAME}"
+    path, fresh = directory / NAME, directory / f".{NAME}-{os.getpid()}"
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
     fresh.write_text(text + "\n", encoding="utf-8")
     return fresh.replace(path)
@@ -131,23 +133,32 @@ def _folder(export: Export) -> str:
 
 def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
     """Files, links and empty folders in a world's folder that its manifest does not list."""
-    listed = {*manifest.get("outputs", ()), *manifest.get("varying", ())} | (
-        _OWN if manifest else set()
-    )
+    varying = {n for n in manifest.get("varying", ()) if n.endswith("/") or not _is_promised(n)}
+    listed = {*manifest.get("outputs", ()), *varying} | (_OWN if manifest else set())
     return [name for name in _files(directory) if name not in listed]
 
 
-def changed_files(directory: Path, manifest: Manifest) -> list[str]:
-    """Files that were changed after the manifest had been written."""
-    written = (directory / NAME).stat().st_mtime_ns
+def changed_files(directory: Path, manifest: Manifest, *, since: float = 0.0) -> list[str]:
+    """Listed files that are there and not as they were built.
+
+    Args:
+        directory: The world's folder.
+        manifest: Its manifest.
+        since: Only those that were touched since then [s, as time.time()].
+    """
     outputs = manifest["outputs"]
-    later = [
-        name
-        for name in _files(directory)
-        if name in outputs and (directory / name).lstat().st_mtime_ns > written
-    ]
-    found = _hashes(directory, later)
-    return [name for name in later if found.get(name) != outputs[name]]
+    names = [name for name in _files(directory) if name in outputs]
+    names = [name for name in names if (directory / name).lstat().st_ctime >= since]
+    found = _hashes(directory, names)
+    return [name for name in names if found.get(name) != outputs[name]]
+
+
+def is_staging(folder: Path) -> bool:
+    """Whether a folder is one in which we make something, or did when we were killed."""
+    try:
+        return not folder.is_symlink() and (folder / LOCK).read_bytes() == MARK
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+        return False
 
 
 def altered_files(
@@ -205,7 +216,8 @@ def _files(directory: Path) -> list[str]:
     """Files, links and empty folders (with a slash) of a folder; staging folders apart."""
     found = []
     for place, folders, files in os.walk(directory):
-        folders[:] = [name for name in folders if not name.endswith(STAGING)]
+        if Path(place) == directory and STAGING in folders and is_staging(directory / STAGING):
+            folders.remove(STAGING)
         links = [name for name in folders if (Path(place) / name).is_symlink()]
         here = Path(place).relative_to(directory)
         found += [(here / name).as_posix() for name in (*files, *links)]

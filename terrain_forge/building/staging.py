@@ -20,30 +20,39 @@ from pathlib import Path
 
 from terrain_forge.base import OutputError, StorageError, TerrainForgeError
 from terrain_forge.building.manifest import (
+    LOCK,
+    MARK,
     NAME,
     STAGING,
     Manifest,
     changed_files,
     foreign_files,
+    is_staging,
     read_manifest,
 )
 
 _log = logging.getLogger(__name__)
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 _FOREIGN = "that its manifest does not list"
+_CHANGED = "changed since it was built"
 _NAMED = 5
 """Files that a message names."""
+_TICK = 1.0
+"""What clocks of file systems may lag behind [s]."""
 _FULL = 2**16
 """Bytes below which a disk is full."""
 
 
-def require_ours(out: Path, *, inputs: Iterable[Path] = (), force: bool = False) -> tuple[str, ...]:
+def require_ours(
+    out: Path, *, inputs: Iterable[Path] = (), force: bool = False, since: float = 0.0
+) -> tuple[str, ...]:
     """Refuse an output folder whose replacement would remove what is not ours.
 
     Args:
         out: The output folder, symbolic links resolved.
         inputs: Files that are read, which may not lie in it.
         force: Whether files that its manifest does not list may be removed.
+        since: Only files touched since then [s] are looked at for changes.
 
     Returns:
         Those files, relative to it.
@@ -71,9 +80,9 @@ def require_ours(out: Path, *, inputs: Iterable[Path] = (), force: bool = False)
             f"{out} exists and is not a terrain-forge world; remove it or choose another with -o"
         )
     manifest = read_manifest(out)
-    foreign, changed = foreign_files(out, manifest), changed_files(out, manifest)
+    foreign, changed = foreign_files(out, manifest), changed_files(out, manifest, since=since)
     _refuse(foreign, _FOREIGN, out, force)
-    _refuse(changed, "changed since it was built", out, force)
+    _refuse(changed, _CHANGED, out, force)
     return tuple(sorted({*foreign, *changed}))
 
 
@@ -83,9 +92,17 @@ def require_listed(out: Path, manifest: Manifest, folders: Iterable[str], *, for
     Raises:
         OutputError: names them.
     """
+    folders = tuple(folders)
     inside = tuple(f"{folder}/" for folder in folders)
-    foreign = [name for name in foreign_files(out, manifest) if name.startswith(inside)]
+
+    def within(names: list[str]) -> list[str]:
+        return [name for name in names if name in folders or name.startswith(inside)]
+
+    foreign, changed = within(foreign_files(out, manifest)), within(changed_files(out, manifest))
     _refuse(foreign, _FOREIGN, out, force)
+    _refuse(changed, _CHANGED, out, force)
+    if foreign or changed:
+        _log.warning("removed from %s: %s", out, ", ".join(sorted({*foreign, *changed})))
 
 
 def _refuse(names: list[str], what: str, out: Path, force: bool) -> None:
@@ -118,6 +135,7 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
     around = target.with_name(f".{target.name}{STAGING}")
     fresh = around / target.name
     made = [above for above in target.parents if not above.exists()]
+    begun = time.time() - _TICK
     try:
         with storing(target, around), ExitStack() as locks:
             locks.enter_context(_staging(around, target))
@@ -127,10 +145,12 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
             number = fresh.stat().st_ino
             try:
                 yield fresh
-                known = require_ours(target, force=force)  # again: a build takes its time
+                # Again: a build takes its time.
+                known = require_ours(target, force=force, since=begun)
                 _flush(fresh)
                 _exchange(fresh, target)
-                _keep_new_files(fresh, target, known)
+                with suppress(OSError):  # the new world is there, whatever comes of the old
+                    _keep_new_files(fresh, target, known)
             except KeyboardInterrupt:
                 if target.exists() and target.stat().st_ino == number:
                     raise KeyboardInterrupt(f"{target} is complete") from None
@@ -150,6 +170,9 @@ def updating(out: Path) -> Iterator[Path]:
         OutputError: if another process writes the world.
         StorageError: if the disk does not take what is written.
     """
+    for name in ("validation", "report.html", "timings.json", NAME):
+        if (out / name).is_symlink():
+            raise OutputError(f"{out / name} is a link, and would be written: put the file there")
     with storing(out, out), _staging(out / STAGING, out) as staging:
         try:
             yield staging
@@ -214,12 +237,12 @@ def _staging(folder: Path, target: Path) -> Iterator[Path]:
     finally:
         _recover(folder, target)
         with suppress(OSError):
-            (folder / _LOCK).unlink()
-            folder.rmdir()
+            if len(list(folder.iterdir())) == 1:  # what could not be cleared keeps its mark
+                (folder / LOCK).unlink()
+                folder.rmdir()
         os.close(handle)
 
 
-_LOCK = "lock"
 _OLD = "old"
 """Where the older world lies for a moment, on file systems that cannot exchange two folders."""
 
@@ -229,13 +252,19 @@ def _locked(folder: Path, target: Path) -> int:
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
-            if folder.is_file():
-                raise
+            if (
+                folder.is_symlink()
+                or folder.is_file()
+                or (_any_in(folder) and not is_staging(folder))
+            ):
+                raise OutputError(f"{folder} is in the way: move it away") from None
         with suppress(FileNotFoundError):  # another one has just removed the folder
-            handle = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
+            handle = os.open(folder / LOCK, flags, 0o600)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.fstat(handle).st_ino == (folder / _LOCK).stat().st_ino:
+                if os.fstat(handle).st_ino == (folder / LOCK).stat().st_ino:
+                    os.pwrite(handle, MARK, 0)
                     return handle
             except BlockingIOError:
                 os.close(handle)
@@ -246,12 +275,20 @@ def _locked(folder: Path, target: Path) -> int:
             os.close(handle)
 
 
+def _any_in(folder: Path) -> bool:
+    """Whether a folder holds more than a lock that has just been made."""
+    try:
+        return any(path.name != LOCK or path.lstat().st_size for path in folder.iterdir())
+    except FileNotFoundError:
+        return False
+
+
 def _recover(folder: Path, target: Path) -> None:
     """Bring back a world that was set aside and not replaced; clear what else is left."""
     if (folder / _OLD).is_dir() and not target.exists():
         (folder / _OLD).rename(target)
     for path in folder.iterdir() if folder.is_dir() else ():
-        if path.name != _LOCK:
+        if path.name != LOCK:
             shutil.rmtree(path, ignore_errors=True)
 
 

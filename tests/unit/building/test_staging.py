@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import resource
+import shutil
 import signal
 import sys
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ import pytest
 from terrain_forge.base import OutputError, StorageError
 from terrain_forge.building import read_manifest, replacing, require_ours, updating
 from terrain_forge.building import staging as staging_file
+from terrain_forge.building.manifest import MARK
 from tests.helpers.command_line import run
 
 RECIPE = """
@@ -76,8 +78,6 @@ def small(tmp_path_factory):
 @pytest.fixture
 def world(small, tmp_path):
     """A copy of the world, and its recipe beside it."""
-    import shutil
-
     shutil.copytree(small / "out", tmp_path / "out")
     (tmp_path / "mini.yaml").write_text(RECIPE)
     return tmp_path / "out"
@@ -224,9 +224,106 @@ def test_one_writer_at_a_time(tmp_path):
 def test_what_a_killed_build_left_is_cleared(tmp_path):
     left = tmp_path / ".out.terrain-forge"
     (left / "out" / "half").mkdir(parents=True)
-    (left / "lock").touch()
+    (left / "lock").write_bytes(MARK)
     write(tmp_path / "out", number=1)
     assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("kind", ["folder", "lock", "link", "file"])
+def test_a_folder_of_others_in_the_staging_place_stays(tmp_path, kind):
+    """It is told from ours by what its lock holds; links are not followed."""
+    target, home = tmp_path / "out", tmp_path / "home"
+    write(target, number=1)
+    for place in (target / ".terrain-forge", tmp_path / ".out.terrain-forge"):
+        folder = home if kind == "link" else place
+        if kind == "file":
+            place.write_text("precious")
+        else:
+            folder.mkdir(exist_ok=True)
+            (folder / "docs").mkdir(exist_ok=True)
+            (folder / "docs" / "a").write_text("precious")
+        if kind in ("lock", "link"):
+            (folder / "lock").write_bytes(MARK if kind == "link" else b"mine")
+        if kind == "link":
+            place.symlink_to(home)
+        before = sorted(tmp_path.rglob("*"))
+        with pytest.raises(OutputError, match=r"in the way|does not list"):
+            write(target, number=2)
+        if place.parent == target:
+            with pytest.raises(OutputError, match="in the way"), updating(target):
+                pass
+        assert sorted(tmp_path.rglob("*")) == before
+        shutil.rmtree(place) if place.is_dir() and kind != "link" else place.unlink()
+
+
+def test_only_the_staging_place_itself_is_passed_over(tmp_path):
+    target = tmp_path / "out"
+    write(target, number=1)
+    (target / "sub" / "notes.terrain-forge").mkdir()
+    (target / "sub" / "notes.terrain-forge" / "a").write_text("precious")
+    with pytest.raises(OutputError, match=r"sub/notes\.terrain-forge/a"):
+        write(target, number=2)
+
+
+def test_an_edit_is_found_whatever_its_time_and_the_manifest_s(tmp_path):
+    target = tmp_path / "out"
+    write(target, number=1)
+    file = target / "sub" / "world.txt"
+    file.write_text("edited")
+    os.utime(file, (0, 0))
+    os.utime(target / "manifest.json")
+    with pytest.raises(OutputError, match="changed since it was built"):
+        write(target, number=2)
+    fill_anew = tmp_path / "other"
+    write(fill_anew, number=1)
+
+    def late() -> None:
+        with replacing(fill_anew) as folder:
+            fill(folder, number=2)
+            (fill_anew / "sub" / "world.txt").write_text("edited")
+            os.utime(fill_anew / "sub" / "world.txt", (0, 0))
+
+    with pytest.raises(OutputError, match="changed since it was built"):
+        late()
+    assert (fill_anew / "sub" / "world.txt").read_text() == "edited"
+
+
+def test_a_forged_manifest_does_not_give_up_a_file(tmp_path):
+    target = tmp_path / "out"
+    write(target, number=1)
+    (target / "notes.txt").write_text("precious")
+    manifest = read_manifest(target)
+    manifest["varying"] = ["notes.txt"]
+    (target / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(OutputError, match=r"notes\.txt"):
+        write(target, number=2)
+
+
+@pytest.mark.parametrize("name", ["validation", "report.html", "manifest.json"])
+def test_nothing_is_written_through_a_link(world, name):
+    kept = world.parent / "kept"
+    (world / name).rename(kept)
+    (world / name).symlink_to(kept)
+    before = kept.stat().st_mtime_ns
+    done = run("validate", world, "--quick")
+    assert (done.returncode, "is a link" in done.stderr) == (2, True)
+    assert kept.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("kind", ["file", "link", "edit"])
+def test_an_export_does_not_take_the_place_of_others(world, kind):
+    place = world / ("geotiff" if kind == "edit" else "mesh")
+    if kind == "file":
+        place.write_text("precious")
+    elif kind == "link":
+        place.symlink_to(world.parent)
+    else:
+        file = place / "elevation.tif"
+        file.write_bytes(file.read_bytes() + b" ")
+    done = run("export", world, "--only", place.name)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert place.name in done.stderr
+    assert place.is_symlink() or place.is_file() or file.read_bytes()[-1:] == b" "
 
 
 def test_parents_go_where_nothing_came_of_it(tmp_path):
