@@ -271,7 +271,10 @@ def build(
     watch = Stopwatch(progress)
     watch("plan")
     out = Path(out or recipe.name).resolve()
-    removed = require_ours(out, inputs=input_paths(recipe, Path(folder)), force=force)
+    inputs = input_paths(recipe, Path(folder))
+    if out.exists():  # files that the rover's own file names
+        inputs += resolve_rover(recipe.rover, Path(folder)).files
+    removed = require_ours(out, inputs=inputs, force=force)
     orders = chosen_exports(export_orders(recipe), only)
     site = plan(recipe, folder=folder)
     require_exports(orders, site)

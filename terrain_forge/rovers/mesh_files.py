@@ -179,6 +179,8 @@ class _Beside:
             raise FileNotFoundError(path.name)
         return bounds.read_file(path, path.name, most=bounds.MOST_MESH)
 
+    __getitem__ = get
+
 
 def _check_collada(data: bytes) -> None:
     """Refuse a COLLADA file that declares entities, or whose nodes repeat each other endlessly."""

@@ -93,7 +93,8 @@ def digest(folder: Path) -> str:
 def _is_whole(world: Path) -> bool:
     """Whether a world's files are what its manifest says."""
     from terrain_forge.base import TerrainForgeError
-    from terrain_forge.building import altered_files, read_manifest
+    from terrain_forge.building import read_manifest
+    from terrain_forge.building.manifest import altered_files
     from terrain_forge.model import World
 
     try:

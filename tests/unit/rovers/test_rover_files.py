@@ -386,3 +386,42 @@ def test_curiosity_stands_and_drives(curiosity, tmp_path):
         moved, yaw, *_ = rovers.drive(model, rover, speed=0.0, turn_rate=0.4, seconds=2.0)
         assert yaw > 0.15
         assert np.linalg.norm(moved[:2]) < 0.6
+
+
+def test_a_mesh_in_gltf_may_keep_its_numbers_beside_it(tub):
+    import trimesh
+
+    folder = tub.parents[1] / "meshes"
+    wheel = trimesh.load_mesh(folder / "wheel.stl")
+    wheel.merge_vertices()
+    for name, data in trimesh.Scene(wheel).export(file_type="gltf").items():
+        (folder / ("wheel.gltf" if name == "model.gltf" else name)).write_bytes(data)
+    file = tub.parent / "tub_gltf.urdf"
+    file.write_text(tub.read_text().replace("wheel.stl", "wheel.gltf"))
+    assert rovers.read(file).mass == rovers.read(tub).mass
+
+
+def test_a_build_removes_no_mesh_of_its_rover(tub, tmp_path):
+    """A file that the rover's own file names, in an older world that lists it."""
+    import shutil
+
+    from tests.helpers.command_line import run
+
+    kit = tmp_path / "kit"
+    shutil.copytree(tub.parents[1], kit)
+    recipe_ = {
+        **{"schema": 1, "name": "k", "body": "moon", "dtm": {"kind": "flat", "size_m": [6, 4]}},
+        **{"terrain": {"spacing_m": 0.5}, "rocks": {"library": {"shapes": 1}, "populations": []}},
+        **{"exports": ["geotiff"]},
+    }
+    path, out = kit / "k.yaml", kit / "meshes"
+    path.write_text(json.dumps(recipe_))
+    shutil.move(out, kit / "aside")
+    assert run("build", path, "-o", out).returncode == 0
+    shutil.copy(kit / "aside" / "wheel.stl", out / "wheel.stl")
+    rover = {"kind": "file", "file": "urdf/tub.urdf", "packages": {"tub": "."}}
+    path.write_text(json.dumps(recipe_ | {"rover": rover}))
+    for force in ((), ("--force",)):
+        done = run("build", path, "-o", out, *force)
+        assert (done.returncode, "wheel.stl lies in it" in done.stderr) == (2, True), done.stderr
+    assert (out / "wheel.stl").exists()
