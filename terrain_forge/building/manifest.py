@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
@@ -18,6 +19,7 @@ from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_t
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
+_log = logging.getLogger(__name__)
 Manifest = dict[str, Any]
 """What a manifest holds, as JSON."""
 NAME = "manifest.json"
@@ -259,8 +261,12 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
         renewed: Folders (with a slash) that are written anew.
     """
     foreign = foreign_files(out, manifest)
+    altered = altered_files(out, manifest, besides=renewed)
+    anew = [name for name in altered if name.startswith(_ASSESSED)]
+    if edited := [name for name in anew if (out / name).exists()]:
+        _log.warning("written anew, though changed since it was built: %s", ", ".join(edited))
     return FolderState(
-        altered=altered_files(out, manifest, besides=(*_ASSESSED, *renewed)),
+        altered={name: wanted for name, wanted in altered.items() if name not in anew},
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
         assessment=tuple(
             name

@@ -196,6 +196,14 @@ def test_a_validation_names_what_was_added_and_keeps_it(world):
     assert (world / "validation" / "drive_notes.txt").exists()
 
 
+def test_a_validation_says_which_edited_file_of_its_own_it_writes_anew(world):
+    page = world / "report.html"
+    page.write_text(page.read_text() + "<!-- mine -->")
+    done = run("validate", world, "--quick")
+    assert (done.returncode, "changed since it was built: report.html" in done.stderr) == (0, True)
+    assert "changed" not in run("validate", world, "--quick").stderr
+
+
 def test_a_manifest_cannot_have_files_elsewhere_removed(world):
     precious = world.parent / "precious.txt"
     precious.write_text("precious")
