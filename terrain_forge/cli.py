@@ -119,13 +119,13 @@ def build(
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
     from terrain_forge import pipeline
-    from terrain_forge.building import require_ours
+    from terrain_forge.building import require_apart
 
     if drives:
         changes = (*changes, f"validate.drives={drives}")
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
-    require_ours(out.resolve(), inputs=[file.path], force=True)
+    require_apart(out.resolve(), [file.path])
     with _Bar(len(pipeline.STAGES)) as progress, _located(file):
         result = pipeline.build(
             file.recipe,

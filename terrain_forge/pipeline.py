@@ -29,6 +29,7 @@ from terrain_forge.building import (
     re_export_orders,
     read_manifest,
     replacing,
+    require_apart,
     require_listed,
     require_ours,
     require_readable_recipe,
@@ -274,7 +275,8 @@ def build(
     inputs = input_paths(recipe, Path(folder))
     if out.exists():  # files that the rover's own file names
         inputs += resolve_rover(recipe.rover, Path(folder)).files
-    removed = require_ours(out, inputs=inputs, force=force)
+    require_apart(out, inputs)
+    removed = require_ours(out, force=force)
     orders = chosen_exports(export_orders(recipe), only)
     site = plan(recipe, folder=folder)
     require_exports(orders, site)

@@ -13,6 +13,7 @@ from .re_export import re_export_orders as re_export_orders
 from .re_export import require_readable_recipe as require_readable_recipe
 from .staging import put as put
 from .staging import replacing as replacing
+from .staging import require_apart as require_apart
 from .staging import require_listed as require_listed
 from .staging import require_ours as require_ours
 from .staging import updating as updating

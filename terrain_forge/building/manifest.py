@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text
@@ -140,19 +140,10 @@ def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
     return [name for name in _files(directory) if name not in listed]
 
 
-def changed_files(directory: Path, manifest: Manifest, *, since: float = 0.0) -> list[str]:
-    """Listed files that are there and not as they were built.
-
-    Args:
-        directory: The world's folder.
-        manifest: Its manifest.
-        since: Only those that were touched since then [s, as time.time()].
-    """
-    outputs = manifest["outputs"]
-    names = [name for name in _files(directory) if name in outputs]
-    names = [name for name in names if (directory / name).lstat().st_ctime >= since]
-    found = _hashes(directory, names)
-    return [name for name in names if found.get(name) != outputs[name]]
+def changed_files(directory: Path, manifest: Manifest) -> list[str]:
+    """Listed files that are there and not as they were built, whatever their times say."""
+    altered = altered_files(directory, manifest)
+    return [name for name in altered if os.path.lexists(directory / name)]
 
 
 def is_staging(folder: Path) -> bool:
@@ -163,15 +154,11 @@ def is_staging(folder: Path) -> bool:
         return False
 
 
-def altered_files(
-    directory: Path, manifest: Manifest, *, besides: tuple[str, ...]
-) -> dict[str, str]:
+def altered_files(directory: Path, manifest: Manifest) -> dict[str, str]:
     """Files that are missing or not as they were built, with the hash that they should have.
 
-    Args:
-        directory: the output folder.
-        manifest: its manifest.
-        besides: files and folders (with a slash) that are about to be written anew.
+    Raises:
+        OutputError: for one that is a pipe or a device, which has no end.
     """
     names = _files(directory)
     for path in (directory / name for name in names):
@@ -179,9 +166,7 @@ def altered_files(
             raise OutputError(f"{path} is no regular file: move it away")
     found = _hashes(directory, names)
     return {
-        name: wanted
-        for name, wanted in manifest["outputs"].items()
-        if found.get(name) != wanted and not name.startswith(besides)
+        name: wanted for name, wanted in manifest["outputs"].items() if found.get(name) != wanted
     }
 
 
@@ -217,7 +202,7 @@ def _versions() -> dict[str, str]:
 def _files(directory: Path) -> list[str]:
     """Files, links and empty folders (with a slash) of a folder; staging folders apart."""
     found = []
-    for place, folders, files in os.walk(directory):
+    for place, folders, files in os.walk(directory, onerror=_raise):
         if Path(place) == directory and STAGING in folders and is_staging(directory / STAGING):
             folders.remove(STAGING)
         links = [name for name in folders if (Path(place) / name).is_symlink()]
@@ -225,6 +210,11 @@ def _files(directory: Path) -> list[str]:
         found += [(here / name).as_posix() for name in (*files, *links)]
         found += [] if folders or files else [f"{here.as_posix()}/"]
     return sorted({*found} - {"./"})
+
+
+def _raise(error: OSError) -> NoReturn:
+    """A folder that cannot be listed must not look empty."""
+    raise error
 
 
 def _hashes(directory: Path, names: Sequence[str]) -> dict[str, str]:
@@ -260,13 +250,13 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
         manifest: Its manifest.
         renewed: Folders (with a slash) that are written anew.
     """
-    foreign = foreign_files(out, manifest)
-    altered = altered_files(out, manifest, besides=renewed)
-    anew = [name for name in altered if name.startswith(_ASSESSED)]
-    if edited := [name for name in anew if (out / name).exists()]:
+    foreign, altered = foreign_files(out, manifest), altered_files(out, manifest)
+    edited = [name for name in altered if name.startswith(_ASSESSED) and (out / name).exists()]
+    if edited:
         _log.warning("written anew, though changed since it was built: %s", ", ".join(edited))
+    anew = (*_ASSESSED, *renewed)
     return FolderState(
-        altered={name: wanted for name, wanted in altered.items() if name not in anew},
+        altered={name: wanted for name, wanted in altered.items() if not name.startswith(anew)},
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
         assessment=tuple(
             name

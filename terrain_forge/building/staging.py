@@ -37,22 +37,27 @@ _FOREIGN = "that its manifest does not list"
 _CHANGED = "changed since it was built"
 _NAMED = 5
 """Files that a message names."""
-_TICK = 1.0
-"""What clocks of file systems may lag behind [s]."""
 _FULL = 2**16
 """Bytes below which a disk is full."""
 
 
-def require_ours(
-    out: Path, *, inputs: Iterable[Path] = (), force: bool = False, since: float = 0.0
-) -> tuple[str, ...]:
+def require_apart(out: Path, inputs: Iterable[Path]) -> None:
+    """Refuse an output folder, symbolic links resolved, in which a file lies that is read.
+
+    Raises:
+        OutputError: names the file.
+    """
+    for path in inputs:
+        if path.resolve().is_relative_to(out):
+            raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
+
+
+def require_ours(out: Path, *, force: bool = False) -> tuple[str, ...]:
     """Refuse an output folder whose replacement would remove what is not ours.
 
     Args:
         out: The output folder, symbolic links resolved.
-        inputs: Files that are read, which may not lie in it.
         force: Whether files that its manifest does not list may be removed.
-        since: Only files touched since then [s] are looked at for changes.
 
     Returns:
         Those files, relative to it.
@@ -61,9 +66,6 @@ def require_ours(
         OutputError: says what is in the way.
         StorageError: if the folder cannot be made.
     """
-    for path in inputs:
-        if path.resolve().is_relative_to(out):
-            raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
     if not out.exists():
         parent = next(above for above in out.parents if above.exists())
         if not parent.is_dir():
@@ -80,7 +82,7 @@ def require_ours(
             f"{out} exists and is not a terrain-forge world; remove it or choose another with -o"
         )
     manifest = read_manifest(out)
-    foreign, changed = foreign_files(out, manifest), changed_files(out, manifest, since=since)
+    foreign, changed = foreign_files(out, manifest), changed_files(out, manifest)
     _refuse(foreign, _FOREIGN, out, force)
     _refuse(changed, _CHANGED, out, force)
     return tuple(sorted({*foreign, *changed}))
@@ -135,7 +137,6 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
     around = target.with_name(f".{target.name}{STAGING}")
     fresh = around / target.name
     made = [above for above in target.parents if not above.exists()]
-    begun = time.time() - _TICK
     try:
         with storing(target, around), ExitStack() as locks:
             locks.enter_context(_staging(around, target))
@@ -145,9 +146,8 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
             number = fresh.stat().st_ino
             try:
                 yield fresh
-                # Again: a build takes its time.
-                known = require_ours(target, force=force, since=begun)
                 _flush(fresh)
+                known = require_ours(target, force=force)  # again: a build takes its time
                 _exchange(fresh, target)
                 with suppress(OSError):  # the new world is there, whatever comes of the old
                     _keep_new_files(fresh, target, known)
@@ -294,8 +294,8 @@ def _recover(folder: Path, target: Path) -> None:
 
 def _flush(folder: Path) -> None:
     """Write a folder's files through to the disk."""
-    for place, _, files in os.walk(folder):
-        for path in (place, *(os.path.join(place, name) for name in files)):  # noqa: PTH118
+    for path in (folder, *folder.rglob("*")):
+        if not path.is_symlink():
             handle = os.open(path, os.O_RDONLY)
             try:
                 os.fsync(handle)

@@ -99,7 +99,7 @@ def _is_whole(world: Path) -> bool:
 
     try:
         World.load(world)
-        return not altered_files(world, read_manifest(world), besides=())
+        return not altered_files(world, read_manifest(world))
     except TerrainForgeError:
         return False
 

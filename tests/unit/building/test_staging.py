@@ -19,16 +19,9 @@ from terrain_forge.building import read_manifest, replacing, require_ours, updat
 from terrain_forge.building import staging as staging_file
 from terrain_forge.building.manifest import MARK
 from tests.helpers.command_line import run
+from tests.unit.building.test_build import MINI
 
-RECIPE = """
-schema: 1
-name: mini
-body: moon
-dtm: {kind: flat, size_m: [3, 2]}
-terrain: {spacing_m: 0.25}
-rocks: {library: {shapes: 1}, populations: []}
-exports: [geotiff]
-"""
+RECIPE = MINI.replace("sdf, ", "")
 
 
 def fill(folder: Path, *, number: int) -> None:
