@@ -22,7 +22,7 @@ class Heightfield(Record):
     spacing: float
     """Distance of neighbouring nodes [m]."""
     origin: tuple[float, float]
-    """East and north coordinate of node [0, 0] [m]."""
+    """East and north coordinate [m] of the first node of the first row."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 
 import pytest
 
+import terrain_forge as tf
 from tests.helpers.places import ROOT
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -36,7 +38,40 @@ def test_links_lead_to_files(page):
     assert [link for link in local if not (page.parent / link).exists()] == []
 
 
+BASE = {
+    "name": "task",
+    "body": "moon",
+    "dtm": {"kind": "flat", "size_m": [40, 40]},
+    "terrain": {"spacing_m": 0.1},
+    "paths": [
+        {
+            "name": "loop",
+            "route": {"kind": "spline", "points_m": [[0, 0], [5, 0], [5, 5]]},
+            "speed_m_s": 0.3,
+        }
+    ],
+}
+TASKS = re.findall(
+    r"^```yaml\n(.*?)^```",
+    (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8"),
+    re.MULTILINE | re.DOTALL,
+)
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda text: text.split(":", 1)[0])
+def test_pieces_of_recipes_are_valid(task, tmp_path):
+    recipe = tmp_path / "recipe.yaml"
+    kept = {key: value for key, value in BASE.items() if not re.search(f"^{key}:", task, re.M)}
+    recipe.write_text(f"{task}\n" + "".join(f"{k}: {json.dumps(v)}\n" for k, v in kept.items()))
+    tf.load_recipe(recipe)
+
+
 def test_generated_pages_are_current():
     command = [sys.executable, ROOT / "docs" / "make_pages.py", "--check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_citation_names_the_version():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {tf.__version__}\n" in text

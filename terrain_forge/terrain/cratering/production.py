@@ -126,7 +126,7 @@ class CraterProduction(Spec):
     """Whether it says so of all sizes, so that no equilibrium limits it but the recipe's own."""
 
     def oldest(self, diameter: Array) -> Array:
-        """Age of the surface for craters of diameters [m] [10⁹ years]."""
+        """Age [10⁹ years] of the surface for craters of diameters [m]."""
         return np.full(np.shape(diameter), self.age_ga)
 
     def holds_on(self, body: Body) -> bool:  # noqa: ARG002
@@ -170,7 +170,7 @@ class BodyProduction(CraterProduction):
             )
 
     def oldest(self, diameter: Array) -> Array:
-        """Time since the last event that erased craters of diameters [m] [10⁹ years]."""
+        """Time [10⁹ years] since the last event that erased craters of diameters [m]."""
         ages = np.array([self.age_ga, *(event.age_ga for event in self.resurfaced)])
         below = [event.below_m for event in self.resurfaced]
         return np.asarray(ages[np.count_nonzero(np.less.outer(diameter, below), axis=-1)])

@@ -55,7 +55,7 @@ class CraterCounts(CraterProduction):
             raise ValueError("bins: none may be older than age_ga")
 
     def oldest(self, diameter: Array) -> Array:
-        """Age of the surface for craters of diameters [m] [10⁹ years]."""
+        """Age [10⁹ years] of the surface for craters of diameters [m]."""
         ages = np.array([one.age_ga or self.age_ga for one in self.bins])
         first = [one.diameter_m[0] for one in self.bins]
         return ages[np.maximum(np.searchsorted(first, diameter, side="right") - 1, 0)]

@@ -1,0 +1,102 @@
+"""What MkDocs makes besides the pages in docs/: start, changes, decisions, reference, tutorials."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import tempfile
+from collections import defaultdict
+from pathlib import Path
+
+import nbformat
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from nbclient import NotebookClient
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+_EXECUTED = tempfile.TemporaryDirectory(prefix="tutorials-")
+ROOMS = {
+    "pipeline": "Building",
+    "recipe": "The recipe",
+    "dtm": "Terrain models",
+    "terrain": "Ground",
+    "rocks": "Rocks",
+    "rovers": "Rovers",
+    "paths": "Paths",
+    "truth": "Truth",
+    "building": "Results",
+    "model": "Values that stages hand on",
+    "base": "Errors and parts",
+}
+"""Rooms with names in `terrain_forge`, as the reference lists them."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made here."""
+    pages = {
+        "index.md": moved((ROOT / "README.md").read_text("utf-8")),
+        "changelog.md": moved((ROOT / "CHANGELOG.md").read_text("utf-8")),
+        "adr/README.md": decisions(),
+        "reference.md": reference(),
+    }
+    for name, text in pages.items():
+        files.append(File.generated(config, name, content=text))
+    if os.environ.get("TERRAIN_FORGE_TUTORIALS") != "as-they-are":
+        for file in [file for file in files if file.src_uri.endswith(".ipynb")]:
+            files.append(File.generated(config, file.src_uri, abs_src_path=str(executed(file))))
+    return files
+
+
+def executed(file: File) -> Path:
+    """A tutorial with its results; it runs in an empty folder, an error in it ends the build."""
+    assert file.abs_src_path
+    tutorial = nbformat.read(file.abs_src_path, as_version=4)
+    with tempfile.TemporaryDirectory() as folder:
+        NotebookClient(tutorial, timeout=900, resources={"metadata": {"path": folder}}).execute()
+    done = Path(_EXECUTED.name) / Path(file.src_uri).name
+    nbformat.write(tutorial, done)
+    return done
+
+
+def moved(text: str) -> str:
+    """A page of the root as one of docs/; links to what the site does not hold become text."""
+
+    def link(found: re.Match[str]) -> str:
+        label, target = found[1], found[2]
+        inside = target.removeprefix("docs/")
+        if "://" in target or target.startswith("#"):
+            return found[0]
+        if not target.startswith("docs/"):
+            return label
+        return f"[{label}]({inside}{'/README.md' * (ROOT / target).is_dir()})"
+
+    return re.sub(r"(?<!!)\[([^\]]*)\]\(([^)\s]*)\)", link, text).replace("](docs/", "](")
+
+
+def decisions() -> str:
+    """The list of decisions."""
+    lines = ["# Decisions", "", "Why things are as they are, one page each.", ""]
+    for path in sorted((DOCS / "adr").glob("0*.md")):
+        title = path.read_text("utf-8").split("\n", 1)[0].lstrip("# ")
+        lines.append(f"- [{title}]({path.name})")
+    return "\n".join(lines) + "\n"
+
+
+def reference() -> str:
+    """All names of `terrain_forge` by room."""
+    rooms: dict[str, list[str]] = defaultdict(list)
+    stub = ast.parse((ROOT / "terrain_forge" / "__init__.pyi").read_text("utf-8"))
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            rooms[node.module] += [alias.asname or alias.name for alias in node.names]
+    missing = {*rooms} - {*ROOMS}
+    if missing:
+        raise ValueError(f"docs/site_hooks.py: rooms without a title: {sorted(missing)}")
+    lines = ["# Reference", "", "All names of `import terrain_forge as tf`.", ""]
+    for room, title in ROOMS.items():
+        lines += [f"## {title}", ""]
+        for name in rooms[room]:
+            lines += [f"::: terrain_forge.{room}.{name}", "    options: {heading_level: 3}", ""]
+    return "\n".join(lines)
