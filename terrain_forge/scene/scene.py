@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from terrain_forge.base import Array, TerrainForgeError, over_chunks
 from terrain_forge.model import Heightfield, World
 from terrain_forge.scene import packets
-from terrain_forge.scene.embree import COHERENT, INCOHERENT, EmbreeScene, device
+from terrain_forge.scene.embree import COHERENT, INCOHERENT
+from terrain_forge.scene.engine import EngineScene, empty_scene, engine_name
 from terrain_forge.scene.subject import Subject, subject_of
 
 GROUND = -1
@@ -37,10 +38,10 @@ class Hits:
 
 
 class RayScene:
-    """The triangulated ground and its instances in Embree. Use it in a `with` block, or close it.
+    """The triangulated ground and its instances. Use it in a `with` block, or close it.
 
-    Embree computes in 32 bits; rays are moved to a frame at the ground's middle first, so that the
-    error does not grow with the place of a tile in its site.
+    Coordinates are kept in 32 bits; rays are moved to a frame at the ground's middle first, so that
+    the error does not grow with the place of a tile in its site.
     """
 
     def __init__(self, subject: Subject) -> None:
@@ -53,8 +54,8 @@ class RayScene:
         heights = float(ground.elevation.min()) + float(ground.elevation.max())
         self.origin: Array = 0.5 * np.array([west + east, south + north, heights])
         """Where the scene's own frame lies in the world [m], shape [3]."""
-        self._shapes: list[EmbreeScene] = []
-        self._whole = EmbreeScene()
+        self._shapes: list[EngineScene] = []
+        self._whole = empty_scene()
         self._whole.add_grid(_vertices(ground, self.origin))
         if len(copies):
             self._shapes = [_shape(mesh.vertices, mesh.faces) for mesh in copies.meshes]
@@ -66,7 +67,7 @@ class RayScene:
 
     @property
     def handle(self) -> int:
-        """Embree's scene, for kernels that trace for themselves; its frame begins at `origin`."""
+        """Address of the scene, for kernels that trace for themselves; it begins at `origin`."""
         if not self._whole.handle:
             raise ValueError("the ray scene is closed")
         return self._whole.handle
@@ -133,8 +134,8 @@ def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:
     return vertices
 
 
-def _shape(vertices: Array, faces: NDArray[np.int32]) -> EmbreeScene:
-    scene = EmbreeScene()
+def _shape(vertices: Array, faces: NDArray[np.int32]) -> EngineScene:
+    scene = empty_scene()
     scene.add_triangles(vertices, faces)
     scene.commit()
     return scene
@@ -143,10 +144,9 @@ def _shape(vertices: Array, faces: NDArray[np.int32]) -> EmbreeScene:
 @cache
 def _check_engine() -> None:
     """Cast one ray at a copy of a triangle, so that a foreign memory layout cannot go unnoticed."""
-    device()
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     triangle = _shape(corners, np.array([[0, 1, 2]], dtype=np.int32))
-    whole = EmbreeScene()
+    whole = empty_scene()
     lifts = np.array(
         [[[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0]], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2]]]
     )
@@ -165,4 +165,4 @@ def _check_engine() -> None:
     whole.release()
     triangle.release()
     if not np.allclose(found, [3.0, 1.0, 0.0, 0.0, 1.0], atol=1e-6):
-        raise TerrainForgeError(f"ray tracing: Embree answers a test ray with {found}")
+        raise TerrainForgeError(f"ray tracing: {engine_name()} answers a test ray with {found}")
