@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text
+from terrain_forge.dtm import RasterDtm, origin
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
@@ -67,6 +68,7 @@ def write_manifest(
         "recipe": json.loads(site.recipe_json),
         "versions": {"python": platform.python_version(), **_versions()},
         "inputs": dict(site.inputs),
+        **_origin(site),
         "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
         "outputs": dict(sorted(outputs.items())),
         "varying": sorted({*names} - {*outputs} - _OWN),
@@ -75,6 +77,13 @@ def write_manifest(
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
     fresh.write_text(text + "\n", encoding="utf-8")
     return fresh.replace(path)
+
+
+def _origin(site: Site) -> dict[str, Any]:
+    """Where a terrain model comes from that the recipe names by product or address."""
+    dtm = site.recipe.dtm
+    found = origin(dtm) if isinstance(dtm, RasterDtm) else None
+    return {"origins": {dtm.name: found}} if isinstance(dtm, RasterDtm) and found else {}
 
 
 def read_manifest(directory: Path) -> Manifest:

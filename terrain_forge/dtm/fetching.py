@@ -1,0 +1,153 @@
+"""Terrain models that a recipe names by product, place or address, fetched and kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from terrain_forge.base import DataError, Progress, RecipeError, reading, silent
+from terrain_forge.dtm.download import download, kept, place_in_cache, readable
+from terrain_forge.dtm.places import PLACES, expanded
+from terrain_forge.dtm.products import Product, find_product
+from terrain_forge.dtm.raster import open_dataset, raster_of
+from terrain_forge.dtm.spec import RasterDtm
+from terrain_forge.dtm.window import window_path, windowed
+from terrain_forge.model import BODIES, Body
+
+_UNKNOWN = "its owner's terms hold"
+
+
+def at_hand(spec: RasterDtm, *, body: Body, progress: Progress = silent) -> RasterDtm:
+    """The spec with a file of this machine as its source, fetched where it is not there yet.
+
+    Args:
+        spec: The recipe's wishes.
+        body: What it is a part of.
+        progress: Called with the share that is there.
+
+    Raises:
+        RecipeError: for an unknown name, or one of another body.
+        DataError: if it cannot be had, or is not what it should be.
+        StorageError: if the disk does not take it.
+    """
+    spec = expanded(spec)
+    if spec.source is not None:
+        return spec
+    if spec.url is not None:
+        return windowed(spec, spec.url, body, licence=_UNKNOWN, whole=None)
+    product = _product(spec, body)
+    if product.height_scale and spec.height_scale is None and spec.height_range_m is None:
+        spec = replace(spec, height_scale=product.height_scale, height_offset_m=0.0)
+    if not product.by_window:
+        whole = fetch_product(product.name, progress=progress)
+        return replace(spec, product=None, source=str(whole))
+    path = _path(product)
+    whole_file = path if kept(path, product.name) else None
+    return windowed(spec, product.url, body, licence=product.licence, whole=whole_file)
+
+
+def fetch_product(name: str, *, progress: Progress = silent) -> Path:
+    """The whole file of a product, or of a place's product, from the cache or its server.
+
+    Raises:
+        RecipeError, DataError, StorageError: as `at_hand`.
+    """
+    product = find_product(PLACES[name].product if name in PLACES else name)
+    path = _path(product)
+    if kept(path, name) is None:
+        check = partial(_require_product, product)
+        download(product.url, path, name, licence=product.licence, check=check, progress=progress)
+    return path
+
+
+def still_to_fetch(spec: RasterDtm, *, body: Body) -> Iterator[str]:
+    """Lines that say what a build would take from the network; none where all is at hand.
+
+    Raises:
+        RecipeError: for an unknown name, or one of another body.
+    """
+    spec = expanded(spec)
+    if spec.source is not None:
+        return
+    product = None if spec.url else _product(spec, body)
+    url = product.url if product else str(spec.url)
+    by_window = product is None or product.by_window
+    path = _path(product) if product and not by_window else window_path(spec, url)
+    if kept(path, spec.name):
+        return
+    size = readable(product.size) if product and product.size else "a size that it will tell"
+    what = f"the site's part of {size}" if by_window else size
+    yield f"DTM {spec.name}"
+    yield f"  not here     a build would download {what} from {urlsplit(url).hostname}"
+    yield f"  address      {url}"
+    for key, value in (origin(spec) or {}).items():
+        if key in ("licence", "citation"):
+            yield f"  {key:<12} {value}"
+
+
+def origin(spec: RasterDtm) -> dict[str, str] | None:
+    """Where a terrain model comes from, on what terms, and what to cite; None for the user's own.
+
+    Raises:
+        RecipeError: for an unknown name.
+    """
+    spec = expanded(spec)
+    if spec.url is not None:
+        return {"url": spec.url, "licence": _UNKNOWN, "citation": "as its owner asks"}
+    if spec.product is None:
+        return None
+    product = find_product(spec.product)
+    return {"url": product.url, "licence": product.licence, "citation": product.citation}
+
+
+def _path(product: Product) -> Path:
+    return place_in_cache(urlsplit(product.url).path.rpartition("/")[2])
+
+
+def _product(spec: RasterDtm, body: Body) -> Product:
+    product = find_product(str(spec.product))
+    if product.body != body.name:
+        raise RecipeError(f"{product.name} is of body: {product.body}", key=("body",))
+    return product
+
+
+def _require_product(product: Product, path: Path) -> None:
+    """Refuse a file that is not the product: its label, its grid, its size, its body.
+
+    Raises:
+        DataError: says what it is instead.
+    """
+    import rasterio
+
+    with reading(product.name, key=("dtm",)):
+        try:
+            dataset = open_dataset(path)
+        except rasterio.errors.RasterioError:
+            with path.open("rb") as file:
+                begin = file.read(40)
+            raise DataError(f"{product.name} is no raster, it begins {begin!r}") from None
+        with dataset:
+            raster_of(dataset, RasterDtm(size_m=(1.0, 1.0)), body=BODIES[product.body], path=path)
+            shape = dataset.height, dataset.width
+            if product.shape not in (None, shape):
+                rows, columns = product.shape or shape
+                raise DataError(
+                    f"{product.name} has {shape[0]} × {shape[1]} samples, not {rows} × {columns}"
+                )
+            if label := dataset.tags(ns="json:PDS"):
+                text = "".join(f"{key}={value}" for key, value in label.items())
+                _require_label(product, json.loads(text), path.stat().st_size)
+            dataset.read(1, window=((shape[0] - 1, shape[0]), (0, shape[1])))
+
+
+def _require_label(product: Product, label: dict[str, Any], size: int) -> None:
+    """Refuse a PDS3 file of another product, or with fewer bytes than its label counts."""
+    if (found := label["PRODUCT_ID"]) != product.name:
+        raise DataError(f"{product.name} calls itself {found} in its label")
+    if size < (counted := label["FILE_RECORDS"] * label["RECORD_BYTES"]):
+        raise DataError(f"{product.name} has {size:,} bytes, its label counts {counted:,}")
