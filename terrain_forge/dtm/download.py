@@ -27,8 +27,11 @@ MOST = 64 * 2**30
 """Bytes of a file."""
 OFFLINE = "TERRAIN_FORGE_OFFLINE"
 """Environment variable that, if set, forbids the network."""
-_TRIES = 3
-_CHUNK = 2**20
+TRIES = 3
+"""Breaks of a transfer in a row, without a byte between them, after which it is given up."""
+CHUNK = 2**16
+"""Bytes that are written at once; what came of the next ones is lost where a transfer breaks."""
+_MOST_RECORD = 2**20
 _KEY = ("dtm",)
 _log = logging.getLogger(__name__)
 
@@ -86,7 +89,7 @@ def read_record(path: Path) -> dict[str, Any]:
     if not file.is_file():
         return {}
     try:
-        return dict(json.loads(read_text(file, str(file), most=_CHUNK)))
+        return dict(json.loads(read_text(file, str(file), most=_MOST_RECORD)))
     except (ValueError, TypeError):
         raise DataError(f"{file} is damaged: delete it", key=_KEY) from None
 
@@ -232,7 +235,7 @@ def _receive(answer: Answer, part: Path, name: str, progress: Progress) -> None:
         except requests.RequestException as error:
             why = _reason(error)
         broken = 0 if part.stat().st_size > have else broken + 1
-        if part.stat().st_size != answer.size and (broken == _TRIES or not answer.in_pieces):
+        if part.stat().st_size != answer.size and (broken == TRIES or not answer.in_pieces):
             raise DataError(
                 f"{name} broke off at {urlsplit(answer.url).hostname}: {why}; what is there is "
                 f"kept, terrain-forge fetch {name} goes on",
@@ -250,7 +253,7 @@ def _append(
     with part.open("r+b") as file:
         file.seek(have if begun else 0)
         file.truncate()
-        for chunk in response.iter_content(_CHUNK):
+        for chunk in response.iter_content(CHUNK):
             if file.tell() + len(chunk) > answer.size:
                 raise DataError(f"{name} is larger than its server says: not kept", key=_KEY)
             file.write(chunk)

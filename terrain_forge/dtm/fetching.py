@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 from terrain_forge.base import DataError, Progress, RecipeError, reading, silent
 from terrain_forge.dtm.download import download, kept, place_in_cache, readable
-from terrain_forge.dtm.places import PLACES, expanded
+from terrain_forge.dtm.places import expanded, places
 from terrain_forge.dtm.products import Product, find_product
 from terrain_forge.dtm.raster import open_dataset, raster_of
 from terrain_forge.dtm.spec import RasterDtm
@@ -43,12 +42,10 @@ def at_hand(spec: RasterDtm, *, body: Body, progress: Progress = silent) -> Rast
     product = _product(spec, body)
     if product.height_scale and spec.height_scale is None and spec.height_range_m is None:
         spec = replace(spec, height_scale=product.height_scale, height_offset_m=0.0)
-    if not product.by_window:
+    if not product.shape:
         whole = fetch_product(product.name, progress=progress)
         return replace(spec, product=None, source=str(whole))
-    path = _path(product)
-    whole_file = path if kept(path, product.name) else None
-    return windowed(spec, product.url, body, licence=product.licence, whole=whole_file)
+    return windowed(spec, product.url, body, licence=product.licence, whole=_path(product))
 
 
 def fetch_product(name: str, *, progress: Progress = silent) -> Path:
@@ -57,7 +54,12 @@ def fetch_product(name: str, *, progress: Progress = silent) -> Path:
     Raises:
         RecipeError, DataError, StorageError: as `at_hand`.
     """
-    product = find_product(PLACES[name].product if name in PLACES else name)
+    product = find_product(places()[name].product if name in places() else name)
+    if name in places() and product.shape:
+        raise RecipeError(
+            f"{name} lies in {product.name}, of which a build reads only the site's part: "
+            f"terrain-forge fetch RECIPE, or {product.name} for all {readable(product.size or 0)}"
+        )
     path = _path(product)
     if kept(path, name) is None:
         check = partial(_require_product, product)
@@ -76,7 +78,7 @@ def still_to_fetch(spec: RasterDtm, *, body: Body) -> Iterator[str]:
         return
     product = None if spec.url else _product(spec, body)
     url = product.url if product else str(spec.url)
-    by_window = product is None or product.by_window
+    by_window = product is None or product.shape
     path = _path(product) if product and not by_window else window_path(spec, url)
     if kept(path, spec.name):
         return
@@ -139,15 +141,18 @@ def _require_product(product: Product, path: Path) -> None:
                 raise DataError(
                     f"{product.name} has {shape[0]} × {shape[1]} samples, not {rows} × {columns}"
                 )
-            if label := dataset.tags(ns="json:PDS"):
-                text = "".join(f"{key}={value}" for key, value in label.items())
-                _require_label(product, json.loads(text), path.stat().st_size)
+            if dataset.driver == "PDS":
+                _require_label(product, path)
             dataset.read(1, window=((shape[0] - 1, shape[0]), (0, shape[1])))
 
 
-def _require_label(product: Product, label: dict[str, Any], size: int) -> None:
+def _require_label(product: Product, path: Path) -> None:
     """Refuse a PDS3 file of another product, or with fewer bytes than its label counts."""
+    with path.open("rb") as file:
+        text = file.read(2**16).decode("latin-1")
+    label = dict(re.findall(r'^\s*(\w+)\s*=\s*"?([^"\s]+)', text, re.MULTILINE))
     if (found := label["PRODUCT_ID"]) != product.name:
         raise DataError(f"{product.name} calls itself {found} in its label")
-    if size < (counted := label["FILE_RECORDS"] * label["RECORD_BYTES"]):
+    size, counted = path.stat().st_size, int(label["FILE_RECORDS"]) * int(label["RECORD_BYTES"])
+    if size < counted:
         raise DataError(f"{product.name} has {size:,} bytes, its label counts {counted:,}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import re
 from dataclasses import replace
 from hashlib import sha256
@@ -52,7 +53,7 @@ def windowed(
         url: Address of the raster.
         body: What it is a part of.
         licence: On what terms it may be used.
-        whole: The whole file, where it is in the cache: it is then read instead.
+        whole: Where the whole file may lie in the cache: it is then read instead.
 
     Raises:
         DataError: if it cannot be had, or cannot serve.
@@ -61,7 +62,7 @@ def windowed(
     record = kept(path, "RECIPE")
     if record is None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if whole is not None:
+        if whole is not None and kept(whole, spec.name):
             lonlat, tag = _keep(spec, str(whole), spec.name, body, path), ""
         else:
             answer = ask(url, spec.name)
@@ -171,7 +172,7 @@ def _copy(raster: Raster, rows: slice, columns: slice, path: Path) -> None:
         return np.concatenate([take(band, window=piece) for piece in pieces], axis=1)
 
     values = read(dataset.read)
-    new = path.with_suffix(".new")
+    new = path.with_suffix(f".{os.getpid()}.new")
     with (
         rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
         rasterio.open(
