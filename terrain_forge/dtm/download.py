@@ -109,23 +109,24 @@ def _record(path: Path) -> Path:
     return path.with_name(f"{path.name}.json")
 
 
-def require_online(name: str) -> None:
-    """Refuse to reach the network where the user forbids it."""
+def ask(url: str, name: str, *, wish: str) -> Answer:
+    """Ask a server for a file's size and tag, by the first of its bytes.
+
+    Args:
+        url: Its address.
+        name: What the user calls it.
+        wish: What `terrain-forge fetch` must be told to have it.
+
+    Raises:
+        DataError: if it cannot be reached, has no such file, or does not tell its size; or if the
+            user forbids the network.
+    """
     if os.environ.get(OFFLINE, "0") not in ("", "0"):
         raise DataError(
             f"{name} is not in the cache and {OFFLINE} is set: without it, terrain-forge fetch "
-            f"{name}",
+            f"{wish}",
             key=_KEY,
         )
-
-
-def ask(url: str, name: str) -> Answer:
-    """Ask a server for a file's size and tag, by the first of its bytes.
-
-    Raises:
-        DataError: if it cannot be reached, has no such file, or does not tell its size.
-    """
-    require_online(name)
     with _get(url, name, {"Range": "bytes=0-0"}) as answer:
         in_pieces = answer.status_code == 206
         size = answer.headers.get("Content-Length", "")
@@ -168,7 +169,7 @@ def download(
         check(path)
         write_record(path, url=url, tag="")
         return
-    answer = ask(url, name)
+    answer = ask(url, name, wish=name)
     path.parent.mkdir(parents=True, exist_ok=True)
     known = read_record(path).get("sha256")
     told = f"{readable(answer.size)} from {urlsplit(answer.url).hostname}; {licence}"

@@ -65,7 +65,7 @@ def windowed(
         if whole is not None and kept(whole, spec.name):
             lonlat, tag = _keep(spec, str(whole), spec.name, body, path), ""
         else:
-            answer = ask(url, spec.name)
+            answer = ask(url, spec.name, wish="RECIPE")
             if not answer.in_pieces:
                 raise DataError(
                     f"{urlsplit(url).hostname} does not send pieces of files: download "
@@ -106,7 +106,7 @@ def _over_network(spec: RasterDtm, answer: Answer, body: Body, path: Path) -> tu
     }
     with rasterio.Env(**options):
         lonlat = _keep(spec, f"/vsicurl/{answer.url}", spec.name, body, path)
-    again = ask(answer.url, spec.name)
+    again = ask(answer.url, spec.name, wish="RECIPE")
     if (again.tag, again.size) != (answer.tag, answer.size):
         path.unlink()
         raise DataError(f"{spec.name} changed while it was read: try again", key=_KEY)

@@ -43,6 +43,7 @@ exports: []
 def web(monkeypatch, tmp_path):
     """An empty cache, and a server in the place of the real ones."""
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("TERRAIN_FORGE_OFFLINE")
     with served() as site:
         monkeypatch.setattr("terrain_forge.dtm.products.HIRISE", site.address)
         yield site
@@ -301,7 +302,7 @@ def test_a_remote_raster_is_read_by_window_and_kept(web, tmp_path, centre, monke
 
     monkeypatch.setenv("TERRAIN_FORGE_OFFLINE", "1")
     assert at_hand(wish, body=MARS) == here
-    with pytest.raises(DataError, match="OFFLINE is set"):
+    with pytest.raises(DataError, match=r"OFFLINE is set: .* fetch RECIPE"):
         at_hand(replace(wish, size_m=(60.0, 44.0)), body=MARS)
 
 
