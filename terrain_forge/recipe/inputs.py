@@ -212,7 +212,7 @@ class InputFiles:
         *,
         patch: DtmPatch | None,
         rover_files: tuple[Path, ...],
-        fetched: dict[str, Path],
+        fetched: dict[str, Path] | None = None,
     ) -> tuple[tuple[str, str], ...]:
         """`fingerprint` of every file, by its portable name.
 
@@ -221,7 +221,7 @@ class InputFiles:
         fetched counts by the name that the recipe has for it.
         """
         heights = patch.heights.tobytes() if patch is not None else b""
-        files: list[tuple[str, Path, bytes]] = [(*one, heights) for one in fetched.items()]
+        files: list[tuple[str, Path, bytes]] = [(*one, heights) for one in (fetched or {}).items()]
         beside = []
         for one in self.found:
             path, name, kind = self.folder / one.path, self.names[one.path], one.mark.kind
