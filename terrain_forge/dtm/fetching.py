@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from terrain_forge.base import DataError, Progress, RecipeError, reading, silent
@@ -86,24 +87,24 @@ def still_to_fetch(spec: RasterDtm, *, body: Body) -> Iterator[str]:
     what = f"the site's part of {size}" if by_window else size
     yield f"DTM {spec.name}"
     yield f"  not here     a build would download {what} from {urlsplit(url).hostname}"
-    yield f"  address      {url}"
-    for key, value in (origin(spec) or {}).items():
-        if key in ("licence", "citation"):
-            yield f"  {key:<12} {value}"
+    for key, value in (origin(vars(spec)) or {}).items():
+        yield f"  {key:<12} {value}"
 
 
-def origin(spec: RasterDtm) -> dict[str, str] | None:
+def origin(dtm: dict[str, Any]) -> dict[str, str] | None:
     """Where a terrain model comes from, on what terms, and what to cite; None for the user's own.
+
+    Args:
+        dtm: The recipe's `dtm` as plain data, its place written out.
 
     Raises:
         RecipeError: for an unknown name.
     """
-    spec = expanded(spec)
-    if spec.url is not None:
-        return {"url": spec.url, "licence": _UNKNOWN, "citation": "as its owner asks"}
-    if spec.product is None:
+    if url := dtm.get("url"):
+        return {"url": url, "licence": _UNKNOWN, "citation": "as its owner asks"}
+    if not dtm.get("product"):
         return None
-    product = find_product(spec.product)
+    product = find_product(dtm["product"])
     return {"url": product.url, "licence": product.licence, "citation": product.citation}
 
 

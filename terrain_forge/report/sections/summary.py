@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge import __version__
-from terrain_forge.dtm import RasterDtm, origin
+from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Opening, World
 from terrain_forge.report.blocks import Block, Shown, facts, heading, paragraph, table, thousands
 from terrain_forge.report.section import Built, Section
@@ -45,7 +45,7 @@ class Summary(Section):
             ("Body", f"{site.body.name.capitalize()}, gravity {site.body.gravity:g} m/s²"),
             ("Place", _place(world)),
             ("Terrain model", _terrain_model(dtm)),
-            *_origin(world),
+            *_origin(dtm),
             ("Posting of the model", f"{site.dtm.posting:.4g} m" if site.dtm else "none"),
             ("Samples filled in", thousands(site.dtm.filled) if site.dtm else "none"),
             ("Height of z = 0", f"{site.datum_height:.3f} m above datum"),
@@ -70,12 +70,10 @@ def _terrain_model(dtm: dict[str, Any]) -> str:
     return str(next(filter(None, names), "made by hand"))
 
 
-def _origin(world: World) -> list[tuple[str, Shown]]:
+def _origin(dtm: dict[str, Any]) -> list[tuple[str, Shown]]:
     """On what terms a published terrain model may be used, and what to cite."""
-    dtm = world.site.recipe.dtm
-    found = origin(dtm) if isinstance(dtm, RasterDtm) else None
-    keys = ("licence", "citation")
-    return [(f"Its {key}", found[key]) for key in keys] if found else []
+    found = origin(dtm)
+    return [(f"Its {key}", found[key]) for key in ("licence", "citation")] if found else []
 
 
 def _place(world: World) -> str:
