@@ -83,7 +83,11 @@ def still_to_fetch(spec: RasterDtm, *, body: Body) -> Iterator[str]:
     path = _path(product) if product and not by_window else window_path(spec, url)
     if kept(path, spec.name):
         return
-    size = readable(product.size) if product and product.size else "a size that it will tell"
+    size = (
+        readable(product.size)
+        if product and product.size
+        else "0.04 to 1 GB, which its server tells,"
+    )
     what = f"the site's part of {size}" if by_window else size
     yield f"DTM {spec.name}"
     yield f"  not here     a build would download {what} from {urlsplit(url).hostname}"

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from functools import cache
 
 from terrain_forge.base import RecipeError
-from terrain_forge.dtm.products import find_product, rows_of
+from terrain_forge.dtm.products import RULES, find_product, rows_of
 from terrain_forge.dtm.spec import Centre, RasterDtm
 
 
@@ -72,10 +72,13 @@ def expanded(spec: RasterDtm) -> RasterDtm:
 
 
 def place_lines() -> list[str]:
-    """A table of all places."""
-    lines = [f"{'name':<22} {'body':<5} {'lon °E':>9} {'lat °N':>8}  {'product':<34} what is there"]
+    """A table of all places, and one of the products that follow no rule."""
+    lines = [
+        f"{'name':<22} {'body':<5} {'lon °E':>9} {'lat °N':>10}  {'product':<34} what is there"
+    ]
     for name, one in places().items():
         lon, lat = one.lonlat_deg or ("", "its middle")
         body = find_product(one.product).body
-        lines.append(f"{name:<22} {body:<5} {lon:>9} {lat:>8}  {one.product:<34} {one.what}")
-    return lines
+        lines.append(f"{name:<22} {body:<5} {lon:>9} {lat:>10}  {one.product:<34} {one.what}")
+    lines += ["", f"products: {RULES}, and"]
+    return lines + [f"{r['name']:<22} {r['body']:<5} {r['what']}" for r in rows_of("products.csv")]

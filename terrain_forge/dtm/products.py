@@ -20,6 +20,8 @@ HIRISE = "https://hirise-pds.lpl.arizona.edu/PDS/DTM"
 LROC = "https://pds.lroc.im-ldi.com/data/LRO-L-LROC-5-RDR-V1.0/LROLRC_2001/DATA/SDP/NAC_DTM"
 FIRST_EXTENDED = 11000
 """Orbit from which HiRISE's observations are called ESP, not PSP."""
+RULES = "HiRISE's such as DTEEC_045994_1985_046060_1985_U01, LROC's such as NAC_DTM_APOLLO15"
+"""Products whose address follows from their name."""
 _HIRISE = re.compile(r"DT[A-Z]{3}_(\d{6})_(\d{4})_(\d{6})_(\d{4})_[A-Z]\d\d")
 _NAC = re.compile(r"NAC_DTM_([A-Z0-9]+)")
 
@@ -68,9 +70,8 @@ def find_product(name: str) -> Product:
     close = get_close_matches(name, table(), n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
     raise RecipeError(
-        f"no product is called {name!r}{hint}; known are HiRISE's such as "
-        "DTEEC_045994_1985_046060_1985_U01, LROC's such as NAC_DTM_APOLLO15, and "
-        f"{', '.join(table())}",
+        f"no product is called {name!r}{hint}; known are {RULES}, and those that `terrain-forge "
+        "sites` lists",
         key=("dtm", "product"),
     )
 

@@ -108,7 +108,7 @@ def test_every_place_is_shown_by_a_product_of_its_body():
         assert product.citation
     told = run("sites")
     assert told.returncode == 0
-    assert all(f"{name} " in told.stdout for name in places())
+    assert all(f"{name} " in told.stdout for name in (*places(), *table()))
 
 
 def test_a_place_is_fetched_once_and_cited(web, tmp_path, caplog):
@@ -137,7 +137,9 @@ def test_check_asks_no_server(web, tmp_path):
     (tmp_path / "gale.yaml").write_text(RECIPE)
     told = run("check", tmp_path / "gale.yaml")
     assert told.returncode == 0
-    assert "a build would download a size that it will tell from 127.0.0.1" in told.stdout
+    assert (
+        "a build would download 0.04 to 1 GB, which its server tells, from 127.0.0.1" in told.stdout
+    )
     assert "citation" in told.stdout
     path = tmp_path / "moon.yaml"
     path.write_text(RECIPE.replace("mars", "moon").replace("gale, s", "oxia_planum, s"))
