@@ -96,7 +96,8 @@ def _over_network(spec: RasterDtm, answer: Answer, body: Body, path: Path) -> tu
     options = {
         "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
         "GDAL_HTTP_CONNECTTIMEOUT": ceil(TIMEOUT[0]),
-        "GDAL_HTTP_TIMEOUT": ceil(TIMEOUT[1]),
+        "GDAL_HTTP_LOW_SPEED_LIMIT": 1,  # byte per second
+        "GDAL_HTTP_LOW_SPEED_TIME": ceil(TIMEOUT[1]),
         "GDAL_HTTP_MAX_RETRY": 2,
         "GDAL_HTTP_RETRY_DELAY": 1,
         "GDAL_HTTP_USERAGENT": "terrain-forge",

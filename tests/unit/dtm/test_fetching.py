@@ -368,6 +368,17 @@ def test_a_remote_raster_that_changes_while_it_is_read(web, tmp_path):
     assert not list((tmp_path / "cache").rglob("other*"))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("requests", [1, 3])
+def test_a_server_that_hangs_while_a_part_is_read(web, tmp_path, monkeypatch, requests):
+    monkeypatch.setattr("terrain_forge.dtm.window.TIMEOUT", (0.2, 0.2))
+    file = File(data=cog(tmp_path / "a.tif").read_bytes(), lasts=requests, then=File(hangs=True))
+    wish = RasterDtm(url=web.put("/hangs.tif", file), size_m=(60.0, 40.0))
+    with pytest.raises(DataError, match=r"cannot be read by window|broke off while it was read"):
+        at_hand(wish, body=MARS)
+    assert not list((tmp_path / "cache").rglob("*.tif"))
+
+
 def test_large_products_are_read_by_window_or_from_the_whole_file(web, tmp_path, monkeypatch):
     path = cog(tmp_path / "mosaic.tif")
     url = web.put("/mosaic.tif", path.read_bytes())
