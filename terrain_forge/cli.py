@@ -428,3 +428,33 @@ def run() -> None:
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(status)
+
+
+@cli.command()
+@click.argument("names", nargs=-1, required=True)
+def fetch(names: tuple[str, ...]) -> None:
+    """Fetch the terrain models of NAMES into the cache: products, places, or recipes (.yaml)."""
+    from terrain_forge.dtm import RasterDtm, at_hand, fetch_product
+    from terrain_forge.model import BODIES
+
+    with _Bar(len(names)) as progress:
+        for name in names:
+            if name.endswith((".yaml", ".yml")):
+                file = _load(Path(name), None, ())
+                dtm, body = file.recipe.dtm, BODIES[file.recipe.body]
+                with _located(file):
+                    found = isinstance(dtm, RasterDtm) and at_hand(
+                        dtm, body=body, progress=progress
+                    )
+                _say(f"{name}: {found.name if found else 'needs no file'}")
+            else:
+                _say(f"{name}: {fetch_product(name, progress=progress)}")
+
+
+@cli.command()
+def sites() -> None:
+    """List places by name, for `dtm: {place: NAME}`, and the terrain models that show them."""
+    from terrain_forge.dtm import place_lines
+
+    for line in place_lines():
+        _say(line)

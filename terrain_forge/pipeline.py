@@ -24,6 +24,7 @@ from terrain_forge.building import (
     chosen_exports,
     dtm_lines,
     exports_in,
+    fetch_lines,
     folder_state,
     put,
     re_export_orders,
@@ -39,7 +40,7 @@ from terrain_forge.building import (
     write_files,
     write_manifest,
 )
-from terrain_forge.dtm import require_straight, survey
+from terrain_forge.dtm import RasterDtm, at_hand, expanded, require_straight, survey
 from terrain_forge.model import BODIES, Export, Lighting, Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories, plan_routes
 from terrain_forge.recipe import (
@@ -90,20 +91,30 @@ STAGES = (
 
 
 def plan(
-    recipe: Recipe, *, folder: Path | str = ".", heights: NDArray[np.float64] | None = None
+    recipe: Recipe,
+    *,
+    folder: Path | str = ".",
+    heights: NDArray[np.float64] | None = None,
+    progress: Progress = silent,
 ) -> Site:
     """Resolve a recipe once: read its inputs and fix everything that no window may change.
+
+    A terrain model that the recipe names by product, place or address is fetched where it is not in
+    the cache.
 
     Args:
         recipe: what to make.
         folder: what the recipe's paths are relative to.
         heights: the heights [m] of a recipe with `dtm: {kind: array}`, rows running north.
+        progress: called with the share of a terrain model that is fetched.
 
     Raises:
         RecipeError, DataError: before any work starts, if the recipe cannot be built.
     """
     folder = Path(folder)
     recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
+    if isinstance(recipe.dtm, RasterDtm):
+        recipe = replace(recipe, dtm=expanded(recipe.dtm))
     inputs = InputFiles(recipe, folder)
     body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
     rover = found.rover
@@ -121,8 +132,12 @@ def plan(
     check_lists(recipe.rocks, lists, size=size)
     require_fits(recipe, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
-    with reading(getattr(recipe.dtm, "source", recipe.dtm.kind), key=("dtm",)):
-        ground = survey(recipe.dtm, body=body, folder=folder, heights=heights, seed=recipe.seed)
+    with reading(getattr(recipe.dtm, "name", recipe.dtm.kind), key=("dtm",)):
+        here, fetched = recipe.dtm, {}
+        if isinstance(here, RasterDtm) and here.source is None:
+            name, here = here.name, at_hand(here, body=body, progress=progress)
+            fetched[name] = Path(here.name)
+        ground = survey(here, body=body, folder=folder, heights=heights, seed=recipe.seed)
     site = Site(
         name=recipe.name,
         seed=recipe.seed,
@@ -139,7 +154,7 @@ def plan(
         images=inputs.images(),
         tables=tuple(tables.values()),
         meshes=inputs.meshes(),
-        inputs=inputs.hashes(patch=ground.dtm, rover_files=found.files),
+        inputs=inputs.hashes(patch=ground.dtm, rover_files=found.files, fetched=fetched),
         custom_rover=rover if found.files else None,
         routes=routes,
         exclusion_zones=exclusion_zones(recipe.rocks.exclusion_zones, routes=routes, rover=rover),
@@ -278,7 +293,7 @@ def build(
     require_apart(out, inputs)
     removed = require_ours(out, force=force)
     orders = chosen_exports(export_orders(recipe), only)
-    site = plan(recipe, folder=folder)
+    site = plan(recipe, folder=folder, progress=watch)
     require_exports(orders, site)
     with replacing(out, force=force) as directory:
         world = realise(site, progress=watch)
@@ -473,9 +488,14 @@ def _assess(
 def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     """Lines that say what a recipe will make; the DTM comes first, even where it cannot serve.
 
+    Nothing is fetched: where the DTM is not at hand, only what a build would fetch is told.
+
     Raises:
         RecipeError, DataError: if the recipe cannot be built.
     """
-    yield from dtm_lines(recipe, Path(folder))
+    missing = list(fetch_lines(recipe))
+    yield from missing or dtm_lines(recipe, Path(folder))
+    if missing:
+        return
     orders = export_orders(recipe)
     yield from site_lines(plan(recipe, folder=folder), orders)

@@ -22,11 +22,15 @@ def build(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory):
-    """Tests share rock libraries among themselves and their processes, not with the user."""
+    """Tests share rock libraries among themselves and their processes, not with the user.
+
+    They reach no network; those of downloads allow their own server.
+    """
     with pytest.MonkeyPatch.context() as patch:
         root = tmp_path_factory.getbasetemp()
         shared = root.parent if "PYTEST_XDIST_WORKER" in os.environ else root
         patch.setenv("TERRAIN_FORGE_CACHE", str(shared / "cache"))
+        patch.setenv("TERRAIN_FORGE_OFFLINE", "1")
         yield
 
 

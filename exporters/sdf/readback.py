@@ -16,10 +16,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from terrain_forge.base import Array, SimulationError, image_rows, quaternion_from_rpy
+from terrain_forge.base import (
+    Array,
+    SimulationError,
+    cache_folder,
+    image_rows,
+    quaternion_from_rpy,
+)
 from terrain_forge.model import Opening
 from terrain_forge.paths import Deviation, deviation, spline_places
-from terrain_forge.rocks import cache_folder
 from terrain_forge.validation import (
     SETTLING,
     Consumer,

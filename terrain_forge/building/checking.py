@@ -7,7 +7,16 @@ from math import degrees
 from pathlib import Path
 
 from terrain_forge.base import DataError, reading
-from terrain_forge.dtm import Description, RasterDtm, describe, ellipsoid, open_raster, site_facts
+from terrain_forge.dtm import (
+    Description,
+    RasterDtm,
+    at_hand,
+    describe,
+    ellipsoid,
+    open_raster,
+    site_facts,
+    still_to_fetch,
+)
 from terrain_forge.model import BODIES, Site
 from terrain_forge.paths import Planned, duration
 from terrain_forge.recipe import (
@@ -33,6 +42,16 @@ DRIVING = 1 / 18
 """Time to simulate a second of driving [s]; of many drives two are made at once."""
 
 
+def fetch_lines(recipe: Recipe) -> Iterator[str]:
+    """Lines that say what a build would take from the network; none where all is at hand.
+
+    Raises:
+        RecipeError: for a product or place that does not exist.
+    """
+    if isinstance(recipe.dtm, RasterDtm):
+        yield from still_to_fetch(recipe.dtm, body=BODIES[recipe.body])
+
+
 def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
     """Lines that say what the recipe's DTM is, where it has one.
 
@@ -40,11 +59,12 @@ def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
         DataError: if it cannot be opened.
     """
     if isinstance(recipe.dtm, RasterDtm):
-        with reading(recipe.dtm.source, key=("dtm", "source")):
-            raster = open_raster(recipe.dtm, body=BODIES[recipe.body], folder=folder)
+        body = BODIES[recipe.body]
+        with reading(recipe.dtm.name, key=("dtm", "source")):
+            raster = open_raster(at_hand(recipe.dtm, body=body), body=body, folder=folder)
             with raster.dataset:
                 lines = list(_lines(describe(raster)))
-        yield f"DTM {recipe.dtm.source}"
+        yield f"DTM {recipe.dtm.name}"
         yield from lines
 
 

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text
+from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
@@ -59,14 +60,16 @@ def write_manifest(
     """
     names = [name for name in _files(directory) if name not in foreign]
     outputs = {**_hashes(directory, names), **altered}
+    recipe = json.loads(site.recipe_json)
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,
         "name": site.name,
         "seed": site.seed,
-        "recipe": json.loads(site.recipe_json),
+        "recipe": recipe,
         "versions": {"python": platform.python_version(), **_versions()},
         "inputs": dict(site.inputs),
+        **_origins(recipe["dtm"]),
         "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
         "outputs": dict(sorted(outputs.items())),
         "varying": sorted({*names} - {*outputs} - _OWN),
@@ -75,6 +78,12 @@ def write_manifest(
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
     fresh.write_text(text + "\n", encoding="utf-8")
     return fresh.replace(path)
+
+
+def _origins(dtm: dict[str, Any]) -> dict[str, Any]:
+    """Where a terrain model comes from that the recipe names by product or address."""
+    found = origin(dtm)
+    return {"origins": {dtm["product"] or dtm["url"]: found}} if found else {}
 
 
 def read_manifest(directory: Path) -> Manifest:

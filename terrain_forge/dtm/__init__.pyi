@@ -4,6 +4,10 @@ from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts
 from .description import site_warnings as site_warnings
+from .fetching import at_hand as at_hand
+from .fetching import fetch_product as fetch_product
+from .fetching import origin as origin
+from .fetching import still_to_fetch as still_to_fetch
 from .interpolation import NEAR as NEAR
 from .interpolation import STENCIL as STENCIL
 from .interpolation import add_cell_means as add_cell_means
@@ -18,6 +22,8 @@ from .lattice import patch_pixels as patch_pixels
 from .lattice import pixel_of as pixel_of
 from .lattice import require_straight as require_straight
 from .pixels import Pixels as Pixels
+from .places import expanded as expanded
+from .places import place_lines as place_lines
 from .projection import ellipsoid as ellipsoid
 from .projection import geographic_crs as geographic_crs
 from .projection import scale_error as scale_error

@@ -109,19 +109,22 @@ class Raster:
             DataError: if strict, for values that look like an undeclared mark of no data or like no
             heights at all.
         """
-        width = self.shape[1]
-        turns = range(columns.start // width, (columns.stop - 1) // width + 1)
-        spans = [
-            slice(max(columns.start - n * width, 0), min(columns.stop - n * width, width))
-            for n in turns
-        ]
-        parts = [self._read_values(rows, span) for span in spans]
+        parts = [self._read_values(rows, span) for span in self.pieces(columns)]
         values, valid = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
         heights = np.where(valid, self.heights(values) - self._datum_rise(rows, columns), 0.0)
         if strict:
             require_no_sentinel(values[valid], self.source, cliff=self._cliff())
             require_heights(heights, self.source, self.body)
         return heights, valid
+
+    def pieces(self, columns: slice) -> list[slice]:
+        """Columns within the file that, side by side, are those that may lie beyond its edges."""
+        width = self.shape[1]
+        turns = range(columns.start // width, (columns.stop - 1) // width + 1)
+        return [
+            slice(max(columns.start - n * width, 0), min(columns.stop - n * width, width))
+            for n in turns
+        ]
 
     def _read_values(self, rows: slice, columns: slice) -> tuple[Array, NDArray[np.bool_]]:
         """The file's own numbers, and which of them are data."""
@@ -180,21 +183,31 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     """
     import rasterio
 
-    path = folder / spec.source
-    require_file(path, spec.source, ("dtm", "source"))
+    path = folder / spec.name
+    require_file(path, spec.name, ("dtm", "source"))
     try:
         dataset = open_dataset(path)
     except rasterio.errors.RasterioError:
         hint = _label_hint(path)
         raise DataError(
-            f"not a raster that GDAL opens: {spec.source}{hint}; of its formats are read "
+            f"not a raster that GDAL opens: {spec.name}{hint}; of its formats are read "
             f"{', '.join(DRIVERS)}",
             key=("dtm", "source"),
         ) from None
+    return raster_of(dataset, spec, body=body, path=path)
+
+
+def raster_of(
+    dataset: Any, spec: RasterDtm, *, body: Body, path: Path, vertical: Vertical | None = None
+) -> Raster:
+    """The raster of an open dataset; where its numbers' meaning is not given, it is read.
+
+    Raises:
+        DataError: if it has no such band, lies on another body, or if the recipe says what cannot
+            be of it.
+    """
     if spec.band > dataset.count:
-        raise DataError(
-            f"band {spec.band} of {dataset.count} in {spec.source}", key=("dtm", "band")
-        )
+        raise DataError(f"band {spec.band} of {dataset.count} in {spec.name}", key=("dtm", "band"))
     if spec.nodata_range is not None and spec.nodata_range[0] > spec.nodata_range[1]:
         low, high = spec.nodata_range
         raise DataError(f"{low:g} to {high:g}: the lower value first", key=("dtm", "nodata_range"))
@@ -205,7 +218,7 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
         body=body,
         path=path,
         band=spec.band,
-        vertical=read_vertical(dataset, spec, _datum(dataset, crs, body), body),
+        vertical=vertical or read_vertical(dataset, spec, _datum(dataset, crs, body), body),
         crs=crs,
         to_pixel=to_pixel,
         nodata=spec.nodata,
@@ -245,7 +258,7 @@ def _require_body(crs: str, body: Body, spec: RasterDtm) -> None:
     if crs and abs(ellipsoid(crs)[0] / body.mean_radius - 1.0) > 0.05:
         found = ellipsoid(crs)[0] / 1e3
         raise DataError(
-            f"{spec.source} lies on a body of {found:.0f} km radius, {body.name} has "
+            f"{spec.name} lies on a body of {found:.0f} km radius, {body.name} has "
             f"{body.mean_radius / 1e3:.0f} km",
             key=("body",),
         )

@@ -36,12 +36,8 @@ def read_patch(
     Raises:
         DataError: if the site reaches beyond the raster, or over holes that are too wide to fill.
     """
-    _require_off_pole(raster, spec, crs)
-    whole = _whole(raster, crs, to_pixel)
-    column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
-    _require_inside(raster, spec, column, row)
-    columns = _span(column, raster.shape[1], goes_round=raster.goes_round)
-    rows = _span(row, raster.shape[0])
+    whole, column, row = _located(raster, spec, crs, to_pixel)
+    rows, columns = _spans(raster, column, row)
     heights, valid = raster.read(rows, columns)
     a, b, c, d, e, f = to_pixel
     patch = whole.replace(
@@ -64,6 +60,33 @@ def read_patch(
     ), valid & ~planar
 
 
+def samples_needed(
+    raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float, ...]
+) -> tuple[slice, slice]:
+    """Rows and columns that `read_patch` reads; columns may lie beyond the edges of a whole body.
+
+    Raises:
+        DataError: if the site reaches beyond the raster.
+    """
+    return _spans(raster, *_located(raster, spec, crs, to_pixel)[1:])
+
+
+def _located(
+    raster: Raster, spec: RasterDtm, crs: str, to_pixel: tuple[float, ...]
+) -> tuple[DtmPatch, Array, Array]:
+    """The patch without its samples, and fractional columns and rows of a grid over the site."""
+    _require_off_pole(raster, spec, crs)
+    whole = _whole(raster, crs, to_pixel)
+    column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
+    _require_inside(raster, spec, column, row)
+    return whole, column, row
+
+
+def _spans(raster: Raster, column: Array, row: Array) -> tuple[slice, slice]:
+    columns = _span(column, raster.shape[1], goes_round=raster.goes_round)
+    return _span(row, raster.shape[0]), columns
+
+
 def _require_off_pole(raster: Raster, spec: RasterDtm, crs: str) -> None:
     """Refuse a site whose samples lie around a pole where the raster has no way around it."""
     if not raster.crs or not meridian_period(raster.crs):
@@ -72,7 +95,7 @@ def _require_off_pole(raster: Raster, spec: RasterDtm, crs: str) -> None:
     needed = _MARGIN * steps[1] if steps else 0.0
     if away < needed:
         raise DataError(
-            f"the site lies {away:.3g} m from a pole, where {spec.source}, a map of longitudes, "
+            f"the site lies {away:.3g} m from a pole, where {spec.name}, a map of longitudes, "
             f"needs {needed:.3g} m of ground around: take a polar product",
             key=("dtm", "centre"),
         )
@@ -105,7 +128,7 @@ def _require_inside(raster: Raster, spec: RasterDtm, column: Array, row: Array) 
     if above or (beside and not raster.goes_round):
         raise DataError(
             f"the site needs columns {column.min():.1f} to {column.max():.1f} and rows "
-            f"{row.min():.1f} to {row.max():.1f} of {spec.source}, which has {columns} × {rows}",
+            f"{row.min():.1f} to {row.max():.1f} of {spec.name}, which has {columns} × {rows}",
             key=("dtm", "centre"),
         )
 
@@ -149,11 +172,9 @@ def _require_filled(
 ) -> tuple[str, ...]:
     """What is filled within the site, in words; holes that are too wide are refused."""
     if not valid.any():
-        raise DataError(
-            f"{spec.source} has no valid height here, only nodata", key=("dtm", "source")
-        )
+        raise DataError(f"{spec.name} has no valid height here, only nodata", key=("dtm", "source"))
     if not valid[inside].any():
-        raise DataError(f"{spec.source} has only nodata within the site", key=("dtm", "centre"))
+        raise DataError(f"{spec.name} has only nodata within the site", key=("dtm", "centre"))
     if valid[inside].all():
         return ()
     samples, row, column = farthest_filled(valid, inside)
@@ -162,7 +183,7 @@ def _require_filled(
     if width > allowed:
         east, north = patch_points(patch, crs, np.array([float(column)]), np.array([float(row)]))
         raise DataError(
-            f"{spec.source} has a hole about {width:.3g} m ({samples} samples) wide around "
+            f"{spec.name} has a hole about {width:.3g} m ({samples} samples) wide around "
             f"{east[0]:.0f} m east, {north[0]:.0f} m north of the site's centre; holes of up to "
             f"{allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
             key=("dtm", "fill_holes_m"),
@@ -175,7 +196,7 @@ def _destaired(raster: Raster, spec: RasterDtm, heights: Array) -> Array:
     if raster.quantum is None:
         dtype = raster.dataset.dtypes[raster.band - 1]
         raise DataError(
-            f"the heights of {spec.source} are {dtype}, only integers have stairs",
+            f"the heights of {spec.name} are {dtype}, only integers have stairs",
             key=("dtm", "destair"),
         )
     return destair(heights, raster.quantum)

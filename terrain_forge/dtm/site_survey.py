@@ -149,13 +149,13 @@ def _raster_patch(
     with raster.dataset:
         _require_meaning(raster, spec)
         if raster.crs:
-            lon, lat = _centre_lonlat(raster, spec)
+            lon, lat = centre_lonlat(raster, spec)
             crs = local_crs(raster.crs, lon, lat)
             lonlat = (float(np.radians(lon)), float(np.radians(lat)))
             return crs, lonlat, *read_patch(raster, spec, crs, raster.to_pixel)
         if spec.centre.offset_m is None:
             raise DataError(
-                f"{spec.source} is not georeferenced: give the centre as offset_m",
+                f"{spec.name} is not georeferenced: give the centre as offset_m",
                 key=("dtm", "centre"),
             )
         a, _, c, _, e, f = raster.to_pixel
@@ -167,19 +167,19 @@ def _raster_patch(
 def _require_meaning(raster: Raster, spec: RasterDtm) -> None:
     if not raster.to_pixel:
         raise DataError(
-            f"{spec.source} has no georeference: give its size on the ground as dtm.extent_m",
+            f"{spec.name} has no georeference: give its size on the ground as dtm.extent_m",
             key=("dtm", "source"),
         )
     if not raster.vertical.known:
         dtype = raster.dataset.dtypes[raster.band - 1]
         raise DataError(
-            f"the vertical scale of {spec.source} ({dtype}) is unknown: give dtm.height_range_m or "
+            f"the vertical scale of {spec.name} ({dtype}) is unknown: give dtm.height_range_m or "
             "dtm.height_scale",
             key=("dtm", "source"),
         )
 
 
-def _centre_lonlat(raster: Raster, spec: RasterDtm) -> tuple[float, float]:
+def centre_lonlat(raster: Raster, spec: RasterDtm) -> tuple[float, float]:
     """Longitude and latitude of the site's centre [degrees]."""
     if spec.centre.lonlat_deg is not None:
         return spec.centre.lonlat_deg

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
-from annotated_types import Ge, Gt, Interval, MinLen
+from annotated_types import Ge, Gt, Interval, MinLen, Predicate
 
 from terrain_forge.base import Coordinate, InputFile, Pair, Positive, PositivePair, Spec
 
 Longitude = Annotated[float, Interval(ge=-180, le=360)]
 Latitude = Annotated[float, Interval(ge=-90, le=90)]
 Noise = Literal["auto", "keep"] | Annotated[float, Interval(ge=0, le=1000)]
+
+
+def is_address(text: str) -> bool:
+    """Whether a text is the address of a file on a web server, without a password in it."""
+    parts = urlsplit(text)
+    plain = text.isprintable() and " " not in text and "@" not in parts.netloc
+    return plain and parts.scheme in ("http", "https") and bool(parts.hostname)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +36,23 @@ class Centre(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class RasterDtm(Spec):
-    """Heights from a raster file whose data lie in it or beside it (formats: docs/terrain.md)."""
+    """Heights from a raster: one of `source`, `product`, `place` and `url` (docs/places.md).
+
+    Its data lie in the file or beside it (formats: docs/terrain.md).
+    """
 
     kind: Literal["raster"] = "raster"
-    source: Annotated[str, MinLen(1), InputFile(kind="dtm")]
-    """The file, its path relative to the recipe (for PDS3 with a detached label: the label)."""
+    source: Annotated[str, MinLen(1), InputFile(kind="dtm")] | None = None
+    """A file, its path relative to the recipe (for PDS3 with a detached label: the label)."""
+    product: Annotated[str, MinLen(1)] | None = None
+    """A published terrain model by its name, such as `DTEEC_045994_1985_046060_1985_U01`; it is
+    downloaded once."""
+    place: Annotated[str, MinLen(1)] | None = None
+    """A place by its name, such as `jezero`: its product, and where `centre` is left out its
+    centre. `terrain-forge sites` lists them."""
+    url: Annotated[str, Predicate(is_address)] | None = None
+    """Address of a georeferenced GeoTIFF or JPEG 2000; what the site needs of it is read and
+    kept."""
     size_m: PositivePair
     """Size of the site, node to node, east and north [m]; whole multiples of the spacing."""
     centre: Centre = Centre(offset_m=(0.0, 0.0))
@@ -65,6 +85,11 @@ class RasterDtm(Spec):
     """Metres per unit of the raster, instead of what the file declares."""
     height_offset_m: Coordinate | None = None
     """Height of the value 0 [m], instead of what the file declares."""
+
+    @property
+    def name(self) -> str:
+        """What the terrain model is called."""
+        return self.source or self.product or self.url or self.place or "none"
 
 
 @dataclass(frozen=True, kw_only=True)

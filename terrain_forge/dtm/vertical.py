@@ -82,7 +82,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         scale, offset = dataset.scales[band] * metres, dataset.offsets[band] * metres
         if scale == 0.0 and spec.height_scale is None:
             raise DataError(
-                f"the band's scale in {spec.source} is 0, which makes all heights equal: give "
+                f"the band's scale in {spec.name} is 0, which makes all heights equal: give "
                 "dtm.height_scale",
                 key=("dtm", "source"),
             )
@@ -153,7 +153,7 @@ def _range(spec: RasterDtm, dtype: np.dtype[Any]) -> tuple[float, float]:
     assert spec.height_range_m is not None
     if dtype.kind not in "iu":
         raise DataError(
-            f"the heights of {spec.source} are {dtype}; a height range is for integers, "
+            f"the heights of {spec.name} are {dtype}; a height range is for integers, "
             "use height_scale and height_offset_m",
             key=("dtm", "height_range_m"),
         )

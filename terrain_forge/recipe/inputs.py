@@ -208,15 +208,21 @@ class InputFiles:
         return tuple(found.values())
 
     def hashes(
-        self, *, patch: DtmPatch | None, rover_files: tuple[Path, ...]
+        self,
+        *,
+        patch: DtmPatch | None,
+        rover_files: tuple[Path, ...],
+        fetched: dict[str, Path] | None = None,
     ) -> tuple[tuple[str, str], ...]:
         """`fingerprint` of every file, by its portable name.
 
         A label's image counts as an input, and so do files that the rover's own file includes,
-        which come after it in `rover_files`; they are named by their place beside it.
+        which come after it in `rover_files`; they are named by their place beside it. What was
+        fetched counts by the name that the recipe has for it.
         """
         heights = patch.heights.tobytes() if patch is not None else b""
-        files, beside = [], []
+        files: list[tuple[str, Path, bytes]] = [(*one, heights) for one in (fetched or {}).items()]
+        beside = []
         for one in self.found:
             path, name, kind = self.folder / one.path, self.names[one.path], one.mark.kind
             others = files_of_raster(path) if kind == "dtm" else rover_files[1:]

@@ -28,7 +28,6 @@ from .laws.power_law import PowerLaw as PowerLaw
 from .laws.tabulated import Tabulated as Tabulated
 from .library import LibrarySpec as LibrarySpec
 from .library import MeshSpec as MeshSpec
-from .library import cache_folder as cache_folder
 from .library import find_library as find_library
 from .library import make_library as make_library
 from .populations import ExclusionSpec as ExclusionSpec

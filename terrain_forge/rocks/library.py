@@ -1,14 +1,12 @@
 """The rock library: random shapes at rest, with levels of detail, hulls and mass properties.
 
-Libraries are kept on disk, so that a second build, or another world, need not make them again. The
-folder is `terrain-forge` in the user's cache folder (XDG_CACHE_HOME, ~/.cache); the environment
-variable TERRAIN_FORGE_CACHE names another one, or `off`. It can be deleted at any time.
+Libraries are kept in the cache (`base.cache_folder`), so that a second build, or another world,
+need not make them again.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import platform
 import tempfile
 import zlib
@@ -32,6 +30,7 @@ from terrain_forge.base import (
     Array,
     InputFile,
     Spec,
+    cache_folder,
     from_plain,
     mix,
     portable,
@@ -53,7 +52,6 @@ logger = getLogger(__name__)
 MOST_FILES = 64
 """Libraries that are kept; the oldest go first."""
 
-_VARIABLE = "TERRAIN_FORGE_CACHE"
 _MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
 _BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
 MOST_PACKED = 64
@@ -259,20 +257,6 @@ def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
         library = make_library(spec, custom=custom)
         store(file, library)
     return library
-
-
-def cache_folder() -> Path | None:
-    """Where libraries are kept; None where they are not."""
-    chosen = os.environ.get(_VARIABLE)
-    if chosen in ("", "off"):
-        return None
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    try:
-        if chosen is not None:
-            return Path(chosen).expanduser()
-        return Path(base or Path.home() / ".cache") / "terrain-forge"
-    except RuntimeError:  # no home folder
-        return None
 
 
 def library_key(spec: LibrarySpec, custom: tuple[CustomMesh, ...]) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from terrain_forge.base import specs
 from terrain_forge.building import manifest
-from terrain_forge.dtm import raster
+from terrain_forge.dtm import download, raster, window
 from terrain_forge.model import world
 from terrain_forge.paths import curves, recorded, routes
 from terrain_forge.recipe import file
@@ -28,6 +28,8 @@ ROWS = {
     "no leading dot, nothing that cannot be printed",
     "any input file": "a regular file: no pipe, no device, no folder",
     "a raster": f"{len(raster.DRIVERS)} of GDAL's formats, all files of it beside it",
+    "a raster that is fetched": f"{download.MOST // 2**30} GiB whole, {window.MOST // 2**30} GiB "
+    "by window; GeoTIFF or JPEG 2000 by window",
     "an image": f"as a raster; {raster.MAX_PIXELS:,} pixels",
     "a table": f"{specs.MAX_TABLE // MIB} MiB of UTF-8; {specs.InputFile.most:,} rows and twice as "
     "many lines",

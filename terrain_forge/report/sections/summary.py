@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge import __version__
+from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Opening, World
 from terrain_forge.report.blocks import Block, Shown, facts, heading, paragraph, table, thousands
 from terrain_forge.report.section import Built, Section
@@ -43,7 +44,8 @@ class Summary(Section):
         listed: list[tuple[str, Shown]] = [
             ("Body", f"{site.body.name.capitalize()}, gravity {site.body.gravity:g} m/s²"),
             ("Place", _place(world)),
-            ("Terrain model", str(dtm.get("source") or dtm.get("kind", "made by hand"))),
+            ("Terrain model", _terrain_model(dtm)),
+            *_origin(dtm),
             ("Posting of the model", f"{site.dtm.posting:.4g} m" if site.dtm else "none"),
             ("Samples filled in", thousands(site.dtm.filled) if site.dtm else "none"),
             ("Height of z = 0", f"{site.datum_height:.3f} m above datum"),
@@ -61,6 +63,17 @@ class Summary(Section):
         recipe = json.dumps(built.recipe, indent=1, ensure_ascii=False)
         summary = "The whole recipe, with its defaults"
         return [facts(listed), Block(kind="folded", summary=summary, text=recipe)]
+
+
+def _terrain_model(dtm: dict[str, Any]) -> str:
+    names = (dtm.get(key) for key in ("source", "product", "url", "kind"))
+    return str(next(filter(None, names), "made by hand"))
+
+
+def _origin(dtm: dict[str, Any]) -> list[tuple[str, Shown]]:
+    """On what terms a published terrain model may be used, and what to cite."""
+    found = origin(dtm)
+    return [(f"Its {key}", found[key]) for key in ("licence", "citation")] if found else []
 
 
 def _place(world: World) -> str:

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, cache_folder
 from terrain_forge.model import CustomMesh, Mesh
 from terrain_forge.rocks import (
     LibrarySpec,
-    cache_folder,
     find_library,
     make_library,
     read_rock_mesh,

@@ -1,0 +1,410 @@
+"""Terrain models by name and address, from a server on the loopback that misbehaves."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import rasterio
+
+import terrain_forge as tf
+from terrain_forge.base import DataError, RecipeError, StorageError
+from terrain_forge.building import write_manifest
+from terrain_forge.dtm import RasterDtm, at_hand, expanded, fetch_product, survey
+from terrain_forge.dtm.download import CHUNK
+from terrain_forge.dtm.places import places
+from terrain_forge.dtm.products import find_product, table
+from terrain_forge.dtm.spec import Centre
+from terrain_forge.model import MARS, MOON
+from terrain_forge.report import Built
+from terrain_forge.report.sections.summary import Summary
+from tests.helpers import worlds
+from tests.helpers.command_line import run
+from tests.helpers.web import File, hirise, served
+from tests.unit.dtm.test_dtm import from_origin, write_raster
+
+GALE = places()["gale"]
+PATH = (
+    "/ESP/ORB_023900_023999/ESP_023957_1755_ESP_024023_1755/DTEEC_023957_1755_024023_1755_U01.IMG"
+)
+DTM = hirise(GALE.product, lonlat=GALE.lonlat_deg)
+RECIPE = """schema: 1
+name: gale
+body: mars
+dtm: {place: gale, size_m: [24, 16]}
+terrain: {spacing_m: 0.5}
+exports: []
+"""
+
+
+@pytest.fixture
+def web(monkeypatch, tmp_path):
+    """An empty cache, and a server in the place of the real ones."""
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("TERRAIN_FORGE_OFFLINE")
+    with served() as site:
+        monkeypatch.setattr("terrain_forge.dtm.products.HIRISE", site.address)
+        yield site
+
+
+@pytest.mark.parametrize(
+    ("name", "url"),
+    [
+        (
+            "DTEEC_045994_1985_046060_1985_U01",
+            "https://hirise-pds.lpl.arizona.edu/PDS/DTM/ESP/ORB_045900_045999/"
+            "ESP_045994_1985_ESP_046060_1985/DTEEC_045994_1985_046060_1985_U01.IMG",
+        ),
+        (
+            "DTEEC_001336_1560_001534_1560_U01",
+            "https://hirise-pds.lpl.arizona.edu/PDS/DTM/PSP/ORB_001300_001399/"
+            "PSP_001336_1560_PSP_001534_1560/DTEEC_001336_1560_001534_1560_U01.IMG",
+        ),
+        (
+            "DTEEC_010228_1490_016320_1490_A01",
+            "https://hirise-pds.lpl.arizona.edu/PDS/DTM/PSP/ORB_010200_010299/"
+            "PSP_010228_1490_ESP_016320_1490/DTEEC_010228_1490_016320_1490_A01.IMG",
+        ),
+        (
+            "DTEED_042328_1985_033150_1985_A01",
+            "https://hirise-pds.lpl.arizona.edu/PDS/DTM/ESP/ORB_042300_042399/"
+            "ESP_042328_1985_ESP_033150_1985/DTEED_042328_1985_033150_1985_A01.IMG",
+        ),
+        (
+            "LOLA_5m_Site23",
+            "https://pgda.gsfc.nasa.gov/data/LOLA_5mpp/Site23/Site23_final_adj_5mpp_surf.tif",
+        ),
+        (
+            "NAC_DTM_APOLLO15",
+            "https://pds.lroc.im-ldi.com/data/LRO-L-LROC-5-RDR-V1.0/LROLRC_2001/DATA/SDP/NAC_DTM/"
+            "APOLLO15/NAC_DTM_APOLLO15.TIF",
+        ),
+    ],
+)
+def test_rules_give_addresses_of_the_archives(name, url):
+    """As users of these archives write them down."""
+    assert find_product(name).url == url
+
+
+def test_names_that_nobody_has():
+    with pytest.raises(RecipeError, match=r"did you mean LOLA_5m_Haworth\?"):
+        find_product("LOLA_5m_Hawort")
+    with pytest.raises(RecipeError, match="did you mean jezero"):
+        expanded(RasterDtm(place="jezzero", size_m=(10.0, 10.0)))
+    with pytest.raises(RecipeError, match="one of source, product, place, url, found none"):
+        expanded(RasterDtm(size_m=(10.0, 10.0)))
+    with pytest.raises(RecipeError, match="found source and url"):
+        expanded(RasterDtm(source="a", url="https://b/c", size_m=(10.0, 10.0)))
+
+
+def test_every_place_is_shown_by_a_product_of_its_body():
+    for name in (*(one.product for one in places().values()), *table()):
+        product = find_product(name)
+        assert product.body in ("mars", "moon")
+        assert product.url.startswith("https://")
+        assert product.licence
+        assert product.citation
+    told = run("sites")
+    assert told.returncode == 0
+    assert all(f"{name} " in told.stdout for name in (*places(), *table()))
+
+
+def test_a_place_is_fetched_once_and_cited(web, tmp_path, caplog):
+    web.put(PATH, DTM)
+    (tmp_path / "gale.yaml").write_text(RECIPE)
+    file = tf.load_recipe(tmp_path / "gale.yaml")
+    site = tf.plan(file.recipe, folder=file.folder)
+    assert "0.4 MB from 127.0.0.1; public domain" in caplog.text
+    assert np.degrees(site.lonlat) == pytest.approx(GALE.lonlat_deg)
+    manifest = json.loads(write_manifest(site, tmp_path, exports=(), altered={}).read_text())
+    assert manifest["origins"][GALE.product]["url"] == web.address + PATH
+    record = json.loads((tmp_path / "cache" / "dtm" / f"{GALE.product}.IMG.json").read_text())
+    assert manifest["inputs"] == {GALE.product: record["sha256"]}
+    summary = Summary().blocks(Built(worlds.world().replace(site=site), tmp_path))[0]
+    for cited in (manifest["origins"][GALE.product]["citation"], repr(summary)):
+        assert "doi:10.1029/2007JE003000" in cited
+
+    dtm = manifest["recipe"]["dtm"]
+    assert (dtm["product"], dtm["source"], dtm["place"]) == (GALE.product, None, None)
+    asked = len(web.asked)
+    assert tf.plan(site.recipe) == site  # as saved, from the cache alone
+    assert len(web.asked) == asked
+
+
+def test_check_asks_no_server(web, tmp_path):
+    (tmp_path / "gale.yaml").write_text(RECIPE)
+    told = run("check", tmp_path / "gale.yaml")
+    assert told.returncode == 0
+    assert (
+        "a build would download 0.04 to 1 GB, which its server tells, from 127.0.0.1" in told.stdout
+    )
+    assert "citation" in told.stdout
+    path = tmp_path / "moon.yaml"
+    path.write_text(RECIPE.replace("mars", "moon").replace("gale, s", "oxia_planum, s"))
+    told = run("check", path)
+    assert (told.returncode, told.stderr) == (
+        2,
+        f"terrain-forge: {path}:3: body: HRSC_MOLA_200m is of body: mars\n",
+    )
+    path.write_text(RECIPE.replace("gale, s", "oxia_planum, s"))
+    assert "the site's part of 11.4 GB from planetarymaps.usgs.gov" in run("check", path).stdout
+    assert web.asked == []
+
+
+def test_fetch_by_name_and_by_recipe(web, tmp_path, monkeypatch):
+    web.put(PATH, DTM)
+    (tmp_path / "gale.yaml").write_text(RECIPE)
+    monkeypatch.setenv("TERRAIN_FORGE_OFFLINE", "1")
+    told = run("build", tmp_path / "gale.yaml", "-o", tmp_path / "world")
+    assert told.returncode == 2
+    assert f"terrain-forge fetch {GALE.product}" in told.stderr
+    assert told.stderr.count("\n") == 1
+    assert web.asked == []
+    monkeypatch.delenv("TERRAIN_FORGE_OFFLINE")
+    assert "all 11.4 GB" in run("fetch", "oxia_planum").stderr
+    told = run("fetch", "gale", tmp_path / "gale.yaml")
+    assert told.returncode == 0, told.stderr
+    kept = tmp_path / "cache" / "dtm" / f"{GALE.product}.IMG"
+    assert told.stdout == f"gale: {kept}\n{tmp_path / 'gale.yaml'}: {kept}\n"
+    assert kept.read_bytes() == DTM
+    monkeypatch.setenv("TERRAIN_FORGE_OFFLINE", "1")
+    assert run("check", tmp_path / "gale.yaml").returncode == 0
+
+
+def test_a_broken_transfer_goes_on(web):
+    file = File(data=DTM, breaks_after=100_000)
+    web.put(PATH, file)
+    shares = []
+    path = fetch_product(GALE.product, progress=lambda stage, share: shares.append(share))
+    assert path.read_bytes() == DTM
+    assert [asked for _, asked in web.asked] == ["bytes=0-0", "", f"bytes={CHUNK}-"]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert [one.name for one in path.parent.iterdir() if one.suffix == ".part"] == []
+
+
+def test_a_part_is_kept_for_the_next_run_and_only_for_the_same_content(web, monkeypatch):
+    monkeypatch.setattr("terrain_forge.dtm.download.TRIES", 1)
+    web.put(PATH, File(data=DTM, claims=len(DTM) + 5))
+    with pytest.raises(DataError, match=r"broke off .* what is there is kept"):
+        fetch_product(GALE.product)
+    web.put(PATH, File(data=DTM + b"\r\n\r\n ", claims=None))
+    path = fetch_product(GALE.product)
+    assert web.asked[-1] == (PATH, f"bytes={len(DTM)}-")
+    assert path.read_bytes() == DTM + b"\r\n\r\n "
+
+
+def test_a_server_without_pieces_or_tags(web):
+    web.put(PATH, File(data=DTM, ranges=False, tag=""))
+    assert fetch_product(GALE.product).read_bytes() == DTM
+
+
+@pytest.mark.parametrize(
+    ("file", "message"),
+    [
+        (File(status=404), "127.0.0.1 says 404 Not Found"),
+        (File(status=500), "127.0.0.1 says 500 Internal Server Error"),
+        (File(hangs=True), "cannot be had from 127.0.0.1: .*timed? ?out"),
+        (File(moved_to="file:///etc/passwd"), "cannot be had .*file:///etc/passwd"),
+        (File(data=b"<!DOCTYPE html>" * 9), "is no raster, it begins b'<!DOCTYPE html>"),
+        (File(data=DTM[:-2000]), r"has 359,\d+ bytes, its label counts 36\d,\d+"),
+        (File(data=DTM.replace(b"_U01", b"_U02")), "calls itself DTEEC_.*_U02 in its label"),
+        (File(data=DTM, claims=2**40), "tells no size .* 64 GiB"),
+        (File(data=DTM.replace(b"3396.19", b"1737.40")), "lies on a body of 1737 km radius"),
+    ],
+    ids=["404", "500", "hang", "file", "page", "short", "label", "huge", "body"],
+)
+def test_what_is_not_the_product_is_not_kept(web, tmp_path, monkeypatch, file, message):
+    if file.hangs:
+        monkeypatch.setattr("terrain_forge.dtm.download.TIMEOUT", (0.2, 0.2))
+    web.put(PATH, file)
+    with pytest.raises(DataError, match=message) as caught:
+        fetch_product(GALE.product)
+    assert "\n" not in str(caught.value)
+    assert [one.name for one in (tmp_path / "cache").rglob("*") if one.is_file()] == []
+
+
+def test_content_that_changes_while_it_is_fetched(web):
+    then = File(data=DTM, tag='"two"')
+    web.put(PATH, File(data=DTM, breaks_after=100_000, lasts=2, then=then))
+    with pytest.raises(DataError, match="changed at its server while it was fetched"):
+        fetch_product(GALE.product)
+    assert fetch_product(GALE.product).read_bytes() == DTM
+    assert web.asked[-1] == (PATH, "")  # from its beginning
+
+
+def test_the_hash_of_first_sight_holds(web):
+    web.put(PATH, DTM)
+    path = fetch_product(GALE.product)
+    with path.open("r+b") as file:
+        file.seek(-1, 2)
+        file.write(b"\x7f")
+    with pytest.raises(DataError, match=f"{path} is not as it was fetched.*terrain-forge fetch"):
+        fetch_product(GALE.product)
+    path.unlink()
+    web.put(PATH, File(data=DTM[:-1] + b"\x7f", tag='"two"'))
+    with pytest.raises(
+        DataError, match=r"another file at 127\.0\.0\.1 than it was when it was first"
+    ):
+        fetch_product(GALE.product)
+    assert not path.exists()
+
+
+def test_a_file_that_the_user_puts_into_the_cache(web, tmp_path):
+    path = tmp_path / "cache" / "dtm" / f"{GALE.product}.IMG"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(DTM)
+    assert fetch_product(GALE.product) == path
+    assert web.asked == []
+
+
+def test_no_room(web, monkeypatch):
+    web.put(PATH, DTM)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Disk", (), {"free": 10}))
+    with pytest.raises(StorageError, match=r"no room for the 0\.4 MB of DTEEC"):
+        fetch_product(GALE.product)
+
+
+def cog(path, **options):
+    """A raster of 1500 × 1200 posts in tiles."""
+    write_raster(path, shape=(1500, 1200), transform=from_origin(5e3, -272e3, 1.0, 1.0))
+    with rasterio.open(path) as plain:
+        profile = {**plain.profile, "tiled": True, "blockxsize": 128, "blockysize": 128}
+        values = plain.read()
+    with rasterio.open(path, "w", **{**profile, **options}) as tiled:
+        tiled.write(values)
+    return path
+
+
+CENTRES = [Centre(offset_m=(100.0, -50.0)), Centre(crs=(5400.0, -272700.0))]
+
+
+@pytest.mark.parametrize("centre", CENTRES, ids=["offset", "crs"])
+def test_a_remote_raster_is_read_by_window_and_kept(web, tmp_path, centre, monkeypatch):
+    path = cog(tmp_path / "big.tif", compress="deflate")
+    url = web.put("/data/big.tif", path.read_bytes())
+    wish = RasterDtm(url=url, size_m=(60.0, 40.0), centre=centre)
+    here = at_hand(wish, body=MARS)
+    remote = survey(here, body=MARS, folder=tmp_path, heights=None)
+    local = survey(
+        replace(wish, url=None, source="big.tif"), body=MARS, folder=tmp_path, heights=None
+    )
+    assert remote.crs == local.crs
+    assert remote.datum_height == local.datum_height
+    assert np.array_equal(remote.dtm.heights, local.dtm.heights)
+    taken = sum(
+        int(last) - int(first) + 1
+        for _, asked in web.asked
+        for first, _, last in [asked.removeprefix("bytes=").partition("-")]
+        if last
+    )
+    assert taken < 0.7 * path.stat().st_size
+
+    monkeypatch.setenv("TERRAIN_FORGE_OFFLINE", "1")
+    assert at_hand(wish, body=MARS) == here
+    with pytest.raises(DataError, match=r"OFFLINE is set: .* fetch RECIPE"):
+        at_hand(replace(wish, size_m=(60.0, 44.0)), body=MARS)
+
+
+def test_a_window_across_the_seam_of_a_whole_body(web, tmp_path):
+    degrees = from_origin(-180.0, 90.0, 0.25, 0.25)
+    path = write_raster(
+        tmp_path / "globe.tif", shape=(720, 1440), crs="+proj=longlat +R=3396190",
+        transform=degrees, change=lambda heights: 100.0 * np.sin(heights),
+    )  # fmt: skip
+    centre = Centre(lonlat_deg=(179.9, 10.0))
+    wish = RasterDtm(
+        url=web.put("/globe.tif", path.read_bytes()), size_m=(60e3, 60e3), centre=centre
+    )
+    remote = survey(at_hand(wish, body=MARS), body=MARS, folder=tmp_path, heights=None)
+    local = survey(
+        replace(wish, url=None, source="globe.tif"), body=MARS, folder=tmp_path, heights=None
+    )
+    assert remote.datum_height == pytest.approx(local.datum_height, abs=1e-9)
+    assert remote.lonlat == local.lonlat
+
+
+@pytest.mark.parametrize(
+    ("file", "message"),
+    [
+        (File(status=404), "says 404"),
+        (File(data=b"x" * 1000), "cannot be read by window.*only GeoTIFF and JPEG 2000"),
+        (File(data=DTM), "only GeoTIFF and JPEG 2000"),
+        (File(data=DTM, ranges=False), "does not send pieces of files"),
+        (File(moved_to="file:///etc/passwd"), "file:///etc/passwd"),
+    ],
+    ids=["404", "junk", "PDS", "no pieces", "file"],
+)
+def test_remote_rasters_that_cannot_serve(web, tmp_path, file, message):
+    url = web.put("/bad.tif", file)
+    with pytest.raises(DataError, match=message):
+        at_hand(RasterDtm(url=url, size_m=(60.0, 40.0)), body=MARS)
+    assert not list((tmp_path / "cache").rglob("*.tif"))
+
+
+def test_a_remote_raster_that_breaks_changes_or_is_too_large(web, tmp_path, monkeypatch):
+    data = cog(tmp_path / "big.tif").read_bytes()
+    cut = web.put("/cut.tif", data[: len(data) // 3])
+    wish = RasterDtm(url=cut, size_m=(60.0, 40.0))
+    with pytest.raises(DataError, match="broke off while it was read"):
+        at_hand(wish, body=MARS)
+    monkeypatch.setattr("terrain_forge.dtm.window.MOST", 1000)
+    whole = web.put("/whole.tif", data)
+    with pytest.raises(DataError, match=r"the site needs \d\.\d MB of .*at most"):
+        at_hand(replace(wish, url=whole), body=MARS)
+    with pytest.raises(DataError, match="lies on a body of 3396 km"):
+        at_hand(replace(wish, url=whole), body=MOON)
+
+
+def test_a_remote_raster_that_changes_while_it_is_read(web, tmp_path):
+    data = cog(tmp_path / "big.tif").read_bytes()
+    wish = RasterDtm(url=web.put("/calm.tif", data), size_m=(60.0, 40.0))
+    at_hand(wish, body=MARS)
+    file = File(data=data, lasts=len(web.asked) - 1, then=File(data=data, tag='"two"'))
+    with pytest.raises(DataError, match="changed while it was read"):
+        at_hand(replace(wish, url=web.put("/other.tif", file)), body=MARS)
+    assert not list((tmp_path / "cache").rglob("other*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("requests", [1, 3])
+def test_a_server_that_hangs_while_a_part_is_read(web, tmp_path, monkeypatch, requests):
+    monkeypatch.setattr("terrain_forge.dtm.window.TIMEOUT", (0.2, 0.2))
+    file = File(data=cog(tmp_path / "a.tif").read_bytes(), lasts=requests, then=File(hangs=True))
+    wish = RasterDtm(url=web.put("/hangs.tif", file), size_m=(60.0, 40.0))
+    with pytest.raises(DataError, match=r"cannot be read by window|broke off while it was read"):
+        at_hand(wish, body=MARS)
+    assert not list((tmp_path / "cache").rglob("*.tif"))
+
+
+def test_large_products_are_read_by_window_or_from_the_whole_file(web, tmp_path, monkeypatch):
+    path = cog(tmp_path / "mosaic.tif")
+    url = web.put("/mosaic.tif", path.read_bytes())
+    product = replace(table()["MOLA_463m"], url=url, shape=(1500, 1200))
+    monkeypatch.setitem(table(), product.name, product)
+    wish = RasterDtm(product="MOLA_463m", size_m=(60.0, 40.0))
+    first = at_hand(wish, body=MARS)
+    data = (tmp_path / "cache" / "dtm" / first.name).read_bytes()
+    (tmp_path / "cache" / "dtm" / first.name).unlink()
+    (tmp_path / "cache" / "dtm" / f"{first.name}.json").unlink()
+    whole = fetch_product("MOLA_463m")
+    monkeypatch.setenv("TERRAIN_FORGE_OFFLINE", "1")
+    assert at_hand(wish, body=MARS) == first
+    assert (tmp_path / "cache" / "dtm" / first.name).read_bytes() == data
+    assert whole.read_bytes() == path.read_bytes()
+    monkeypatch.setitem(table(), product.name, replace(product, shape=(1500, 1201)))
+    whole.with_name(f"{whole.name}.json").unlink()
+    with pytest.raises(DataError, match="has 1500 × 1200 samples, not 1500 × 1201"):
+        fetch_product("MOLA_463m")
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["file:///etc/passwd", "ftp://a/b", "https://me:word@a/b", "/vsicurl/http://a", "http://"],
+)
+def test_addresses_that_are_none(tmp_path, url):
+    (tmp_path / "a.yaml").write_text(RECIPE.replace("place: gale", f"url: '{url}'"))
+    with pytest.raises(RecipeError, match=r"a.yaml:4: dtm.url"):
+        tf.load_recipe(tmp_path / "a.yaml")
