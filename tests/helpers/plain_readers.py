@@ -44,15 +44,18 @@ def glb_corners(path: Path) -> np.ndarray:
 
 
 def obj_corners(path: Path) -> np.ndarray:
-    """The same of an OBJ whose faces share one index: texture coordinates are turned to v down."""
+    """The same of an OBJ with normals: its texture coordinates are turned to v down."""
     rows = {b"v": [], b"vn": [], b"vt": [], b"f": []}
     for line in path.read_bytes().splitlines():
         tag, *words = line.split()
         if tag in rows:
-            rows[tag].append([word.split(b"/")[0] for word in words])
+            if tag == b"f":
+                words = [[int(index or 1) for index in word.split(b"/")] for word in words]
+            rows[tag].append(words)
     vertices, normals, uv = (np.array(rows[tag], float) for tag in (b"v", b"vn", b"vt"))
-    uv = uv * (1, -1) + (0, 1) if len(uv) else np.zeros((len(vertices), 2))
-    return np.hstack([vertices, normals, uv])[np.array(rows[b"f"], int).reshape(-1) - 1]
+    uv = uv * (1, -1) + (0, 1) if len(uv) else np.zeros((1, 2))
+    corners = np.array(rows[b"f"]).reshape(-1, 3) - 1
+    return np.hstack([vertices[corners[:, 0]], normals[corners[:, 2]], uv[corners[:, 1]]])
 
 
 def stl_corners(path: Path) -> np.ndarray:
