@@ -26,7 +26,7 @@ from terrain_forge.model import World, exporter
 
 PROBE = Path(__file__).parents[1] / "tests" / "consumers" / "blender_world.py"
 FORMATS: dict[str, tuple[str, dict[str, Any], str]] = {
-    "obj": ("mesh", {}, "world.obj"),
+    "obj": ("mesh", {"format": "obj"}, "world.obj"),
     "stl": ("mesh", {"format": "stl"}, "world.stl"),
     "ply": ("mesh", {"format": "ply"}, "world.ply"),
     "glb": ("glb", {"tile_cells": 4096}, "world.glb"),

@@ -40,7 +40,7 @@ SEEN = {"collides": False}
 """Rocks visual only, which need no collider."""
 
 JOBS: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
-    "obj, ground of 2049²": (GROUND, "mesh", {}),
+    "obj, ground of 2049²": (GROUND, "mesh", {"format": "obj"}),
     "stl, ground of 2049²": (GROUND, "mesh", {"format": "stl"}),
     "ply, ground of 2049²": (GROUND, "mesh", {"format": "ply"}),
     "glb, ground of 2049²": (GROUND, "glb", {}),

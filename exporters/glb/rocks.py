@@ -95,14 +95,8 @@ def merged_rocks(
             part = f"_{number}" if number else ""
             name = f"{tile.name('rocks')}_{rocks.populations[population]}{part}"
             places = vertices - corner
-            attributes = {
-                "POSITION": gltf.add_vertices(places.astype(np.float32), bounded=True),
-                "NORMAL": gltf.add_vertices(vertex_normals(places, faces).astype(np.float32)),
-            }
-            primitive: dict[str, Any] = {
-                "attributes": attributes,
-                "indices": gltf.add_indices(faces),
-            }
+            normals, indices = vertex_normals(places, faces), gltf.add_indices(faces)
+            primitive = gltf.add_primitive(places, normals, indices)
             primitive["material"] = materials[population]
             mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})
             nodes.append({"name": name, "mesh": mesh, "translation": corner.tolist()})

@@ -1,4 +1,4 @@
-"""Plain meshes: the world as OBJ, STL or PLY, for ray casters and for programs of any kind."""
+"""Plain meshes: the world as PLY, STL or OBJ, for ray casters and for programs of any kind."""
 
 from .export import check_capacity, export
 from .options import Options

@@ -20,7 +20,7 @@ MOST_NODES = 2**30
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
-    """Write the world as plain meshes: world.obj (stl, ply), or tile_000.obj and so on.
+    """Write the world as plain meshes: world.ply (stl, obj), or tile_000.ply and so on.
 
     Raises:
         ExportError: if the ground has more nodes than one mesh can hold.

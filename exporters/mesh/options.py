@@ -16,9 +16,10 @@ class Options(Spec):
 
     kind: Literal["mesh"] = "mesh"
     """The exporter, where the export's folder has another name."""
-    format: Literal["obj", "stl", "ply"] = "obj"
-    """`obj` has textures, normals and names; `stl` is triangles alone, in binary; `ply`, in binary
-    too, has a colour per vertex."""
+    format: Literal["ply", "stl", "obj"] = "ply"
+    """`ply` has a colour per vertex, in binary; `stl`, binary too, is triangles alone and twice as
+    large, since they share no vertices; `obj` has textures, normals and names, and is text, four
+    times as large."""
     tiles: Literal["merged", "tiled"] = "merged"
     """`merged` writes one file, as ray casters want it; `tiled` one per tile."""
     tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 256

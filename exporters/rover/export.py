@@ -60,6 +60,12 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
             "SDF 1.9 has no joints that follow others: the rover's gears are left out; "
             "`release: harmonic` keeps them."
         )
+    if rover.couplings and "sdf" in options.formats and options.release != "fortress":
+        names = ", ".join(control.joint_name(gear.link) for gear in rover.couplings)
+        losses.append(
+            f"Drake puts motors on the SDF's joints that follow others ({names}): they need the "
+            "effort that DART holds them with; read the URDF, or remove the motors there."
+        )
     if "usd" in options.formats:
         from terrain_forge.exporters.usd.rover import rig_losses as usd_losses
 

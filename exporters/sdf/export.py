@@ -7,7 +7,13 @@ from pathlib import Path
 from terrain_forge.exporters.sdf import rocks
 
 from terrain_forge.base import ExportError, image_rows
-from terrain_forge.geometry import bake_tile, coarse_shape, write_ground_obj, write_rover_meshes
+from terrain_forge.geometry import (
+    bake_tile,
+    coarse_shape,
+    write_ground_glb,
+    write_ground_obj,
+    write_rover_meshes,
+)
 from terrain_forge.model import ExportReport, Tile, World, world_friction
 from terrain_forge.writers import Lines, element, file_name, rock_name, write_png
 
@@ -69,15 +75,19 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 def _write_ground(tile: Tile, model: Model, friction: float, options: Options) -> list[Lines]:
     """Write one tile's mesh and textures; returns its visual and, of a mesh, its collision."""
     name = tile.name("ground")
-    # One OBJ for both: it has the normals that Gazebo's physics asks of a collision mesh.
-    with model.path(f"meshes/{name}.obj").open("wb") as file:
-        write_ground_obj(file, tile)
+    # One file for both: it has the normals that Gazebo's physics asks of a collision mesh.
+    file = f"meshes/{name}.{'glb' if options.binary else 'obj'}"
+    if options.binary:
+        write_ground_glb(model.path(file), tile)
+    else:
+        with model.path(file).open("wb") as text:
+            write_ground_obj(text, tile)
     texture, normals = bake_tile(tile, options.texture_pixels), None
     write_png(model.path(f"{TEXTURES}/{name}.png"), image_rows(texture.rgb))
     if not model.classic and options.normal_maps:
         normals = f"{name}_normals.png"
         write_png(model.path(f"{TEXTURES}/{normals}"), image_rows(texture.normals))
-    geometry = mesh(model.uri(f"meshes/{name}.obj"))
+    geometry = mesh(model.uri(file))
     look = model.textured(f"{name}.png", normals=normals)
     visual = element("visual", geometry, look, name=f"{name}_visual")
     if options.ground == "heightmap":

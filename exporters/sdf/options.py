@@ -24,6 +24,10 @@ class Options(Spec):
     """The oldest gz-sim that shall read a `gz` world: `fortress` writes SDF 1.9, `garden` SDF 1.10,
     which knows other bodies than the Earth and so holds the site's longitude and latitude. By
     default `fortress`."""
+    mesh_format: Literal["glb", "obj"] | None = None
+    """Of the ground, as it is seen and felt: `glb` is binary, a fifth as large, and makes merged
+    rocks half as large too, but Fortress and Classic cannot read it; by default `glb` for `garden`,
+    else `obj`, with the merged rocks as STL."""
     individual_min_m: NotNegative = 0.5
     """Rocks of at least this exposed diameter are visuals and collisions of their own, which share
     their shapes' meshes; smaller ones are merged into one mesh per tile and population, since each
@@ -61,6 +65,11 @@ class Options(Spec):
         return _VERSIONS["classic" if self.flavour == "classic" else self.release or "fortress"]
 
     @property
+    def binary(self) -> bool:
+        """Whether the meshes of ground and merged rocks are GLB."""
+        return (self.mesh_format or ("glb" if self.release == "garden" else "obj")) == "glb"
+
+    @property
     def grey_bits(self) -> int:
         """Bits of a heightmap's pixels."""
         return self.heightmap_bits or (16 if self.release == "garden" else 8)
@@ -70,6 +79,12 @@ class Options(Spec):
             self.require_default("release", "it is of gz-sim, here the flavour is classic")
         if self.ground == "mesh":
             self.require_default("heightmap_bits", "the ground is a mesh; choose ground: heightmap")
+        if self.binary and self.release != "garden":
+            raise RecipeError(
+                "Gazebo Fortress and Classic read no GLB; choose mesh_format: obj, or for newer "
+                "ones release: garden",
+                key=("mesh_format",),
+            )
         if self.grey_bits == 16 and self.release != "garden":
             raise RecipeError(
                 "16 bits are misread by Gazebo Fortress (as heights of 0 to 1 m) and by Classic; "

@@ -172,6 +172,8 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         NotRun: if a compiler or a library is missing.
         SimulationError: if the probe fails.
     """
+    if options.binary:
+        raise NotRun("Gazebo Fortress reads no GLB")
     program, answers = _program(), []
     with tempfile.TemporaryDirectory(dir=scratch) as temporary:
         for name in ("world", "scene"):

@@ -15,6 +15,7 @@ from terrain_forge.geometry import (
     merge_rocks,
     rock_texture,
     write_rock_shape,
+    write_rocks_glb,
 )
 from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
@@ -39,10 +40,14 @@ def write_tile(
     small = tile.field.select(~single)
     for population, unseen, rocks in grouped(small, ~small.collides):
         name = f"{tile.name('seen' if unseen else 'small')}_{population}"
-        # STL: without shared corners it is half the size of an OBJ with normals, and read faster.
-        vertices, faces = merge_rocks(rocks, coarse, whole.ground)
-        write_stl(model.path(f"meshes/{name}.stl"), vertices=vertices, faces=faces)
-        geometry = mesh(model.uri(f"meshes/{name}.stl"))
+        file = f"meshes/{name}.{'glb' if options.binary else 'stl'}"
+        if options.binary:
+            write_rocks_glb(model.path(file), rocks, coarse, whole.ground)
+        else:
+            # Without shared corners STL is half the size of an OBJ with normals, and read faster.
+            vertices, faces = merge_rocks(rocks, coarse, whole.ground)
+            write_stl(model.path(file), vertices=vertices, faces=faces)
+        geometry = mesh(model.uri(file))
         if not unseen:
             touch = surface(friction)
             parts.append(element("collision", geometry, touch, name=f"{name}_collision"))

@@ -6,6 +6,7 @@ from .ground_mesh import grid_normals as grid_normals
 from .ground_mesh import grid_texture_coordinates as grid_texture_coordinates
 from .ground_mesh import grid_vertices as grid_vertices
 from .ground_mesh import node_bands as node_bands
+from .ground_mesh import write_ground_glb as write_ground_glb
 from .ground_mesh import write_ground_obj as write_ground_obj
 from .ground_texture import bake_ground as bake_ground
 from .ground_texture import bake_tile as bake_tile
@@ -24,6 +25,7 @@ from .rock_mesh import merge_in_parts as merge_in_parts
 from .rock_mesh import merge_rocks as merge_rocks
 from .rock_mesh import surface as surface
 from .rock_mesh import write_rock_shape as write_rock_shape
+from .rock_mesh import write_rocks_glb as write_rocks_glb
 from .rock_properties import inertias as inertias
 from .rock_properties import mean_rock_colour as mean_rock_colour
 from .rock_properties import mean_rock_srgb as mean_rock_srgb

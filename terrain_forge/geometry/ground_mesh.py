@@ -6,6 +6,9 @@ Vertices are the nodes, row by row from the south-west; a cell is cut from there
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryFile
 from typing import BinaryIO
 
 import numpy as np
@@ -13,10 +16,11 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import kernel
 from terrain_forge.model import Heightfield, Tile
-from terrain_forge.writers import write_obj_faces, write_obj_rows
+from terrain_forge.writers import Gltf, write_obj_faces, write_obj_rows
 
-BAND_NODES = 1 << 16
-"""Nodes that are turned into vertices at once: they then stay in the processor's cache."""
+BAND_NODES = 1 << 15
+"""Nodes that are turned into vertices at once: they then stay in the processor's cache, and 16 bits
+hold their indices."""
 
 
 def grid_vertices(ground: Heightfield) -> NDArray[np.float64]:
@@ -86,6 +90,26 @@ def write_ground_obj(file: BinaryIO, tile: Tile, *, material: str = "") -> None:
     for span, band in cell_bands(ground):
         faces = grid_faces(*band.shape) + np.int32(span.start * columns)
         write_obj_faces(file, faces, texture_faces=faces)
+
+
+def write_ground_glb(path: Path, tile: Tile) -> None:
+    """Write a tile's ground as GLB: the mesh alone, z up as no glTF of its own would be."""
+    (rows, columns) = tile.ground.shape
+    with TemporaryFile(dir=path.parent) as binary:
+        gltf = Gltf(binary)
+        faces = cache(lambda shape: gltf.add_indices(grid_faces(*shape)))
+        gltf.write_mesh(
+            path,
+            [
+                gltf.add_primitive(
+                    grid_vertices(band),
+                    grid_normals(band, tile.whole.ground),
+                    faces(band.shape),
+                    grid_texture_coordinates(rows, columns, slice(span.start, span.stop + 1)),
+                )
+                for span, band in cell_bands(tile.ground)
+            ],
+        )
 
 
 def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:

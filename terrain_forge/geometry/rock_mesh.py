@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere, inner, kernel, portable
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
-from terrain_forge.writers import index_corners, vertex_normals, write_obj
+from terrain_forge.writers import Gltf, index_corners, vertex_normals, write_obj
 
 # A face goes only where it is this fraction of the rock's diameter under the ground.
 _BURIED_MARGIN = 0.05
@@ -89,6 +90,23 @@ def merge_in_parts(
         vertices, faces = merge_rocks(field.select(rows), shapes, ground)
         if len(faces):
             yield vertices, faces
+
+
+def write_rocks_glb(
+    path: Path, field: RockField, shapes: Sequence[Mesh], ground: Heightfield
+) -> None:
+    """Write `merge_rocks` as GLB: the mesh alone, z up, in pieces of indices of 16 bits."""
+    counts = np.array([len(shape.vertices) for shape in shapes])[field.prototype]
+    piece = np.cumsum(counts) // (2**16 - 1 - counts.max(initial=0))
+    with TemporaryFile(dir=path.parent) as binary:
+        gltf, primitives = Gltf(binary), []
+        for number in np.unique(piece):
+            vertices, faces = merge_rocks(field.select(piece == number), shapes, ground)
+            if len(faces):
+                normals = vertex_normals(vertices, faces)
+                indices = gltf.add_indices(faces)
+                primitives.append(gltf.add_primitive(vertices, normals, indices))
+        gltf.write_mesh(path, primitives)
 
 
 def level_of_detail(prototype: RockPrototype, tolerance: float) -> int:

@@ -62,7 +62,10 @@ class _Model:
     counts: Counter[str] = field(default_factory=Counter)
     attached: int = 0
     strips: bool = False
-    names: list[str] = field(default_factory=list)
+    names: dict[str, str] = field(default_factory=dict)
+    """The tag of an element by the file that it names."""
+    missing: list[FileError] = field(default_factory=list)
+    """What is to be said of models that are nowhere, once nothing worse is found."""
     directories: list[str] = field(default_factory=lambda: [""])
 
     def read(self, file: Path, name: str, times: int = 1) -> None:
@@ -89,22 +92,23 @@ class _Model:
     def _follow(self, element: Element, file: Path, times: int) -> None:
         """Read a file that is included or attached; MuJoCo looks for it beside the model's own."""
         name = element.attrib["file"]
-        for place in dict.fromkeys((self.main.parent, file.parent)):
-            path = place / name
-            if path.exists() or path.is_symlink():
-                self.packages.require(path, name)
-                if element.tag == "model" and all(path != part.files[0] for part in self.parts):
-                    self.parts.append(_Model(path, self.packages))
-                    self.parts[-1].read(path, name)
-                elif element.tag == "include" and path not in self.files:
-                    self.read(path, name, times)
+        places = [f.parent / name for f in dict.fromkeys((self.main, file))]
+        for path in filter(_is_there, dict.fromkeys(places)):
+            self.packages.require(path, name)
+            if element.tag == "model" and all(path != part.files[0] for part in self.parts):
+                self.parts.append(_Model(path, self.packages))
+                self.parts[-1].read(path, name)
+            elif element.tag == "include" and path not in self.files:
+                self.read(path, name, times)
+        if not any(map(_is_there, places)):
+            self.missing.append(_missing(self.main, element.tag, name, places))
 
     def _look_at(self, element: Element, key: str, text: str) -> None:
         if key in _DIRECTORIES:
             self.directories.append(text)
         elif key.startswith("file"):
             if element.tag not in _MODELS:
-                self.names.append(text)
+                self.names.setdefault(text, element.tag)
         elif key == "strippath":
             self.strips |= text != "false"
         elif key == "memory":
@@ -121,19 +125,33 @@ class _Model:
         """Meshes, pictures and fields, wherever MuJoCo may look for them.
 
         Raises:
-            DataError: for one that must not be read.
+            DataError: for one that must not be read, or is not there.
         """
+        for error in self.missing:
+            raise error
         found: dict[Path, None] = {}
         bases = dict.fromkeys(file.parent / d for file in self.files for d in self.directories)
         bounds.require_below(len(bases) * len(self.names), _MOST_ELEMENTS, "paths", self.main.name)
-        names = [Path(name).name if self.strips else name for name in self.names]
-        for name in dict.fromkeys((*names, *self.names)):
-            for path in (base / name for base in bases):
-                if path.exists() or path.is_symlink():
-                    self.packages.require(path, name)
-                    _check_asset(path, name[:200])
-                    found[path] = None
+        for name, tag in self.names.items():
+            spellings = dict.fromkeys((Path(name).name, name)) if self.strips else (name,)
+            paths = [p for s in spellings for b in bases if _is_there(p := b / s)]
+            if not paths:
+                raise _missing(self.main, tag, name, [base / name for base in bases])
+            for path in paths:
+                self.packages.require(path, name)
+                _check_asset(path, name[:200])
+                found[path] = None
         return list(found)
+
+
+def _is_there(path: Path) -> bool:
+    return path.exists() or path.is_symlink()
+
+
+def _missing(main: Path, tag: str, name: str, places: list[Path]) -> FileError:
+    """The error of a file that a model names and that is nowhere."""
+    looked = ", ".join(dict.fromkeys(str(place.parent)[-200:] for place in places[:3]))
+    return FileError(f"{main.name}: the file {name[:200]!r} of a <{tag}> is not there, in {looked}")
 
 
 def _check_asset(path: Path, name: str) -> None:

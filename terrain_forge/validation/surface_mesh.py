@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, kernel
 from terrain_forge.model import Mesh
@@ -15,7 +18,7 @@ _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute
 
 
 def read_mesh(path: Path) -> Mesh:
-    """The triangles of an OBJ or of a binary STL.
+    """The triangles of an OBJ, a binary STL, or a GLB of one mesh whose node moves nothing.
 
     Raises:
         ValueError: for any other file.
@@ -27,7 +30,29 @@ def read_mesh(path: Path) -> Mesh:
     if path.suffix.lower() == ".stl":
         corners = content[84:].view(_STL_RECORD)["corners"].reshape(-1, 3)
         return Mesh(vertices=corners, faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
-    raise ValueError(f"{path}: neither OBJ nor STL")
+    if path.suffix.lower() == ".glb":
+        return _read_glb(content)
+    raise ValueError(f"{path}: neither OBJ nor STL nor GLB")
+
+
+def _read_glb(content: NDArray[np.uint8]) -> Mesh:
+    (length,) = content[12:16].view("<u4").tolist()
+    asset, binary = json.loads(content[20 : 20 + length].tobytes()), content[28 + length :]
+
+    def values(number: int) -> NDArray[Any]:
+        accessor = asset["accessors"][number]
+        view = asset["bufferViews"][accessor["bufferView"]]
+        kind = np.dtype({5126: "<f4", 5125: "<u4", 5123: "<u2"}[accessor["componentType"]])
+        count = accessor["count"] * {"SCALAR": 1, "VEC3": 3}[accessor["type"]]
+        start = view["byteOffset"]
+        return binary[start : start + count * kind.itemsize].view(kind).reshape(-1, 3)
+
+    vertices, faces, first = [], [], 0
+    for primitive in asset["meshes"][0]["primitives"]:
+        vertices.append(values(primitive["attributes"]["POSITION"]))
+        faces.append(values(primitive["indices"]).astype(np.int32) + np.int32(first))
+        first += len(vertices[-1])
+    return Mesh(vertices=np.concatenate(vertices), faces=np.concatenate(faces))
 
 
 def heights_on(mesh: Mesh, points: Array) -> Array:

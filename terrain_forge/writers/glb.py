@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError
 
+from .mesh import Floats
+
 if TYPE_CHECKING:
     from terrain_forge.model import TexturedMesh
 
@@ -25,7 +27,8 @@ LARGEST_FILE = 2**32 - 1
 """Bytes that a GLB can hold."""
 
 _VERTICES, _INDICES = 34962, 34963
-_COMPONENT = {"float32": 5126, "uint32": 5125}
+_COMPONENT = {"float32": 5126, "uint32": 5125, "uint16": 5123}
+_RESTART = 2**16 - 1  # no index: it ends a strip
 _SHAPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _CHUNK_HEADER = 8
 _FILE_HEADER = 12
@@ -54,8 +57,9 @@ class Gltf:
         return self._add_array(values, {"target": _VERTICES}, bounded=bounded)
 
     def add_indices(self, faces: NDArray[np.integer[Any]]) -> int:
-        """Add an accessor of corner indices, shape [faces, 3]."""
-        flat = faces.astype(np.uint32).reshape(-1, 1)
+        """Add an accessor of corner indices, shape [faces, 3], in 16 bits where they fit."""
+        kind = np.uint16 if faces.max(initial=0) < _RESTART else np.uint32
+        flat = faces.astype(kind).reshape(-1, 1)
         return self._add_array(flat, {"target": _INDICES}, bounded=False)
 
     def add_samples(self, values: NDArray[np.float32], *, bounded: bool = False) -> int:
@@ -64,13 +68,30 @@ class Gltf:
 
     def add_surface(self, surface: TexturedMesh) -> dict[str, Any]:
         """Add a textured surface; returns what is the same in all primitives of it."""
-        coordinates = surface.texture_coordinates * (1, -1) + (0, 1)  # glTF's v runs down
+        faces = self.add_indices(surface.faces)
+        return self.add_primitive(
+            surface.vertices, surface.normals, faces, surface.texture_coordinates
+        )
+
+    def add_primitive(
+        self,
+        vertices: Floats,
+        normals: Floats,
+        faces: int,
+        texture_coordinates: Floats | None = None,
+    ) -> dict[str, Any]:
+        """Add a piece of a mesh, whose corner indices are added; returns it.
+
+        Texture coordinates are u to the right and v upwards, as in OBJ; glTF's v runs down.
+        """
         attributes = {
-            "POSITION": self.add_vertices(surface.vertices.astype(np.float32), bounded=True),
-            "NORMAL": self.add_vertices(surface.normals.astype(np.float32)),
-            "TEXCOORD_0": self.add_vertices(coordinates.astype(np.float32)),
+            "POSITION": self.add_vertices(vertices.astype(np.float32), bounded=True),
+            "NORMAL": self.add_vertices(normals.astype(np.float32)),
         }
-        return {"attributes": attributes, "indices": self.add_indices(surface.faces)}
+        if texture_coordinates is not None:
+            down = texture_coordinates * (1, -1) + (0, 1)
+            attributes["TEXCOORD_0"] = self.add_vertices(down.astype(np.float32))
+        return {"attributes": attributes, "indices": faces}
 
     def add_texture(self, content: bytes, *, tiles: bool, media_type: str = "image/png") -> int:
         """Add an image, PNG or JPEG, as a texture that repeats itself or ends at its edges."""
@@ -115,6 +136,13 @@ class Gltf:
             file.seek(0)
             described_in = text_end - _FILE_HEADER - _CHUNK_HEADER
             file.write(struct.pack("<4sIII4s", b"glTF", 2, total, described_in, b"JSON"))
+
+    def write_mesh(self, path: Path, primitives: Iterable[dict[str, Any]]) -> None:
+        """Write a file of nothing but one mesh of these pieces, its axes as they are."""
+        self.add("meshes", {"name": path.stem, "primitives": list(primitives)})
+        node = json.dumps({"name": path.stem, "mesh": 0})
+        asset = {"version": "2.0", "generator": "terrain-forge"}
+        self.write(path, nodes=[node], asset=asset, scene=0, scenes=[{"nodes": [0]}])
 
     def _add_array(self, values: NDArray[Any], view: dict[str, int], *, bounded: bool) -> int:
         values = np.ascontiguousarray(values)

@@ -14,7 +14,7 @@ from tests.helpers.surfaces import random_points
 PROBE = PROGRAMS / "blender_world.py"
 PYTHON = os.environ.get("TERRAIN_FORGE_BLENDER_PYTHON", "")
 EXPORTS = {
-    "obj": ("mesh", {"rocks": "objects"}, "world.obj"),
+    "obj": ("mesh", {"format": "obj", "rocks": "objects"}, "world.obj"),
     "ply": ("mesh", {"format": "ply", "rocks": "none"}, "world.ply"),
     "stl": ("mesh", {"format": "stl", "rocks": "none"}, "world.stl"),
     "glb": ("glb", {"instances_min_m": 0.0, "tile_cells": 48}, "world.glb"),

@@ -33,7 +33,7 @@ CASES = [
     pytest.param(MUJOCO, {}, id="mjcf"),
     pytest.param(OPENUSD, {"tile_cells": 48}, id="usd"),
     pytest.param(GLB, {"tile_cells": 48, "instances_min_m": 0.5}, id="glb"),
-    pytest.param(MESHES, {"rocks": "objects"}, id="obj"),
+    pytest.param(MESHES, {"format": "obj", "rocks": "objects"}, id="obj"),
     pytest.param(MESHES, {"format": "stl"}, id="stl"),
     pytest.param(MESHES, {"format": "ply", "tiles": "tiled", "tile_cells": 48}, id="ply"),
     pytest.param(GDAL, {}, id="geotiff"),
@@ -134,8 +134,9 @@ def test_complaints_of_a_library_that_is_too_old_do_not_count(mixed, tmp_path):
     crs = local_crs(body_crs(3396190.0), 137.4, -4.6)
     site = mixed.site.replace(crs=crs, lonlat=(np.radians(137.4), np.radians(-4.6)))
     world = mixed.replace(site=site)
-    exported(world, GAZEBO, tmp_path, {"release": "garden"})
-    found = entries(world, GAZEBO, tmp_path, {"release": "garden"})
+    options = {"release": "garden", "mesh_format": "obj"}
+    exported(world, GAZEBO, tmp_path, options)
+    found = entries(world, GAZEBO, tmp_path, options)
     assert {entry.status for entry in found.values()} == {"pass", "not carried"}
     assert found["findings"].note == "libsdformat 12 knows SDF up to 1.9, the file is 1.10"
     assert found["ground"].status == found["balls"].status == "pass"

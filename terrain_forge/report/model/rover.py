@@ -57,11 +57,7 @@ class Solids:
         return self._gltf.add("materials", {"pbrMetallicRoughness": look})
 
     def _add(self, vertices: Array, normals: Array, faces: NDArray[Any]) -> dict[str, Any]:
-        attributes = {
-            "POSITION": self._gltf.add_vertices(vertices.astype(np.float32), bounded=True),
-            "NORMAL": self._gltf.add_vertices(normals.astype(np.float32)),
-        }
-        return {"attributes": attributes, "indices": self._gltf.add_indices(faces)}
+        return self._gltf.add_primitive(vertices, normals, self._gltf.add_indices(faces))
 
 
 def rover_nodes(rover: Rover, gltf: Gltf) -> list[dict[str, Any]]:

@@ -101,7 +101,7 @@ def test_the_merged_surface_is_the_highest(small_world, tmp_path):
 
 
 def test_rocks_as_objects(small_world, tmp_path):
-    directory = exported(small_world, tmp_path / "mesh", rocks="objects")
+    directory = exported(small_world, tmp_path / "mesh", format="obj", rocks="objects")
     parts = {name: part for name, *part in obj_objects(directory / "world.obj")}
     field, turns = small_world.field, rotations(small_world.field)
     assert set(parts) == {"ground", *(f"rock_{identity}" for identity in field.id)}
@@ -117,7 +117,7 @@ def test_rocks_as_objects(small_world, tmp_path):
 
 
 def test_trimesh_reads_the_obj_with_its_looks(small_world, tmp_path):
-    directory = exported(small_world, tmp_path / "mesh", texture_pixels=PIXELS)
+    directory = exported(small_world, tmp_path / "mesh", format="obj", texture_pixels=PIXELS)
     mesh = trimesh.load(directory / "world.obj", force="mesh", process=False)
     points = random_points(small_world.ground, 200, 33)
     heights = top_under(mesh.vertices, mesh.faces, points)
@@ -130,7 +130,7 @@ def test_trimesh_reads_the_obj_with_its_looks(small_world, tmp_path):
 
 
 def test_materials_lead_to_files(small_world, tmp_path):
-    directory = exported(small_world, tmp_path / "mesh", tiles="tiled", tile_cells=48)
+    directory = exported(small_world, tmp_path / "mesh", format="obj", tiles="tiled", tile_cells=48)
     text = (directory / "world.mtl").read_text()
     known = {line.split()[1] for line in text.splitlines() if line.startswith("newmtl")}
     images = {line.split()[1] for line in text.splitlines() if line.startswith("map_Kd")}
@@ -145,7 +145,7 @@ def test_materials_lead_to_files(small_world, tmp_path):
 @pytest.mark.parametrize("tiles", ["merged", "tiled"])
 def test_the_texture_lies_the_right_way(small_world, tmp_path, tiles):
     world = speckled(small_world)
-    options = TILES[tiles] | {"texture_pixels": PIXELS, "rocks": "none"}
+    options = TILES[tiles] | {"format": "obj", "texture_pixels": PIXELS, "rocks": "none"}
     directory = exported(world, tmp_path / "mesh", **options)
     found = sorted(directory.glob("*.obj"))
     assert len(found) == (1 if tiles == "merged" else 4)
@@ -187,7 +187,10 @@ WRONG = {
     "texture_pixels": [({"format": "ply", "texture_pixels": 64}, "ply has no textures")],
     "finest_min_m": [
         ({"rocks": "none", "finest_min_m": 1.0}, "for rocks: merged, here none"),
-        ({"rocks": "objects", "finest_min_m": 1.0}, "for rocks: merged, here objects"),
+        (
+            {"format": "obj", "rocks": "objects", "finest_min_m": 1.0},
+            "for rocks: merged, here objects",
+        ),
     ],
     "outline_error": [({"rocks": "none", "outline_error": 0.1}, "for rocks: merged, here none")],
     "tile_cells": [({"rocks": "none", "tile_cells": 64}, "choose tiles: tiled")],
@@ -210,7 +213,8 @@ def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
     said = {}
     for rocks in ("merged", "objects", "none"):
         (tmp_path / rocks).mkdir()
-        said[rocks] = " ".join(export(world, tmp_path / rocks, options=Options(rocks=rocks)).losses)
+        options = Options(format="obj", rocks=rocks)
+        said[rocks] = " ".join(export(world, tmp_path / rocks, options=options).losses)
     for words in ("visual-only", "dynamic rocks stand still"):
         assert words in said["merged"]
         assert words in said["objects"]

@@ -268,6 +268,9 @@ def test_gears_are_kept_where_a_format_has_them(custom, tmp_path):
     np.testing.assert_array_equal(model.eq_data[0, :2], (0.0, -1.0))
     folder, losses = exported(custom, tmp_path / "harmonic", release="harmonic")
     assert sum("gears are left out" in loss for loss in losses) == 1
+    assert (
+        sum("Drake puts motors" in loss and "(right_rocker_joint)" in loss for loss in losses) == 1
+    )
     _, joints = in_sdf(folder / "tub.sdf")
     told = joints["right_rocker_joint"].find("axis/mimic")
     assert (told.get("joint"), float(told.findtext("multiplier"))) == ("left_rocker_joint", -1.0)

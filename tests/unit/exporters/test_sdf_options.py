@@ -20,6 +20,7 @@ from terrain_forge.model import Trajectory
     [
         ({"flavour": "classic", "release": "garden"}, "release", "classic"),
         ({"flavour": "classic", "release": "fortress"}, "release", "classic"),
+        ({"mesh_format": "glb"}, "mesh_format", "choose mesh_format: obj, or .* release: garden"),
         ({"heightmap_bits": 8}, "heightmap_bits", "ground: heightmap"),
         ({"ground": "heightmap", "heightmap_bits": 16}, "heightmap_bits", "release: garden"),
         (
@@ -36,17 +37,18 @@ def test_contradictions_are_refused_by_their_key(options, key, message):
 
 
 @pytest.mark.parametrize(
-    ("options", "version", "bits"),
+    ("options", "version", "bits", "binary"),
     [
-        ({}, "1.9", 8),
-        ({"release": "fortress"}, "1.9", 8),
-        ({"release": "garden"}, "1.10", 16),
-        ({"flavour": "classic"}, "1.6", 8),
+        ({}, "1.9", 8, False),
+        ({"release": "fortress"}, "1.9", 8, False),
+        ({"release": "garden"}, "1.10", 16, True),
+        ({"release": "garden", "mesh_format": "obj"}, "1.10", 16, False),
+        ({"flavour": "classic"}, "1.6", 8, False),
     ],
 )
-def test_the_readers_choose_the_version_and_the_bits(options, version, bits):
+def test_the_readers_choose_the_version_the_bits_and_the_meshes(options, version, bits, binary):
     chosen = Options(ground="heightmap", **options)
-    assert (chosen.version, chosen.grey_bits) == (version, bits)
+    assert (chosen.version, chosen.grey_bits, chosen.binary) == (version, bits, binary)
 
 
 def named(world, *, site="by-hand", path="arc"):

@@ -33,7 +33,7 @@ class Glb:
         part = self.json["accessors"][accessor]
         view = self.json["bufferViews"][part["bufferView"]]
         width = TYPES[part["type"]]
-        kind = {5126: "<f4", 5125: "<u4"}[part["componentType"]]
+        kind = {5126: "<f4", 5125: "<u4", 5123: "<u2"}[part["componentType"]]
         values = np.frombuffer(self.binary, kind, part["count"] * width, view["byteOffset"])
         return values.reshape(-1, width)
 

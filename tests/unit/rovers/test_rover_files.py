@@ -243,6 +243,28 @@ def test_missing_files_are_refused(tmp_path):
         rovers.read(tmp_path / "bad.xml")
 
 
+@pytest.mark.parametrize(
+    ("head", "file", "tag"),
+    [
+        (
+            '<asset><hfield name="f" file="dunes.png" size="1 1 1 1"/></asset>',
+            "dunes.png",
+            "hfield",
+        ),
+        ('<asset><mesh name="m" file="hub.stl"/></asset>', "hub.stl", "mesh"),
+        ('<include file="wheels.xml"/>', "wheels.xml", "include"),
+    ],
+)
+def test_a_file_that_a_model_names_and_is_not_there(tmp_path, head, file, tag):
+    text = f'<mujoco><compiler meshdir="parts"/>{head}<worldbody/></mujoco>'
+    (tmp_path / "rover.xml").write_text(text)
+    with pytest.raises(DataError) as caught:
+        rovers.read(tmp_path / "rover.xml")
+    said = str(caught.value)
+    assert f"the file '{file}' of a <{tag}> is not there, in {tmp_path}" in said
+    assert "\n" not in said
+
+
 def test_a_suspension_that_cannot_move_is_held(tub, tmp_path):
     rover = changed(tub, tmp_path, ('lower="-0.5" upper="0.4"', 'lower="0" upper="0"'))
     assert {link.joint for link in rover.links} == {"free", "motor"}
