@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.base import BY_KIND, ByKind, FileName, Fraction, Positive, RecipeError, Spec
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
-from terrain_forge.model import BODIES
-from terrain_forge.paths import PathSpec
+from terrain_forge.model import BODIES, html, plot_area
+from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice
 from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
@@ -144,6 +144,21 @@ class Recipe(Spec):
     options."""
     validate: ValidateSpec | None = None
     """What the finished world is tested by; without it, only what needs no drive."""
+
+    def __repr__(self) -> str:
+        size = self.dtm.size_m
+        rocks = len(self.rocks.populations) + len(self.rocks.lists)
+        return (
+            f"<Recipe {self.name!r}: {self.body}, {size[0]:g} × {size[1]:g} m at "
+            f"{self.terrain.spacing_m:g} m, {len(self.terrain.layers)} layers, "
+            f"{rocks} populations, paths: {', '.join(path.name for path in self.paths) or 'none'}, "
+            f"exports: {', '.join(self.exports) or 'none'}, seed {self.seed}>"
+        )
+
+    def _repr_html_(self) -> str:
+        sketched = {path.name: sketch_route(path.route) for path in self.paths}
+        known = {name: points for name, points in sketched.items() if points is not None}
+        return html(repr(self), lambda axes: plot_area(axes, self.dtm.size_m, known))
 
     @property
     def driven_path(self) -> str | None:
