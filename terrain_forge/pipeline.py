@@ -34,6 +34,7 @@ from terrain_forge.building import (
     require_ours,
     require_readable_recipe,
     site_lines,
+    stage_seconds,
     updating,
     write_export,
     write_files,
@@ -308,6 +309,7 @@ def build(
         orders = chosen_exports(recipe, only)
         site = plan(recipe, folder=folder)
         require_exports(orders, site)
+        watch.expect(stage_seconds(site, orders))
         with replacing(out, force=force) as directory:
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
@@ -491,7 +493,7 @@ def _assess(
             altered=tuple(before.altered),
             foreign=before.foreign,
             earlier=before.assessment,
-            progress=partial(watch, "validation"),
+            progress=lambda part, share: watch(f"validation: {part}", share),
         )
     watch.figures.update(result.timings)
     watch("report page")

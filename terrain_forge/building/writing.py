@@ -68,13 +68,14 @@ def write_files(
 
 def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
     """Results of tasks that run two at a time; the first that fails cancels those not begun."""
-    watch("writing")
     with ThreadPoolExecutor(2) as pool:
         futures = {name: pool.submit(watch.timed, name, task) for name, task in tasks.items()}
+        watch(f"writing: {', '.join([*tasks][:2])}")
         try:
             for done, future in enumerate(as_completed(futures.values()), 1):
                 future.result()
-                watch("writing", done / len(futures))
+                others = [name for name, other in futures.items() if not other.done()]
+                watch(f"writing: {', '.join(others[:2])}", done / len(futures))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise

@@ -87,9 +87,10 @@ def html(summary: str, draw: Callable[[Axes], Any]) -> str:
 
 
 def html_picture(summary: str, png: bytes) -> str:
-    """A line and a PNG, for notebooks."""
-    data = b64encode(png).decode()
-    return f'<div>{escape(summary)}<br><img alt="" src="data:image/png;base64,{data}"></div>'
+    """A line and a PNG, for notebooks; the line alone, where there is no picture."""
+    source = f"data:image/png;base64,{b64encode(png).decode()}"
+    picture = f'<br><img alt="" style="max-width: 640px" src="{source}">' if png else ""
+    return f"<div>{escape(summary)}{picture}</div>"
 
 
 def _new_axes() -> Axes:

@@ -144,9 +144,10 @@ class Site(Record):
     """The resolved recipe as canonical JSON, without absolute paths."""
 
     def __repr__(self) -> str:
+        routes = ", ".join(route.name for route in self.routes) or "none"
         return (
             f"<Site {self.name!r}: {self.body.name}, {self.size[0]:g} × {self.size[1]:g} m at "
-            f"{self.spacing:g} m, {len(self.routes)} routes, seed {self.seed}>"
+            f"{self.spacing:g} m, routes: {routes}, seed {self.seed}>"
         )
 
     def _repr_html_(self) -> str:

@@ -59,10 +59,10 @@ class World(Record):
 
     def __repr__(self) -> str:
         site, (west, south, east, north) = self.site, self.ground.bounds
+        paths = ", ".join(path.name for path in self.trajectories) or "none"
         return (
             f"<World {site.name!r}: {site.body.name}, {east - west:g} × {north - south:g} m at "
-            f"{site.spacing:g} m, {len(self.field):,} rocks, {len(self.trajectories)} paths, "
-            f"seed {site.seed}>"
+            f"{site.spacing:g} m, rocks: {len(self.field):,}, paths: {paths}, seed {site.seed}>"
         )
 
     def _repr_html_(self) -> str:

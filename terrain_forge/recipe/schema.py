@@ -147,12 +147,16 @@ class Recipe(Spec):
 
     def __repr__(self) -> str:
         size = self.dtm.size_m
-        rocks = len(self.rocks.populations) + len(self.rocks.lists)
+        parts = {
+            "layers": [str(vars(type(layer)).get("kind", "")) for layer in self.terrain.layers],
+            "rocks": [group.name for group in self.rocks.groups],
+            "paths": [path.name for path in self.paths],
+            "exports": list(self.exports),
+        }
+        told = ", ".join(f"{part}: {' '.join(names) or 'none'}" for part, names in parts.items())
         return (
             f"<Recipe {self.name!r}: {self.body}, {size[0]:g} × {size[1]:g} m at "
-            f"{self.terrain.spacing_m:g} m, {len(self.terrain.layers)} layers, "
-            f"{rocks} populations, paths: {', '.join(path.name for path in self.paths) or 'none'}, "
-            f"exports: {', '.join(self.exports) or 'none'}, seed {self.seed}>"
+            f"{self.terrain.spacing_m:g} m, {told}, seed {self.seed}>"
         )
 
     def _repr_html_(self) -> str:

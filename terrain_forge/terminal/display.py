@@ -16,9 +16,6 @@ from terrain_forge.base import Progress, Stopwatch, silent
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
-_LITTLE = 0.05
-"""Share of a stage from which its own pace tells how long the rest takes."""
-
 
 class Display:
     """Shows the stages of some work on the error stream, from `with` to its end.
@@ -36,9 +33,10 @@ class Display:
     def __init__(self, stages: Sequence[str], *, ask: Callable[[], None] | None = None) -> None:
         self._stages = list(stages)
         self._ask = ask
-        self._stage = ""
+        self._stage = self._part = ""
         self._share = self._most = 0.0
-        self._begun = self._since = time.monotonic()
+        self._begun = self._since = self._part_since = time.monotonic()
+        self._end = 0.0
         self._expected: Mapping[str, float] = {}
         self._first: str | None = None
         self._bar: Bar | None = None
@@ -60,11 +58,14 @@ class Display:
         if self._ask:
             self._ask()
         name = stage.partition(": ")[0]
+        if stage != self._part:
+            self._part, self._part_since = stage, time.monotonic()
         if name != self._stage:
-            self._stage, self._since = name, time.monotonic()
+            self._stage, self._since = name, self._part_since
             if not self._bar:
                 self._tell(name)
         self._share = share
+        self._end = time.monotonic() + self._rest()
         if self._bar:
             self._most = max(self._most, self._done())
             self._bar.update(self._bar.task_ids[0], completed=self._most, description=stage)
@@ -72,6 +73,7 @@ class Display:
     def expect(self, seconds: Mapping[str, float]) -> None:
         """Take how long each stage is expected to take [s]."""
         self._expected = seconds
+        self._end = time.monotonic() + self._rest()
 
     @property
     def elapsed(self) -> float:
@@ -80,13 +82,16 @@ class Display:
 
     @property
     def left(self) -> float | None:
-        """Time that is left [s], where it can be told."""
-        if not self._expected:
-            return None
-        spent = time.monotonic() - self._since
-        rest = max(self._expected.get(self._stage, 0.0) - spent, 0.0)
-        if self._share > _LITTLE:
-            rest = spent * (1.0 - self._share) / self._share
+        """Time that is left [s], where it can be told; it ticks down between reports."""
+        return max(self._end - time.monotonic(), 0.0) if self._expected else None
+
+    def _rest(self) -> float:
+        """Time that is left [s]: what was expected, and ever more the pace so far."""
+        now = time.monotonic()
+        rest = max(self._expected.get(self._stage, 0.0) - (now - self._since), 0.0)
+        if self._share > 0.0:
+            paced = (now - self._part_since) * (1.0 - self._share) / self._share
+            rest = (1.0 - self._share) * rest + self._share * paced
         return rest + sum(self._expected.get(stage, 0.0) for stage in self._later())
 
     def _later(self) -> list[str]:

@@ -73,7 +73,8 @@ def tell_openings(out: Path, exports: Sequence[Export]) -> None:
     if openings:
         say(f"  open it, in {out}:")
     for opening in openings:
-        say(f"    {opening.title}: {opening.commands.splitlines()[0]}")
+        command = opening.commands.splitlines()[0].partition("   #")[0]
+        say(f"    {opening.title}: {command}")
 
 
 def finish(passed: bool, out: Path) -> None:
