@@ -83,7 +83,14 @@ def cli(debug: bool) -> None:
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path), default=Path())
 @click.option("--list", "listed", is_flag=True, help="Only list the recipes that there are.")
-@click.option("--recipe", default="hello", shell_complete=complete_starters, help="Which one.")
+@click.option(
+    "--recipe",
+    default="hello",
+    metavar="NAME",
+    show_default=True,
+    shell_complete=complete_starters,
+    help="Which one.",
+)
 def init(directory: Path, listed: bool, recipe: str) -> None:
     """Write a first recipe, and its DTM, into DIRECTORY."""
     from terrain_forge.recipe import starters, write_starter
