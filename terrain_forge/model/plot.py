@@ -70,16 +70,18 @@ def plot_area(axes: Axes, size: tuple[float, float], paths: Mapping[str, Array])
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
 
 
-def write_plot(world: World, path: Path) -> None:
-    """Write `plot_world` as PNG."""
-    figure, axes = _figure(width=9.0)
+def write_plot(world: World, path: Path, *, note: str = "") -> None:
+    """Write `plot_world` as PNG, with a note under its title."""
+    west, south, east, north = world.ground.bounds
+    figure, axes = _figure((east - west, north - south), width=9.0)
     plot_world(world, axes)
+    axes.set_title(f"{axes.get_title()}\n{note}", fontsize=10)
     figure.savefig(path, metadata={"Software": None})
 
 
-def html(summary: str, draw: Callable[[Axes], Any]) -> str:
-    """A line and a picture, for notebooks."""
-    figure, axes = _figure(width=5.0)
+def html(summary: str, size: tuple[float, float], draw: Callable[[Axes], Any]) -> str:
+    """A line and a picture of an area of a size [m], for notebooks."""
+    figure, axes = _figure(size, width=5.0)
     draw(axes)
     kept = io.BytesIO()
     figure.savefig(kept, format="png", metadata={"Software": None})
@@ -99,14 +101,19 @@ def _new_axes() -> Axes:
     return pyplot.subplots()[1]
 
 
-def _figure(*, width: float) -> tuple[Figure, Axes]:
-    """A figure that pyplot knows nothing of."""
+def _figure(size: tuple[float, float], *, width: float) -> tuple[Figure, Axes]:
+    """A figure that pyplot knows nothing of, for an area of a size [m]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, width), dpi=100, layout="tight")
+    left, right, below, above = 0.8, 0.2, 0.6, 0.55  # inches for labels and title
+    inner = width - left - right
+    tall = min(max(inner * size[1] / size[0], 1.0), 2.0 * inner)
+    height = below + tall + above
+    figure = Figure(figsize=(width, height), dpi=100)
     FigureCanvasAgg(figure)
-    return figure, figure.subplots()
+    place = left / width, below / height, inner / width, tall / height
+    return figure, figure.add_axes(place)
 
 
 def _shaded(world: World, step: int) -> NDArray[np.float64]:

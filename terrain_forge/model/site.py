@@ -151,7 +151,7 @@ class Site(Record):
         )
 
     def _repr_html_(self) -> str:
-        return html(repr(self), lambda axes: plot_site(self, axes))
+        return html(repr(self), self.size, lambda axes: plot_site(self, axes))
 
     @cached_property
     def recipe(self) -> Recipe:

@@ -66,7 +66,8 @@ class World(Record):
         )
 
     def _repr_html_(self) -> str:
-        return html(repr(self), self.plot)
+        west, south, east, north = self.ground.bounds
+        return html(repr(self), (east - west, north - south), self.plot)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw the world from above: shaded ground, rocks, paths.

@@ -162,7 +162,8 @@ class Recipe(Spec):
     def _repr_html_(self) -> str:
         sketched = {path.name: sketch_route(path.route) for path in self.paths}
         known = {name: points for name, points in sketched.items() if points is not None}
-        return html(repr(self), lambda axes: plot_area(axes, self.dtm.size_m, known))
+        size = self.dtm.size_m
+        return html(repr(self), size, lambda axes: plot_area(axes, size, known))
 
     @property
     def driven_path(self) -> str | None:

@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -43,7 +43,8 @@ class Display:
 
     def __enter__(self) -> Display:
         self._begun = self._since = time.monotonic()
-        if sys.stderr.isatty() and os.environ.get("TERM", "") not in ("dumb", "unknown"):
+        terminal = sys.stderr is not None and sys.stderr.isatty()
+        if terminal and os.environ.get("TERM", "") not in ("dumb", "unknown"):
             self._bar = _bar(self)
             self._bar.start()
             self._bar.add_task("", total=1.0)
@@ -111,8 +112,9 @@ class Display:
         if self._first is None:
             self._first = line
             return
-        for told in filter(None, (self._first, line)):
-            click.echo(told, err=True)
+        with suppress(OSError):  # nobody reads it any more
+            for told in filter(None, (self._first, line)):
+                click.echo(told, err=True)
         self._first = ""
 
 

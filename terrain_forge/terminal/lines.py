@@ -55,8 +55,11 @@ class _Told(logging.Handler):
     """Shows each record as a line, above a progress bar where there is one."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Show it."""
-        say(self.format(record), err=True)
+        """Show it; what cannot be shown must not stop the work."""
+        try:
+            say(self.format(record), err=True)
+        except OSError:
+            self.handleError(record)
 
 
 def _plain(text: str) -> str:

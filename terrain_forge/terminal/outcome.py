@@ -52,9 +52,10 @@ def tell_validation(out: Path, seconds: float, *, table: bool) -> None:
 
 def tell_preview(world: World, picture: Path) -> None:
     """Draw a world, and say what it is and where the picture lies."""
-    write_plot(world, picture)
-    rise = np.hypot(*np.gradient(world.ground.elevation.astype(np.float64), world.ground.spacing))
     dynamic = int(world.field.dynamic.sum())
+    unsettled = f", {dynamic:,} dynamic ones not settled" * bool(dynamic)
+    write_plot(world, picture, note=f"preview: rocks as circles of their size{unsettled}")
+    rise = np.hypot(*np.gradient(world.ground.elevation.astype(np.float64), world.ground.spacing))
     more = f", {dynamic:,} of them dynamic and not settled" * bool(dynamic)
     unplaced = sum(world.unplaced)
     more += f"; {unplaced:,} found no place" * bool(unplaced)
