@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from pathlib import Path
 
 from terrain_forge.base import RecipeError
@@ -14,6 +15,8 @@ _RASTERS = {
     *(_ARRAYS | {_HEADER}),
 }
 """Endings of files that hold heights."""
+_BESIDE = {_HEADER: (".img", ".dat", ".bsq", ".bil", ".bip", ".raw"), ".img": (".lbl",)}
+"""Endings of the files that are opened instead of such a one."""
 
 
 def refuse_raster(path: Path) -> None:
@@ -38,9 +41,9 @@ def refuse_raster(path: Path) -> None:
 
 
 def raster_of(path: Path) -> Path:
-    """The file that is opened: of an ENVI header, the data beside it."""
-    if path.suffix.lower() != _HEADER:
-        return path
-    named = path.with_suffix("")  # dem.img.hdr, or dem.hdr beside dem
-    beside = (path.with_suffix(ending) for ending in (".img", ".dat", ".bsq", ".bil", ".bip"))
-    return next((file for file in (named, *beside) if file.is_file()), path)
+    """The file that is opened: of an ENVI header the data beside it, of PDS3 data the label."""
+    if path.suffix.lower() == _HEADER and path.with_suffix("").is_file():  # dem.img.hdr
+        return path.with_suffix("")
+    endings = _BESIDE.get(path.suffix.lower(), ())
+    beside = {file.suffix.lower(): file for file in path.parent.glob(f"{glob.escape(path.stem)}.*")}
+    return next((beside[ending] for ending in endings if ending in beside), path)

@@ -131,6 +131,9 @@ def test_a_raster_in_the_recipes_place_is_told_what_to_write(tmp_path):
                 f"this is a raster, no recipe: write one with dtm: {{source: {source},"
                 in done.stderr
             )
+    label = ROOT / "dtm_samples" / "lola_ldem16_tranquillitatis.LBL"
+    assert f"source: {label.name}," in run("build", label.with_suffix(".IMG")).stderr
+    assert run("check", label.with_suffix(".IMG")).stdout == run("check", label).stdout
     done = run("build", tmp_path / "dem.npy")
     assert (done.returncode, "this is an array, no recipe" in done.stderr) == (2, True)
     described = run("check", tmp_path / "dem.hdr")
