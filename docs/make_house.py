@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = (
     ("cli",),
     ("pipeline",),
-    ("report",),
+    ("report", "terminal"),
     ("building", "exporters"),
     ("validation",),
     ("driving", "sensors"),

@@ -1,4 +1,4 @@
-"""Writes what is made from the code: docs/recipe.md and docs/recipe.schema.json.
+"""Writes what is made from the code: docs/recipe.md, docs/recipe.schema.json and docs/cli.md.
 
 `python docs/make_pages.py` writes them, `--check` only tells whether they are current.
 """
@@ -10,7 +10,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import click
+
 from terrain_forge.base import FARTHEST, LEAST, MOST
+from terrain_forge.cli import cli
 from terrain_forge.model import exporter, exporter_names
 from terrain_forge.recipe import RENAMES, json_schema
 
@@ -23,6 +26,38 @@ refused. Lengths end in `_m`, angles in `_deg`. Paths are relative to the recipe
 `recipe.schema.json` is the same as JSON Schema: in VS Code, put `# yaml-language-server:
 $schema=…/docs/recipe.schema.json` on the first line. `recipes/hello.yaml` is an example with
 comments. What every number, name and file may be at most stands in [limits](limits.md).
+
+This page is made from the code by `python docs/make_pages.py`.
+"""
+
+COMMANDS = """# The command line
+
+`terrain-forge` without a command shows its help. `--debug` before the command logs more and shows
+tracebacks.
+
+**Exit status**: 0 done; 1 built, but a validation check failed; 2 the input is wrong; 3 the disk
+or the system refused, or an internal error; 130 interrupted. An `export` is failed by the checks
+of what it wrote and by those that passed before, not by what failed before and has nothing to do
+with it.
+
+**Progress** is one line on the error stream, with the stage, what it is busy with, a clock and
+the time left, which goes at the end. Where the error stream is no terminal, or `TERM=dumb`, each
+stage is a line as it begins; `NO_COLOR` takes the colours away. What a command says of its result
+goes to the standard output, complaints to the error stream.
+
+**A picture before a build**: `terrain-forge preview RECIPE` draws ground, rocks and paths from
+above as they will be, but for dynamic rocks, which it does not settle, and says how many rocks
+there are, how steep the ground is and how long the paths are. Rocks smaller than a pixel of the
+ground are counted, not drawn.
+
+**Completion** of commands, recipes, installed exporters after `--only` and keys after `--set`,
+for bash, zsh or fish:
+
+```sh
+terrain-forge completion bash >> ~/.bashrc
+terrain-forge completion zsh >> ~/.zshrc
+terrain-forge completion fish > ~/.config/fish/completions/terrain-forge.fish
+```
 
 This page is made from the code by `python docs/make_pages.py`.
 """
@@ -41,6 +76,7 @@ def main() -> None:
     pages = {
         HERE / "recipe.schema.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
         HERE / "recipe.md": recipe_page(schema),
+        HERE / "cli.md": command_page(),
     }
     stale = [p for p, text in pages.items() if not p.exists() or p.read_text("utf-8") != text]
     if "--check" in sys.argv:
@@ -48,6 +84,16 @@ def main() -> None:
     for path in stale:
         path.write_text(pages[path], encoding="utf-8")
         print(f"wrote {path.name}")
+
+
+def command_page() -> str:
+    """docs/cli.md."""
+    parts = [COMMANDS]
+    above = click.Context(cli, info_name="terrain-forge", help_option_names=["-h", "--help"])
+    for name, command in cli.commands.items():
+        context = click.Context(command, info_name=name, parent=above, terminal_width=90)
+        parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```\n")
+    return "\n".join(parts)
 
 
 def recipe_page(schema: dict[str, Any]) -> str:

@@ -1,62 +1,46 @@
 """The command line: `terrain-forge build recipe.yaml` and its companions.
 
-Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 the disk or
-the system refused, or an internal error; 130 interrupted.
+What a command's exit status means stands in `terminal/running.py`.
 """
 
 from __future__ import annotations
 
-import ctypes
-import errno
-import gc
-import logging
 import os
-import signal
 import sys
-import traceback
-import warnings
-from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from terrain_forge import __version__
-from terrain_forge.base import (
-    OutputError,
-    RecipeWarning,
-    SimulationError,
-    StorageError,
-    TerrainForgeError,
+from terrain_forge.base import OutputError, TerrainForgeError
+from terrain_forge.terminal import (
+    INTERRUPT,
+    Display,
+    complete_exporters,
+    complete_keys,
+    complete_recipes,
+    complete_starters,
+    completion_script,
+    raster_of,
+    refuse_raster,
+    run_command,
+    run_process,
+    say,
+    show_log,
 )
 
 if TYPE_CHECKING:
     from terrain_forge.recipe import RecipeFile
 
-_M_ARENA_MAX = -8
-_NO_PATH = {errno.ENAMETOOLONG, errno.EISDIR, errno.ENOTDIR, errno.ELOOP}
-"""What the system says of paths that cannot be what they should."""
-_LONGEST = 2000
-"""Characters of a line that is shown."""
-_MOST_TOLD = 10
-"""Failed checks that the terminal shows."""
-FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
-_STATUS = {
-    SimulationError: FAILED_CHECK,
-    StorageError: INTERNAL,
-    TerrainForgeError: WRONG_INPUT,
-    OSError: INTERNAL,
-}
-
 _OUT = click.argument("out", type=click.Path(path_type=Path))
-_RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
+_RECIPE = click.argument("recipe", type=click.Path(path_type=Path), shell_complete=complete_recipes)
 _SET = click.option(
     "--set",
     "changes",
     multiple=True,
     metavar="KEY=VALUE",
+    shell_complete=complete_keys,
     help="Change a key of the recipe, such as terrain.spacing_m=0.25; may be given several times.",
 )
 _DRIVES = click.option(
@@ -73,7 +57,18 @@ _FORCE = click.option(
 _SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _InOrder(click.Group):
+    """Lists its commands in the order of their use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The order in which they are defined."""
+        del ctx
+        return list(self.commands)
+
+
+@click.group(
+    cls=_InOrder, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
 @click.version_option(__version__, prog_name="terrain-forge")
 @click.option("--debug", is_flag=True, help="Log more, and show tracebacks.")
 def cli(debug: bool) -> None:
@@ -82,17 +77,78 @@ def cli(debug: bool) -> None:
     Start with `terrain-forge init`, which writes a first recipe with comments, then
     `terrain-forge build hello.yaml`.
     """
-    logging.basicConfig(
-        level=logging.DEBUG if debug else logging.WARNING,
-        format="%(levelname)s: %(message)s",
-        stream=sys.stderr,
-    )
-    for handler in logging.getLogger().handlers:
-        handler.addFilter(_plain_record)
-    for noisy in ("numba", "rasterio", "matplotlib", "PIL", "trimesh"):
-        logging.getLogger(noisy).setLevel(logging.WARNING if debug else logging.CRITICAL)
-    os.environ.setdefault("CPL_LOG", os.devnull)  # GDAL's own lines about broken files
-    warnings.showwarning = partial(_show_warning, others=debug)
+    show_log(debug=debug)
+
+
+@cli.command()
+@click.argument("directory", type=click.Path(path_type=Path), default=Path())
+@click.option("--list", "listed", is_flag=True, help="Only list the recipes that there are.")
+@click.option(
+    "--recipe",
+    default="hello",
+    metavar="NAME",
+    show_default=True,
+    shell_complete=complete_starters,
+    help="Which one.",
+)
+def init(directory: Path, listed: bool, recipe: str) -> None:
+    """Write a first recipe, and its DTM, into DIRECTORY."""
+    from terrain_forge.recipe import starters, write_starter
+
+    if listed:
+        for name, about in starters().items():
+            say(f"{name:<14} {about}")
+        return
+    path = write_starter(directory, recipe)
+    say(f"{path}: edit it, then run  terrain-forge build {path}")
+
+
+@cli.command()
+@_RECIPE
+@_SEED
+@_SET
+def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
+    """Check RECIPE, say what it makes and what that costs.
+
+    Its inputs are read, and its DTM is described; nothing is built. RECIPE may also be a raster
+    file: then only that is described.
+    """
+    from terrain_forge import pipeline
+    from terrain_forge.building import check_raster
+
+    if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
+        for line in check_raster(raster_of(recipe)):
+            say(line)
+        return
+    file = _load(recipe, seed, changes)
+    with _located(file):
+        for line in pipeline.check(file.recipe, folder=file.folder):
+            say(line)
+
+
+@cli.command()
+@_RECIPE
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), help="Picture [default: ./NAME_preview.png]."
+)
+@_SEED
+@_SET
+def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str, ...]) -> None:
+    """Show what RECIPE makes as one picture, quickly.
+
+    It shows ground, rocks and paths from above; nothing is exported. Dynamic rocks are not settled:
+    they are drawn where they would be dropped.
+    """
+    from terrain_forge import pipeline
+    from terrain_forge.terminal import tell_preview
+
+    file = _load(recipe, seed, changes)
+    out = out or Path(f"{file.recipe.name}_preview.png")
+    with _located(file), Display(pipeline.MAKING, ask=INTERRUPT.ask) as display:
+        display("plan")
+        site = pipeline.plan(file.recipe, folder=file.folder)
+        world = pipeline.realise(site, settled=False, progress=display)
+    tell_preview(world, out)
 
 
 @cli.command()
@@ -102,7 +158,12 @@ def cli(debug: bool) -> None:
 )
 @_SEED
 @_SET
-@click.option("--only", metavar="FORMATS", help="Write only these exports, such as sdf,mjcf.")
+@click.option(
+    "--only",
+    metavar="FORMATS",
+    shell_complete=complete_exporters,
+    help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
+)
 @_DRIVES
 @_FORCE
 def build(
@@ -114,69 +175,55 @@ def build(
     drives: int | None,
     force: bool,
 ) -> None:
-    """Build a world from RECIPE, check it, and write it to a folder.
+    """Make the world of RECIPE, check it, and write it to a folder.
 
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
     from terrain_forge import pipeline
     from terrain_forge.building import require_apart
+    from terrain_forge.terminal import finish, tell_build
 
     if drives:
         changes = (*changes, f"validate.drives={drives}")
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
     require_apart(out.resolve(), [file.path])
-    with _Bar(len(pipeline.STAGES)) as progress, _located(file):
+    with _located(file), Display(pipeline.STAGES, ask=INTERRUPT.ask) as display:
         result = pipeline.build(
             file.recipe,
             out,
             folder=file.folder,
             only=_names(only),
             force=force,
-            progress=progress,
+            progress=display,
         )
-    if result.removed:
-        _say(f"removed from {out}: {', '.join(result.removed)}")
-    _say(
-        f"{out}: {len(result.world.field):,} rocks, "
-        f"{len(result.world.trajectories)} paths, see {out / 'report.html'}"
-    )
-    _finish(result.passed, out)
-
-
-@cli.command()
-@_RECIPE
-@_SEED
-@_SET
-def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
-    """Check RECIPE and its inputs, say what its DTM is and what a build costs. Builds nothing.
-
-    RECIPE may also be a raster file: then only that is described.
-    """
-    from terrain_forge import pipeline
-    from terrain_forge.building import check_raster
-
-    if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
-        for line in check_raster(recipe):
-            _say(line)
-        return
-    file = _load(recipe, seed, changes)
-    with _located(file):
-        for line in pipeline.check(file.recipe, folder=file.folder):
-            _say(line)
+    tell_build(result, out, display.elapsed)
+    finish(result.passed, out)
 
 
 @cli.command()
 @_OUT
-@click.option("--only", required=True, metavar="FORMATS", help="Formats to write, such as usd.")
+@click.option(
+    "--only",
+    required=True,
+    metavar="FORMATS",
+    shell_complete=complete_exporters,
+    help="Formats to write, such as usd.",
+)
 @_FORCE
 def export(out: Path, only: str, force: bool) -> None:
-    """Write further formats from the world built in OUT."""
-    from terrain_forge import pipeline
+    """Write further formats from the world built in OUT.
 
-    with _Bar(5 + only.count(",") + 1) as progress:
-        passed = pipeline.export(out, _names(only) or (), force=force, progress=progress)
-    _finish(passed, out)
+    A check that failed before and has nothing to do with them does not fail the command.
+    """
+    from terrain_forge import pipeline
+    from terrain_forge.terminal import finish, tell_exports
+
+    names = _names(only) or ()
+    with Display(pipeline.export_stages(names), ask=INTERRUPT.ask) as display:
+        passed = pipeline.export(out, names, force=force, progress=display)
+    tell_exports(out, names, display.elapsed)
+    finish(passed, out)
 
 
 @cli.command()
@@ -184,38 +231,35 @@ def export(out: Path, only: str, force: bool) -> None:
 @click.option("--quick", is_flag=True, help="Only what a build checks, no other programs.")
 @_DRIVES
 def validate(out: Path, quick: bool, drives: int | None) -> None:
-    """Validate the world built in OUT again, in every program that reads its exports.
+    """Validate the world in OUT in all programs that read it.
 
     Prints the largest error of each over its limit. Programs that are not installed are not run:
     Gazebo's libraries are found by pkg-config, Drake and Newton in this Python or in those that
     TERRAIN_FORGE_DRAKE_PYTHON and TERRAIN_FORGE_NEWTON_PYTHON name.
     """
     from terrain_forge import pipeline
-    from terrain_forge.validation import report_text
+    from terrain_forge.terminal import finish, tell_validation
 
-    with _Bar(5) as progress:
-        passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=progress)
-    if not quick:
-        for line in report_text(out / "validation" / "report.json").splitlines():
-            _say(line)
-    _say((out / "validation" / "report.json").as_posix())
-    _finish(passed, out)
+    with Display(pipeline.VALIDATE_STAGES, ask=INTERRUPT.ask) as display:
+        passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=display)
+    tell_validation(out, display.elapsed, table=not quick)
+    finish(passed, out)
 
 
 @cli.command()
 @_OUT
 @click.option("--no-browser", is_flag=True, help="Only print where the page is.")
 def view(out: Path, no_browser: bool) -> None:
-    """Look at the world built in OUT: opens its report page in a browser."""
+    """Open the report page of the world built in OUT."""
     from terrain_forge.building import read_manifest
 
     read_manifest(out)
     page = (out / "report.html").absolute()
     if not page.is_file():
         raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")
-    _say(str(page))
+    say(str(page))
     if not no_browser and not _opened(page):
-        _say("no browser could be opened here: open that file in one")
+        say("no browser could be opened here: open that file in one")
 
 
 def _opened(page: Path) -> bool:
@@ -227,18 +271,73 @@ def _opened(page: Path) -> bool:
 
 
 @cli.command()
-@click.argument("directory", type=click.Path(path_type=Path), default=Path())
-def init(directory: Path) -> None:
-    """Write a first recipe with comments, and the DTM that it uses, into DIRECTORY."""
-    from terrain_forge.recipe import write_starter
+def schema() -> None:
+    """Print the JSON Schema of recipes, for editors."""
+    import json
 
-    recipe = write_starter(directory)
-    _say(f"{recipe}: edit it, then run  terrain-forge build {recipe}")
+    from terrain_forge.recipe import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=1, ensure_ascii=False))
+
+
+@cli.command()
+def doctor() -> None:
+    """Say what is installed here, and what was not found.
+
+    Versions, cores, cache, engines, exporters, and the programs that open exports or check them.
+    """
+    from terrain_forge.terminal import doctor_lines
+
+    for line in doctor_lines():
+        say(line)
+
+
+@cli.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print what makes SHELL complete commands and names.
+
+    Recipes, exporters after --only, keys after --set. For bash:
+
+        terrain-forge completion bash >> ~/.bashrc
+    """
+    click.echo(completion_script(cli, shell))
+
+
+@cli.command()
+@click.argument("names", nargs=-1, required=True)
+def fetch(names: tuple[str, ...]) -> None:
+    """Fetch the terrain models of NAMES into the cache: products, places, or recipes (.yaml)."""
+    from terrain_forge.dtm import RasterDtm, at_hand, fetch_product
+    from terrain_forge.model import BODIES
+
+    for name in names:
+        with Display(("download",), ask=INTERRUPT.ask) as display:
+            if not name.endswith((".yaml", ".yml")):
+                found = str(fetch_product(name, progress=display))
+            else:
+                file = _load(Path(name), None, ())
+                dtm, body = file.recipe.dtm, BODIES[file.recipe.body]
+                found = "needs no file"
+                if isinstance(dtm, RasterDtm):
+                    with _located(file):
+                        found = at_hand(dtm, body=body, progress=display).name
+        say(f"{name}: {found}")
+
+
+@cli.command()
+def sites() -> None:
+    """List places by name, for `dtm: {place: NAME}`, and the terrain models that show them."""
+    from terrain_forge.dtm import place_lines
+
+    for line in place_lines():
+        say(line)
 
 
 def _load(path: Path, seed: int | None, changes: tuple[str, ...]) -> RecipeFile:
     from terrain_forge.recipe import load_recipe
 
+    refuse_raster(path)
     return load_recipe(path, changes=changes if seed is None else (*changes, f"seed={seed}"))
 
 
@@ -249,95 +348,6 @@ def _names(text: str | None) -> tuple[str, ...] | None:
     if not all(names):
         raise OutputError(f"--only {text!r}: names of exports, such as sdf,mjcf")
     return names
-
-
-def _plain_record(record: logging.LogRecord) -> bool:
-    """Escapes a log record's message, as `_say`."""
-    record.msg, record.args = _plain(record.getMessage()), None
-    return True
-
-
-def _plain(text: str) -> str:
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
-def _say(text: str, *, err: bool = False) -> None:
-    """Show one line; what a file's name or content would do to the terminal is escaped."""
-    click.echo(_plain(text), err=err)
-
-
-def _finish(passed: bool, out: Path) -> None:
-    if passed:
-        return
-    from terrain_forge.validation import failed_checks
-
-    report = out / "validation" / "report.json"
-    for check in failed_checks(report)[:_MOST_TOLD]:
-        _say(f"{out}: failed: {check}", err=True)
-    _say(f"{out}: a validation check failed, see {report}", err=True)
-    raise click.exceptions.Exit(FAILED_CHECK)
-
-
-class Interrupt:
-    """Ctrl-C and a polite kill, which clean up alike.
-
-    Python drops what a callback or a finaliser raises, so a build asks again at each stage.
-    """
-
-    def __init__(self) -> None:
-        self._came = False
-
-    def listen(self) -> None:
-        """Take the process's signals; those that it was told to ignore stay ignored."""
-        self._came = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) != signal.SIG_IGN:
-                signal.signal(number, self._take)
-
-    def ask(self) -> None:
-        """Raise KeyboardInterrupt where one has come."""
-        if self._came:
-            raise KeyboardInterrupt
-
-    def _take(self, number: int, frame: object) -> None:
-        del number, frame
-        self._came = True
-        raise KeyboardInterrupt
-
-
-_interrupt = Interrupt()
-
-
-class _Bar:
-    """The progress bar over the stages, shown only on a terminal."""
-
-    def __init__(self, stages: int) -> None:
-        self._stages = stages
-        self._stage = ""
-        self._begun = -1
-
-    def __enter__(self) -> Callable[[str, float], None]:
-        from tqdm import tqdm
-
-        self._bar = tqdm(
-            total=self._stages,
-            disable=not sys.stderr.isatty(),
-            bar_format="{desc:<14} {percentage:3.0f} % |{bar}| {elapsed}",
-        )
-        return self._advance
-
-    def _advance(self, stage: str, share: float) -> None:
-        _interrupt.ask()
-        self._begun += stage != self._stage
-        self._stage = stage
-        self._bar.set_description_str(stage, refresh=False)
-        self._bar.n = min(self._begun + share, self._stages)
-        self._bar.refresh()
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()
 
 
 class _located:
@@ -354,107 +364,11 @@ class _located:
             raise type(error)(self._file.locate(error)) from None
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    *_: Any,
-    others: bool = False,
-) -> None:
-    """Show a warning about a recipe as one line; those of other libraries are for developers."""
-    if issubclass(category, RecipeWarning):
-        _say(f"terrain-forge: {message}", err=True)
-    elif others:
-        _say(warnings.formatwarning(message, category, filename, lineno).strip(), err=True)
-
-
-def _share_one_heap() -> None:
-    """Let all threads take memory from one heap, where the C library is glibc (`mallopt`).
-
-    It gives each thread a heap of its own, and what one frees the others cannot use: a tenth of a
-    build's memory.
-    """
-    with suppress(AttributeError, OSError, TypeError):
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
-
-
 def main(arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
-    # A build makes many objects and few cycles, the kernels' compiler above all.
-    gc.set_threshold(100_000, 50, 50)
-    _share_one_heap()
-    try:
-        _interrupt.listen()
-        return int(cli.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
-    except click.ClickException as error:
-        message = " ".join(error.format_message().split())
-        _say(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
-        return WRONG_INPUT
-    except (click.Abort, KeyboardInterrupt) as error:
-        _say(f"interrupted, {str(error) or 'nothing was left behind'}", err=True)
-        return INTERRUPTED
-    except (TerrainForgeError, OSError) as error:
-        if "--debug" in arguments:
-            traceback.print_exc()
-        _say(f"terrain-forge: {error}", err=True)
-        if getattr(error, "errno", None) in _NO_PATH:
-            return WRONG_INPUT
-        return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
-    except Exception:
-        traceback.print_exc()
-        click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
-        return INTERNAL
-
-
-def _ignore_interrupt(unraisable: Any) -> None:
-    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
-    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
-        sys.__unraisablehook__(unraisable)
+    return run_command(cli, arguments)
 
 
 def run() -> None:
-    """The command `terrain-forge`: run the process's command line and end the process.
-
-    It ends without taking the interpreter apart, which would take half a second after a build; and
-    where an interrupt met an exec() (imports run some), CPython would end by the signal, although
-    it was handled.
-    """
-    sys.unraisablehook = _ignore_interrupt
-    status = main(sys.argv[1:])
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    with suppress(BrokenPipeError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(status)
-
-
-@cli.command()
-@click.argument("names", nargs=-1, required=True)
-def fetch(names: tuple[str, ...]) -> None:
-    """Fetch the terrain models of NAMES into the cache: products, places, or recipes (.yaml)."""
-    from terrain_forge.dtm import RasterDtm, at_hand, fetch_product
-    from terrain_forge.model import BODIES
-
-    with _Bar(len(names)) as progress:
-        for name in names:
-            if name.endswith((".yaml", ".yml")):
-                file = _load(Path(name), None, ())
-                dtm, body = file.recipe.dtm, BODIES[file.recipe.body]
-                with _located(file):
-                    found = isinstance(dtm, RasterDtm) and at_hand(
-                        dtm, body=body, progress=progress
-                    )
-                _say(f"{name}: {found.name if found else 'needs no file'}")
-            else:
-                _say(f"{name}: {fetch_product(name, progress=progress)}")
-
-
-@cli.command()
-def sites() -> None:
-    """List places by name, for `dtm: {place: NAME}`, and the terrain models that show them."""
-    from terrain_forge.dtm import place_lines
-
-    for line in place_lines():
-        _say(line)
+    """The command `terrain-forge`."""
+    run_process(cli)

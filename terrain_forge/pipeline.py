@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Progress, Stopwatch, reading, silent
+from terrain_forge.base import Progress, Stopwatch, reading
 from terrain_forge.building import (
     BuildResult,
     FolderState,
@@ -35,6 +35,7 @@ from terrain_forge.building import (
     require_ours,
     require_readable_recipe,
     site_lines,
+    stage_seconds,
     updating,
     write_export,
     write_files,
@@ -74,6 +75,7 @@ from terrain_forge.rocks import (
     with_layer_craters,
 )
 from terrain_forge.rovers import resolve_rover, rover_of
+from terrain_forge.terminal import watched
 from terrain_forge.terrain import (
     check_appearance,
     check_layers,
@@ -82,12 +84,20 @@ from terrain_forge.terrain import (
     shape_ground,
     stencil_reach,
 )
+from terrain_forge.validation import failed_checks
 
-STAGES = (
-    *("plan", "rock library", "ground", "rocks", "paths", "writing"),
-    *("validation", "report page", "manifest"),
-)
+MAKING = "plan", "rock library", "ground", "rocks", "paths"
+"""Stages until there is a world."""
+ASSESSING = "validation", "report page", "manifest"
+STAGES = (*MAKING, "writing", *ASSESSING)
 """Stages of a build."""
+VALIDATE_STAGES = ("load", *ASSESSING)
+"""Stages of a validation of what is there."""
+
+
+def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
+    """Stages of an export of so many folders."""
+    return ("load", *(f"export {folder}" for folder in only), *ASSESSING)
 
 
 def plan(
@@ -188,18 +198,36 @@ def _with_found_craters(site: Site) -> Site:
     return site.replace(recipe_json=recipe_json(recipe))
 
 
-def realise(site: Site, window: Window | None = None, *, progress: Progress = silent) -> World:
+def realise(
+    site: Site,
+    window: Window | None = None,
+    *,
+    settled: bool = True,
+    progress: Progress | bool = False,
+) -> World:
     """Make the world of a window of a site; without a window, of the whole site.
 
     A window's ground, rocks and rasters equal the same cut of any larger window, bit for bit.
     Paths are laid where they lie wholly within the window; planned ones, which depend on all of the
     ground and its rocks, only in the world of the whole site.
 
+    Args:
+        site: The place.
+        window: A part of it.
+        settled: Whether dynamic rocks are settled by physics; else they are embedded as the static
+            ones, which is quicker and enough for a look at a recipe.
+        progress: Called with each stage as it begins; True shows them.
+
     Raises:
         RecipeError: if rocks cannot be packed so densely, a planned path cannot be found, or the
             driven one starts within a rock.
     """
-    recipe, window = site.recipe, window or site.window
+    with watched(progress, MAKING[1:]) as watch:
+        return _realise(site, window or site.window, settled, watch)
+
+
+def _realise(site: Site, window: Window, settled: bool, progress: Stopwatch) -> World:
+    recipe = site.recipe
     populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
     progress("rock library", 0.0)
@@ -228,7 +256,8 @@ def realise(site: Site, window: Window | None = None, *, progress: Progress = si
         site=site,
         library=library,
         ground=land,
-        progress=partial(progress, "dynamic rocks"),
+        settled=settled,
+        progress=partial(progress, "rocks: settling the dynamic ones"),
     )
     own = owned(rocks, ground, site.bounds)
     progress("paths", 0.0)
@@ -265,7 +294,7 @@ def build(
     folder: Path | str = ".",
     only: tuple[str, ...] | None = None,
     force: bool = False,
-    progress: Progress = silent,
+    progress: Progress | bool = False,
 ) -> BuildResult:
     """Make a recipe's world and write all of it.
 
@@ -276,7 +305,7 @@ def build(
         folder: what the recipe's paths are relative to.
         only: folders of the exports to write; by default all of the recipe.
         force: whether files may be removed that lie in the older world and are not its own.
-        progress: called with each stage as it begins, and how far it is.
+        progress: called with each stage as it begins, and how far it is; True shows them.
 
     Raises:
         RecipeError, DataError, ExportError: the recipe cannot be built; nothing is written.
@@ -284,20 +313,21 @@ def build(
             or another process writes it.
         StorageError: the disk does not take the world; an older one stays.
     """
-    watch = Stopwatch(progress)
-    watch("plan")
     out = Path(out or recipe.name).resolve()
-    inputs = input_paths(recipe, Path(folder))
-    if out.exists():  # files that the rover's own file names
-        inputs += resolve_rover(recipe.rover, Path(folder)).files
-    require_apart(out, inputs)
-    removed = require_ours(out, force=force)
-    orders = chosen_exports(export_orders(recipe), only)
-    site = plan(recipe, folder=folder, progress=watch)
-    require_exports(orders, site)
-    with replacing(out, force=force) as directory:
-        world = realise(site, progress=watch)
-        exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
+    with watched(progress, STAGES) as watch:
+        watch("plan")
+        inputs = input_paths(recipe, Path(folder))
+        if out.exists():  # files that the rover's own file names
+            inputs += resolve_rover(recipe.rover, Path(folder)).files
+        require_apart(out, inputs)
+        removed = require_ours(out, force=force)
+        orders = chosen_exports(recipe, only)
+        site = plan(recipe, folder=folder, progress=watch)
+        require_exports(orders, site)
+        watch.expect(stage_seconds(site, orders))
+        with replacing(out, force=force) as directory:
+            world = realise(site, progress=watch)
+            exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
     return BuildResult(directory=out, world=world, passed=passed, exports=exports, removed=removed)
 
 
@@ -307,7 +337,7 @@ def write_world(
     *,
     exports: tuple[str, ...] | dict[str, dict[str, Any]] | None = None,
     force: bool = False,
-    progress: Progress = silent,
+    progress: Progress | bool = False,
 ) -> BuildResult:
     """Write a world that was made or changed in Python as `build` writes a recipe's.
 
@@ -318,18 +348,20 @@ def write_world(
         out: Output folder; an older world of ours is replaced when the new one is whole.
         exports: Formats to write, as a recipe's `exports`; by default those of the world's recipe.
         force: Whether files may be removed that lie in the older world and are not its own.
-        progress: Called with each stage as it begins, and how far it is.
+        progress: Called with each stage as it begins, and how far it is; True shows them.
 
     Raises:
         RecipeError, ExportError: for an unknown exporter or option, or a world that a format cannot
             hold; nothing is written.
         OutputError, StorageError: as `build`.
     """
-    out, watch = Path(out).resolve(), Stopwatch(progress)
-    recipe = world.site.recipe
+    out, recipe = Path(out).resolve(), world.site.recipe
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
     removed = require_ours(out, force=force)
-    with replacing(out, force=force) as directory:
+    with (
+        watched(progress, STAGES[len(MAKING) :]) as watch,
+        replacing(out, force=force) as directory,
+    ):
         written, passed = _write_whole(world, directory, orders=orders, watch=watch)
     return BuildResult(directory=out, world=world, passed=passed, exports=written, removed=removed)
 
@@ -347,38 +379,46 @@ def export(
     only: tuple[str, ...],
     *,
     force: bool = False,
-    progress: Progress = silent,
+    progress: Progress | bool = False,
 ) -> bool:
-    """Write further formats from a built world, then validate; returns whether all checks passed.
+    """Write further formats from a built world, then validate.
 
     Args:
         out: The built folder.
         only: Folders of the recipe's exports, with their options, or else exporters, with defaults.
         force: Whether files in those folders may be removed that are not the world's.
-        progress: Called with what is being done.
+        progress: Called with what is being done; True shows it.
+
+    Returns:
+        Whether all checks of these exports passed, and all others that had not failed before.
 
     Raises:
-        OutputError: if the folder is not a world of ours, or another process writes it.
-        RecipeError: for an unknown exporter.
+        OutputError: if the folder is not a world of ours, another process writes it, or `only`
+            names no exporter.
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
-    watch = Stopwatch(progress)
-    manifest = read_manifest(out)
-    watch("load")
-    world = World.load(out)
-    orders = re_export_orders(world, out, only)
-    folders = [order.folder for order in orders]
-    require_listed(out, manifest, folders, force=force)
-    before = folder_state(out, manifest, *(f"{folder}/" for folder in folders))
-    exports = {export.folder: export for export in exports_in(manifest)}
-    with updating(out) as staging, blaming(out, before.altered):
-        for order in orders:
-            watch(f"export {order.folder}")
-            exports[order.folder] = write_export(world, staging, order)
-        for folder in folders:
-            put(staging / folder, out / folder)
-        return _assess(world, out, exports=tuple(exports.values()), watch=watch, before=before)
+    older = {check.name for check in failed_checks(out)}
+    with watched(progress, export_stages(only)) as watch:
+        manifest = read_manifest(out)
+        watch("load")
+        world = World.load(out)
+        orders = re_export_orders(world, out, only)
+        folders = [order.folder for order in orders]
+        require_listed(out, manifest, folders, force=force)
+        before = folder_state(out, manifest, *(f"{folder}/" for folder in folders))
+        exports = {export.folder: export for export in exports_in(manifest)}
+        with updating(out) as staging, blaming(out, before.altered):
+            for order in orders:
+                watch(f"export {order.folder}")
+                exports[order.folder] = write_export(world, staging, order)
+            for folder in folders:
+                put(staging / folder, out / folder)
+            all_exports = tuple(exports.values())
+            _assess(world, out, exports=all_exports, watch=watch, before=before)
+    mine = tuple(f"{folder}: " for folder in folders)
+    failed = (check.name for check in failed_checks(out))
+    return all(name in older and not name.startswith(mine) for name in failed)
 
 
 def validate(
@@ -386,7 +426,7 @@ def validate(
     *,
     every_consumer: bool = True,
     drives: int | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool = False,
 ) -> bool:
     """Validate a built world again.
 
@@ -395,7 +435,7 @@ def validate(
         every_consumer: Whether to open its exports in all consumers that are installed; else only
             what a build checks is checked.
         drives: From how many random starts to drive; by default what the recipe says.
-        progress: Called with what is being done.
+        progress: Called with what is being done; True shows it.
 
     Returns:
         Whether all checks passed; a consumer that was not run neither passes nor fails.
@@ -405,22 +445,22 @@ def validate(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
-    watch = Stopwatch(progress)
-    manifest = read_manifest(out)
-    watch("load")
-    world = World.load(out)
-    require_readable_recipe(world, out)
-    before = folder_state(out, manifest)
-    with updating(out), blaming(out, before.altered):
-        return _assess(
-            world,
-            out,
-            exports=exports_in(manifest),
-            watch=watch,
-            before=before,
-            every_consumer=every_consumer,
-            drives=drives,
-        )
+    with watched(progress, VALIDATE_STAGES) as watch:
+        manifest = read_manifest(out)
+        watch("load")
+        world = World.load(out)
+        require_readable_recipe(world, out)
+        before = folder_state(out, manifest)
+        with updating(out), blaming(out, before.altered):
+            return _assess(
+                world,
+                out,
+                exports=exports_in(manifest),
+                watch=watch,
+                before=before,
+                every_consumer=every_consumer,
+                drives=drives,
+            )
 
 
 def _assess(
@@ -468,7 +508,7 @@ def _assess(
             altered=tuple(before.altered),
             foreign=before.foreign,
             earlier=before.assessment,
-            progress=partial(watch, "validation"),
+            progress=lambda part, share: watch(f"validation: {part}", share),
         )
     watch.figures.update(result.timings)
     watch("report page")

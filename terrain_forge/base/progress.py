@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 Progress = Callable[[str, float], None]
-"""Called with the name of each stage as it begins, and the share of it that is done, 0 to 1."""
+"""Called with the name of each stage as it begins, and the share of it that is done, 0 to 1.
+
+After the name and `: ` may stand what the stage is busy with. If it has a method `expect`, that is
+told how long each stage is expected to take [s]."""
 
 
 def silent(stage: str, share: float) -> None:
@@ -30,12 +33,19 @@ class Stopwatch:
     def __call__(self, stage: str, share: float = 0.0) -> None:
         """Begin a stage, and end the one before; or report the share of it that is done."""
         self._progress(stage, share)
-        if stage == self._name:
+        name = stage.partition(": ")[0]
+        if name == self._name:
             return
         now = time.perf_counter()
         if self._name:
             self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._since
-        self._name, self._since = stage, now
+        self._name, self._since = name, now
+
+    def expect(self, seconds: Mapping[str, float]) -> None:
+        """Tell how long each stage is expected to take [s], where the progress wants to know."""
+        told = getattr(self._progress, "expect", None)
+        if told is not None:
+            told(seconds)
 
     def timed(self, name: str, task: Callable[[], Any]) -> Any:
         """Carry out a task that others may run beside, and note its wall time."""

@@ -6,6 +6,7 @@ plus named arrays and back, so that a saved World equals the built one.
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
@@ -35,6 +36,12 @@ class Record:
         if other.__module__ != cls.__module__:  # a stored record is found by its name
             raise TypeError(f"{other.__module__} has a record of the name {cls.__name__}")
         TYPES[cls.__name__] = cls
+        if "__repr__" not in vars(cls):  # else the decorator writes one with all arrays
+            cls.__repr__ = Record.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        values = (f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self))
+        return f"{type(self).__name__}({', '.join(values)})"
 
     def __post_init__(self) -> None:
         lengths: dict[str, int] = {}
@@ -104,6 +111,15 @@ class Rows(Record):
         return self.replace(
             **{n: np.concatenate([getattr(part, n) for part in parts]) for n in self.columns()}
         )
+
+
+def _short(value: Any) -> str:
+    """A field's value for people: of an array its type and shape."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}[{', '.join(map(str, value.shape))}]"
+    if isinstance(value, tuple) and any(isinstance(item, Record) for item in value):
+        return f"{len(value)} × {type(value[0]).__name__}"
+    return reprlib.repr(value)
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -100,8 +100,24 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    more = _pictures(orders) + _library(recipe) + _drives(site)
-    yield f"cost           {cost(expected_nodes(recipe), rocks, dynamic, more)}"
+    seconds = sum(stage_seconds(site, orders).values())
+    yield f"cost           {cost(expected_nodes(recipe), rocks, dynamic, seconds)}"
+
+
+def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
+    """Time that each stage of a build takes [s], from the rates of benchmarks/ on 2 cores."""
+    recipe = site.recipe
+    nodes, rocks = expected_nodes(recipe), rocks_of(site)
+    dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
+    watched = min(dynamic, MOST_WATCHED) * WATCHING
+    return {
+        "rock library": _library(recipe),
+        "ground": nodes / 3e6,
+        "rocks": rocks / 60e3 + dynamic * SETTLING,
+        "writing": 1.0 + nodes / 1.3e6 + rocks / 60e3 + _pictures(orders),
+        "validation": 0.5 + nodes / 4e6 + watched + _drives(site),
+        "report page": 0.5 + nodes / 5e6,
+    }
 
 
 def _pictures(orders: Sequence[ExportOrder]) -> float:
@@ -156,10 +172,8 @@ def _described(path: Path) -> list[str]:
     return min(found)[1]
 
 
-def cost(nodes: float, rocks: float, dynamic: float = 0.0, more: float = 0.0) -> str:
-    """Estimate of memory and time, from the rates of benchmarks/ on 2 cores, and `more` [s]."""
-    seconds = 2.0 + nodes / 0.7e6 + rocks / 30e3 + more
-    seconds += dynamic * SETTLING + min(dynamic, MOST_WATCHED) * WATCHING
+def cost(nodes: float, rocks: float, dynamic: float, seconds: float) -> str:
+    """Size, time and memory of a build, as a line."""
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     return (
         f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s, "

@@ -1,37 +1,54 @@
-"""What to write again from a world that is built already."""
+"""Which exports to write: those of the recipe, or what the command line names."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from terrain_forge.base import OutputError, RecipeError
 from terrain_forge.model import World
-from terrain_forge.recipe import ExportOrder, export_orders
+from terrain_forge.recipe import ExportOrder, Recipe, export_orders
+
+
+def chosen_exports(recipe: Recipe, only: tuple[str, ...] | None) -> tuple[ExportOrder, ...]:
+    """The recipe's exports, or those that `only` names: its folders, or else exporters.
+
+    Raises:
+        OutputError: if `only` is empty, or names what is neither.
+        RecipeError: for an export of the recipe that cannot be.
+    """
+    if only is None:
+        return export_orders(recipe)
+    if not only:
+        raise OutputError("--only names no format")
+    planned = _planned(recipe)
+    try:
+        return export_orders(
+            replace(recipe, exports={name: planned.get(name, {}) for name in only})
+        )
+    except RecipeError as error:
+        if error.key[1:2] and error.key[1] not in planned:
+            raise OutputError(f"--only {error.key[1]}: {error}") from None
+        raise
+
+
+def _planned(recipe: Recipe) -> dict[str, Any]:
+    """The recipe's exports by folder, with their options."""
+    exports = recipe.exports
+    return exports if isinstance(exports, dict) else {name: {} for name in exports}
 
 
 def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[ExportOrder, ...]:
     """The exports that `only` names: folders of the world's recipe, or else exporters.
 
     Raises:
-        OutputError: if `only` is empty, or this version refuses the world's recipe.
-        RecipeError: for an unknown exporter.
+        OutputError: if `only` names no exporter, or this version refuses the world's recipe.
     """
-    if not only:
-        raise OutputError("--only names no format")
     try:
-        recipe = world.site.recipe
+        return chosen_exports(world.site.recipe, only)
     except RecipeError as error:
         raise _refused(out, error) from None
-    exports = recipe.exports
-    planned = exports if isinstance(exports, dict) else {name: {} for name in exports}
-    chosen = {name: planned.get(name, {}) for name in only}
-    try:
-        return export_orders(replace(recipe, exports=chosen))
-    except RecipeError as error:
-        if error.key[1:2] and error.key[1] in planned:
-            raise _refused(out, error) from None
-        raise
 
 
 def require_readable_recipe(world: World, out: Path) -> None:

@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import ExportError, OutputError, Stopwatch
-from terrain_forge.model import Export, World, plain_options
+from terrain_forge.base import ExportError, Stopwatch
+from terrain_forge.model import Export, World, html_picture, plain_options
 from terrain_forge.recipe import ExportOrder
 
 
@@ -28,6 +28,15 @@ class BuildResult:
     """Files of others that lay in the older world and went with it."""
     exports: tuple[Export, ...]
     """What was exported: folder, exporter, options, and what the export cannot say."""
+
+    def __repr__(self) -> str:
+        verdict = "all checks passed" if self.passed else "some checks failed, see report.html"
+        exports = ", ".join(export.folder for export in self.exports) or "no export"
+        return f"<BuildResult {str(self.directory)!r}: {verdict}; {exports}>"
+
+    def _repr_html_(self) -> str:
+        picture = self.directory / "preview.png"
+        return html_picture(repr(self), picture.read_bytes() if picture.is_file() else b"")
 
 
 def write_files(
@@ -59,13 +68,14 @@ def write_files(
 
 def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
     """Results of tasks that run two at a time; the first that fails cancels those not begun."""
-    watch("writing")
     with ThreadPoolExecutor(2) as pool:
         futures = {name: pool.submit(watch.timed, name, task) for name, task in tasks.items()}
+        watch(f"writing: {', '.join([*tasks][:2])}")
         try:
             for done, future in enumerate(as_completed(futures.values()), 1):
                 future.result()
-                watch("writing", done / len(futures))
+                others = [name for name, other in futures.items() if not other.done()]
+                watch(f"writing: {', '.join(others[:2])}", done / len(futures))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -86,20 +96,3 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
         options=plain_options(order.options),
         losses=tuple(report.losses),
     )
-
-
-def chosen_exports(
-    orders: tuple[ExportOrder, ...], only: tuple[str, ...] | None
-) -> tuple[ExportOrder, ...]:
-    """The exports that `only` names, by folder.
-
-    Raises:
-        OutputError: for a name that the recipe does not export.
-    """
-    folders = [order.folder for order in orders]
-    for name in only or ():
-        if name not in folders:
-            raise OutputError(
-                f"--only {name}: the recipe exports {', '.join(folders) or 'nothing'}"
-            )
-    return orders if only is None else tuple(order for order in orders if order.folder in only)

@@ -37,6 +37,10 @@ from .inputs import Table as Table
 from .known_bodies import BODIES as BODIES
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
+from .plot import html as html
+from .plot import html_picture as html_picture
+from .plot import plot_area as plot_area
+from .plot import write_plot as write_plot
 from .rocks import RockField as RockField
 from .rocks import RockLibrary as RockLibrary
 from .rocks import RockPrototype as RockPrototype

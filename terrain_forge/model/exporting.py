@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
@@ -13,6 +14,7 @@ from terrain_forge.model.body import Body
 if TYPE_CHECKING:
     from terrain_forge.model.world import World
 
+_log = logging.getLogger(__name__)
 EXPORTERS = "terrain_forge.exporters"
 
 
@@ -49,6 +51,22 @@ class Export:
     """The exporter's options as JSON, defaults written out."""
     losses: tuple[str, ...] = ()
     """What the export cannot say."""
+
+    def opening(self, directory: Path) -> Opening | None:
+        """How the export in a built folder is opened, where its exporter says it.
+
+        The validation's own exports have no such words.
+        """
+        if "/" in self.folder:
+            return None
+        try:
+            module, options = self.opened()
+            words = getattr(module, "opening", None)
+            found: Opening | None = words and words(directory / self.folder, options)
+            return found
+        except Exception as error:  # whatever a foreign exporter raises must not break the page
+            _log.warning("how to open %s is not known: %s", self.folder, error)
+            return None
 
     def opened(self) -> tuple[Exporter, Any]:
         """The exporter, and the options as it reads them.

@@ -15,6 +15,7 @@ from terrain_forge.base import Record, shaped
 from terrain_forge.model.body import Body
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
+from terrain_forge.model.plot import html, plot_site
 from terrain_forge.model.route import Route
 from terrain_forge.model.rover import Rover
 
@@ -141,6 +142,16 @@ class Site(Record):
     """Circles free of rocks: those of the recipe, and the starts of routes without corridor."""
     recipe_json: str
     """The resolved recipe as canonical JSON, without absolute paths."""
+
+    def __repr__(self) -> str:
+        routes = ", ".join(route.name for route in self.routes) or "none"
+        return (
+            f"<Site {self.name!r}: {self.body.name}, {self.size[0]:g} × {self.size[1]:g} m at "
+            f"{self.spacing:g} m, routes: {routes}, seed {self.seed}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return html(repr(self), self.size, lambda axes: plot_site(self, axes))
 
     @cached_property
     def recipe(self) -> Recipe:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 from terrain_forge.base import OutputError, Record, from_plain, read_arrays, read_text, to_plain
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
+from terrain_forge.model.plot import html, plot_world
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
 from terrain_forge.model.rover import Rover
 from terrain_forge.model.sensor import sensor_kinds
 from terrain_forge.model.site import Site, Window
 from terrain_forge.model.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FORMAT = 5
 MAX_JSON = 2**30
@@ -52,6 +56,29 @@ class World(Record):
     """Sun and sky."""
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
+
+    def __repr__(self) -> str:
+        site, (west, south, east, north) = self.site, self.ground.bounds
+        paths = ", ".join(path.name for path in self.trajectories) or "none"
+        return (
+            f"<World {site.name!r}: {site.body.name}, {east - west:g} × {north - south:g} m at "
+            f"{site.spacing:g} m, rocks: {len(self.field):,}, paths: {paths}, seed {site.seed}>"
+        )
+
+    def _repr_html_(self) -> str:
+        west, south, east, north = self.ground.bounds
+        return html(repr(self), (east - west, north - south), self.plot)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw the world from above: shaded ground, rocks, paths.
+
+        Args:
+            axes: Where to draw; new axes of `matplotlib.pyplot` by default.
+
+        Returns:
+            The axes, in metres east and north.
+        """
+        return plot_world(self, axes)
 
     def tiles(self, *, cells: int = 1024) -> Iterator[Tile]:
         """The world in tiles of at most `cells` cells each way, row by row from the south-west.

@@ -22,6 +22,7 @@ from .obstacles import highest_step as highest_step
 from .plan import overhang as overhang
 from .plan import plan_route as plan_route
 from .plan import require_inside as require_inside
+from .plan import sketch_route as sketch_route
 from .planner import plan_path as plan_path
 from .recorded import read_recorded as read_recorded
 from .routes import make_trajectories as make_trajectories

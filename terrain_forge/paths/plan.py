@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Key, RecipeError
+from terrain_forge.base import Array, DataError, Key, RecipeError, TerrainForgeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_polyline, trace_spline
 from terrain_forge.paths.named_shape import NamedShape
@@ -101,6 +101,21 @@ def _trace(
         radius = route.corner_radius_m
         return trace_polyline(points, closed=route.closed, radius=radius, key=key), None
     return trace_spline(points, closed=route.closed, key=key), None
+
+
+def sketch_route(route: RouteSpec) -> Array | None:
+    """Points of a route for a sketch of it, shape [points, 2] [m].
+
+    Of one that is found later they are its stops. None for one from a file, or that cannot be.
+    """
+    if isinstance(route, Planned):
+        return np.array([place for _, place in route.stops])
+    if isinstance(route, Recorded):
+        return None
+    try:
+        return _trace(route, None, ())[0].position
+    except TerrainForgeError:
+        return None
 
 
 def require_inside(

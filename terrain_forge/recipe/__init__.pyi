@@ -28,4 +28,5 @@ from .schema import ValidateSpec as ValidateSpec
 from .schema import json_schema as json_schema
 from .schema import recipe_from_json as recipe_from_json
 from .schema import recipe_json as recipe_json
+from .starter import starters as starters
 from .starter import write_starter as write_starter

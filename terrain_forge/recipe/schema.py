@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.base import BY_KIND, ByKind, FileName, Fraction, Positive, RecipeError, Spec
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
-from terrain_forge.model import BODIES
-from terrain_forge.paths import PathSpec
+from terrain_forge.model import BODIES, html, plot_area
+from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice
 from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
@@ -144,6 +144,26 @@ class Recipe(Spec):
     options."""
     validate: ValidateSpec | None = None
     """What the finished world is tested by; without it, only what needs no drive."""
+
+    def __repr__(self) -> str:
+        size = self.dtm.size_m
+        parts = {
+            "layers": [str(vars(type(layer)).get("kind", "")) for layer in self.terrain.layers],
+            "rocks": [group.name for group in self.rocks.groups],
+            "paths": [path.name for path in self.paths],
+            "exports": list(self.exports),
+        }
+        told = ", ".join(f"{part}: {' '.join(names) or 'none'}" for part, names in parts.items())
+        return (
+            f"<Recipe {self.name!r}: {self.body}, {size[0]:g} × {size[1]:g} m at "
+            f"{self.terrain.spacing_m:g} m, {told}, seed {self.seed}>"
+        )
+
+    def _repr_html_(self) -> str:
+        sketched = {path.name: sketch_route(path.route) for path in self.paths}
+        known = {name: points for name, points in sketched.items() if points is not None}
+        size = self.dtm.size_m
+        return html(repr(self), size, lambda axes: plot_area(axes, size, known))
 
     @property
     def driven_path(self) -> str | None:

@@ -1,33 +1,62 @@
-"""The first recipe that `terrain-forge init` writes, with its DTM."""
+"""The recipes that `terrain-forge init` writes, each with its DTM."""
 
 from __future__ import annotations
 
+import re
 import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
+from textwrap import shorten
 
-from terrain_forge.base import OutputError
+from terrain_forge.base import OutputError, RecipeError
 
-RECIPE = "hello.yaml"
-DTM = "gale_floor_synthetic.tif"
+_RECIPES, _SAMPLES = "terrain_forge.recipes", "terrain_forge.dtm_samples"
+_LONGEST = 62
+_SAMPLE = re.compile(r"\.\./dtm_samples/([\w.-]+)")
 
 
-def write_starter(directory: Path) -> Path:
-    """Write hello.yaml and its DTM into a folder; returns the recipe.
+def starters() -> dict[str, str]:
+    """The recipes that ship, by name, and the first sentence of each."""
+    found = {}
+    for entry in files(_RECIPES).iterdir():
+        if entry.name.endswith(".yaml"):
+            found[entry.name.removesuffix(".yaml")] = _about(entry.read_text(encoding="utf-8"))
+    return dict(sorted(found.items(), key=lambda one: (one[0] != "hello", one[0])))
+
+
+def _about(text: str) -> str:
+    """The first sentence of the comment that a recipe begins with."""
+    comment = []
+    for line in text.splitlines():
+        if not re.match(r"# \S", line):
+            break
+        comment.append(line[2:].strip())
+    sentence = re.split(r"(?<=[.;]) ", " ".join(comment))[0].rstrip(".;")
+    return shorten(sentence, _LONGEST, placeholder=" …")
+
+
+def write_starter(directory: Path, name: str = "hello") -> Path:
+    """Write a recipe that ships, and its DTM, into a folder; returns the recipe.
 
     Raises:
+        RecipeError: if there is no recipe of that name.
         OutputError: if one of them is there already, or the folder cannot be written.
     """
-    recipe, dtm = directory / RECIPE, directory / DTM
-    for path in (recipe, dtm):
+    name = name.removesuffix(".yaml")
+    if name not in starters():
+        raise RecipeError(f"no recipe is called {name!r}, there are: {', '.join(starters())}")
+    text = files(_RECIPES).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
+    samples = dict.fromkeys(_SAMPLE.findall(text))
+    recipe = directory / f"{name}.yaml"
+    for path in (recipe, *(directory / sample for sample in samples)):
         if path.exists():
             raise OutputError(f"{path} exists already")
-    text = files("terrain_forge.recipes").joinpath(RECIPE).read_text(encoding="utf-8")
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        with as_file(files("terrain_forge.dtm_samples").joinpath(DTM)) as source:
-            shutil.copyfile(source, dtm)
-        recipe.write_text(text.replace(f"../dtm_samples/{DTM}", DTM), encoding="utf-8")
+        for sample in samples:
+            with as_file(files(_SAMPLES).joinpath(sample)) as source:
+                shutil.copyfile(source, directory / sample)
+        recipe.write_text(_SAMPLE.sub(r"\1", text), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{directory} cannot be written: {error.strerror}") from None
     return recipe

@@ -68,6 +68,7 @@ def place_rocks(
     site: Site,
     library: RockLibrary,
     ground: Heightfield,
+    settled: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> RockField:
     """The scattered rocks on the ground: static ones embedded, dynamic ones settled.
@@ -77,11 +78,14 @@ def place_rocks(
         site: the place.
         library: their shapes.
         ground: the bare ground under all of them.
+        settled: whether to settle the dynamic ones; else they are embedded too.
         progress: called with the share of the dynamic ones that are settled, 0 to 1.
     """
     groups = site.recipe.rocks.groups
     density = np.array([group.density_kg_m3 or site.body.rock_density for group in groups])
     embedded = embed(scattered=scattered, library=library, ground=ground, density=density)
+    if not settled:
+        return embedded
     reach = np.array([prototype.reach for prototype in library.prototypes])[embedded.prototype]
     near = DYNAMIC_SPACE * reach * embedded.diameter
     return settle(

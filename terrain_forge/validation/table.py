@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.model import Check
+from terrain_forge.validation.inspection import read_json
 from terrain_forge.validation.measures import ASPECTS
 
 _MARKS = {"pass": "", "fail": " FAIL", "not carried": "–"}
@@ -38,10 +39,15 @@ def report_text(report: Path) -> str:
     return table_text(json.loads(report.read_text(encoding="utf-8"))["conformance"])
 
 
-def failed_checks(report: Path) -> list[str]:
-    """Name, figure and limit of each check of a report.json that failed."""
-    checks = (Check(**check) for check in json.loads(report.read_text(encoding="utf-8"))["checks"])
-    return [check.told() for check in checks if not check.passed]
+def checks_of(directory: Path) -> list[Check]:
+    """The checks of a built folder that a limit judges, as it was last validated; none before."""
+    found = read_json(directory / "validation" / "report.json").get("checks", [])
+    return [check for one in found if (check := Check(**one)).judged]
+
+
+def failed_checks(directory: Path) -> list[Check]:
+    """The checks of a built folder that failed."""
+    return [check for check in checks_of(directory) if not check.passed]
 
 
 def table_text(entries: Sequence[Mapping[str, Any]]) -> str:

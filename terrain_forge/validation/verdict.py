@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 
 from terrain_forge.base import Record, parts
@@ -59,7 +59,7 @@ def validate(
     altered: tuple[str, ...] = (),
     foreign: tuple[str, ...] = (),
     earlier: Sequence[str] = (),
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> ValidationResult:
     """Check the world and what was exported of it; write the report into `directory`/validation.
 
@@ -74,7 +74,7 @@ def validate(
         altered: Files of the folder that are not as they were built.
         foreign: Files of the folder that are not the world's.
         earlier: Files that an earlier validation wrote, which go.
-        progress: Told the share of the drive that is done, 0 to 1, and then that of the exports.
+        progress: Told which checks are made, and the share of long ones that is done, 0 to 1.
     """
     folder = directory / "validation"
     exported = [name for name in earlier if name.startswith(_EXPORTED)]
@@ -87,10 +87,11 @@ def validate(
         spec=spec,
         altered=altered,
         foreign=foreign,
-        progress=progress,
     )
     made = [kind() for kind in inspections()]
-    found = [c.replace(group=c.group or one.group) for one in made for c in _checks(one, built)]
+    found = [
+        c.replace(group=c.group or one.group) for one in made for c in _checks(one, built, progress)
+    ]
     order = {group: place for place, group in enumerate(GROUPS)}
     checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
     _remove(directory, [name for name in earlier if name not in exported])
@@ -105,8 +106,13 @@ def validate(
     )
 
 
-def _checks(inspection: Inspection, built: BuiltFolder) -> list[Check]:
+def _checks(
+    inspection: Inspection, built: BuiltFolder, progress: Callable[[str, float], None] | None
+) -> list[Check]:
     """What an inspection finds; one of another package that raises has failed."""
+    if progress:
+        built = replace(built, progress=partial(progress, inspection.kind))
+        progress(inspection.kind, 0.0)
     try:
         return list(inspection.checks(built))
     except Exception as error:

@@ -28,7 +28,7 @@ ORDER = [
     {"driving", "sensors"},
     {"validation"},
     {"building", "exporters"},
-    {"report"},
+    {"report", "terminal"},
     {"pipeline"},
     {"cli", "__init__"},
     {"__main__"},

@@ -11,8 +11,8 @@ from tests.helpers.places import ROOT
 
 FILES = sorted((ROOT / "tests").rglob("*.py"))
 PRIVATE = re.compile(r"(^|\.)_[A-Za-z]")
-SPECIFIED = {"_replace", "_asdict", "_fields", "_make", "_exit"}
-"""Of named tuples and of `os`: public in spite of their names."""
+SPECIFIED = {"_replace", "_asdict", "_fields", "_make", "_exit", "_repr_html_"}
+"""Of named tuples, of `os` and of notebooks: public in spite of their names."""
 
 
 def reached(tree):

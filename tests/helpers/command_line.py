@@ -5,10 +5,13 @@ from __future__ import annotations
 import gc
 import io
 import logging
+import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import NamedTuple
+
+_STAGE = re.compile(r"terrain-forge: \d+:\d\d ")
 
 
 class Done(NamedTuple):
@@ -17,6 +20,11 @@ class Done(NamedTuple):
     returncode: int
     stdout: str
     stderr: str
+
+    @property
+    def complaints(self) -> list[str]:
+        """Lines of the error stream but those of the progress."""
+        return [line for line in self.stderr.splitlines() if not _STAGE.match(line)]
 
 
 def run(*arguments: object) -> Done:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,11 +10,10 @@ import numpy as np
 
 from terrain_forge import __version__
 from terrain_forge.dtm import origin
-from terrain_forge.model import Export, Opening, World
+from terrain_forge.model import Opening, World
 from terrain_forge.report.blocks import Block, Shown, facts, heading, paragraph, table, thousands
 from terrain_forge.report.section import Built, Section
 
-_log = logging.getLogger(__name__)
 _FOLDERS = {
     "preview.png": "the picture above",
     "world": "the world itself; World.load reads it back",
@@ -104,7 +102,7 @@ class Usage(Section):
 
     def blocks(self, built: Built) -> Sequence[Block]:
         """Commands for each export, and for Python."""
-        opened = [words for export in built.exports if (words := _opening(built, export))]
+        opened = [words for export in built.exports if (words := export.opening(built.directory))]
         python = 'from terrain_forge import World\nworld = World.load(".")'
         opened.append(Opening(title="Python", commands=python))
         columns = [
@@ -112,20 +110,6 @@ class Usage(Section):
         ]
         note = paragraph("Commands are run in the folder that holds this page.", "note")
         return [note, Block(kind="pair", columns=columns)]
-
-
-def _opening(built: Built, export: Export) -> Opening | None:
-    """The words of an export's exporter, if it has any; the validation's own exports have none."""
-    if "/" in export.folder:
-        return None
-    try:
-        module, options = export.opened()
-        words = getattr(module, "opening", None)
-        found: Opening | None = words and words(built.directory / export.folder, options)
-        return found
-    except Exception as error:  # whatever a foreign exporter raises must not break the page
-        _log.warning("how to open %s is not known: %s", export.folder, error)
-        return None
 
 
 class Files(Section):

@@ -262,7 +262,7 @@ def test_interruption_leaves_nothing_half(tmp_path, number):
 
 def test_a_dropped_interrupt_is_told_at_the_next_stage(monkeypatch):
     """Python drops what a finaliser raises."""
-    from terrain_forge import cli
+    from terrain_forge.terminal import Interrupt
 
     class Finalised:
         def __del__(self):
@@ -272,7 +272,7 @@ def test_a_dropped_interrupt_is_told_at_the_next_stage(monkeypatch):
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     dropped = []
     monkeypatch.setattr(sys, "unraisablehook", dropped.append)
-    interrupt = cli.Interrupt()
+    interrupt = Interrupt()
     interrupt.listen()
     try:
         interrupt.ask()

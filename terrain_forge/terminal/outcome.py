@@ -1,0 +1,107 @@
+"""What a command says at its end: verdict, failed checks, what was written, what comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+import numpy as np
+
+from terrain_forge.building import BuildResult
+from terrain_forge.model import Export, World, write_plot
+from terrain_forge.terminal.lines import say, size_text, time_text
+from terrain_forge.terminal.running import FAILED_CHECK
+from terrain_forge.validation import checks_of, failed_checks, report_text
+
+_MOST_TOLD = 10
+"""Failed checks that the terminal shows."""
+
+
+def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
+    """Say what a build made and how it is looked at."""
+    world = result.world
+    if result.removed:
+        say(f"removed from {out}: {', '.join(result.removed)}")
+    kinds = ", ".join(export.folder for export in result.exports if "/" not in export.folder)
+    _tell_verdict(out)
+    say(
+        f"  {_count(len(world.field), 'rock')}, {_count(len(world.trajectories), 'path')}, "
+        f"{kinds or 'no export'}: {size_text(_size(out))} in {time_text(seconds)}"
+    )
+    say(f"  look at it: terrain-forge view {click.format_filename(out)}")
+    tell_openings(out, result.exports)
+
+
+def tell_exports(out: Path, folders: Sequence[str], seconds: float) -> None:
+    """Say what an export wrote."""
+    for folder in folders:
+        files = [path for path in (out / folder).rglob("*") if path.is_file()]
+        size = size_text(sum(path.stat().st_size for path in files))
+        say(f"{out / folder}: {_count(len(files), 'file')}, {size}")
+    say(f"  written and validated in {time_text(seconds)}, see {out / 'report.html'}")
+
+
+def tell_validation(out: Path, seconds: float, *, table: bool) -> None:
+    """Say what a validation found, with the table of what each program read, if asked."""
+    for line in report_text(_report(out)).splitlines() if table else ():
+        say(line)
+    _tell_verdict(out)
+    say(f"  validated in {time_text(seconds)}: {_report(out).as_posix()}")
+
+
+def tell_preview(world: World, picture: Path) -> None:
+    """Draw a world, and say what it is and where the picture lies."""
+    dynamic = int(world.field.dynamic.sum())
+    unsettled = f", {dynamic:,} dynamic ones not settled" * bool(dynamic)
+    write_plot(world, picture, note=f"preview: rocks as circles of their size{unsettled}")
+    rise = np.hypot(*np.gradient(world.ground.elevation.astype(np.float64), world.ground.spacing))
+    more = f", {dynamic:,} of them dynamic and not settled" * bool(dynamic)
+    unplaced = sum(world.unplaced)
+    more += f"; {unplaced:,} found no place" * bool(unplaced)
+    say(f"{world.site.name}: nothing was exported")
+    say(f"  rocks     {len(world.field):,}{more}")
+    say(f"  slope     {np.degrees(np.arctan(rise.max())):.1f}° at its steepest, rocks apart")
+    say(f"  relief    {np.ptp(world.ground.elevation):.2f} m")
+    for path in world.trajectories:
+        say(f"  path      {path.name}: {path.length:.1f} m, {path.time[-1]:.0f} s")
+    say(f"  picture   {picture}")
+
+
+def tell_openings(out: Path, exports: Sequence[Export]) -> None:
+    """Say how exports are opened."""
+    openings = [opening for export in exports if (opening := export.opening(out))]
+    if openings:
+        say(f"  open it, in {out}:")
+    for opening in openings:
+        command = opening.commands.splitlines()[0].partition("   #")[0]
+        say(f"    {opening.title}: {command}")
+
+
+def finish(passed: bool, out: Path) -> None:
+    """Name the checks that failed; ends the command with its status where `passed` is false."""
+    failed = failed_checks(out)
+    for check in failed[:_MOST_TOLD]:
+        say(f"{out}: {'fails as before' if passed else 'failed'}: {check.told()}", err=True)
+    if not passed:
+        count = "a validation check" if len(failed) == 1 else f"{len(failed)} validation checks"
+        say(f"{out}: {count} failed, see {_report(out)}", err=True)
+        raise click.exceptions.Exit(FAILED_CHECK)
+
+
+def _report(out: Path) -> Path:
+    return out / "validation" / "report.json"
+
+
+def _tell_verdict(out: Path) -> None:
+    judged, failed = len(checks_of(out)), len(failed_checks(out))
+    verdict = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
+    say(f"{out}: {verdict}")
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number:,} {thing}{'s' * (number != 1)}"
+
+
+def _size(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

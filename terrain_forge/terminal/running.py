@@ -1,0 +1,129 @@
+"""Running a command line: interrupts, and the exit status and line of each error.
+
+Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 the disk or
+the system refused, or an internal error; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import gc
+import os
+import signal
+import sys
+import traceback
+from contextlib import suppress
+from typing import Any
+
+import click
+from click.exceptions import NoArgsIsHelpError
+
+from terrain_forge.base import SimulationError, StorageError, TerrainForgeError
+from terrain_forge.terminal.lines import say
+
+FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+_STATUS = {
+    SimulationError: FAILED_CHECK,
+    StorageError: INTERNAL,
+    TerrainForgeError: WRONG_INPUT,
+    OSError: INTERNAL,
+}
+_NO_PATH = {errno.ENAMETOOLONG, errno.EISDIR, errno.ENOTDIR, errno.ELOOP}
+"""What the system says of paths that cannot be what they should."""
+_M_ARENA_MAX = -8
+
+
+class Interrupt:
+    """Ctrl-C and a polite kill, which clean up alike.
+
+    Python drops what a callback or a finaliser raises, so a build asks again at each stage.
+    """
+
+    def __init__(self) -> None:
+        self._came = False
+
+    def listen(self) -> None:
+        """Take the process's signals; those that it was told to ignore stay ignored."""
+        self._came = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._take)
+
+    def ask(self) -> None:
+        """Raise KeyboardInterrupt where one has come."""
+        if self._came:
+            raise KeyboardInterrupt
+
+    def _take(self, number: int, frame: object) -> None:
+        del number, frame
+        self._came = True
+        raise KeyboardInterrupt
+
+
+INTERRUPT = Interrupt()
+"""The process's own."""
+
+
+def run_command(command: click.Command, arguments: list[str]) -> int:
+    """Run a command line; returns its exit status."""
+    # A build makes many objects and few cycles, the kernels' compiler above all.
+    gc.set_threshold(100_000, 50, 50)
+    _share_one_heap()
+    try:
+        INTERRUPT.listen()
+        return int(command.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
+    except NoArgsIsHelpError as error:
+        error.show()
+        return WRONG_INPUT
+    except click.ClickException as error:
+        message = " ".join(error.format_message().split())
+        say(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
+        return WRONG_INPUT
+    except (click.Abort, KeyboardInterrupt) as error:
+        say(f"interrupted, {str(error) or 'nothing was left behind'}", err=True)
+        return INTERRUPTED
+    except (TerrainForgeError, OSError) as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        say(f"terrain-forge: {error}", err=True)
+        if getattr(error, "errno", None) in _NO_PATH:
+            return WRONG_INPUT
+        return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
+    except Exception:
+        traceback.print_exc()
+        click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
+        return INTERNAL
+
+
+def run_process(command: click.Command) -> None:
+    """Run the process's command line and end the process.
+
+    It ends without taking the interpreter apart, which would take half a second after a build; and
+    where an interrupt met an exec() (imports run some), CPython would end by the signal, although
+    it was handled.
+    """
+    sys.unraisablehook = _ignore_interrupt
+    status = run_command(command, sys.argv[1:])
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(status)
+
+
+def _share_one_heap() -> None:
+    """Let all threads take memory from one heap, where the C library is glibc (`mallopt`).
+
+    It gives each thread a heap of its own, and what one frees the others cannot use: a tenth of a
+    build's memory.
+    """
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+
+
+def _ignore_interrupt(unraisable: Any) -> None:
+    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)

@@ -1,0 +1,172 @@
+"""What the commands say and leave: at their end, of mistakes, of what is installed."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import rasterio
+from PIL import Image
+from terrain_forge.exporters import sdf
+
+import terrain_forge as tf
+from terrain_forge.recipe import json_schema, starters
+from tests.helpers.command_line import run
+from tests.helpers.places import ROOT
+
+RECIPE = """
+schema: 1
+name: mini
+body: moon
+dtm: {kind: flat, size_m: [6, 4]}
+terrain: {spacing_m: 0.25}
+rocks:
+  library: {shapes: 1}
+  populations:
+    - name: stones
+      size_frequency: {kind: golombek, k: 0.2}
+      diameter_m: [0.3, 0.6]
+      dynamic_m: [0.3, 0.4]
+paths: [{name: arc, route: {points_m: [[-2, -1], [0, 0], [2, 1]]}, speed_m_s: 1}]
+exports: [sdf]
+"""
+
+
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recipe") / "mini.yaml"
+    path.write_text(RECIPE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def built(recipe):
+    """A world with an export that its recipe does not name, and what the build said."""
+    changes = "--set", "rocks.populations=[]", "--set", "paths=[]"
+    return recipe.parent / "out", run(
+        "build", recipe, *changes, "-o", recipe.parent / "out", "--only", "geotiff"
+    )
+
+
+def test_a_build_ends_with_verdict_size_time_and_what_comes_next(built):
+    out, done = built
+    assert done.returncode == 0, done.stderr
+    told = done.stdout.splitlines()
+    assert re.fullmatch(rf"{out}: all \d+ checks passed", told[0])
+    assert re.fullmatch(r"  0 rocks, 0 paths, geotiff: [\d.]+ [kM]B in [\d.]+ s", told[1])
+    assert f"terrain-forge view {out}" in told[2]
+    assert told[4] == "    Maps: qgis geotiff/elevation.tif"
+    stages = [re.fullmatch(r"terrain-forge: \d:\d\d ([\w ]+)", s) for s in done.stderr.split("\n")]
+    assert [stage[1] for stage in stages if stage] == [*tf.pipeline.STAGES]
+
+
+def test_an_export_is_failed_by_its_own_checks_and_by_new_ones_only(built, monkeypatch):
+    out, _ = built
+    (out / "notes.txt").write_text("mine")
+    done = run("validate", out, "--quick")
+    assert (done.returncode, "1 of" in done.stdout) == (1, True)
+    done = run("export", out, "--only", "sdf")
+    assert done.returncode == 0, done.stderr
+    assert re.match(rf"{out}/sdf: \d+ files, [\d.]+ kB\n  written and validated in", done.stdout)
+    assert f"{out}: fails as before: files: added: 1, limit 0 (notes.txt)" in done.stderr
+    true = sdf.export
+    raised = lambda world, *place, **options: true(  # noqa: E731
+        world.replace(ground=world.ground.replace(elevation=world.ground.elevation + 1.0)),
+        *place,
+        **options,
+    )
+    monkeypatch.setattr(sdf, "export", raised)
+    for _ in range(2):  # nor is it excused the second time
+        done = run("export", out, "--only", "sdf")
+        assert (done.returncode, "failed: sdf: ground: 1 m" in done.stderr) == (1, True)
+
+
+def test_preview_draws_and_exports_nothing(recipe, tmp_path):
+    done = run("preview", recipe, "-o", tmp_path / "look.png")
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["look.png"]
+    assert np.asarray(Image.open(tmp_path / "look.png")).std() > 10.0
+    for line in (
+        r"rocks +\d+, \d+ of them dynamic and not settled",
+        r"slope +0\.0°",
+        "path +arc: ",
+    ):
+        assert re.search(rf"^  {line}", done.stdout, re.MULTILINE), done.stdout
+    assert done.stdout.splitlines()[-1].endswith("look.png")
+
+
+@pytest.mark.parametrize("name", starters())
+def test_each_recipe_that_ships_can_be_begun_with(name, tmp_path):
+    assert run("init", tmp_path, "--recipe", name).returncode == 0
+    file = tf.load_recipe(tmp_path / f"{name}.yaml")
+    source = getattr(file.recipe.dtm, "source", None)
+    assert {path.name for path in tmp_path.iterdir()} == {f"{name}.yaml"} | {source} - {None}
+    assert run("init", tmp_path, "--recipe", name).returncode == 2
+
+
+def test_init_lists_recipes_and_knows_no_others(tmp_path):
+    listed = run("init", "--list").stdout.splitlines()
+    assert [line.split()[0] for line in listed] == list(starters())
+    assert {path.stem for path in (ROOT / "recipes").glob("*.yaml")} == set(starters())
+    done = run("init", tmp_path / "new", "--recipe", "venus")
+    assert (done.returncode, "there are: hello, gale_long" in done.stderr) == (2, True)
+    assert not (tmp_path / "new").exists()
+
+
+def raster(path, driver):
+    with rasterio.open(path, "w", driver, 4, 4, 1, dtype="float32") as file:
+        file.write(np.ones((1, 4, 4), np.float32))
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_a_raster_in_the_recipes_place_is_told_what_to_write(tmp_path):
+    raster(tmp_path / "dem.img", "ENVI")
+    raster(tmp_path / "dem.tif", "GTiff")
+    np.save(tmp_path / "dem.npy", np.ones((4, 4)))
+    for given, source in (("hdr", "dem.img"), ("img", "dem.img"), ("tif", "dem.tif")):
+        for command in ("build", "preview"):
+            done = run(command, tmp_path / f"dem.{given}")
+            assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+            assert (
+                f"this is a raster, no recipe: write one with dtm: {{source: {source},"
+                in done.stderr
+            )
+    label = ROOT / "dtm_samples" / "lola_ldem16_tranquillitatis.LBL"
+    assert f"source: {label.name}," in run("build", label.with_suffix(".IMG")).stderr
+    assert run("check", label.with_suffix(".IMG")).stdout == run("check", label).stdout
+    done = run("build", tmp_path / "dem.npy")
+    assert (done.returncode, "this is an array, no recipe" in done.stderr) == (2, True)
+    described = run("check", tmp_path / "dem.hdr")
+    assert (described.returncode, "ENVI, 4 × 4 samples" in described.stdout) == (0, True)
+
+
+def test_only_names_an_exporter_or_a_folder(recipe, tmp_path):
+    done = run("build", recipe, "-o", tmp_path / "out", "--only", "sdf,blend")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "--only blend: unknown exporter 'blend', installed: drake" in done.stderr
+
+
+def test_no_arguments_show_the_help():
+    done = run()
+    assert done.returncode == 2
+    assert "Usage: terrain-forge" in done.stderr
+    assert "  build " in done.stderr
+
+
+def test_schema_is_the_recipes():
+    assert json.loads(run("schema").stdout) == json_schema()
+
+
+def test_doctor_never_fails(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("TERRAIN_FORGE_DRAKE_PYTHON", "/nowhere/python")
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", "off")
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)  # cannot be imported
+    done = run("doctor")
+    assert done.returncode == 0
+    for name in tf.exporter_names():
+        assert re.search(rf"^  {name} ", done.stdout, re.MULTILINE)
+    assert "cache          off" in done.stdout
+    assert re.search(r"physics +not working: ModuleNotFoundError", done.stdout)
+    assert "/nowhere/python is no Python" in done.stdout
+    assert "pkg-config is not installed" in done.stdout

@@ -1,0 +1,100 @@
+"""Progress: lines without control characters where there is no terminal, one that ticks where there
+is; the time left."""
+
+import io
+import re
+
+import pytest
+
+from terrain_forge.terminal import Display, display
+
+STAGES = "plan", "ground", "rocks", "writing"
+
+
+class Stream(io.StringIO):
+    """An error stream that is a terminal or not."""
+
+    def __init__(self, terminal):
+        super().__init__()
+        self._terminal = terminal
+
+    def isatty(self):
+        return self._terminal
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """What a display writes to a terminal or none, in an environment."""
+
+    def shown(*, terminal, **environment):
+        stream = Stream(terminal)
+        monkeypatch.setattr("sys.stderr", stream)
+        for name in ("TERM", "NO_COLOR", "FORCE_COLOR", "COLORTERM"):
+            monkeypatch.delenv(name, raising=False)
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        with Display(STAGES) as progress:
+            progress("plan")
+            progress.expect({"rocks": 40.0, "writing": 30.0})
+            progress("rocks: settling", 0.2)
+            progress("rocks: settling", 0.4)
+            progress("writing: preview, usd", 0.5)
+        return stream.getvalue()
+
+    return shown
+
+
+@pytest.mark.parametrize("environment", [{}, {"TERM": "xterm", "FORCE_COLOR": "1"}])
+def test_no_terminal_has_a_line_for_each_stage(shown, environment):
+    lines = [f"terrain-forge: 0:00 {stage}" for stage in ("plan", "rocks", "writing")]
+    assert shown(terminal=False, **environment).splitlines() == lines
+    assert shown(terminal=True, TERM="dumb").splitlines() == lines
+
+
+def test_a_terminal_has_one_line_that_goes(shown):
+    text = shown(terminal=True, TERM="xterm-256color", COLUMNS="80")
+    assert "writing: preview, usd" in text
+    assert re.search(r"0:00, 0:1[45] left", text)
+    assert re.search(r"\x1b\[[\d;]*m", text)  # colours
+    assert text.endswith(("\x1b[2K", "\x1b[?25h", "\x1b[1A\x1b[2K"))  # the line is gone
+    plain = shown(terminal=True, TERM="xterm-256color", COLUMNS="80", NO_COLOR="1")
+    assert not re.search(r"\x1b\[[\d;]*3\d", plain)
+
+
+def test_work_that_is_refused_in_its_first_stage_is_told_by_its_error_alone(capsys):
+    with Display(STAGES) as progress:
+        progress("plan")
+    assert capsys.readouterr().err == ""
+
+
+def test_the_time_left_goes_from_what_was_expected_to_the_pace(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
+    progress = Display(STAGES)
+    progress("plan")
+    assert progress.left is None
+    progress.expect({"ground": 10.0, "rocks": 20.0, "writing": 30.0})
+    progress("ground")
+    assert progress.left == 60.0
+    now[0] = 4.0
+    assert progress.left == 56.0  # it ticks between reports
+    progress("rocks: scattering")
+    assert progress.left == 50.0
+    now[0] = 34.0
+    progress("rocks: scattering", 0.5)  # half in 30 s: 30 s more, of which half is believed
+    assert progress.left == 15.0 + 30.0
+    now[0] = 64.0
+    progress("rocks: settling", 0.0)  # another part has a pace of its own
+    assert progress.left == 30.0
+    now[0] = 100.0
+    progress("writing")
+    now[0] = 190.0
+    assert progress.left == 0.0
+
+
+def test_an_interrupt_is_asked_for_at_each_report():
+    def ask():
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), Display(STAGES, ask=ask) as progress:
+        progress("plan")
