@@ -119,6 +119,7 @@ def build(
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
     from terrain_forge import pipeline
+    from terrain_forge.base import compile_ahead
     from terrain_forge.building import require_apart
 
     if drives:
@@ -126,6 +127,7 @@ def build(
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
     require_apart(out.resolve(), [file.path])
+    compile_ahead(_say)
     with _Bar(len(pipeline.STAGES)) as progress, _located(file):
         result = pipeline.build(
             file.recipe,
