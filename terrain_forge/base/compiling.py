@@ -54,7 +54,11 @@ def compile_ahead(say: Callable[[str], None]) -> None:
 
 def _serve(waiting: SimpleQueue[str]) -> None:
     """Have one process compile room after room; what it fails to do compiles when it is called."""
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    pipes: dict[str, Any] = {
+        "stdin": subprocess.PIPE,
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.DEVNULL,
+    }
     command = [sys.executable, "-m", __name__]
     with suppress(Empty, OSError), subprocess.Popen(command, text=True, **pipes) as child:
         assert child.stdin is not None
