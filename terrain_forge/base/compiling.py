@@ -19,11 +19,12 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from numba import get_num_threads
+from numba import config, get_num_threads
 from numba import types as _types
 
 LISTED = Path(__file__).with_name("kernels.json")
 types: Any = _types
+settings: Any = config
 _FEW = 8
 _MOST_PROCESSES = 8
 
@@ -34,15 +35,18 @@ def compile_ahead(say: Callable[[str], None]) -> None:
     Args:
         say: Told once how many there are, where there are any.
     """
+    threads = get_num_threads()
+    if threads == 1 or settings.DISABLE_JIT:
+        return
     rooms: dict[str, dict[str, list[Any]]] = json.loads(LISTED.read_text())
     missing = {
-        room: [name for name, signature in kernels.items() if not _is_kept(name, signature)]
+        room: [name for name, signature in kernels.items() if not is_kept(name, signature)]
         for room, kernels in rooms.items()
     }
     count, total = sum(map(len, missing.values())), sum(map(len, rooms.values()))
-    processes = min(get_num_threads(), _MOST_PROCESSES, len(missing))
-    if count <= _FEW or processes == 1:
+    if count <= _FEW:
         return
+    processes = min(threads, _MOST_PROCESSES)
     say(f"compiling {count} of {total} kernels in {processes} processes, once")
     waiting: SimpleQueue[str] = SimpleQueue()
     for room, names in missing.items():
@@ -89,7 +93,7 @@ def kernel(name: str) -> Any:
     return getattr(home, function)
 
 
-def _is_kept(name: str, signature: list[Any]) -> bool:
+def is_kept(name: str, signature: list[Any]) -> bool:
     """Whether the cache holds a kernel, as its index says."""
     module, function = name.split(":")
     found = getattr(import_module(module), function)
