@@ -8,6 +8,7 @@ from .bounded import read_arrays as read_arrays
 from .bounded import read_text as read_text
 from .bounded import require_file as require_file
 from .cache import cache_folder as cache_folder
+from .compiling import compile_ahead as compile_ahead
 from .errors import DataError as DataError
 from .errors import ExportError as ExportError
 from .errors import OutputError as OutputError

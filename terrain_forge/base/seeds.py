@@ -11,7 +11,9 @@ from __future__ import annotations
 from zlib import crc32
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
+
+from terrain_forge.base.kernels import kernel
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -24,13 +26,13 @@ def stage_key(root: int, stage: str) -> np.uint64:
     return np.uint64(sequence.generate_state(1, np.uint64)[0])
 
 
-@njit(cache=True, inline="always")
+@kernel
 def zigzag(n):  # type: ignore[no-untyped-def]
     """Code a signed integer as an unsigned one: 0, -1, 1, -2 → 0, 1, 2, 3."""
     return uint64((n << 1) ^ (n >> 63))
 
 
-@njit(cache=True, inline="always")
+@kernel
 def mix(key, word):  # type: ignore[no-untyped-def]
     """Hash one more 64-bit word of an address into a key; chain it over the whole address."""
     z = uint64(key) + (uint64(word) + uint64(1)) * _GOLDEN
@@ -39,13 +41,13 @@ def mix(key, word):  # type: ignore[no-untyped-def]
     return z ^ (z >> uint64(31))
 
 
-@njit(cache=True, inline="always")
+@kernel
 def uniform(hashed):  # type: ignore[no-untyped-def]
     """A float64 in the open interval (0, 1) from the upper 53 bits of a hash."""
     return (np.float64(uint64(hashed) >> uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True)
+@kernel
 def uniforms(key, count):  # type: ignore[no-untyped-def]
     """Uniforms in (0, 1) of the addresses 0 … count - 1 under a key, shape [count]."""
     drawn = np.empty(count)
@@ -54,7 +56,7 @@ def uniforms(key, count):  # type: ignore[no-untyped-def]
     return drawn
 
 
-@njit(cache=True)
+@kernel
 def poisson(hashed, mean):  # type: ignore[no-untyped-def]
     """A Poisson count by inversion of one uniform; `mean` up to 600, where exp underflows."""
     u = uniform(hashed)

@@ -122,7 +122,7 @@ def find_obstacles(rocks: RockField, library: RockLibrary, rover: Rover) -> Obst
     support = np.empty((len(high), DIRECTIONS))
     for shape in np.unique(high.prototype):
         mesh, rows = library.prototypes[shape].meshes[0], np.flatnonzero(high.prototype == shape)
-        _fill_supports(mesh.vertices, edges(mesh), rows, turns, buried, UNITS, support)
+        _fill_supports(mesh.vertices.copy(), edges(mesh), rows, turns, buried, UNITS, support)
     support *= high.scale[:, None]
     return Obstacles(id=high.id, centre=high.position[:, :2], height=high.height, support=support)
 

@@ -182,7 +182,7 @@ def _bin_range(origin, size, count, low, high):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_kept_free(strips, x, y, limit, reach=0.0):  # type: ignore[no-untyped-def]
+def is_kept_free(strips, x, y, limit, reach):  # type: ignore[no-untyped-def]
     """Whether a place lies within a reach of a corridor or exclusion zone.
 
     `limit` as of `search_radius`.
@@ -222,20 +222,29 @@ def _area(strips, west, east, south, north, lines):  # type: ignore[no-untyped-d
             low, high = _chord(strips.segments[s], strips.half_width[strips.corridor[s]], y)
             low, high = max(low, west), min(high, east)
             if low < high:
-                lows[count], highs[count] = low, high
-                count += 1
+                count = _insert(lows, highs, count, low, high)
         for c in range(len(strips.centre)):
             offset, radius = y - strips.centre[c, 1], strips.half_width[lanes + c]
             if abs(offset) < radius:
                 half = np.sqrt(radius * radius - offset * offset)
-                lows[count] = max(strips.centre[c, 0] - half, west)
-                highs[count] = min(strips.centre[c, 0] + half, east)
-                count += 1
+                low, high = max(strips.centre[c, 0] - half, west), strips.centre[c, 0] + half
+                count = _insert(lows, highs, count, low, min(high, east))
         reached = west
-        for n in np.argsort(lows[:count]):
+        for n in range(count):
             length += max(highs[n] - max(lows[n], reached), 0.0)
             reached = max(reached, highs[n])
     return length * step
+
+
+@inner
+def _insert(lows, highs, count, low, high):  # type: ignore[no-untyped-def]
+    """Enter an interval among those sorted by their low ends; returns how many there are."""
+    n = count
+    while n > 0 and lows[n - 1] > low:
+        lows[n], highs[n] = lows[n - 1], highs[n - 1]
+        n -= 1
+    lows[n], highs[n] = low, high
+    return count + 1
 
 
 @inner

@@ -223,7 +223,7 @@ def _has_place(intensity, population, strips, diameter):  # type: ignore[no-unty
                 x = west + (i + (2 - part) / 3) * intensity.spacing
                 y = south + (j + (1 + part) / 3) * intensity.spacing
                 if weight(intensity, population, x, y, diameter) > 0.0:
-                    if not is_kept_free(strips, x, y, limit):
+                    if not is_kept_free(strips, x, y, limit, 0.0):
                         return True
     return False
 

@@ -77,6 +77,9 @@ def place(
 
     `footprints` are the prototypes' support functions, shape [prototypes, directions].
     """
+    # In each cell those that need the most space come first: later they would find it least easily.
+    cell = np.repeat(np.arange(len(layout.first_rock) - 1), np.diff(layout.first_rock))
+    order = np.lexsort((-rocks.circle[:, 2], cell))
     for c, (column, row, columns, rows) in enumerate(layout.region.tolist()):
         if layout.population[c] < 0:
             _place_listed(layout, rocks, c)
@@ -86,7 +89,7 @@ def place(
             # rocks cannot meet, so that it does not matter in which order they are placed.
             i0, j0 = (column + colour) & 1, (row + (colour >> 1)) & 1
             across, along = (columns - i0 + 1) // 2, (rows - j0 + 1) // 2
-            there = layout, rocks, footprints, strips, intensity
+            there = layout, rocks, order, footprints, strips, intensity
             over_chunks(_place_cells, across * along, *there, c, i0, j0, across)
 
 
@@ -100,17 +103,15 @@ def _place_listed(layout, rocks, c):  # type: ignore[no-untyped-def]
 
 @kernel
 def _place_cells(  # type: ignore[no-untyped-def]
-    first, last, layout, rocks, footprints, strips, intensity, c, i0, j0, across
+    first, last, layout, rocks, order, footprints, strips, intensity, c, i0, j0, across
 ):
     """Place the rocks of some cells of one colour, which are numbered row by row."""
     column, row, columns = layout.region[c, 0], layout.region[c, 1], layout.region[c, 2]
     for n in range(first, last):
         i, j = i0 + 2 * (n % across), j0 + 2 * (n // across)
         cell = layout.first_cell[c] + j * columns + i
-        first_rock, end = layout.first_rock[cell], layout.first_rock[cell + 1]
-        # Those that need the most space come first: later they would find it least easily.
-        for turn in np.argsort(-rocks.circle[first_rock:end, 2], kind="mergesort"):
-            rock = first_rock + turn
+        for turn in range(layout.first_rock[cell], layout.first_rock[cell + 1]):
+            rock = order[turn]
             _place_one(layout, rocks, footprints, strips, intensity, c, column + i, row + j, rock)
 
 

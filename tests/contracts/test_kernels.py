@@ -1,0 +1,43 @@
+"""The list of kernels that a first build compiles ahead is that of the code."""
+
+import json
+import os
+import subprocess
+import sys
+from inspect import signature
+
+import pytest
+
+from terrain_forge.base.compiling import LISTED, is_kept, kernel, numba_types, plain_types
+from tests.helpers.places import ROOT
+
+KERNELS = {
+    name: types for room in json.loads(LISTED.read_text()).values() for name, types in room.items()
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_a_listed_kernel_takes_what_the_list_says(name):
+    types = numba_types(KERNELS[name])
+    assert plain_types(types) == KERNELS[name]
+    assert len(types) == len(signature(kernel(name).py_func).parameters)
+
+
+def test_the_cache_is_asked_for_what_it_holds():
+    name = "terrain_forge.base.seeds:uniforms"
+    kernel(name).compile(numba_types(KERNELS[name]))
+    assert is_kept(name, KERNELS[name])
+    assert not is_kept(name, ["uint64", "float32"])
+
+
+@pytest.mark.slow
+def test_all_listed_kernels_are_compiled_ahead(tmp_path):
+    code = (
+        "from terrain_forge.base import compile_ahead; compile_ahead(print); compile_ahead(print)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": "2"},
+    )  # fmt: skip
+    count = len(KERNELS)
+    assert done.stdout == f"compiling {count} of {count} kernels in 2 processes, once\n"
