@@ -24,8 +24,8 @@ from terrain_forge.building import (
     chosen_exports,
     dtm_lines,
     exports_in,
+    finish,
     folder_state,
-    put,
     re_export_orders,
     read_manifest,
     replacing,
@@ -349,6 +349,7 @@ def export(
     """
     out = Path(out).resolve()
     watch = Stopwatch(progress)
+    finish(out)
     manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
@@ -357,13 +358,14 @@ def export(
     require_listed(out, manifest, folders, force=force)
     before = folder_state(out, manifest, *(f"{folder}/" for folder in folders))
     exports = {export.folder: export for export in exports_in(manifest)}
-    with updating(out) as staging, blaming(out, before.altered):
+    with (
+        updating(out, anew=folders, foreign=before.foreign) as fresh,
+        blaming(out, before.altered),
+    ):
         for order in orders:
             watch(f"export {order.folder}")
-            exports[order.folder] = write_export(world, staging, order)
-        for folder in folders:
-            put(staging / folder, out / folder)
-        return _assess(world, out, exports=tuple(exports.values()), watch=watch, before=before)
+            exports[order.folder] = write_export(world, fresh, order)
+        return _assess(world, fresh, exports=tuple(exports.values()), watch=watch, before=before)
 
 
 def validate(
@@ -391,15 +393,16 @@ def validate(
     """
     out = Path(out).resolve()
     watch = Stopwatch(progress)
+    finish(out)
     manifest = read_manifest(out)
     watch("load")
     world = World.load(out)
     require_readable_recipe(world, out)
     before = folder_state(out, manifest)
-    with updating(out), blaming(out, before.altered):
+    with updating(out, foreign=before.foreign) as fresh, blaming(out, before.altered):
         return _assess(
             world,
-            out,
+            fresh,
             exports=exports_in(manifest),
             watch=watch,
             before=before,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -20,7 +21,7 @@ def write_starter(directory: Path) -> Path:
     """
     recipe, dtm = directory / RECIPE, directory / DTM
     for path in (recipe, dtm):
-        if path.exists():
+        if os.path.lexists(path):
             raise OutputError(f"{path} exists already")
     text = files("terrain_forge.recipes").joinpath(RECIPE).read_text(encoding="utf-8")
     try:
