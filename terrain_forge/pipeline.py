@@ -272,10 +272,9 @@ def build(
     watch = Stopwatch(progress)
     watch("plan")
     out = Path(out or recipe.name).resolve()
-    inputs = input_paths(recipe, Path(folder))
+    require_apart(out, input_paths(recipe, Path(folder)))
     if out.exists():  # files that the rover's own file names
-        inputs += resolve_rover(recipe.rover, Path(folder)).files
-    require_apart(out, inputs)
+        require_apart(out, resolve_rover(recipe.rover, Path(folder)).files)
     removed = require_ours(out, force=force)
     orders = chosen_exports(export_orders(recipe), only)
     site = plan(recipe, folder=folder)

@@ -42,6 +42,8 @@ _FOREIGN = "that its manifest does not list"
 _CHANGED = "changed since it was built"
 _NAMED = 5
 """Files that a message names."""
+_LONGEST, _DEEPEST = 255, 3500
+"""Bytes of a name, and of the path of a world, whose files' paths are longer."""
 _FULL = 2**16
 """Bytes below which a disk is full."""
 
@@ -50,8 +52,12 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
     """Refuse an output folder, symbolic links resolved, in which a file lies that is read.
 
     Raises:
-        OutputError: names the file.
+        OutputError: names the file, or says that the folder's own name is too long.
     """
+    longest = [*((name, _LONGEST) for name in out.parts), (out.name, _LONGEST - len(f".{STAGING}"))]
+    for name, most in (*longest, (str(out), _DEEPEST)):
+        if (size := len(os.fsencode(name))) > most:
+            raise OutputError(f"output folder {name[:20]}…: {size} bytes long, at most {most}")
     for path in inputs:
         if path.resolve().is_relative_to(out):
             raise OutputError(f"{out} would be replaced, and the input {path} lies in it")

@@ -16,7 +16,14 @@ from pathlib import Path
 import pytest
 
 from terrain_forge.base import OutputError, StorageError
-from terrain_forge.building import finish, read_manifest, replacing, require_ours, updating
+from terrain_forge.building import (
+    finish,
+    read_manifest,
+    replacing,
+    require_apart,
+    require_ours,
+    updating,
+)
 from terrain_forge.building import staging as staging_file
 from terrain_forge.building.manifest import MARK, altered_files, foreign_files
 from tests.helpers.command_line import run
@@ -326,6 +333,13 @@ def test_an_export_does_not_take_the_place_of_others(world, kind):
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert place.name in done.stderr
     assert place.is_symlink() or place.is_file() or file.read_bytes()[-1:] == b" "
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "a" * 250, "ö" * 130, "/".join(["a" * 200] * 20)])
+def test_a_name_that_no_folder_can_have(tmp_path, name):
+    with pytest.raises(OutputError, match=r"^output folder .{1,21}…: \d+ bytes long, at most \d+$"):
+        require_apart(tmp_path / name, ())
+    require_apart(tmp_path / ("a" * 240), ())
 
 
 def test_parents_go_where_nothing_came_of_it(tmp_path):
