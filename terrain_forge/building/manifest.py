@@ -8,9 +8,9 @@ import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -221,13 +221,18 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
 
 
 def _versions() -> dict[str, str]:
+    """Versions of what makes a world: libraries, and installed packages with parts for us."""
     found = {}
     for package in _PACKAGES:
-        try:
+        with suppress(PackageNotFoundError):
             found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
+    others = {
+        package.name: package.version
+        for package in distributions()
+        if any(point.group.startswith("terrain_forge.") for point in package.entry_points)
+    }
+    others.pop("terrain-forge", None)
+    return {**found, **dict(sorted(others.items()))}
 
 
 def all_files(directory: Path) -> list[str]:
