@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Progress, Stopwatch, reading
+from terrain_forge.base import Progress, Stopwatch, reading, silent
 from terrain_forge.building import (
     BuildResult,
     FolderState,
@@ -25,8 +25,8 @@ from terrain_forge.building import (
     dtm_lines,
     exports_in,
     fetch_lines,
+    finish,
     folder_state,
-    put,
     re_export_orders,
     read_manifest,
     replacing,
@@ -398,6 +398,7 @@ def export(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
+    finish(out)
     older = {check.name for check in failed_checks(out)}
     with watched(progress, export_stages(only)) as watch:
         manifest = read_manifest(out)
@@ -408,14 +409,14 @@ def export(
         require_listed(out, manifest, folders, force=force)
         before = folder_state(out, manifest, *(f"{folder}/" for folder in folders))
         exports = {export.folder: export for export in exports_in(manifest)}
-        with updating(out) as staging, blaming(out, before.altered):
+        with (
+            updating(out, anew=folders, foreign=before.foreign) as fresh,
+            blaming(out, before.altered),
+        ):
             for order in orders:
                 watch(f"export {order.folder}")
-                exports[order.folder] = write_export(world, staging, order)
-            for folder in folders:
-                put(staging / folder, out / folder)
-            all_exports = tuple(exports.values())
-            _assess(world, out, exports=all_exports, watch=watch, before=before)
+                exports[order.folder] = write_export(world, fresh, order)
+            _assess(world, fresh, exports=tuple(exports.values()), watch=watch, before=before)
     mine = tuple(f"{folder}: " for folder in folders)
     failed = (check.name for check in failed_checks(out))
     return all(name in older and not name.startswith(mine) for name in failed)
@@ -445,16 +446,17 @@ def validate(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
+    finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
         manifest = read_manifest(out)
         watch("load")
         world = World.load(out)
         require_readable_recipe(world, out)
         before = folder_state(out, manifest)
-        with updating(out), blaming(out, before.altered):
+        with updating(out, foreign=before.foreign) as fresh, blaming(out, before.altered):
             return _assess(
                 world,
-                out,
+                fresh,
                 exports=exports_in(manifest),
                 watch=watch,
                 before=before,

@@ -17,6 +17,7 @@ from .errors import RecipeWarning as RecipeWarning
 from .errors import SimulationError as SimulationError
 from .errors import StorageError as StorageError
 from .errors import TerrainForgeError as TerrainForgeError
+from .errors import hint_at as hint_at
 from .errors import reading as reading
 from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows

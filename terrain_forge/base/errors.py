@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 
 _LONGEST = 300
 """Characters of another library's message that are shown."""
@@ -71,3 +72,9 @@ def reading(name: str, *, key: tuple[str | int, ...] = ()) -> Iterator[None]:
     except Exception as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise DataError(f"{name} cannot be read: {why[:_LONGEST]}", key=key) from error
+
+
+def hint_at(word: str, allowed: Iterable[str]) -> str:
+    """The allowed word that is meant, as a question; empty where none is like it."""
+    close = get_close_matches(word, list(allowed), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -14,7 +14,7 @@ from .manifest import write_manifest as write_manifest
 from .re_export import chosen_exports as chosen_exports
 from .re_export import re_export_orders as re_export_orders
 from .re_export import require_readable_recipe as require_readable_recipe
-from .staging import put as put
+from .staging import finish as finish
 from .staging import replacing as replacing
 from .staging import require_apart as require_apart
 from .staging import require_listed as require_listed

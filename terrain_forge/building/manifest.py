@@ -8,9 +8,9 @@ import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -28,6 +28,8 @@ STAGING = ".terrain-forge"
 """Folder of a world in which something is being made, and ending of the one beside it."""
 LOCK, MARK = "lock", b"a terrain-forge is or was at work here\n"
 """File that tells such a folder from a user's, and what it holds."""
+WHOLE = "whole"
+"""Folder in the staging folder of a world whose changed copy is taking the world's places."""
 FORMAT = 2
 MAX_MANIFEST = 2**28
 """Bytes of a manifest."""
@@ -58,7 +60,7 @@ def write_manifest(
         altered: files that are not as they were built, which keep the hash that they should have.
         foreign: files that are not the world's, which it does not list.
     """
-    names = [name for name in _files(directory) if name not in foreign]
+    names = [name for name in all_files(directory) if name not in foreign]
     outputs = {**_hashes(directory, names), **altered}
     recipe = json.loads(site.recipe_json)
     manifest = {
@@ -146,7 +148,7 @@ def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
     """Files, links and empty folders in a world's folder that its manifest does not list."""
     varying = {n for n in manifest.get("varying", ()) if n.endswith("/") or not _is_promised(n)}
     listed = {*manifest.get("outputs", ()), *varying} | (_OWN if manifest else set())
-    return [name for name in _files(directory) if name not in listed]
+    return [name for name in all_files(directory) if name not in listed]
 
 
 def changed_files(directory: Path, manifest: Manifest) -> list[str]:
@@ -155,10 +157,39 @@ def changed_files(directory: Path, manifest: Manifest) -> list[str]:
     return [name for name in altered if os.path.lexists(directory / name)]
 
 
+def suspect_files(directory: Path) -> dict[str, bool]:
+    """Files in a world's folder that may be a user's: not listed (False), or changed (True).
+
+    Where a killed process has left the world half changed, both its manifests list files.
+    """
+    places = [directory]
+    whole = directory / STAGING / WHOLE / directory.name
+    if is_staging(directory / STAGING) and (whole / NAME).is_file():
+        places.append(whole)
+    found: list[dict[str, bool]] = []
+    for manifest in map(read_manifest, places):
+        foreign, changed = foreign_files(directory, manifest), changed_files(directory, manifest)
+        found.append({**dict.fromkeys(foreign, False), **dict.fromkeys(changed, True)})
+    common = {*found[0]}.intersection(*found[1:])
+    if len(found) > 1:
+        common = {name for name in common if not name.endswith("/")}  # its files are yet to come
+    return {name: any(one[name] for one in found) for name in sorted(common)}
+
+
+def is_rewritten(name: str) -> bool:
+    """Whether an assessment may write a file of a world in its place."""
+    return name in _OWN or name.startswith(_ASSESSED)
+
+
 def is_staging(folder: Path) -> bool:
-    """Whether a folder is one in which we make something, or did when we were killed."""
+    """Whether a folder is one in which we make something, or did when we were killed.
+
+    One that was killed at once left it empty, or with an empty lock.
+    """
     try:
-        return not folder.is_symlink() and (folder / LOCK).read_bytes() == MARK
+        lock, inside = folder / LOCK, [path.name for path in folder.iterdir()]
+        marks = (MARK,) if {*inside} - {LOCK} else (MARK, b"")
+        return not folder.is_symlink() and (not inside or lock.read_bytes() in marks)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return False
 
@@ -169,7 +200,7 @@ def altered_files(directory: Path, manifest: Manifest) -> dict[str, str]:
     Raises:
         OutputError: for one that is a pipe or a device, which has no end.
     """
-    names = _files(directory)
+    names = all_files(directory)
     for path in (directory / name for name in names):
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise OutputError(f"{path} is no regular file: move it away")
@@ -199,16 +230,21 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
 
 
 def _versions() -> dict[str, str]:
+    """Versions of what makes a world: libraries, and installed packages with parts for us."""
     found = {}
     for package in _PACKAGES:
-        try:
+        with suppress(PackageNotFoundError):
             found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
+    others = {
+        package.name: package.version
+        for package in distributions()
+        if any(point.group.startswith("terrain_forge.") for point in package.entry_points)
+    }
+    others.pop("terrain-forge", None)
+    return {**found, **dict(sorted(others.items()))}
 
 
-def _files(directory: Path) -> list[str]:
+def all_files(directory: Path) -> list[str]:
     """Files, links and empty folders (with a slash) of a folder; staging folders apart."""
     found = []
     for place, folders, files in os.walk(directory, onerror=_raise):
@@ -269,7 +305,7 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
         assessment=tuple(
             name
-            for name in _files(out)
+            for name in all_files(out)
             if name.startswith("validation/") and not name.endswith("/") and name not in foreign
         ),
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import fcntl
+import json
 import logging
 import os
 import resource
@@ -24,11 +25,15 @@ from terrain_forge.building.manifest import (
     MARK,
     NAME,
     STAGING,
+    WHOLE,
     Manifest,
+    all_files,
     changed_files,
     foreign_files,
+    is_rewritten,
     is_staging,
     read_manifest,
+    suspect_files,
 )
 
 _log = logging.getLogger(__name__)
@@ -37,6 +42,8 @@ _FOREIGN = "that its manifest does not list"
 _CHANGED = "changed since it was built"
 _NAMED = 5
 """Files that a message names."""
+_LONGEST, _DEEPEST = 255, 3500
+"""Bytes of a name, and of the path of a world, whose files' paths are longer."""
 _FULL = 2**16
 """Bytes below which a disk is full."""
 
@@ -45,8 +52,12 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
     """Refuse an output folder, symbolic links resolved, in which a file lies that is read.
 
     Raises:
-        OutputError: names the file.
+        OutputError: names the file, or says that the folder's own name is too long.
     """
+    longest = [*((name, _LONGEST) for name in out.parts), (out.name, _LONGEST - len(f".{STAGING}"))]
+    for name, most in (*longest, (str(out), _DEEPEST)):
+        if (size := len(os.fsencode(name))) > most:
+            raise OutputError(f"output folder {name[:20]}…: {size} bytes long, at most {most}")
     for path in inputs:
         if path.resolve().is_relative_to(out):
             raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
@@ -81,11 +92,10 @@ def require_ours(out: Path, *, force: bool = False) -> tuple[str, ...]:
         raise OutputError(
             f"{out} exists and is not a terrain-forge world; remove it or choose another with -o"
         )
-    manifest = read_manifest(out)
-    foreign, changed = foreign_files(out, manifest), changed_files(out, manifest)
-    _refuse(foreign, _FOREIGN, out, force)
-    _refuse(changed, _CHANGED, out, force)
-    return tuple(sorted({*foreign, *changed}))
+    suspect = suspect_files(out)
+    _refuse([name for name, changed in suspect.items() if not changed], _FOREIGN, out, force)
+    _refuse([name for name, changed in suspect.items() if changed], _CHANGED, out, force)
+    return tuple(sorted(suspect))
 
 
 def require_listed(out: Path, manifest: Manifest, folders: Iterable[str], *, force: bool) -> None:
@@ -162,29 +172,90 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
         raise
 
 
-@contextmanager
-def updating(out: Path) -> Iterator[Path]:
-    """A staging folder within a world that no other process writes meanwhile.
+def finish(out: Path) -> None:
+    """Go on where a process was killed while a world's changed files took their places.
 
     Raises:
         OutputError: if another process writes the world.
+        StorageError: if the disk does not take the files.
+    """
+    if is_staging(out / STAGING) and (out / STAGING / WHOLE).exists():
+        with storing(out, out), _staging(out / STAGING, out):
+            pass
+
+
+@contextmanager
+def updating(out: Path, *, anew: Iterable[str] = (), foreign: Iterable[str] = ()) -> Iterator[Path]:
+    """A copy of a world to be changed, by links, whose files take the world's places in the end.
+
+    Until then the world stays as it is. Where a process is killed while they do, the next one that
+    writes the world goes on.
+
+    Args:
+        out: The world's folder.
+        anew: Folders that are written anew, of which nothing is copied.
+        foreign: Files that stay where they are.
+
+    Raises:
+        OutputError: if another process writes the world, or a file of others is in the way.
         StorageError: if the disk does not take what is written.
     """
     for name in ("validation", "report.html", "timings.json", NAME):
         if (out / name).is_symlink():
             raise OutputError(f"{out / name} is a link, and would be written: put the file there")
     with storing(out, out), _staging(out / STAGING, out) as staging:
+        fresh = staging / _NEXT / out.name
+        _link(out, fresh, leave={*foreign}, anew=tuple(f"{folder}/" for folder in anew))
+        yield fresh
+        made = all_files(fresh)
+        if clash := sorted({*made} & {*foreign}):
+            raise OutputError(f"{out / clash[0]} is in the way: move it away")
+        gone = sorted({*all_files(out)} - {*made, *foreign})
+        (fresh.parent / _GONE).write_text(json.dumps(gone), encoding="utf-8")
+        _flush(fresh.parent)
+        fresh.parent.rename(staging / WHOLE)
+        _take_places(staging / WHOLE, out)
+
+
+def _link(out: Path, fresh: Path, *, leave: Collection[str], anew: tuple[str, ...]) -> None:
+    """Copy a world's files by links; those that are written anew, bit by bit."""
+    fresh.mkdir(parents=True)
+    for name in all_files(out):
+        if name in leave or name.startswith(anew or "\0"):
+            continue
+        (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+        if name.endswith("/"):
+            (fresh / name).mkdir()
+            continue
         try:
-            yield staging
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{out} is to be validated again") from None
+            if is_rewritten(name):
+                raise OSError
+            os.link(out / name, fresh / name, follow_symlinks=False)
+        except OSError:  # nor has every file system such links
+            shutil.copy2(out / name, fresh / name, follow_symlinks=False)
 
 
-def put(fresh: Path, target: Path) -> None:
-    """Let a folder take the place of an older one; that is removed."""
-    _flush(fresh)
-    _exchange(fresh, target)
-    shutil.rmtree(fresh, ignore_errors=True)
+def _take_places(whole: Path, out: Path, *, kept: Collection[str] = ()) -> None:
+    """Let the files of a world's changed copy take the world's places, but those that are kept.
+
+    It may be begun again.
+    """
+    fresh = whole / out.name
+    gone = json.loads((whole / _GONE).read_text(encoding="utf-8"))
+    for name in (name for name in all_files(out) if name in gone and name not in kept):
+        (out / name).rmdir() if name.endswith("/") else (out / name).unlink()
+        for above in (out / name).parents:
+            if above == out or any(above.iterdir()):
+                break
+            above.rmdir()
+    names = all_files(fresh)
+    for name in sorted(names, key=lambda name: name == NAME):  # the manifest last
+        if name.endswith("/"):
+            (out / name).mkdir(parents=True, exist_ok=True)
+        elif name not in kept:
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            (fresh / name).replace(out / name)
+    whole.rename(whole.with_name(_NEXT))  # what is left of it
 
 
 @contextmanager
@@ -243,6 +314,8 @@ def _staging(folder: Path, target: Path) -> Iterator[Path]:
         os.close(handle)
 
 
+_NEXT, _GONE = "next", "gone.json"
+"""Where a world is changed, and beside it what of the older one is to go."""
 _OLD = "old"
 """Where the older world lies for a moment, on file systems that cannot exchange two folders."""
 
@@ -252,11 +325,7 @@ def _locked(folder: Path, target: Path) -> int:
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
-            if (
-                folder.is_symlink()
-                or folder.is_file()
-                or (_any_in(folder) and not is_staging(folder))
-            ):
+            if os.path.lexists(folder) and not is_staging(folder) and os.path.lexists(folder):
                 raise OutputError(f"{folder} is in the way: move it away") from None
         with suppress(FileNotFoundError):  # another one has just removed the folder
             flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
@@ -275,18 +344,12 @@ def _locked(folder: Path, target: Path) -> int:
             os.close(handle)
 
 
-def _any_in(folder: Path) -> bool:
-    """Whether a folder holds more than a lock that has just been made."""
-    try:
-        return any(path.name != LOCK or path.lstat().st_size for path in folder.iterdir())
-    except FileNotFoundError:
-        return False
-
-
 def _recover(folder: Path, target: Path) -> None:
     """Bring back a world that was set aside and not replaced; clear what else is left."""
     if (folder / _OLD).is_dir() and not target.exists():
         (folder / _OLD).rename(target)
+    if (folder / WHOLE / target.name).is_dir():
+        _take_places(folder / WHOLE, target, kept=suspect_files(target))
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.name != LOCK:
             shutil.rmtree(path, ignore_errors=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
-from terrain_forge.base import RecipeError, Spec, load_plugin, plugins, skip_plugin
+from terrain_forge.base import RecipeError, Spec, hint_at, load_plugin, plugins, skip_plugin
 from terrain_forge.model.body import Body
 
 if TYPE_CHECKING:
@@ -124,7 +124,8 @@ def exporter(name: str) -> Exporter:
     """
     found = plugins(EXPORTERS)
     if name not in found:
-        raise RecipeError(f"unknown exporter {name!r}, installed: {', '.join(sorted(found))}")
+        installed = f"installed: {', '.join(sorted(found))}"
+        raise RecipeError(f"unknown exporter {name!r}{hint_at(name, found)}, {installed}")
     module = load_plugin(found[name], EXPORTERS)
     if module is not None:
         missing = [part for part in ("Options", "export") if not hasattr(module, part)]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from itertools import combinations
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from terrain_forge.base import RecipeError
+from terrain_forge.base import RecipeError, hint_at
 from terrain_forge.model import Exporter, exporter
 from terrain_forge.recipe.schema import Recipe
 
@@ -78,9 +77,3 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
             message = f"{kind} has no option {option!r}{hint_at(option, allowed)}, it has: {has}"
         raise RecipeError(message, key=(*key, *first["loc"][:1])) from None
     return ExportOrder(folder=folder, kind=kind, exporter=found, options=checked)
-
-
-def hint_at(word: str, allowed: list[str]) -> str:
-    """The allowed word that is meant, as a question; empty where none is like it."""
-    close = get_close_matches(word, allowed, n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,9 @@ from terrain_forge.base import (
     OutputError,
     RecipeError,
     TerrainForgeError,
+    hint_at,
     read_text,
 )
-from terrain_forge.recipe.exports import hint_at
 from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter, json_schema
 
@@ -40,6 +41,10 @@ _PLAIN_TAGS = {
 }
 
 
+Lines = dict[Key, int | str]
+"""Line of every key, from 1; of those that the command line sets, what it says."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RecipeFile:
     """A recipe and where its parts stand, so that later errors can name file and line."""
@@ -48,8 +53,8 @@ class RecipeFile:
     """The file."""
     recipe: Recipe
     """What it says, validated."""
-    lines: dict[Key, int]
-    """Line of every key, from 1."""
+    lines: Lines
+    """Where every key stands."""
 
     @property
     def folder(self) -> Path:
@@ -83,7 +88,9 @@ def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFil
         for key in [key for key in lines if key[: len(old)] == old]:
             lines[*new, *key[len(new) :]] = lines.pop(key)
     for change in changes:
-        _apply(data, change)
+        key = _apply(data, change)
+        lines = {known: line for known, line in lines.items() if known[: len(key)] != key}
+        lines[key] = f"--set {change}"
     try:
         recipe = adapter().validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
@@ -112,12 +119,12 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     return path
 
 
-def _read(path: Path) -> tuple[Any, dict[Key, int]]:
+def _read(path: Path) -> tuple[Any, Lines]:
     try:
         text = read_text(path, str(path), most=MAX_RECIPE)
     except DataError as error:
         raise RecipeError(str(error)) from None
-    lines: dict[Key, int] = {}
+    lines: Lines = {}
     try:
         yaml = YAML(typ="safe", pure=True)
         node = yaml.compose(text)
@@ -140,7 +147,7 @@ def _read(path: Path) -> tuple[Any, dict[Key, int]]:
     return data, lines
 
 
-def _collect(path: Path, node: Node, key: Key, lines: dict[Key, int], seen: set[int]) -> None:
+def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> None:
     """Note the line of every key; refuse tags and aliases, which are more than data."""
     if node is None:
         return
@@ -178,8 +185,8 @@ def _deep_line(text: str) -> int:
     return 1
 
 
-def _apply(data: Any, change: str) -> None:
-    """Put one `key=value` of the command line into the data."""
+def _apply(data: Any, change: str) -> Key:
+    """Put one `key=value` of the command line into the data; returns the key."""
     name, equals, text = change.partition("=")
     words = name.strip().replace("[", ".").replace("]", "").split(".")
     given = tuple(int(word) if word.isdecimal() else word for word in words)
@@ -203,18 +210,19 @@ def _apply(data: Any, change: str) -> None:
         raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None
     for old_key, new_key in renamed:
         warn_renamed("--set", old_key, new_key)
+    return tuple(keys)
 
 
-def _locate(path: Path, lines: dict[Key, int], key: Key, message: str) -> str:
+def _locate(path: Path, lines: Lines, key: Key, message: str) -> str:
     known = key
     while known and known not in lines:
         known = known[:-1]
-    line = f":{lines[known]}" if known in lines else ""
-    name = dotted(key)
-    return f"{path}{line}: {name}: {message}" if name else f"{path}{line}: {message}"
+    line, name = lines.get(known, ""), dotted(key)
+    place = line if isinstance(line, str) and line else f"{path}:{line}".rstrip(":")
+    return f"{place}: {name}: {message}" if name else f"{place}: {message}"
 
 
-def _explain(path: Path, lines: dict[Key, int], data: Any, error: ValidationError) -> str:
+def _explain(path: Path, lines: Lines, data: Any, error: ValidationError) -> str:
     # A misspelt key is also a missing one: the misspelling is what helps.
     unknown = "unexpected_keyword_argument"
     first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
@@ -280,6 +288,11 @@ def _message(error: dict[str, Any], key: Key) -> str:
             kinds = context["expected_tags"]
             hint = hint_at(str(context["tag"]), [kind.strip(" '") for kind in kinds.split(",")])
             return f"unknown kind {context['tag']!r}{hint}, allowed: {kinds}"
+        case "literal_error":
+            allowed = context["expected"]
+            words = re.findall("'([^']*)'", allowed)
+            hint = hint_at(found, words) if isinstance(found, str) else ""
+            return f"must be {allowed}, found {_shown(found)}{hint}"
         case "union_tag_not_found":
             return "needs a `kind`"
         case "predicate_failed":

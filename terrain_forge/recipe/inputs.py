@@ -10,7 +10,7 @@ import csv
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from operator import methodcaller
@@ -93,8 +93,13 @@ def find_inputs(recipe: Recipe) -> tuple[Input, ...]:
 
 
 def input_paths(recipe: Recipe, folder: Path) -> list[Path]:
-    """Paths of all files and folders that a recipe names, relative to a folder."""
-    return [folder / one.path for one in find_inputs(recipe)]
+    """Paths of all files and folders that a recipe names, and of those that its meshes name."""
+    from terrain_forge.rocks import files_of_mesh
+
+    found = find_inputs(recipe)
+    meshes = [folder / one.path for one in found if one.mark.kind == "mesh"]
+    beside = [path for mesh in meshes for path in files_of_mesh(mesh)]
+    return [*(folder / one.path for one in found), *beside]
 
 
 class InputFiles:
@@ -216,20 +221,28 @@ class InputFiles:
     ) -> tuple[tuple[str, str], ...]:
         """`fingerprint` of every file, by its portable name.
 
-        A label's image counts as an input, and so do files that the rover's own file includes,
-        which come after it in `rover_files`; they are named by their place beside it. What was
-        fetched counts by the name that the recipe has for it.
+        A label's image counts as an input, and so do files that a mesh names, and those that the
+        rover's own file includes, which come after it in `rover_files`; they are named by their
+        place beside it. What was fetched counts by the name that the recipe has for it.
         """
+        from terrain_forge.rocks import files_of_mesh
+
         heights = patch.heights.tobytes() if patch is not None else b""
         files: list[tuple[str, Path, bytes]] = [(*one, heights) for one in (fetched or {}).items()]
         beside = []
         for one in self.found:
             path, name, kind = self.folder / one.path, self.names[one.path], one.mark.kind
-            others = files_of_raster(path) if kind == "dtm" else rover_files[1:]
+            others: Iterable[Path] = ()
+            if kind == "dtm":
+                others = files_of_raster(path)
+            elif kind == "mesh":
+                others = files_of_mesh(path)
+            elif kind == "rover":
+                others = rover_files[1:]
             used = heights if kind == "dtm" else b""
             if kind != "folder":
                 files.append((name, path, used))
-            for other in others if kind in ("dtm", "rover") else ():
+            for other in others:
                 place = Path(name).parent / os.path.relpath(other, path.parent)
                 beside.append((os.path.normpath(place), other, used))
         hashes: dict[str, str] = {}

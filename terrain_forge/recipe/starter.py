@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from importlib.resources import as_file, files
@@ -49,7 +50,7 @@ def write_starter(directory: Path, name: str = "hello") -> Path:
     samples = dict.fromkeys(_SAMPLE.findall(text))
     recipe = directory / f"{name}.yaml"
     for path in (recipe, *(directory / sample for sample in samples)):
-        if path.exists():
+        if os.path.lexists(path):
             raise OutputError(f"{path} exists already")
     try:
         directory.mkdir(parents=True, exist_ok=True)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion, mix, portable, uniforms
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
+from terrain_forge.rocks.embedding.burial import burial_ranges
 from terrain_forge.rocks.embedding.dynamic import dynamic_contact
 from terrain_forge.rocks.embedding.embed import Lattice, embed, lattice, piece
 from terrain_forge.rocks.embedding.footprint import fits, footprints
@@ -83,7 +84,13 @@ def place_rocks(
     """
     groups = site.recipe.rocks.groups
     density = np.array([group.density_kg_m3 or site.body.rock_density for group in groups])
-    embedded = embed(scattered=scattered, library=library, ground=ground, density=density)
+    embedded = embed(
+        scattered=scattered,
+        library=library,
+        ground=ground,
+        density=density,
+        burial=burial_ranges(site),
+    )
     if not settled:
         return embedded
     reach = np.array([prototype.reach for prototype in library.prototypes])[embedded.prototype]

@@ -117,6 +117,10 @@ def _counts(world: World, layer: CraterLayer, craters: Craters) -> dict[str, Any
         "production": layer.production.kind if layer.production else None,
         "equilibrium": population.equilibrium,
         "age_ga": population.production.age_ga,
+        "resurfaced": [
+            {"age_ga": event.age_ga, "below_m": event.below_m}
+            for event in getattr(layer.production, "resurfaced", ())
+        ],
         "area_m2": area,
         "diameter_m": [smallest, largest],
         "number": {"expected": total, "found": len(own), "z": deviation(len(own), total, total)},

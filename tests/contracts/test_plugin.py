@@ -130,6 +130,8 @@ def test_options_and_losses(built):
     points = np.loadtxt(built / "thin" / "points.xyz", delimiter=",")
     assert points.shape == (13 * 9, 3)
     manifest = json.loads((built / "manifest.json").read_text())
+    assert manifest["versions"]["example"] == "1.0"
+    assert "terrain-forge" not in manifest["versions"]
     thin = manifest["exports"]["thin"]
     assert (thin["kind"], thin["options"]) == ("xyz", {"separator": "comma", "every": 2})
     assert thin["losses"] == [

@@ -146,8 +146,12 @@ def _summary(layer: dict[str, Any]) -> str:
         return text
     number, sizes = layer["number"], layer["sizes"]
     smallest, largest = layer["diameter_m"]
+    erased = "".join(
+        f"resurfaced below {event['below_m']:g} m {event['age_ga']:g}·10⁹ years ago, "
+        for event in layer.get("resurfaced", ())
+    )
     text += (
-        f" Of {layer['production']} production, {layer['age_ga']:g}·10⁹ years, equilibrium "
+        f" Of {layer['production']} production, {layer['age_ga']:g}·10⁹ years, {erased}equilibrium "
         f"{layer['equilibrium']}, from {smallest:g} to {largest:g} m: "
         f"{thousands(number['found'])} in the area, {number['expected']:.1f} expected "
         f"(z = {signed(number['z'])})"

@@ -2,9 +2,9 @@
 
 The ground's tangent plane at a rock goes through the ground under its centre of mass; its slope is
 that of a least-squares plane through the ground on a ring of 0.8 diameters. The rock stands upright
-on that plane, sunk into it by its share of burial, and further where the real ground falls short of
-the plane: its foot must reach the ground all around. Only then is it scaled, so that the part above
-the plane has the wanted exposed diameter exactly.
+on that plane, sunk into it by its share of burial, which is no less than what the real ground
+demands where it falls short of the plane: its foot must reach the ground all around. Only then is
+it scaled, so that the part above the plane has the wanted exposed diameter exactly.
 """
 
 from __future__ import annotations
@@ -14,8 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, inner, kernel, matrix_from_quaternion, over_chunks, portable
+from terrain_forge.base import (
+    Array,
+    inner,
+    kernel,
+    matrix_from_quaternion,
+    mix,
+    over_chunks,
+    portable,
+)
 from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary
+from terrain_forge.rocks.embedding.burial import PATTERN, PITCH, shared_out
 from terrain_forge.rocks.embedding.exposure import (
     DEEPEST,
     Exposure,
@@ -37,13 +46,19 @@ FOOT = 0.05
 """Height of the loop around a rock's foot that lies below the ground, as a part of its extent."""
 
 _SINKINGS = 4
+_EVERY = 4  # point of a foot is looked at elsewhere
 _NEGLIGIBLE = 1e-3
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
 
 
 def embed(
-    *, scattered: Scattered, library: RockLibrary, ground: Heightfield, density: ArrayLike
+    *,
+    scattered: Scattered,
+    library: RockLibrary,
+    ground: Heightfield,
+    density: ArrayLike,
+    burial: ArrayLike | None = None,
 ) -> RockField:
     """Embed rocks in the ground.
 
@@ -52,6 +67,9 @@ def embed(
         library: Their shapes.
         ground: Bare ground under all of them, with a margin of `scatter.margin` around the window.
         density: Density of each population's rocks [kg/m³], shape [populations].
+        burial: Range from which burial was drawn evenly for each population's static rocks, and
+            over which it is to stay even, shape [populations, 2]; NaN where it is as the user says.
+            By default it is so for all.
 
     Returns:
         The rocks in the order of `scattered`, all of them fixed and buried; `dynamic` says as there
@@ -67,9 +85,13 @@ def embed(
     longest = max(map(len, feet))
     padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
     shapes, grid = (exposure(library), np.array(padded)), lattice(ground)
+    ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
+    ranges = np.asarray(ranges, np.float64)[scattered.population]
+    ranges[scattered.dynamic] = np.nan
     rocks = _Rocks(
-        scattered.xy, scattered.yaw, scattered.buried, scattered.diameter, scattered.prototype
-    )
+        scattered.id, scattered.xy, scattered.yaw, scattered.buried, ranges, scattered.diameter,
+        scattered.prototype,
+    )  # fmt: skip
     lying = _embed(rocks, np.arange(len(scattered)), shapes, grid, MAX_BURIED)
     _sink_deeper(lying, rocks, library, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
@@ -135,9 +157,12 @@ def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfie
 class _Rocks(NamedTuple):
     """Rocks that are to be embedded, columns of `Scattered`."""
 
+    id: NDArray[np.int32]
     xy: Array
     yaw: Array
     buried: Array
+    range: Array
+    """From what to what burial was drawn, NaN where the user says it, shape [rocks, 2]."""
     diameter: Array
     prototype: NDArray[np.int32]
 
@@ -215,6 +240,8 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
         turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, yaw)
         rotation = rotation_matrix(turn)
         burial = rocks.buried[rock]
+        if rocks.range[rock, 1] > rocks.range[rock, 0]:
+            burial = _wanted(rocks, rock, exposure, foot[p], ground)
         size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
             needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
@@ -231,6 +258,39 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
         lying.z[n] = plane[0] - level * size / upright
         lying.height[n] = (low + span - level) * size / upright
         lying.buried[n] = burial
+
+
+@inner
+def _wanted(rocks, rock, exposure, foot, ground):  # type: ignore[no-untyped-def]
+    """Burial of a rock, given what its surroundings demand; about as much as its place demands."""
+    places = PATTERN * PATTERN
+    own = int(mix(np.uint64(rocks.id[rock]), 0) % np.uint64(places))
+    shallow, deep = rocks.range[rock, 0], rocks.range[rock, 1]
+    needs = np.empty(places)
+    for place in range(places):
+        east = PITCH * (place % PATTERN - own % PATTERN)
+        north = PITCH * (place // PATTERN - own // PATTERN)
+        needs[place] = _need(rocks, rock, exposure, foot, ground, east, north)
+    rank = 0
+    for place in range(places):
+        rank += needs[place] > needs[own]
+    return shared_out(np.sort(needs)[::-1], rank, rocks.buried[rock], shallow, deep)
+
+
+@inner
+def _need(rocks, rock, exposure, foot, ground, east, north):  # type: ignore[no-untyped-def]
+    """About the least burial of a rock so many diameters east and north of its place."""
+    p, diameter = rocks.prototype[rock], rocks.diameter[rock]
+    x, y = rocks.xy[rock, 0] + east * diameter, rocks.xy[rock, 1] + north * diameter
+    x, y = onto(ground, x, y)
+    plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter, ground.spacing))
+    upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
+    turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[rock])
+    rotation = rotation_matrix(turn)
+    shallow, low, span = rocks.range[rock, 0], exposure.low[p], exposure.span[p]
+    size = diameter / upright_width(exposure, p, low + shallow * span)
+    level = _covering(ground, foot[::_EVERY], rotation, size, x, y, plane, upright)
+    return max(shallow, min((level - low) / span, MAX_BURIED))
 
 
 @inner

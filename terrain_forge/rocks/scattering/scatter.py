@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
+from terrain_forge.rocks.embedding.burial import PATTERN, PITCH
 from terrain_forge.rocks.embedding.footprint import footprint
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering import placement
@@ -151,7 +152,8 @@ def rock_margin(
     """Ground [m] that must be known around a window for its rocks to rest on.
 
     A rock that reaches into the window has its centre up to its own reach outside, and looks as far
-    again for its ground; a dynamic one somewhat farther.
+    again for its ground, from each place of the pattern that tells its burial; a dynamic one
+    somewhat farther.
     """
     diameters = [0.0]
     for population in populations:
@@ -160,7 +162,7 @@ def rock_margin(
     for spec in lists:
         diameters.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
     reach = max(prototype.reach for prototype in library.prototypes)
-    return 2.0 * (reach * max(diameters) + site.spacing)
+    return 2.0 * (reach * max(diameters) + site.spacing) + PITCH * (PATTERN - 1) * max(diameters)
 
 
 def _draw(

@@ -311,6 +311,11 @@ def test_check_and_init(tmp_path):
     assert sorted(p.name for p in first.iterdir()) == ["gale_floor_synthetic.tif", "hello.yaml"]
     assert run("check", first / "hello.yaml").returncode == 0
     assert run("init", first).returncode == 2
+    (first / "hello.yaml").unlink()
+    (first / "hello.yaml").symlink_to(tmp_path / "elsewhere.yaml")
+    done = run("init", first)
+    assert (done.returncode, "hello.yaml exists already" in done.stderr) == (2, True)
+    assert not (tmp_path / "elsewhere.yaml").exists()
 
 
 def test_help_and_version():

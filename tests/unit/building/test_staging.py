@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import resource
@@ -15,9 +16,16 @@ from pathlib import Path
 import pytest
 
 from terrain_forge.base import OutputError, StorageError
-from terrain_forge.building import read_manifest, replacing, require_ours, updating
+from terrain_forge.building import (
+    finish,
+    read_manifest,
+    replacing,
+    require_apart,
+    require_ours,
+    updating,
+)
 from terrain_forge.building import staging as staging_file
-from terrain_forge.building.manifest import MARK
+from terrain_forge.building.manifest import MARK, altered_files, foreign_files
 from tests.helpers.command_line import run
 from tests.unit.building.test_build import MINI
 
@@ -327,6 +335,13 @@ def test_an_export_does_not_take_the_place_of_others(world, kind):
     assert place.is_symlink() or place.is_file() or file.read_bytes()[-1:] == b" "
 
 
+@pytest.mark.parametrize("name", ["a" * 300, "a" * 250, "ö" * 130, "/".join(["a" * 200] * 20)])
+def test_a_name_that_no_folder_can_have(tmp_path, name):
+    with pytest.raises(OutputError, match=r"^output folder .{1,21}…: \d+ bytes long, at most \d+$"):
+        require_apart(tmp_path / name, ())
+    require_apart(tmp_path / ("a" * 240), ())
+
+
 def test_parents_go_where_nothing_came_of_it(tmp_path):
     with pytest.raises(ZeroDivisionError), replacing(tmp_path / "a" / "b" / "out"):
         raise ZeroDivisionError
@@ -410,6 +425,95 @@ def test_killed_at_every_step(tmp_path, monkeypatch, exchange):
         if 0 in statuses:
             break
     assert statuses == {0, -signal.SIGKILL}
+
+
+def change(target: Path, *, number: int) -> None:
+    """Write anew what passes for an export and a report, beside a file that stays."""
+    finish(target)
+    manifest = json.loads((target / "manifest.json").read_text())
+    with updating(target, anew=["sub"], foreign=["notes.txt"]) as folder:
+        (folder / "report.html").write_text(f"report {number}\n")
+        (folder / "sub" / "deep").mkdir(parents=True)
+        for name in ("world.txt", f"deep/{number}.txt"):
+            (folder / "sub" / name).write_text(f"world {number}\n")
+        files = ("report.html", "kept.txt", "sub/world.txt", f"sub/deep/{number}.txt")
+        manifest["outputs"] = {
+            name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in files
+        }
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+def make(target: Path) -> None:
+    """A world of several files, one of which an update leaves as it is."""
+    with replacing(target) as folder:
+        fill(folder, number=0)
+        (folder / "kept.txt").write_text("kept\n")
+        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest["outputs"]["kept.txt"] = hashlib.sha256(b"kept\n").hexdigest()
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+    change(target, number=0)
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """A world that was updated once."""
+    make(tmp_path / "out")
+    return tmp_path / "out"
+
+
+@pytest.mark.slow
+def test_an_update_is_killed_at_every_step(changed):
+    """What comes next goes on from there: it takes no half-finished file for a user's."""
+    target, statuses, mixed = changed, set(), 0
+    kept = (target / "kept.txt").stat().st_ino
+    for step in range(1, STEPS):
+        with child() as status:
+            if not status:
+                at_step(step, lambda: os.kill(os.getpid(), signal.SIGKILL))
+                change(target, number=step)
+        statuses.update(status)
+        assert require_ours(target) == ()
+        if (target / ".terrain-forge" / "whole").exists():
+            mixed += 1
+            copy = target.parent / "copy" / "out"
+            shutil.copytree(target, copy)
+            write(copy, number=1)
+            assert (names(copy.parent), content(copy)) == (["out"], "world 1\n")
+            shutil.rmtree(copy.parent)
+        change(target, number=0)
+        manifest = read_manifest(target)
+        assert not foreign_files(target, manifest)
+        assert not altered_files(target, manifest)
+        assert (target / "sub" / "deep" / "0.txt").read_text() == "world 0\n"
+        assert (target / "kept.txt").stat().st_ino == kept
+        if 0 in statuses:
+            break
+    assert statuses == {0, -signal.SIGKILL}
+    assert mixed > 5
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "report.html", "sub/world.txt", "sub/mine.txt"])
+def test_what_a_user_puts_into_a_half_updated_world_stays(changed, name):
+    with child() as status:
+        if not status:
+            moved: list[str] = []
+
+            def killed(name: str, *arguments: object) -> None:
+                if name == "os.rename" and "/whole/" in str(arguments[0]):
+                    moved.append(name)
+                    if len(moved) == 3:
+                        os.kill(os.getpid(), signal.SIGKILL)
+
+            sys.addaudithook(killed)
+            change(changed, number=1)
+    assert status == [-signal.SIGKILL]
+    assert require_ours(changed) == ()
+    (changed / name).write_text("precious")
+    with pytest.raises(OutputError, match=name):
+        write(changed, number=2)
+    assert (changed / name).read_text() == "precious"
+    finish(changed)
+    assert (changed / name).read_text() == "precious"
 
 
 def test_the_disk_is_full_at_every_step(tmp_path):

@@ -190,5 +190,15 @@ def test_changes_of_the_command_line(tmp_path):
     for bad in ("terrain.spacing_m", "rocks.populations.9.name=x", "name.deep=1", "=3"):
         with pytest.raises(RecipeError, match="--set"):
             load_recipe(path, changes=(bad,))
-    with pytest.raises(RecipeError, match="spacing_m"):
-        load_recipe(path, changes=("terrain.spacing_m=-1",))
+    for change, wrong in (
+        ("terrain.spacing_m=-1", r"terrain\.spacing_m: must be greater"),
+        ("terrain={layers: []}", r"terrain\.spacing_m: is missing"),
+        ("body=mras", r"""body: must be .*, found "mras" \(did you mean 'mars'\?\)"""),
+        ("rocks.populations.1.name=3", r"rocks\.populations\[1\]\.name: must be"),
+    ):
+        with pytest.raises(RecipeError, match=f"^--set {re.escape(change)}: {wrong}"):
+            load_recipe(path, changes=("seed=3", change))
+    file = load_recipe(path, changes=("exports=[usb]",))
+    with pytest.raises(RecipeError, match=r"usb.*did you mean 'usd'\?") as caught:
+        export_orders(file.recipe)
+    assert file.locate(caught.value).startswith("--set exports=[usb]: exports.usb: unknown")

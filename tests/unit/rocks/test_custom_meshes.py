@@ -8,9 +8,13 @@ import pytest
 import trimesh
 
 from terrain_forge.base import DataError, cache_folder
+from terrain_forge.dtm import FlatDtm
 from terrain_forge.model import CustomMesh, Mesh
+from terrain_forge.recipe import InputFiles, Recipe, TerrainSpec, input_paths
 from terrain_forge.rocks import (
     LibrarySpec,
+    RocksSpec,
+    files_of_mesh,
     find_library,
     make_library,
     read_rock_mesh,
@@ -418,3 +422,39 @@ def test_cache_key_follows_wishes_and_meshes():
     }
     assert len(keys) == 4
     assert library_key(LibrarySpec(), (one,)) in keys
+
+
+@pytest.mark.parametrize("name", ["rock.obj", "rock.gltf"])
+def test_files_beside_a_mesh_are_known(tmp_path, name):
+    """What its materials name too; a texture is named and not read."""
+    body, (bin_, mtl) = rough_ball(1), (tmp_path / "rock 1.bin", tmp_path / "rock.mtl")
+    if name == "rock.obj":
+        mtl.write_text("newmtl skin\nmap_Kd skin.png\nmap_Bump missing.png\n")
+        text = trimesh.exchange.obj.export_obj(body, digits=15)
+        (tmp_path / name).write_text(f"mtllib rock.mtl\nusemtl skin\n{text}\n")
+        wanted = ["rock.mtl", "skin.png"]
+    else:
+        files = trimesh.exchange.gltf.export_gltf(body)
+        tree = json.loads(files.pop("model.gltf"))
+        buffers = b"".join(files[buffer["uri"]] for buffer in tree["buffers"])
+        assert len(tree["buffers"]) == len(files)
+        views = 0
+        for view, buffer in zip(tree["bufferViews"], tree["buffers"], strict=True):
+            view["buffer"], view["byteOffset"] = 0, views
+            views += buffer["byteLength"]
+        bin_.write_bytes(buffers)
+        tree["buffers"] = [{"uri": "rock%201.bin", "byteLength": len(buffers)}]
+        tree["images"] = [{"uri": "skin.png"}, {"uri": "data:image/png;base64,AAAA"}]
+        (tmp_path / name).write_text(json.dumps(tree))
+        wanted = ["rock 1.bin", "skin.png"]
+    (tmp_path / "skin.png").write_bytes(b"no picture")
+    assert [path.name for path in files_of_mesh(tmp_path / name)] == wanted
+    mesh, _ = read_rock_mesh(tmp_path / name, key=KEY)
+    assert mass_properties(mesh).volume == pytest.approx(body.volume, rel=1e-4)
+    recipe = Recipe(
+        name="t", dtm=FlatDtm(size_m=(9.0, 9.0)), body="mars", terrain=TerrainSpec(spacing_m=0.5),
+        rocks=RocksSpec(library=LibrarySpec(meshes=(MeshSpec(file=name),))),
+    )  # fmt: skip
+    assert [path.name for path in input_paths(recipe, tmp_path)] == [name, *wanted]
+    hashed = dict(InputFiles(recipe, tmp_path).hashes(patch=None, rover_files=()))
+    assert [*hashed] == [name, *wanted]

@@ -24,6 +24,7 @@ from tests.helpers.outlines import exposed_outline
 
 LIBRARY = worlds.library()
 DENSITY = (2900.0, 2500.0)
+RANGES = ((0.05, 0.5), (0.05, 0.5))
 PEBBLES = PopulationSpec(name="pebbles", size_frequency=Golombek(k=0.3), diameter_m=(0.15, 0.5))
 BOULDERS = PopulationSpec(
     name="boulders", size_frequency=Golombek(k=0.3), diameter_m=(0.5, None)
@@ -63,7 +64,7 @@ def laid():
     return (
         land,
         scattered,
-        embed(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY),
+        embed(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY, burial=RANGES),
     )
 
 
@@ -173,27 +174,29 @@ def test_no_daylight_under_any_rock(laid):
     gap = gaps(field, LIBRARY, land)
     assert np.quantile(gap, 0.99) < 0.002
     assert gap.max() < 0.01
-    # Burial is as wanted but for what the ground demands.
-    assert np.all(field.buried_fraction >= scattered.buried - 1e-12)
-    assert (field.buried_fraction - scattered.buried).mean() < 0.03
+    # Burial is as wanted in the mean.
+    assert abs((field.buried_fraction - scattered.buried).mean()) < 0.005
 
 
-def test_no_daylight_on_very_rough_ground():
-    """Self-affine ground whose slopes over 0.1 m have an RMS of 20 degrees."""
-    random = np.random.default_rng(1)
-    cells, spacing = 256, 0.1
+def self_affine(random, degrees, exponent=-1.8, spacing=0.1):
+    """Self-affine ground, 25.6 m wide, whose slopes over a spacing have an RMS of so much."""
+    cells = 256
     waves = np.hypot(*np.meshgrid(np.fft.fftfreq(cells), np.fft.rfftfreq(cells), indexing="ij"))
     waves[0, 0] = np.inf
     phases = random.normal(size=waves.shape) + 1j * random.normal(size=waves.shape)
-    heights = np.fft.irfft2(phases * waves**-1.8, s=(cells, cells))
-    heights *= np.tan(np.radians(20.0)) * spacing / np.sqrt((np.diff(heights, axis=1) ** 2).mean())
-    land = Heightfield(elevation=heights, spacing=spacing, origin=(-12.5, -12.5))
-    count, library = 250, make_library(LibrarySpec(shapes=3))
-    scattered = Scattered(
+    heights = np.fft.irfft2(phases * waves**exponent, s=(cells, cells))
+    rise = np.tan(np.radians(degrees)) * spacing
+    heights *= rise / np.sqrt((np.diff(heights, axis=1) ** 2).mean())
+    return Heightfield(elevation=heights, spacing=spacing, origin=(-12.5, -12.5))
+
+
+def strewn(random, count, *, shapes):
+    """Rocks of 0.2 to 2 m anywhere, to be buried evenly between 0.05 and 0.5."""
+    return Scattered(
         populations=("rocks",),
         id=np.arange(count),
         population=np.zeros(count),
-        prototype=random.integers(0, 3, count),
+        prototype=random.integers(0, shapes, count),
         xy=random.uniform(-11.0, 11.0, (count, 2)),
         yaw=random.uniform(0, 2 * np.pi, count),
         buried=random.uniform(0.05, 0.5, count),
@@ -202,6 +205,50 @@ def test_no_daylight_on_very_rough_ground():
         collides=np.ones(count, np.bool_),
         unplaced=(0,),
     )
+
+
+def test_burial_stays_even_over_its_range_on_rough_ground():
+    """Measured anew on the meshes; some need more than they drew, others lie less deep for it."""
+    random = np.random.default_rng(1)
+    land = self_affine(random, 30.0, exponent=-1.5)
+    scattered = strewn(random, 800, shapes=len(LIBRARY.prototypes))
+    common = {"scattered": scattered, "library": LIBRARY, "ground": land, "density": (2900.0,)}
+    as_drawn, even = embed(**common), embed(**common, burial=((0.05, 0.5),))
+    below = []
+    for n in range(len(even)):
+        normal = rotations(even)[n][:, 2]
+        along = placed_vertices(even, n) @ normal
+        x, y, _ = even.position[n]
+        level = np.array([x, y, float(land.height_at(x, y))]) @ normal
+        below.append((level - along.min()) / np.ptp(along))
+    np.testing.assert_allclose(below, even.buried_fraction, atol=1e-6)
+    wanted = scattered.buried.mean()
+    assert as_drawn.buried_fraction.mean() > wanted + 0.012
+    assert even.buried_fraction.mean() == pytest.approx(wanted, abs=0.003)
+    found = np.sort(even.buried_fraction)
+    assert np.abs(found - np.sort(scattered.buried))[: int(0.97 * len(found))].max() < 0.02
+    shown = [
+        (gaps(one.select(np.arange(100)), LIBRARY, land) > 0.01).sum() for one in (as_drawn, even)
+    ]
+    assert shown[1] <= shown[0] < 8
+    listed = embed(**common, burial=((np.nan, np.nan),))
+    assert listed == as_drawn
+
+
+def test_burial_on_level_ground_is_as_drawn():
+    scattered = strewn(np.random.default_rng(1), 50, shapes=len(LIBRARY.prototypes))
+    flat = Heightfield(elevation=np.ones((9, 9)), spacing=4.0, origin=(-16.0, -16.0))
+    field = embed(
+        scattered=scattered, library=LIBRARY, ground=flat, density=(1.0,), burial=((0.05, 0.5),)
+    )
+    np.testing.assert_allclose(field.buried_fraction, scattered.buried, atol=1e-12)
+
+
+def test_no_daylight_on_very_rough_ground():
+    """Slopes over 0.1 m have an RMS of 20 degrees."""
+    random = np.random.default_rng(1)
+    land, library = self_affine(random, 20.0), make_library(LibrarySpec(shapes=3))
+    scattered = strewn(random, 250, shapes=3)
     field = embed(scattered=scattered, library=library, ground=land, density=(2900.0,))
     assert (gaps(field, library, land) > 0.01).mean() < 0.01
     deep = field.buried_fraction > outline.MAX_BURIED
@@ -317,7 +364,9 @@ def test_rocks_of_a_window_rest_as_in_the_whole(laid):
         window = Window(column=column, row=row, columns=columns, rows=rows)
         scattered = scatter(site=site, populations=kinds, library=LIBRARY, window=window)
         land = ground(site, site.padded(window, around))
-        field = embed(scattered=scattered, library=LIBRARY, ground=land, density=DENSITY)
+        field = embed(
+            scattered=scattered, library=LIBRARY, ground=land, density=DENSITY, burial=RANGES
+        )
         assert len(field) > 10
         assert field == whole.select(np.isin(whole.id, field.id))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -522,7 +523,10 @@ def test_small_craters_are_as_many_as_came_since_they_were_erased():
 
 
 def test_counted_bins_are_met():
-    """Counts that no single age has: 5285 craters on 3037 km², 1707 of them above 100 m."""
+    """Counts that no single age has: 5285 craters on 3037 km², 1707 of them above 100 m.
+
+    These two sums are those of a count near Pickering; the bins that add up to them are invented.
+    """
     area = 3036.6
     counted = ((60.0, 100.0, 3578), (100.0, 200.0, 1200), (200.0, 500.0, 0), (700.0, 1500.0, 507))
     bins = tuple(
@@ -809,6 +813,15 @@ def test_truth_lists_the_craters(tmp_path):
     assert 0 < len(inside) < len(known)
     for name, row in inside.items():
         assert row["diameter_m"] == known[name]["diameter_m"]
+
+
+def test_truth_tells_of_resurfacing(tmp_path):
+    event = Resurfacing(age_ga=1.2, below_m=6.0)
+    production = BodyProduction(kind="neukum", age_ga=3.5, resurfaced=(event,))
+    spec = CraterLayer(production=production, diameter_m=(5.0, 30.0))
+    world = realise(plan(recipe(spec)), Window(column=0, row=0, columns=20, rows=20))
+    (counts,) = json.loads(write_craters(world, tmp_path)[1].read_text())["layers"]
+    assert counts["resurfaced"] == [{"age_ga": 1.2, "below_m": 6.0}]
 
 
 def test_truth_tells_which_craters_were_masked_out(tmp_path):
