@@ -40,13 +40,13 @@ def recipe(body, **changes):
             "appearance": {"regolith": body.soils[-1].name, "variation": 0.0},
         },
         "rocks": {
-            "library": {"shapes": 4},
+            "library": {"shapes": 2},
             "populations": [
                 {
                     "name": "stones",
                     "size_frequency": law,
                     "diameter_m": [0.2, 0.8],
-                    "dynamic_m": [0.2, 0.204],
+                    "dynamic_m": [0.2, 0.202],
                 }
             ],
         },

@@ -344,7 +344,7 @@ def test_counts_are_drawn_over_the_curve_and_told_apart_from_it(tmp_path):
     bins = ((0.5, 0.7, 53), (0.7, 1.0, 35), (1.0, 1.4, 33), (1.4, 2.0, 22), (2.0, None, 90))
     counts = Counts(area_m2=2000.0, bins=bins)
     spec = PopulationSpec(name="p0", size_frequency=counts, diameter_m=(0.1, 2.5))
-    world = scattered([draw(np.random.default_rng(4), spec, 1e4)])
+    world = scattered([draw(np.random.default_rng(4), spec, 400.0)], side=20.0)
     text, picture = write_size_frequency(world, tmp_path, rocks=rocks(spec))
     (found,) = json.loads(text.read_text())["populations"]
     assert found["kolmogorov_smirnov"]["p_value"] > ALPHA
