@@ -202,7 +202,7 @@ rocks:
       dynamic_m: [0.2, 0.21]
 paths:
   - {name: leaves, route: {kind: clover, length_m: 30}, speed_m_s: 0.5}
-exports: [sdf, mjcf, usd]
+exports: [sdf, mjcf]
 """
 
 
