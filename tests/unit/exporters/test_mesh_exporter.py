@@ -61,7 +61,7 @@ def test_the_ground_reads_back(small_world, tmp_path, form, tiles):
     files = sorted(directory.glob(f"*.{form}"))
     names = ["world"] if tiles == "merged" else [f"tile_{n:03}" for n in range(4)]
     assert [path.stem for path in files] == names
-    points = random_points(small_world.ground, 2000, 31)
+    points = random_points(small_world.ground, 500, 31)
     heights = np.full(len(points), -np.inf)
     for path in files:
         for _, vertices, faces in objects(path):
@@ -88,7 +88,7 @@ def test_merged_rocks_are_the_rocks(small_world, tmp_path, form):
 def test_the_merged_surface_is_the_highest(small_world, tmp_path):
     """As a ray caster sees it: rocks and ground from above, against the shapes themselves."""
     directory = exported(small_world, tmp_path / "mesh", format="stl")
-    points = random_points(small_world.ground, 500, 32)
+    points = random_points(small_world.ground, 300, 32)
     found = top_under(*objects(directory / "world.stl")[0][1:], points)
     wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
     field, turns = small_world.field, rotations(small_world.field)

@@ -324,6 +324,7 @@ def recipe(rover, spacing=0.1):
                 "body": "mars",
                 "dtm": {"kind": "flat", "size_m": [6, 4]},
                 "terrain": {"spacing_m": spacing},
+                "rocks": {"library": {"shapes": 1}},
                 "rover": rover,
                 "exports": [],
             }
