@@ -8,10 +8,10 @@ from difflib import get_close_matches
 from itertools import combinations
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import Exporter, exporter
+from terrain_forge.model import Exporter, exporter, options_adapter
 from terrain_forge.recipe.schema import Recipe
 
 
@@ -65,7 +65,8 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
         raise RecipeError(f"must be the name of an exporter, found {kind!r}", key=(*key, "kind"))
     try:
         found = exporter(kind)
-        checked = TypeAdapter(found.Options).validate_json(json.dumps(options), strict=True)
+        adapter = options_adapter(found.Options)
+        checked = adapter.validate_json(json.dumps(options), strict=True)
     except RecipeError as error:
         raise RecipeError(str(error), key=(*key, *error.key)) from None
     except ValidationError as error:
