@@ -146,6 +146,7 @@ def test_soils_have_names_of_their_own():
     assert len(set(names)) == len(names)
 
 
+@pytest.mark.slow
 def test_mercury_is_written_end_to_end(worlds, tmp_path):
     result = tf.write_world(worlds["mercury"], tmp_path / "out")
     assert result.passed

@@ -13,6 +13,7 @@ from tests.helpers.places import ROOT
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
+@pytest.mark.slow
 def test_api_tour_runs(tmp_path, monkeypatch):
     """In order, in one namespace, as a reader would."""
     page = ROOT / "docs" / "api.md"

@@ -47,7 +47,6 @@ def _recipe() -> Recipe:
     )
 
 
-@cache
 def site() -> Site:
     """A flat Mars site of 24 × 16 m that nothing was planned for."""
     return Site(

@@ -390,7 +390,15 @@ def at_step(step: int, act) -> None:
     sys.addaudithook(hook)
 
 
-@pytest.mark.parametrize(("exchange", "stride"), [(True, 2), (False, 3)])
+@pytest.mark.parametrize(
+    ("exchange", "stride"),
+    [
+        (True, 5),
+        (False, 7),
+        pytest.param(True, 1, marks=pytest.mark.slow),
+        pytest.param(False, 1, marks=pytest.mark.slow),
+    ],
+)
 def test_killed_at_steps(tmp_path, monkeypatch, exchange, stride):
     if not exchange:
         monkeypatch.setattr(staging_file.ctypes, "CDLL", lambda *_, **__: object())
@@ -412,7 +420,8 @@ def test_killed_at_steps(tmp_path, monkeypatch, exchange, stride):
     assert statuses == {0, -signal.SIGKILL}
 
 
-def test_the_disk_is_full_at_steps(tmp_path):
+@pytest.mark.parametrize("stride", [4, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_disk_is_full_at_steps(tmp_path, stride):
     target, ends = tmp_path / "out", set()
     write(target, number=0)
 
@@ -422,7 +431,7 @@ def test_the_disk_is_full_at_steps(tmp_path):
         came.append(True)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    for step in range(1, STEPS, 2):
+    for step in range(1, STEPS, stride):
         with child() as status:
             if not status:
                 at_step(step, full)
@@ -445,7 +454,7 @@ def test_the_disk_is_full_at_steps(tmp_path):
 
 def test_racing_writers_end_with_one_whole_world(tmp_path):
     target = tmp_path / "out"
-    for _ in range(4):
+    for _ in range(3):
         numbers = []
         for number in range(4):
             pid = os.fork()

@@ -69,6 +69,7 @@ def test_one_hull_where_it_is_close_enough():
     assert found.distance == pytest.approx(0.35, abs=0.15)
 
 
+@pytest.mark.slow
 def test_parts_are_certified_on_their_union():
     """The parts of a bowl leave its pit open and meet the stated errors, which trimesh confirms."""
     shape = bowl()

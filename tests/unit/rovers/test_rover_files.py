@@ -362,6 +362,7 @@ def curiosity():
     pytest.skip("the Curiosity model is not here")
 
 
+@pytest.mark.slow
 def test_curiosity_stands_and_drives(curiosity, tmp_path):
     arms = ("F_L", "B_L", "F_R", "B_R", "B2_L", "B2_R")
     name = "suspension_arm_{}_joint".format
