@@ -21,7 +21,7 @@ schema: 1
 name: everything
 seed: 77
 body: moon
-dtm: {source: dtm.tif, size_m: [36, 28], level: plane}
+dtm: {source: dtm.tif, size_m: [48, 36], level: plane}
 terrain:
   spacing_m: 0.25
   layers:

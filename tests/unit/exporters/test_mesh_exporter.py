@@ -88,7 +88,7 @@ def test_merged_rocks_are_the_rocks(small_world, tmp_path, form):
 def test_the_merged_surface_is_the_highest(small_world, tmp_path):
     """As a ray caster sees it: rocks and ground from above, against the shapes themselves."""
     directory = exported(small_world, tmp_path / "mesh", format="stl")
-    points = random_points(small_world.ground, 400, 32)
+    points = random_points(small_world.ground, 500, 32)
     found = top_under(*objects(directory / "world.stl")[0][1:], points)
     wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
     field, turns = small_world.field, rotations(small_world.field)

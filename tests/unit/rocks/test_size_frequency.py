@@ -219,7 +219,7 @@ FAMILIES = [
 @pytest.mark.parametrize(("law", "how", "truth"), FAMILIES, ids=lambda v: repr(v)[:40])
 def test_fits_recover_the_law(law, how, truth, binned):
     """Errors over surveys are normal with the standard errors that the fit states."""
-    errors, seeds = [], range(8)
+    errors, seeds = [], range(12)
     for seed in seeds:
         diameters, area = counted(law, rocks=400, smallest=0.2, seed=seed)
         rocks = {"diameters_m": diameters, "complete_from_m": 0.2}
