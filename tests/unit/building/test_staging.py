@@ -394,9 +394,8 @@ def at_step(step: int, act) -> None:
     ("exchange", "stride"),
     [
         (True, 5),
-        (False, 7),
+        (False, 1),
         pytest.param(True, 1, marks=pytest.mark.slow),
-        pytest.param(False, 1, marks=pytest.mark.slow),
     ],
 )
 def test_killed_at_steps(tmp_path, monkeypatch, exchange, stride):
@@ -410,8 +409,10 @@ def test_killed_at_steps(tmp_path, monkeypatch, exchange, stride):
                 at_step(step, lambda: os.kill(os.getpid(), signal.SIGKILL))
                 write(target, number=step)
         statuses.update(status)
-        before = content(target) if exchange else None
-        assert before in ("world 0\n", f"world {step}\n", None)
+        if not exchange:  # then the world may be set aside, and the next writer brings it back
+            with pytest.raises(ZeroDivisionError), replacing(target):
+                raise ZeroDivisionError
+        assert content(target) in ("world 0\n", f"world {step}\n")
         write(target, number=0)
         assert content(target) == "world 0\n"
         assert (names(tmp_path), names(target)) == (["out"], ["manifest.json", "sub"])
