@@ -3,6 +3,8 @@ import os
 import sys
 from functools import partial
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait busily
+
 import pytest
 
 from tests.helpers import pictures, worlds

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, Mask, portable
 from terrain_forge.dtm.increments import mean_square_increment
@@ -242,25 +242,22 @@ def _sinc(x: float) -> float:
     return math.sin(math.pi * x) / (math.pi * x)
 
 
-def _ground(number: Array, beta: float, smoothed: float = 0.0) -> Array:
-    """Shape of the spectrum of pixel means of self-affine ground."""
+def _ground(number: Array, beta: ArrayLike, smoothed: float = 0.0) -> Array:
+    """Shape of the spectrum of pixel means of self-affine ground, for each of some exponents."""
     # A pixel's mean, beside what is folded over at half a cycle per post.
     pixel = np.array([_sinc(0.8 * n) ** 2 for n in number.tolist()])
-    shape: Array = portable.power(number, -beta) * pixel * _gaussian(number, smoothed)
+    falling = portable.power(number, -np.asarray(beta)[..., None])
+    shape: Array = falling * pixel * _gaussian(number, smoothed)
     return shape
 
 
 def _fit_ground(number: Array, density: Array, error: Array) -> float:
     """χ² of ground alone, of any exponent, smoothed or not."""
-    best = math.inf
     weight = 1.0 / error**2
-    logs = portable.log(density)
-    for beta in _BETAS_ALONE:
-        for smoothed in _SMOOTHED:
-            rest = logs - portable.log(_ground(number, float(beta), smoothed))
-            rest = rest - np.sum(weight * rest) / np.sum(weight)
-            best = min(best, float(np.sum(weight * rest**2)))
-    return best
+    grounds = np.stack([_ground(number, _BETAS_ALONE, smoothed) for smoothed in _SMOOTHED])
+    rest = portable.log(density) - portable.log(grounds)
+    rest -= np.sum(weight * rest, axis=-1, keepdims=True) / np.sum(weight)
+    return float(np.sum(weight * rest**2, axis=-1).min())
 
 
 def _fit_noise(
@@ -268,40 +265,42 @@ def _fit_noise(
 ) -> tuple[Window, float, float]:
     """The matcher's window, density of its noise at long waves, and χ²."""
     best = (math.inf, _WINDOWS[0], 0.0)
+    unlikely = ((np.asarray(_BETAS) - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
     for window in _WINDOWS:
         noise = np.sort(tiles.noise(window), axis=1)[:, :2].mean(axis=1)
         fixed = None if given is None else given**2 / window.white
-        for beta in _BETAS:
-            for smoothed in (0.0, window.smoothing):
-                ground = _ground(tiles.number, float(beta), smoothed)
-                misfit, level = _fit_levels(ground, noise, density, error, fixed)
-                misfit += ((float(beta) - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
-                if misfit < best[0]:
-                    best = (misfit, window, level)
+        for smoothed in (0.0, window.smoothing):
+            grounds = _ground(tiles.number, _BETAS, smoothed)
+            misfits, levels = _fit_levels(grounds, noise, density, error, fixed)
+            misfits = misfits + unlikely
+            least = int(np.argmin(misfits))
+            if misfits[least] < best[0]:
+                best = (float(misfits[least]), window, float(levels[least]))
     return best[1], best[2], best[0]
 
 
 def _fit_levels(
-    ground: Array, noise: Array, density: Array, error: Array, fixed: float | None
-) -> tuple[float, float]:
-    """χ² of the best sum of ground and noise, and the noise's level in it."""
+    grounds: Array, noise: Array, density: Array, error: Array, fixed: float | None
+) -> tuple[Array, Array]:
+    """χ² of the best sum of each ground and noise, and the noise's level in it."""
     model, tiny = density, 1e-6 * density
-    level = 0.0
+    level = np.zeros(len(grounds))
     for _ in range(6):
         weight = 1.0 / (model * error) ** 2
         gg, gn, nn, gd, nd = (
-            float(np.sum(weight * a * b))
+            np.sum(weight * a * b, axis=-1)
             for a, b in (
-                *((ground, ground), (ground, noise), (noise, noise)),
-                *((ground, density), (noise, density)),
+                *((grounds, grounds), (grounds, noise), (noise, noise)),
+                *((grounds, density), (noise, density)),
             )
         )
         if fixed is None:
-            level = max((nd * gg - gd * gn) / max(gg * nn - gn * gn, 1e-300), 0.0)
+            level = np.maximum((nd * gg - gd * gn) / np.maximum(gg * nn - gn * gn, 1e-300), 0.0)
         else:
-            level = fixed
-        model = np.maximum(max((gd - level * gn) / gg, 0.0) * ground + level * noise, tiny)
-    return float(np.sum((portable.log(density / model) / error) ** 2)), level
+            level = np.full(len(grounds), fixed)
+        share = np.maximum((gd - level * gn) / gg, 0.0)
+        model = np.maximum(share[:, None] * grounds + level[:, None] * noise, tiny)
+    return np.sum((portable.log(density / model) / error) ** 2, axis=-1), level
 
 
 def _share(heights: Array, trusted: Mask, deviation: float, window: Window) -> float:

@@ -26,6 +26,7 @@ from .exporting import Opening as Opening
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
+from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options
 from .exporting import world_friction as world_friction
 from .heightfield import Heightfield as Heightfield

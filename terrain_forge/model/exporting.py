@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import dataclass, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
@@ -12,6 +13,8 @@ from terrain_forge.base import RecipeError, Spec, hint_at, load_plugin, plugins,
 from terrain_forge.model.body import Body
 
 if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
     from terrain_forge.model.world import World
 
 _log = logging.getLogger(__name__)
@@ -74,21 +77,29 @@ class Export:
         Raises:
             RecipeError: if the exporter is not installed, or no longer takes the options.
         """
-        from pydantic import TypeAdapter
-
         found = exporter(self.kind)
         try:
-            return found, TypeAdapter(found.Options).validate_json(json.dumps(self.options))
+            return found, options_adapter(found.Options).validate_json(json.dumps(self.options))
         except ValueError as error:
             why = " ".join(str(error).split())
             raise RecipeError(f"exporter {self.kind!r} refuses its options: {why}") from None
 
 
-def plain_options(options: Spec) -> dict[str, Any]:
-    """An exporter's options as JSON, defaults written out."""
+def options_adapter(options: type[Spec]) -> TypeAdapter[Any]:
+    """Pydantic's view of an exporter's options."""
+    return _adapter(options)  # type: ignore[arg-type]  # a class is hashable
+
+
+@cache
+def _adapter(options: type[Any]) -> TypeAdapter[Any]:
     from pydantic import TypeAdapter
 
-    plain: dict[str, Any] = TypeAdapter(type(options)).dump_python(options, mode="json")
+    return TypeAdapter(options)
+
+
+def plain_options(options: Spec) -> dict[str, Any]:
+    """An exporter's options as JSON, defaults written out."""
+    plain: dict[str, Any] = options_adapter(type(options)).dump_python(options, mode="json")
     plain.pop("kind", None)
     return plain
 

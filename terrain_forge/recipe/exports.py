@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields
 from itertools import combinations
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError, hint_at
-from terrain_forge.model import Exporter, exporter
+from terrain_forge.model import Exporter, exporter, options_adapter
 from terrain_forge.recipe.schema import Recipe
 
 
@@ -64,7 +64,8 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
         raise RecipeError(f"must be the name of an exporter, found {kind!r}", key=(*key, "kind"))
     try:
         found = exporter(kind)
-        checked = TypeAdapter(found.Options).validate_json(json.dumps(options), strict=True)
+        adapter = options_adapter(found.Options)
+        checked = adapter.validate_json(json.dumps(options), strict=True)
     except RecipeError as error:
         raise RecipeError(str(error), key=(*key, *error.key)) from None
     except ValidationError as error:

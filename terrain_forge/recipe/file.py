@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import MaxDepthExceededError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
@@ -126,17 +126,17 @@ def _read(path: Path) -> tuple[Any, Lines]:
         raise RecipeError(str(error)) from None
     lines: Lines = {}
     try:
-        yaml = YAML(typ="safe", pure=True)
+        yaml = _reader()
         node = yaml.compose(text)
         _collect(path, node, (), lines, set())
         data = node and yaml.constructor.construct_document(node)
+    except MaxDepthExceededError as error:
+        raise RecipeError(f"{path}:{error.problem_mark.line + 1}: {_TOO_DEEP}") from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
         problem = " ".join(str(error.problem or error.context).split())
         raise RecipeError(f"{path}{line}: not YAML: {problem}") from None
-    except RecursionError:
-        raise RecipeError(f"{path}:{_deep_line(text)}: {_TOO_DEEP}") from None
     except ReaderError as error:
         number = text.count("\n", 0, error.position) + 1
         raise RecipeError(f"{path}:{number}: not YAML: {error.reason}") from None
@@ -157,8 +157,6 @@ def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> 
         raise RecipeError(_locate(path, lines, key, f"YAML tag {node.tag}: recipes are plain data"))
     if id(node) in seen:
         raise RecipeError(_locate(path, lines, key, "YAML alias: recipes are plain data"))
-    if len(key) > MAX_DEPTH:
-        raise RecipeError(f"{path}:{line}: {_TOO_DEEP}")
     if str(node.tag).endswith(":int") and len(node.value) > MAX_DIGITS:
         message = f"a number of {len(node.value):,} digits, at most {MAX_DIGITS}"
         raise RecipeError(_locate(path, lines, key, message))
@@ -175,14 +173,10 @@ def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> 
             _collect(path, value, (*key, index), lines, seen)
 
 
-def _deep_line(text: str) -> int:
-    """The line where a text is nested too deeply."""
-    depth = 0
-    for event in YAML(typ="safe", pure=True).parse(text):
-        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
-        if depth > MAX_DEPTH:
-            return int(event.start_mark.line) + 1
-    return 1
+def _reader() -> YAML:
+    yaml = YAML(typ="safe", pure=True)
+    yaml.max_depth = MAX_DEPTH + 1  # the recipe itself is one
+    return yaml
 
 
 def _apply(data: Any, change: str) -> Key:
@@ -197,14 +191,14 @@ def _apply(data: Any, change: str) -> Key:
         if old != new:
             warn_renamed("--set", given[: n + 1], keys[: n + 1])
     try:
-        value = YAML(typ="safe", pure=True).load(text)
+        value = _reader().load(text)
         target = data
         for key in keys[:-1]:
             is_list = isinstance(target, list)
             target = target[int(key)] if is_list else target.setdefault(str(key), {})
         target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
         renamed = rename_keys(data)  # in a value that is a mapping
-    except (YAMLError, RecursionError, ValueError, IndexError, TypeError, AttributeError):
+    except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
     except RecipeError as error:
         raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None

@@ -178,6 +178,7 @@ def adapter() -> TypeAdapter[Recipe]:
     return TypeAdapter(Recipe)
 
 
+@cache
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of a recipe, for editors and for docs/recipe.md."""
     schema = adapter().json_schema()

@@ -79,7 +79,7 @@ def _cores() -> str:
 
 
 def _cache() -> str:
-    from terrain_forge.rocks import cache_folder
+    from terrain_forge.base import cache_folder
 
     folder = cache_folder()
     if folder is None:

@@ -135,8 +135,9 @@ def _balls(world: World, *, most: int) -> Balls:
     free = free_of_rocks(world, xy, margin=radius)
     chosen: list[Array] = []
     for place in xy[free]:
-        apart = all(np.linalg.norm(place - other) > 3 * radius for other in chosen)
-        if apart and len(chosen) < most:
+        if len(chosen) == most:
+            break
+        if all(np.linalg.norm(place - other) > 3 * radius for other in chosen):
             chosen.append(place)
     rest = [resting_height(world.ground, x, y, radius) for x, y in chosen]
     return Balls(radius=radius, xy=np.reshape(chosen, (-1, 2)), rest=np.array(rest))

@@ -195,14 +195,14 @@ terrain:
       production: {kind: fading, number_per_m2: 0.2, age_ga: 1}
       diameter_m: [1, 3]
 rocks:
-  library: {shapes: 4}
+  library: {shapes: 2}
   populations:
     - name: stones
       size_frequency: {kind: even, number_per_m2: 0.5, largest_m: 0.6}
-      dynamic_m: [0.2, 0.22]
+      dynamic_m: [0.2, 0.21]
 paths:
   - {name: leaves, route: {kind: clover, length_m: 30}, speed_m_s: 0.5}
-exports: [sdf, mjcf, usd]
+exports: [sdf, mjcf]
 """
 
 

@@ -41,7 +41,7 @@ paths:
   - {name: way, route: {kind: spline, points_m: [[-15, -9], [0, 4], [14, -5]]}, speed_m_s: 0.1}
 exports: []
 """
-WINDOWS = 8
+WINDOWS = 4
 MOON = "+proj=stere +lat_0=-90 +lat_ts=-90 +lon_0=0 +R=1737400"
 
 

@@ -190,7 +190,7 @@ WRONG = {
 
 def test_wrong_exports_are_refused(installed, tmp_path, caplog):
     """And a broken plugin warns, while the others work beside it."""
-    with fresh(installed):
+    with fresh(installed, anew=True):
         import terrain_forge as tf
         from terrain_forge.recipe import export_orders
 
@@ -213,7 +213,7 @@ def test_wrong_exports_are_refused(installed, tmp_path, caplog):
 
 
 def test_command_line_tells_of_a_broken_plugin(installed, tmp_path):
-    with fresh(installed):
+    with fresh(installed, anew=True):
         done = build(tmp_path, "[broken, xyz]")
     assert done.returncode == 2
     assert "exporter 'broken' (broken_plugin) is skipped" in done.stderr

@@ -88,6 +88,7 @@ def differing(one: dict[str, str], other: dict[str, str]) -> list[str]:
     return sorted(name for name in one | other if one.get(name) != other.get(name))
 
 
+@pytest.mark.slow
 def test_a_world_is_the_same_in_another_process_without_avx512(own, tmp_path):
     other = built(tmp_path, **OLD)
     assert len(own) > 60

@@ -19,6 +19,7 @@ name: plugged
 body: moon
 dtm: {kind: flat, size_m: [6, 4]}
 terrain: {spacing_m: 0.1}
+rocks: {library: {shapes: 1}}
 paths: [{name: ahead, speed_m_s: 0.3, route: {kind: polyline, points_m: [[-1, 0], [1, 0]]}}]
 rover: ROVER
 exports: [rover, sdf, mjcf, usd]
@@ -122,7 +123,7 @@ def built(site, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tank")
     told = logging.StreamHandler(io.StringIO())  # what is skipped may be told on the first import
     logging.getLogger().addHandler(told)
-    with fresh(site):
+    with fresh(site, anew=True):
         done = build(folder, "{kind: tank, dimensions: {track_m: 0.7}}")
     logging.getLogger().removeHandler(told)
     assert done.returncode == 0, done.stderr

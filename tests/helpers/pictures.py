@@ -18,7 +18,7 @@ SHEET = (96, 34)
 MAP = 96
 """Pixels along the longer side of the page's picture from above."""
 TEXTURED = ("drake", "glb", "mesh", "mjcf", "sdf", "usd")
-TEXTURE = 128
+TEXTURE = 72
 """Most pixels along a side of the ground's texture, where a test chooses none."""
 FILM = 2
 """Pictures of a drive's film."""

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -25,25 +26,35 @@ def install(site: Path, name: str, points: str, modules: Mapping[str, str]) -> P
     return site
 
 
+_imported: dict[Path, dict[str, ModuleType]] = {}
+"""What was imported with a folder's packages, which need not be done again."""
+
+
 @contextmanager
-def fresh(site: Path) -> Iterator[None]:
+def fresh(site: Path, *, anew: bool = False) -> Iterator[None]:
     """Within it `terrain_forge` is imported anew, with a folder's packages installed.
 
-    A process of its own would import all that we depend on too, which takes seconds.
+    A process of its own would import all that we depend on too, which takes seconds. What one
+    such block has imported the next has too, unless it begins `anew`, as who wants to see what is
+    said at the import must.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(site)
         kept = {name: sys.modules.pop(name) for name in list(sys.modules) if _is_ours(name)}
+        if not anew:
+            sys.modules.update(_imported.get(site, {}))
         importlib.invalidate_caches()
         try:
             with pytest.MonkeyPatch.context() as small:
                 make_small(small)
                 yield
         finally:
-            for name, module in list(sys.modules.items()):
-                file = getattr(module, "__file__", None)
-                if _is_ours(name) or (file and Path(file).is_relative_to(site)):
-                    del sys.modules[name]
+            _imported[site] = {
+                name: sys.modules.pop(name)
+                for name, module in list(sys.modules.items())
+                if _is_ours(name)
+                or Path(getattr(module, "__file__", "") or "").is_relative_to(site)
+            }
             sys.modules.update(kept)
 
 

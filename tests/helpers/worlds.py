@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import trimesh
 
@@ -69,6 +71,7 @@ def site() -> Site:
     )
 
 
+@cache
 def ground() -> Heightfield:
     """The hill on the site's lattice."""
     east, north = site().axes(site().window)
@@ -103,6 +106,7 @@ def _prototype(stretch: tuple[float, float, float], seed: int) -> RockPrototype:
     )
 
 
+@cache
 def library() -> RockLibrary:
     """Three convex, asymmetric shapes."""
     stretches = [(1.0, 0.8, 0.6), (1.2, 0.7, 0.7), (0.9, 0.9, 0.5)]
@@ -111,6 +115,7 @@ def library() -> RockLibrary:
     return RockLibrary(prototypes=prototypes, seed=0, texture=texture)
 
 
+@cache
 def field(count: int = 40) -> RockField:
     """Rocks of two populations lying half buried, yawed at random, away from the edge."""
     random = np.random.default_rng(5)
@@ -139,6 +144,7 @@ def field(count: int = 40) -> RockField:
     )
 
 
+@cache
 def trajectory() -> Trajectory:
     """An open arc over the ground whose yaw passes π without wrapping."""
     time = np.arange(0, 20, 1 / 12)

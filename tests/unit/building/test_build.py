@@ -233,7 +233,9 @@ def heeded():
 
 
 @pytest.mark.usefixtures("heeded")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)]
+)
 def test_interruption_leaves_nothing_half(tmp_path, number):
     path = recipe(tmp_path / "work", MINI)
     out = tmp_path / "work" / "out"

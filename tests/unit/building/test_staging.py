@@ -405,20 +405,29 @@ def at_step(step: int, act) -> None:
     sys.addaudithook(hook)
 
 
-@pytest.mark.parametrize("exchange", [True, False])
-def test_killed_at_every_step(tmp_path, monkeypatch, exchange):
+@pytest.mark.parametrize(
+    ("exchange", "stride"),
+    [
+        (True, 5),
+        (False, 1),
+        pytest.param(True, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_killed_at_steps(tmp_path, monkeypatch, exchange, stride):
     if not exchange:
         monkeypatch.setattr(staging_file.ctypes, "CDLL", lambda *_, **__: object())
     target, statuses = tmp_path / "out", set()
     write(target, number=0)
-    for step in range(1, STEPS):
+    for step in range(1, STEPS, stride):
         with child() as status:
             if not status:
                 at_step(step, lambda: os.kill(os.getpid(), signal.SIGKILL))
                 write(target, number=step)
         statuses.update(status)
-        before = content(target) if exchange else None
-        assert before in ("world 0\n", f"world {step}\n", None)
+        if not exchange:  # then the world may be set aside, and the next writer brings it back
+            with pytest.raises(ZeroDivisionError), replacing(target):
+                raise ZeroDivisionError
+        assert content(target) in ("world 0\n", f"world {step}\n")
         write(target, number=0)
         assert content(target) == "world 0\n"
         assert (names(tmp_path), names(target)) == (["out"], ["manifest.json", "sub"])
@@ -516,7 +525,8 @@ def test_what_a_user_puts_into_a_half_updated_world_stays(changed, name):
     assert (changed / name).read_text() == "precious"
 
 
-def test_the_disk_is_full_at_every_step(tmp_path):
+@pytest.mark.parametrize("stride", [4, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_disk_is_full_at_steps(tmp_path, stride):
     target, ends = tmp_path / "out", set()
     write(target, number=0)
 
@@ -526,7 +536,7 @@ def test_the_disk_is_full_at_every_step(tmp_path):
         came.append(True)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    for step in range(1, STEPS):
+    for step in range(1, STEPS, stride):
         with child() as status:
             if not status:
                 at_step(step, full)
@@ -549,7 +559,7 @@ def test_the_disk_is_full_at_every_step(tmp_path):
 
 def test_racing_writers_end_with_one_whole_world(tmp_path):
     target = tmp_path / "out"
-    for _ in range(10):
+    for _ in range(3):
         numbers = []
         for number in range(4):
             pid = os.fork()

@@ -298,6 +298,7 @@ def test_a_validation_writes_its_report(validated):
     np.testing.assert_allclose(tum[:, 7], result.drive.quaternion[:, 0], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_validation_repeats_byte_for_byte(hill, validated, tmp_path):
     first, result = validated
     again = validate(hill, tmp_path, spec=ValidateSpec(drive="arc", points=100))

@@ -126,6 +126,7 @@ def test_clean_dtm_is_left_alone(heights):
     assert site.dtm.noise == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
 @pytest.mark.parametrize("corner", [(0, 0), (0, 512), (512, 0), (512, 512)])
 def test_noise_over_a_real_dtm(corner):

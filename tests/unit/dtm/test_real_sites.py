@@ -52,6 +52,7 @@ def recipe(tmp_path, site):
     return tf.load_recipe(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("site", "relief"),
     [
@@ -67,6 +68,7 @@ def test_world_of_a_real_site(tmp_path, site, relief):
     assert len(world.field) > 5
 
 
+@pytest.mark.slow
 def test_build_of_a_real_site(tmp_path):
     file = recipe(tmp_path, JEZERO)
     result = tf.build(file.recipe, tmp_path / "out", folder=file.folder)

@@ -61,7 +61,7 @@ def test_the_ground_reads_back(small_world, tmp_path, form, tiles):
     files = sorted(directory.glob(f"*.{form}"))
     names = ["world"] if tiles == "merged" else [f"tile_{n:03}" for n in range(4)]
     assert [path.stem for path in files] == names
-    points = random_points(small_world.ground, 2000, 31)
+    points = random_points(small_world.ground, 500, 31)
     heights = np.full(len(points), -np.inf)
     for path in files:
         for _, vertices, faces in objects(path):

@@ -22,7 +22,7 @@ from terrain_forge.geometry.rock_mesh import outline_error
 from terrain_forge.model import Mesh, rotations
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rocks import dynamic_contact
+from terrain_forge.rocks import LibrarySpec, RocksSpec, dynamic_contact
 from terrain_forge.terrain import CraterLayer
 from tests.helpers.ground_pictures import (
     PIXELS,
@@ -491,6 +491,7 @@ def cratered(tmp_path_factory):
         body="moon",
         dtm=FlatDtm(size_m=(24, 16)),
         terrain=TerrainSpec(spacing_m=0.25, layers=(CraterLayer(file="craters.csv"),)),
+        rocks=RocksSpec(library=LibrarySpec(shapes=1)),
     )
     world = realise(plan(recipe, folder=folder))
     return exported(world, folder / "usd", tile_cells=48)

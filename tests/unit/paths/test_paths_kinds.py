@@ -309,6 +309,7 @@ FLAT = {
     "body": "mars",
     "dtm": {"kind": "flat", "size_m": [24, 16]},
     "terrain": {"spacing_m": 0.25},
+    "rocks": {"library": {"shapes": 1}},
 }
 
 

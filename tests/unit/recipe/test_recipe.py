@@ -46,7 +46,14 @@ def line_of(path, text):
     return next(n for n, line in enumerate(path.read_text().splitlines(), 1) if text in line)
 
 
-@pytest.mark.parametrize("recipe", sorted((ROOT / "recipes").glob("*.yaml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "recipe",
+    [
+        pytest.param(path, marks=[pytest.mark.slow] if path.stem == "gale_short" else [])
+        for path in sorted((ROOT / "recipes").glob("*.yaml"))
+    ],
+    ids=lambda p: p.stem,
+)
 def test_shipped_recipes_are_sound(recipe):
     file = load_recipe(recipe)
     site = plan(file.recipe, folder=file.folder)

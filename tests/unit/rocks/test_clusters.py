@@ -19,7 +19,7 @@ def test_clusters_have_the_pair_correlation_of_a_thomas_process():
     kappa, sigma = CLUSTERED.clusters_per_m2, CLUSTERED.radius_m
     wanted = np.pi * radii**2 + (1.0 - np.exp(-(radii**2) / (4.0 * sigma**2))) / kappa
     excess = []
-    for seed in range(14):
+    for seed in range(8):
         xy = run(site(seed=seed), sand(arrangement=CLUSTERED)).xy
         middle = xy[np.all(np.abs(xy) < (24.0, 19.0), axis=1)]
         tree = cKDTree(xy)
@@ -46,7 +46,7 @@ def held_by_clusters(spec, place, window):
 def test_clusters_number_and_its_variance():
     """Given the parents the count is Poisson; over seeds it varies as the clusters do."""
     given, free = [], []
-    for seed in range(40):
+    for seed in range(24):
         place, spec = site((30.0, 30.0), seed=seed), sand(arrangement=CLUSTERED)
         count = len(run(place, spec))
         whole = expected(spec, site=place, window=place.window)

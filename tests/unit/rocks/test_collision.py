@@ -69,13 +69,14 @@ def test_one_hull_where_it_is_close_enough():
     assert found.distance == pytest.approx(0.35, abs=0.15)
 
 
+@pytest.mark.slow
 def test_parts_are_certified_on_their_union():
     """The parts of a bowl leave its pit open and meet the stated errors, which trimesh confirms."""
     shape = bowl()
-    found = collision_parts((shape,), vertices=32, excess=0.15, distance=0.1, name="bowl")
+    found = collision_parts((shape,), vertices=32, excess=0.25, distance=0.15, name="bowl")
     assert len(found.parts) > 1
-    assert found.excess <= 0.15
-    assert found.distance <= 0.1
+    assert found.excess <= 0.25
+    assert found.distance <= 0.15
     for part in found.parts:
         assert len(part.vertices) <= 32
         body = trimesh.Trimesh(part.vertices, part.faces)

@@ -191,20 +191,20 @@ def rough(height=0.04):
 def test_a_rock_that_finds_no_rest_is_tried_again(monkeypatch):
     """Turned and a little beside its place; one that settles at once is not touched by that."""
     land = rough()
-    before = laid(land, np.ones(COUNT, np.bool_))
+    before = laid(land, np.ones(COUNT, np.bool_)).select(np.arange(2))
     again = settle(rocks=before, library=LIBRARY, ground=land, gravity=GRAVITY)
     monkeypatch.setattr(settling, "TRIES", 1)
     once = settle(rocks=before, library=LIBRARY, ground=land, gravity=GRAVITY)
     assert again.dynamic.sum() > once.dynamic.sum()
-    assert again.dynamic.mean() >= 0.9
+    assert again.dynamic.all()
     assert again.select(once.dynamic) == once.select(once.dynamic)
 
 
 def test_only_rocks_at_corridors_keep_below_their_rise():
     land = rough(0.12)
-    before = laid(land, np.ones(COUNT, np.bool_))
+    before = laid(land, np.ones(COUNT, np.bool_)).select(np.array([0, 1, 6, 7]))
     rise = np.array([prototype.rise for prototype in LIBRARY.prototypes])[before.prototype]
-    low = np.arange(COUNT) % 2 == 0
+    low = np.arange(4) % 2 == 0
     kept = settle(rocks=before, library=LIBRARY, ground=land, gravity=GRAVITY, low=low)
     high = kept.height > rise * kept.diameter
     assert not high[low & kept.dynamic].any()
@@ -257,7 +257,7 @@ def test_a_rock_on_too_steep_a_slope_is_fixed():
     """tan 40 deg is above the sliding friction: all slide out of their room."""
     land = worlds.ground()
     steep = land.replace(elevation=np.tile(0.84 * land.east, (land.shape[0], 1)))
-    before = laid(steep, np.arange(COUNT) < 6)
+    before = laid(steep, np.arange(COUNT) < 1)
     after = settle(rocks=before, library=LIBRARY, ground=steep, gravity=GRAVITY)
     assert not after.dynamic.any()
     assert after == before.replace(dynamic=np.zeros(COUNT, np.bool_))

@@ -346,6 +346,7 @@ def recipe(rover, spacing=0.1):
                 "body": "mars",
                 "dtm": {"kind": "flat", "size_m": [6, 4]},
                 "terrain": {"spacing_m": spacing},
+                "rocks": {"library": {"shapes": 1}},
                 "rover": rover,
                 "exports": [],
             }
@@ -383,6 +384,7 @@ def curiosity():
     pytest.skip("the Curiosity model is not here")
 
 
+@pytest.mark.slow
 def test_curiosity_stands_and_drives(curiosity, tmp_path):
     arms = ("F_L", "B_L", "F_R", "B_R", "B2_L", "B2_R")
     name = "suspension_arm_{}_joint".format

@@ -15,6 +15,7 @@ from terrain_forge.geometry import bake_ground, finest_texture, grid_texture_coo
 from terrain_forge.model import BODIES, GroundDetail, Window, World
 from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.rocks import LibrarySpec, RocksSpec
 from terrain_forge.terrain import (
     AppearanceSpec,
     colour_ground,
@@ -37,6 +38,7 @@ def recipe(spec, *, body="mars", lonlat=(137.4, -4.6), size=(60.0, 40.0), spacin
         body=body,
         dtm=FlatDtm(size_m=size, lonlat_deg=lonlat),
         terrain=TerrainSpec(spacing_m=spacing, appearance=spec),
+        rocks=RocksSpec(library=LibrarySpec(shapes=1)),
         exports=(),
     )
 

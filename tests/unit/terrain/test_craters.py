@@ -18,7 +18,7 @@ from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.ground import Craters as CratersSection
-from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
+from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
 from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.terrain import (
     LIMITS,
@@ -692,7 +692,9 @@ def test_rocks_lie_around_the_craters_of_a_layer():
         diameter_m=(0.1, 0.8),
         arrangement=around,
     )
-    site = plan(recipe(layer(), rocks=RocksSpec(populations=(blocks,))))
+    site = plan(
+        recipe(layer(), rocks=RocksSpec(library=LibrarySpec(shapes=2), populations=(blocks,)))
+    )
     (spec,) = site.recipe.rocks.populations
     craters = everywhere(layer(), site)
     near = craters.select((craters.diameter >= 12.0) & (craters.wear < 1.0))
@@ -781,6 +783,7 @@ def recipe(*layers, **changes):
         "body": "moon",
         "dtm": FlatDtm(size_m=(100.0, 80.0), lonlat_deg=(-23.4, -3.0)),
         "terrain": TerrainSpec(spacing_m=0.5, layers=layers),
+        "rocks": RocksSpec(library=LibrarySpec(shapes=2)),
         "exports": (),
         **changes,
     }

@@ -223,7 +223,7 @@ def clustered(name="p0", **others):
 
 
 def test_clusters_scatter_more_than_poisson_by_just_what_is_stated():
-    spec, shapes, seeds = clustered(), worlds.library(), 40
+    spec, shapes, seeds = clustered(), worlds.library(), 24
     site = worlds.site().replace(size=(60.0, 60.0), spacing=1.0)
     squares, poisson = [], []
     for seed in range(seeds):
@@ -344,7 +344,7 @@ def test_counts_are_drawn_over_the_curve_and_told_apart_from_it(tmp_path):
     bins = ((0.5, 0.7, 53), (0.7, 1.0, 35), (1.0, 1.4, 33), (1.4, 2.0, 22), (2.0, None, 90))
     counts = Counts(area_m2=2000.0, bins=bins)
     spec = PopulationSpec(name="p0", size_frequency=counts, diameter_m=(0.1, 2.5))
-    world = scattered([draw(np.random.default_rng(4), spec, 1e4)])
+    world = scattered([draw(np.random.default_rng(4), spec, 400.0)], side=20.0)
     text, picture = write_size_frequency(world, tmp_path, rocks=rocks(spec))
     (found,) = json.loads(text.read_text())["populations"]
     assert found["kolmogorov_smirnov"]["p_value"] > ALPHA
@@ -415,14 +415,14 @@ def outlines_overlap(one, other):
 
 
 def test_overlaps_are_those_of_a_linear_programme_for_every_pair():
-    world = worlds.world(rocks=30)
+    world = worlds.world(rocks=20)
     field = world.field.replace(position=0.4 * world.field.position)
     plans = []
     for n in range(len(field)):
         turn = matrix_from_quaternion(field.quaternion[n])[:2]
         mesh = world.library.prototypes[field.prototype[n]].meshes[0]
         plans.append(field.scale[n] * mesh.vertices @ turn.T + field.position[n, :2])
-    brute = [(a, b) for b in range(30) for a in range(b) if outlines_overlap(plans[a], plans[b])]
+    brute = [(a, b) for b in range(20) for a in range(b) if outlines_overlap(plans[a], plans[b])]
     assert len(brute) > 10
     assert overlapping_pairs(field, world.library) == sorted(brute)
 
