@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from copy import copy
 from functools import partial
 from pathlib import Path
@@ -34,6 +34,9 @@ _SCALE_ERROR = 0.01
 """What sizes of rocks are rounded by, at the most."""
 _DRAWN_LEVEL = 1
 """The level of detail that rocks are drawn by."""
+_BALL = """<body name="probe_ball_{n}" pos="{x:.17g} {y:.17g} {z:.17g}">
+<joint type="slide" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="{i:.17g} {i:.17g}
+{i:.17g}"/><geom type="sphere" size="{r:.17g}"/></body>"""
 _GROUND, _OTHERS = 0, 5
 """Groups of what rays meet, and of what they pass through."""
 
@@ -50,7 +53,11 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
 
     del options, scratch
     try:
-        model = _load_sampled(sample, folder) if sample.quick else load_model(folder / "world.xml")
+        model = (
+            _load_sampled(sample.rocks, folder)
+            if sample.quick
+            else load_model(folder / "world.xml")
+        )
     except ValueError as error:
         raise SimulationError(f"MuJoCo cannot load world.xml: {error}") from None
     data = mujoco.MjData(model)
@@ -71,25 +78,26 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
     return read(
         extent=_extent(model, data),
         seen=_solids(sample, model, data, model.geom_group < 3),  # viewers hide others
-        balls=_rest(sample, folder / "world.xml"),
+        balls=_rest(sample, folder),
         findings=tuple(f"warning {n}" for n in np.flatnonzero(data.warning.number).tolist()),
         tracks=tuple(_tracks(sample, folder)),
     )
 
 
-def _load_sampled(sample: Sample, folder: Path) -> Any:
-    """The model of world.xml with the rocks of the sample alone."""
+def _load_sampled(rocks: Collection[int], folder: Path, more: str = "") -> Any:
+    """The model of world.xml with some of its rocks alone, and more bodies."""
     import mujoco
 
     root = ElementTree.parse(folder / "world.xml").getroot()
     body, asset = root.find("worldbody"), root.find("asset")
     if body is None or asset is None:
         raise SimulationError("world.xml has no ground")
-    kept = {None, *sample.rocks}
+    kept = {None, *rocks}
     for parent in (body, *body.findall(".//body")):
         parent[:] = [e for e in parent if rock_of(e.get("name", "")) in kept]
     used = {geom.get("mesh") for geom in body.iter("geom")}
     asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
+    body.extend(ElementTree.fromstring(f"<bodies>{more}</bodies>"))
     names = {str(item.get("file")) for item in asset if item.get("file")}
     files = {name: (folder / name).read_bytes() for name in sorted(names)}
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"), files)
@@ -153,21 +161,16 @@ def _bodies(model: Any, data: Any) -> dict[int, Body]:
     return found
 
 
-def _rest(sample: Sample, path: Path) -> Array:
-    """Where the balls come to rest in the exported world [m]; dynamic rocks are left out."""
+def _rest(sample: Sample, folder: Path) -> Array:
+    """Where the balls come to rest in the exported world [m], without its rocks: none is near."""
     import mujoco
 
-    spec = mujoco.MjSpec.from_file(str(path))
-    for body in list(spec.worldbody.bodies):
-        if rock_of(body.name) is not None:
-            spec.delete(body)
-    moment = [0.4 * sample.balls.radius**2] * 3
-    for n, start in enumerate(sample.balls.start):
-        ball = spec.worldbody.add_body(name=f"probe_ball_{n}", pos=start)
-        ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-        ball.mass, ball.inertia, ball.explicitinertial = 1.0, moment, True
-        ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[sample.balls.radius, 0, 0])
-    model = spec.compile()
+    radius = sample.balls.radius
+    balls = "".join(
+        _BALL.format(n=n, x=x, y=y, z=z, r=radius, i=0.4 * radius**2)
+        for n, (x, y, z) in enumerate(sample.balls.start.tolist())
+    )
+    model = _load_sampled((), folder, balls)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
     names = [f"probe_ball_{n}" for n in range(len(sample.balls.rest))]

@@ -1,7 +1,8 @@
 // What Gazebo Fortress makes of an SDF world: libsdformat reads it, ign-common loads its meshes,
 // ign-physics with DART lets balls rest on it. No display and no server are needed.
 //
-// Usage: gazebo_probe read FILE MODELS BINARY     tells what FILE holds; meshes go into BINARY
+// Usage: gazebo_probe read FILE MODELS BINARY     tells what FILE holds; meshes go into BINARY;
+//                                                 where that is empty, static models are left out
 //        gazebo_probe rest FILE MODELS PLUGIN SECONDS   tells where models `probe_ball_N` rest
 //
 // The answer has a line per fact with tabs between its parts, as probe.py reads it.
@@ -63,7 +64,12 @@ sdf::ParserConfig Strict() {
 
 class Meshes {
  public:
-  explicit Meshes(const std::string &path) : file_(path, std::ios::binary) {}
+  explicit Meshes(const std::string &path) : of_static_(!path.empty()) {
+    if (of_static_) file_.open(path, std::ios::binary);
+  }
+
+  // Whether the meshes of this model are asked for.
+  bool Wants(const sdf::Model &model) const { return of_static_ || !model.Static(); }
 
   // The number of the mesh of a file, which is written where it is asked for first; -1 if it
   // cannot be loaded.
@@ -135,6 +141,7 @@ class Meshes {
     return written_++;
   }
 
+  const bool of_static_;
   std::ofstream file_;
   std::map<std::string, int> numbers_;
   int written_ = 0;
@@ -186,6 +193,7 @@ void TellModel(const sdf::Model &model, Meshes &meshes) {
     const auto *link = model.LinkByIndex(n);
     const auto pose = Placed(place, link->SemanticPose(), "__model__");
     if (!model.Static()) TellBody(model, *link, pose);
+    if (!meshes.Wants(model)) continue;
     for (uint64_t c = 0; c < link->CollisionCount(); ++c)
       TellShape("touched", model, *link->CollisionByIndex(c), pose, link->Name(), meshes);
     for (uint64_t v = 0; v < link->VisualCount(); ++v)

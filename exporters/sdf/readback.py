@@ -74,13 +74,19 @@ def read_files(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
 
 def _ground_files(folder: Path) -> Iterator[Path]:
     """The collision meshes of the ground in the models that world.sdf includes."""
-    models = folder / "models"
     for include in ElementTree.parse(folder / "world.sdf").iter("include"):
-        model = models / include.findtext("uri", "").removeprefix("model://") / "model.sdf"
-        for collision in ElementTree.parse(model).iter("collision") if model.is_file() else ():
-            uri = collision.findtext("geometry/mesh/uri", "")
-            if is_ground(collision.get("name", "")) and uri:
-                yield models / uri.removeprefix("model://")
+        for collision in _ground_of(folder, include):
+            if uri := collision.findtext("geometry/mesh/uri", ""):
+                yield folder / "models" / uri.removeprefix("model://")
+
+
+def _ground_of(folder: Path, include: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    """The collisions of the ground in the model that an element includes."""
+    name = include.findtext("uri", "").removeprefix("model://")
+    model = folder / "models" / name / "model.sdf"
+    for collision in ElementTree.parse(model).iter("collision") if model.is_file() else ():
+        if is_ground(collision.get("name", "")):
+            yield collision
 
 
 def find_heightmap(folder: Path) -> ElementTree.Element | None:
@@ -177,8 +183,10 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
     program, answers = _program(), []
     with tempfile.TemporaryDirectory(dir=scratch) as temporary:
         for name in ("world", "scene"):
-            binary = Path(temporary) / f"{name}.bin"
-            command = [program, "read", folder / f"{name}.sdf", folder / "models", binary]
+            # The scene adds what moves to the world, whose meshes are read once.
+            binary = Path(temporary) / "meshes.bin" if name == "world" else None
+            file = folder / f"{name}.sdf"
+            command: list[str | Path] = [program, "read", file, folder / "models", binary or ""]
             text = run(command, log=scratch / f"{name}.log")
             answers.append(read_answer(sample, text, binary))
         unlike, balls, engine = _unlike(folder, options), None, "no engine"
@@ -216,16 +224,20 @@ def _unlike(folder: Path, options: Any) -> str:
 def _rest(
     sample: Sample, program: Path, folder: Path, temporary: Path
 ) -> tuple[np.ndarray | None, str]:
-    """Where the balls rest in DART, and what ran."""
+    """Where the balls rest in DART on the ground alone, no rock being near, and what ran."""
     inertia = 0.4 * sample.balls.radius**2
     balls = "".join(
         _BALL.format(n=n, x=x, y=y, z=z, i=inertia, r=sample.balls.radius)
         for n, (x, y, z) in enumerate(sample.balls.start.tolist())
     )
-    world = (folder / "world.sdf").read_text(encoding="utf-8")
-    before, end, after = world.rpartition("</world>")
+    root = ElementTree.parse(folder / "world.sdf").getroot()
+    for world in root.iter("world"):
+        for include in world.findall("include"):
+            if next(_ground_of(folder, include), None) is None:
+                world.remove(include)
+        world.extend(ElementTree.fromstring(f"<balls>{balls}</balls>"))
     file = temporary / "balls.sdf"
-    file.write_text(f"{before}{balls}{end}{after}", encoding="utf-8")
+    file.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
     text = run([program, "rest", file, folder / "models", _plugin(), str(SETTLING)])
     engine = next(line for line in text.splitlines() if line.startswith("consumer\t"))
     return resting_balls(text), engine.partition("\t")[2]

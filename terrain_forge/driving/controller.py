@@ -9,7 +9,9 @@ centres of rotation of the treads).
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -87,8 +89,29 @@ class PlanarPath(Record):
 
     def leg(self, corner: int) -> tuple[float, float]:
         """Where the leg that ends at a corner of this number begins and ends [m]."""
-        ends = np.concatenate([[0.0], self.corners, [self.length]])
-        return float(ends[corner]), float(ends[corner + 1])
+        return self._ends[corner], self._ends[corner + 1]
+
+    @cached_property
+    def _ends(self) -> list[float]:
+        """Where legs begin and end [m]."""
+        return [0.0, *self.corners.tolist(), self.length]
+
+    @cached_property
+    def _along(self) -> list[float]:
+        """Length along the path of each point [m]."""
+        return self.distance.tolist()  # type: ignore[no-any-return]
+
+    @cached_property
+    def _segments(self) -> tuple[Array, Array]:
+        """Directions, shape [segments, 2], and lengths [m] of the segments."""
+        steps = np.diff(self.position, axis=0)
+        return steps / np.linalg.norm(steps, axis=1)[:, None], np.diff(self.distance)
+
+    @cached_property
+    def _headings(self) -> list[float]:
+        """Direction of each segment [rad]."""
+        steps = np.diff(self.position, axis=0).tolist()
+        return [math.atan2(north, east) for east, north in steps]
 
     def nearest(
         self, point: Array, *, near: float, leg: tuple[float, float] | None = None
@@ -100,19 +123,17 @@ class PlanarPath(Record):
         """
         begin, end = leg or (0.0, self.length)
         low, high = max(near - _BACKWARD, begin), min(near + _FORWARD, end)
-        first = max(int(np.searchsorted(self.distance, low, side="right")) - 1, 0)
-        last = max(int(np.searchsorted(self.distance, high)), first + 1)
-        points, along = self.position[first : last + 1], self.distance[first : last + 1]
-        steps, lengths = np.diff(points, axis=0), np.diff(along)
-        units = steps / np.linalg.norm(steps, axis=1)[:, None]
-        offsets = point - points[:-1]
-        on = np.clip((offsets * units).sum(1), 0.0, lengths)
+        first = max(bisect_right(self._along, low) - 1, 0)
+        last = max(bisect_left(self._along, high), first + 1)
+        units, lengths = (part[first:last] for part in self._segments)
+        offsets = point - self.position[first:last]
+        on = np.maximum(0.0, np.minimum((offsets * units).sum(1), lengths))
         misses = offsets - on[:, None] * units
-        best = int(np.argmin((misses**2).sum(1)))
-        unit, miss = units[best], misses[best]
-        side = math.copysign(1.0, unit[0] * miss[1] - unit[1] * miss[0])
-        heading = math.atan2(unit[1], unit[0])
-        return float(along[best] + on[best]), side * math.hypot(*miss), heading
+        best = int((misses**2).sum(1).argmin())
+        (east, north), (aside, up) = units[best].tolist(), misses[best].tolist()
+        side = math.copysign(1.0, east * up - north * aside)
+        distance = self._along[first + best] + float(on[best])
+        return distance, side * math.hypot(aside, up), math.atan2(north, east)
 
     def point(self, distance: float, *, end: float | None = None) -> Array:
         """The point at a distance along the path [m], shape [2]; straight on beyond `end`."""
@@ -121,15 +142,18 @@ class PlanarPath(Record):
             heading = self.heading(end - 1e-6)
             ahead = (distance - end) * np.array([math.cos(heading), math.sin(heading)])
             return np.asarray(self.point(end, end=end) + ahead)
-        columns = self.position.T
-        return np.array([np.interp(distance, self.distance, column) for column in columns])
+        at = self._segment(distance)
+        begin, end = self.position[at], self.position[at + 1]
+        part = (distance - self._along[at]) / (self._along[at + 1] - self._along[at])
+        return np.asarray(begin + min(max(part, 0.0), 1.0) * (end - begin))
 
     def heading(self, distance: float) -> float:
         """Direction of the path at a distance along it [rad]."""
-        last = len(self.distance) - 2
-        at = min(max(int(np.searchsorted(self.distance, distance, side="right")) - 1, 0), last)
-        east, north = self.position[at + 1] - self.position[at]
-        return math.atan2(north, east)
+        return self._headings[self._segment(distance)]
+
+    def _segment(self, distance: float) -> int:
+        """The number of the segment at a distance along the path [m]; the nearest beyond ends."""
+        return min(max(bisect_right(self._along, distance) - 1, 0), len(self._along) - 2)
 
     def bend(self, distance: float, *, end: float) -> float:
         """Mean curvature over the half metre ahead, as far as the end of the leg [1/m]."""
@@ -232,11 +256,9 @@ def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = S
     Slowed together where the fastest would exceed the rover's speed limit. The gain is the turn
     rate of the wheels over that of the rover, which skids.
     """
-    sides = np.array([wheel.centre[1] for wheel in rover.wheels])
-    radii = np.array([wheel.radius for wheel in rover.wheels])
-    speeds = speed - gain * turn_rate * sides
+    speeds = speed - gain * turn_rate * rover.wheel_centres[:, 1]
     excess = max(float(np.abs(speeds).max()) / rover.speed_limit, 1.0)
-    return np.asarray(speeds / excess / radii)
+    return np.asarray(speeds / excess / rover.wheel_radii)
 
 
 def eased(rover: Rover, wanted: Array, before: Array, *, time: float) -> Array:
@@ -244,9 +266,8 @@ def eased(rover: Rover, wanted: Array, before: Array, *, time: float) -> Array:
 
     All wheels change by the same part, so that the rover keeps its arc.
     """
-    radii = np.array([wheel.radius for wheel in rover.wheels])
     change = wanted - before
-    excess = float(np.abs(change * radii).max()) / (RIM_ACCELERATION * time)
+    excess = float(np.abs(change * rover.wheel_radii).max()) / (RIM_ACCELERATION * time)
     return np.asarray(before + change / max(excess, 1.0))
 
 
@@ -255,7 +276,7 @@ def wheels_turn_rate(rover: Rover, rates: Array) -> float:
 
     The least-squares slope of the rims' speeds over the wheels' distance to the left.
     """
-    sides = np.array([wheel.centre[1] for wheel in rover.wheels])
-    radii = np.array([wheel.radius for wheel in rover.wheels])
-    sides = sides - sides.mean()
-    return float(-(portable.product(sides, rates * radii)) / (portable.product(sides, sides)))
+    sides = rover.wheel_centres[:, 1]
+    sides = sides - sides.sum() / len(sides)
+    rims = rates * rover.wheel_radii
+    return -float((sides * rims).sum()) / float((sides * sides).sum())

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ def drive(
         yaw = math.atan2(turn[1, 0], turn[0, 0])
         speed, turn_rate = pursuit.command(vehicle.position[:2], yaw)
         watch.look(vehicle, pursuit)
-        if progress and len(watch.looks) % 250 == 0:
+        if progress and len(watch.ticks) % 250 == 0:
             progress(pursuit.progress / pursuit.path.length)
         wanted = wheel_rates(rover, speed, turn_rate, gain=skid.value)
         rates = eased(rover, wanted, rates, time=watch.tick)
@@ -101,7 +101,7 @@ def drive(
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """The rover at one look; see `DriveResult` for units."""
+    """The rover at one of the looks that are kept; see `DriveResult` for units."""
 
     time: float
     position: Array
@@ -109,13 +109,26 @@ class Look:
     cross_track: float
     heading_error: float
     tilt: float
-    progress: float
-    saturated: int
     wheel_rate: Array
     wheel_torque: Array
     wheel_slip: Array
     wheel_moves: NDArray[np.bool_]
     joint_angle: Array
+
+
+class Tick(NamedTuple):
+    """How far the rover is at a look, and what the watchdog compares with earlier ones."""
+
+    progress: float
+    """Along the path [m]."""
+    cross_track: float
+    """[m]."""
+    heading_error: float
+    """[rad]."""
+    tilt: float
+    """[rad]."""
+    saturated: int
+    """Looks until now at which a motor was at its torque limit."""
 
 
 @dataclass(kw_only=True)
@@ -126,7 +139,10 @@ class Watch:
     spec: DriveSpec
     tick: float
     """Time between looks [s]."""
+    ticks: list[Tick] = field(default_factory=list)
+    """All looks."""
     looks: list[Look] = field(default_factory=list)
+    """Those at the logging rate, and the last one."""
     contacts: dict[str, RockContact] = field(default_factory=dict)
     reason: str = ""
     """Why the drive is over; empty as long as it is not."""
@@ -144,23 +160,49 @@ class Watch:
             if self.looks:
                 return
             raise SimulationError(f"the drive of {self.trajectory.name!r} cannot start: {fault}")
-        look = Look(
-            time=len(self.looks) * self.tick,
-            position=vehicle.position,
-            quaternion=vehicle.quaternion,
+        now = Tick(
+            progress=pursuit.progress,
             cross_track=pursuit.offset,
             heading_error=pursuit.heading_error,
-            tilt=math.acos(min(max(vehicle.rotation[2, 2], -1.0), 1.0)),
-            progress=pursuit.progress,
+            tilt=math.acos(min(max(float(vehicle.rotation[2, 2]), -1.0), 1.0)),
             saturated=vehicle.saturated_steps,
+        )
+        number, kept = len(self.ticks), max(round(1.0 / LOG_RATE / self.tick), 1)
+        self.ticks.append(now)
+        if number % kept == 0:
+            self._keep(vehicle)
+        self._note_rocks(vehicle)
+        self.completed = pursuit.progress >= pursuit.path.length - ARRIVAL
+        self.reason = "arrived" if self.completed else self._trouble(pursuit)
+        if self.reason and number % kept:
+            self._keep(vehicle)
+
+    @property
+    def time(self) -> float:
+        """Time of the last look [s]."""
+        return (len(self.ticks) - 1) * self.tick
+
+    def _keep(self, vehicle: Vehicle) -> None:
+        """Note all of the rover's state."""
+        now = self.ticks[-1]
+        look = Look(
+            time=self.time,
+            position=vehicle.position,
+            quaternion=vehicle.quaternion,
+            cross_track=now.cross_track,
+            heading_error=now.heading_error,
+            tilt=now.tilt,
             **vehicle.wheel_states(),
             joint_angle=vehicle.joint_angles,
         )
         self.looks.append(look)
-        east, north = look.position[:2].tolist()
+
+    def _note_rocks(self, vehicle: Vehicle) -> None:
+        """Note the rocks that the rover touches."""
         for name, (force, by_body) in vehicle.rock_forces().items():
+            east, north = vehicle.position[:2].tolist()
             first = self.contacts.get(name) or RockContact(
-                rock=name, time=look.time, position=(east, north), force=0.0, duration=0.0,
+                rock=name, time=self.time, position=(east, north), force=0.0, duration=0.0,
                 by_body=False,
             )  # fmt: skip
             self.contacts[name] = first.replace(
@@ -168,12 +210,10 @@ class Watch:
                 duration=first.duration + self.tick,
                 by_body=first.by_body or by_body,
             )
-        self.completed = pursuit.progress >= pursuit.path.length - ARRIVAL
-        self.reason = "arrived" if self.completed else self._trouble(pursuit)
 
     def _trouble(self, pursuit: PurePursuit) -> str:
         """Why the drive must end before its time; empty if it need not."""
-        now = self.looks[-1]
+        now = self.ticks[-1]
         duration = float(self.trajectory.time[-1] - self.trajectory.time[0])
         where = f"after {pursuit.progress:.1f} m of {pursuit.path.length:.1f} m"
         if now.tilt > _TIPPED:
@@ -181,34 +221,34 @@ class Watch:
         if abs(pursuit.offset) > _OFF_PATH_FACTOR * self.spec.cross_track_m:
             return f"left the path by {abs(pursuit.offset):.3g} m {where}{self._causes()}"
         window = round(_STUCK_TIME / self.tick)
-        if len(self.looks) > window:  # which must bring it on, as its speed would, or round
-            then, wanted = self.looks[-1 - window], pursuit.path.speed * _STUCK_TIME
+        if len(self.ticks) > window:  # which must bring it on, as its speed would, or round
+            then, wanted = self.ticks[-1 - window], pursuit.path.speed * _STUCK_TIME
             turned = abs(now.heading_error - then.heading_error) > _STUCK_ANGLE
             if now.progress - then.progress < _STUCK_PART * wanted and not turned:
                 return f"stuck {where}{self._causes()}"
-        if now.time > self.spec.time_factor * duration + _STUCK_TIME:
+        if self.time > self.spec.time_factor * duration + _STUCK_TIME:
             return f"out of time {where}"
         return ""
 
     def _causes(self) -> str:
         """What held the rover in the last ten seconds, as far as it can be told."""
-        window = min(round(_STUCK_TIME / self.tick), len(self.looks) - 1)
-        begin = self.looks[-1 - window]
+        window = min(round(_STUCK_TIME / self.tick), len(self.ticks) - 1)
+        strained = (self.ticks[-1].saturated - self.ticks[-1 - window].saturated) / max(window, 1)
+        begin = self.time - window * self.tick
         reasons = []
-        if self.looks[-1].saturated - begin.saturated > _STRAINED * window:
+        if strained > _STRAINED:
             reasons.append("motors at their torque limit")
         # The median passes over the last metre before the obstacle, which is in the window too.
-        slip = np.median([look.wheel_slip.mean() for look in self.looks[-window:]])
+        slip = np.median([look.wheel_slip.mean() for look in self.looks if look.time >= begin])
         if slip > _STRAINED:
             reasons.append(f"wheels slip by {slip:.0%}")
-        touched = [c for c in self.contacts.values() if c.time + c.duration > begin.time]
+        touched = [c for c in self.contacts.values() if c.time + c.duration > begin]
         if held := [contact.rock for contact in touched if contact.by_body]:
             reasons.append(f"its body against {', '.join(held[:3])}")
         elif touched:
             reasons.append(f"its wheels against {', '.join(c.rock for c in touched[:3])}")
         if not reasons:
-            strained = (self.looks[-1].saturated - begin.saturated) / max(window, 1)
-            tilt = math.degrees(self.looks[-1].tilt)
+            tilt = math.degrees(self.ticks[-1].tilt)
             reasons.append(
                 f"no rock touched, tilt {tilt:.0f}°, wheels slip by {slip:.0%}, motors at their "
                 f"torque limit {strained:.0%} of the time"
@@ -216,12 +256,9 @@ class Watch:
         return f": {', '.join(reasons)}"
 
     def result(self, vehicle: Vehicle, pursuit: PurePursuit, *, skid_gain: float) -> DriveResult:
-        """The drive as it went, thinned to the logging rate (its end kept)."""
-        every = max(round(1.0 / LOG_RATE / self.tick), 1)
-        count = len(self.looks)
-        kept = [self.looks[n] for n in np.unique(np.r_[np.arange(0, count, every), count - 1])]
-        path, columns = pursuit.path, vars(kept[0]).keys() - {"progress", "saturated"}
-        poses = {name: np.array([getattr(look, name) for look in kept]) for name in columns}
+        """The drive as it went, at the logging rate (its end kept)."""
+        path, columns = pursuit.path, vars(self.looks[0]).keys()
+        poses = {name: np.array([getattr(look, name) for look in self.looks]) for name in columns}
         return DriveResult(
             **poses,
             path=self.trajectory.name,
@@ -231,8 +268,8 @@ class Watch:
             planned_distance=path.length,
             progress=min(pursuit.progress, path.length),
             distance=float(np.linalg.norm(np.diff(poses["position"], axis=0), axis=1).sum()),
-            largest_cross_track=max(abs(look.cross_track) for look in self.looks),
-            largest_tilt=max(look.tilt for look in self.looks),
+            largest_cross_track=max(abs(tick.cross_track) for tick in self.ticks),
+            largest_tilt=max(tick.tilt for tick in self.ticks),
             wheels=tuple(wheel.link for wheel in vehicle.rover.wheels),
             joints=vehicle.joints,
             clearance=np.empty(0),

@@ -19,6 +19,11 @@ _HIGHEST_LIFT, _LIFT_STEP = 0.3, 0.02
 _FARTHEST_SETTLING = 0.5
 _AT_LIMIT = 0.999
 _EARTH_GRAVITY = 9.80665
+_ROCK, _ROVER = 1, 2
+_DROPPED, _UNSTABLE = (
+    {int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in names}
+    for names in (("CONTACTFULL", "CNSTRFULL"), ("BADQPOS", "BADQVEL", "BADQACC"))
+)
 
 TOLERANCE = 0.1
 """How far mechanical energy may rise above the motors' work, as a part of the energy that lifts the
@@ -92,7 +97,7 @@ class Vehicle:
         self._wheel_bodies = np.array([self._find(body, name) for name in names])
         self._axles = np.array([self._find(joint, name) for name in names])
         self._dofs = model.jnt_dofadr[self._axles]
-        self._radii = np.array([wheel.radius for wheel in rover.wheels])
+        self._radii = rover.wheel_radii
         self.joints = tuple(link.name for link in rover.links if link.joint == "passive")
         """Names of the passive joints."""
         found = [self._find(joint, name) for name in self.joints]
@@ -101,13 +106,14 @@ class Vehicle:
         # Forwards is a turn about the left; an axle may point to either side.
         self._sides = np.array([1.0 if axes[name][1] > 0.0 else -1.0 for name in names])
         self._torque_limits = model.actuator_forcerange[self._motors, 1]
+        self._reach = self._torque_limits / model.actuator_gainprm[self._motors, 0]
         self._activations = model.actuator_actadr[self._motors]
         if (self._activations < 0).any():
             raise SimulationError(
                 "the rover's motors are those of an older export: export it again"
             )
-        self._stiffness = model.actuator_gainprm[self._motors, 0]
         self._damping = -model.actuator_biasprm[self._motors, 2]
+        self._lag = self._damping / model.actuator_gainprm[self._motors, 0]
         self._mark_geoms()
         # Stepping only what is awake, where MuJoCo can: rocks then cost next to nothing.
         for flag in ("mjENBL_ENERGY", "mjENBL_SLEEP"):
@@ -120,9 +126,10 @@ class Vehicle:
         self._rocks = [
             "_".join(name.split("_")[:2]) if name.startswith("rock_") else "" for name in names
         ]
-        self._is_rock = np.array([bool(name) for name in self._rocks])
+        is_rock = np.array([bool(name) for name in self._rocks])
         self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
         self._is_wheel = np.isin(model.geom_bodyid, self._wheel_bodies)
+        self._kind = _ROCK * is_rock + _ROVER * self._is_rover
 
     def _find(self, kind: Any, name: str) -> int:
         index = mujoco.mj_name2id(self.model, kind, name)
@@ -157,8 +164,7 @@ class Vehicle:
         data.time = 0.0
         lift = self.rover.mass * _EARTH_GRAVITY * float(self._radii.mean())
         self.audit = EnergyAudit(reference=lift, energy=float(data.energy.sum()))
-        self._rates = data.actuator_velocity[self._motors]
-        self._forces = data.actuator_force[self._motors]
+        self._rates, self._forces = data.actuator_velocity.copy(), data.actuator_force.copy()
         self.saturated_steps = self.steps = 0
 
     def _what_it_is_in(self) -> str:
@@ -175,27 +181,32 @@ class Vehicle:
 
         The command is reached by even changes over these steps.
         """
-        data, model = self.data, self.model
-        before, after = data.ctrl[self._motors], self._sides * wheel_rates
-        parts = np.linspace(0.0, 1.0, count + 1)[:, None]
-        commands = before + parts * (after - before)
-        rates, forces = np.empty((2, count, len(self._motors)))
-        for n in range(count):
-            data.ctrl[self._motors] = commands[n + 1]
-            mujoco.mj_step(model, data)
+        data, model, motors = self.data, self.model, self._motors
+        control, velocity, force = data.ctrl, data.actuator_velocity, data.actuator_force
+        before, after = control[motors], self._sides * wheel_rates
+        parts = np.arange(1, count + 1)[:, None] * (1.0 / count)
+        commands = np.empty((count, len(control)))
+        commands[:] = control
+        commands[:, motors] = before + parts * (after - before)
+        rates, forces = np.empty((2, count + 1, len(control)))
+        rates[0], forces[0] = self._rates, self._forces
+        step = mujoco.mj_step
+        for n, command in enumerate(commands, 1):
+            control[:] = command
+            step(model, data)
             # MuJoCo now shows rates and forces as they were when the step began.
-            rates[n] = data.actuator_velocity[self._motors]
-            forces[n] = data.actuator_force[self._motors]
-        self._audit(np.vstack([self._forces, forces[:-1]]), np.vstack([self._rates, rates]))
+            rates[n] = velocity
+            forces[n] = force
         self._rates, self._forces = rates[-1], forces[-1]
+        self._audit(forces[:-1, motors], rates[:, motors])
         # The angles that the servos follow run ahead of wheels that are held, which would spin to
         # catch up once they are free: they stay within the reach of the motors' torques.
-        held = data.actuator_length[self._motors] + self._damping * self._rates / self._stiffness
-        reach = self._torque_limits / self._stiffness
-        angles = data.act[self._activations]
-        data.act[self._activations] = np.clip(angles, held - reach, held + reach)
-        at_limit = np.abs(data.actuator_force[self._motors]) >= _AT_LIMIT * self._torque_limits
-        self.saturated_steps += bool(at_limit.any())
+        held = data.actuator_length[motors] + self._lag * self._rates[motors]
+        low, high = held - self._reach, held + self._reach
+        data.act[self._activations] = np.maximum(low, np.minimum(data.act[self._activations], high))
+        self.saturated_steps += bool(
+            (np.abs(self._forces[motors]) >= _AT_LIMIT * self._torque_limits).any()
+        )
         self.steps += 1
 
     def _audit(self, forces: Array, rates: Array) -> None:
@@ -205,13 +216,11 @@ class Vehicle:
         the motor is at its limit, which then acts throughout.
         """
         limited = np.abs(forces) >= _AT_LIMIT * self._torque_limits
-        change = np.where(limited, 0.0, self._damping * np.diff(rates, axis=0))
+        change = np.where(limited, 0.0, self._damping * (rates[1:] - rates[:-1]))
         work = 0.5 * self.model.opt.timestep * (forces - change) * (rates[:-1] + rates[1:])
-        self.audit.add(
-            driving=float(work.sum(where=work > 0.0)),
-            braking=float(work.sum(where=work < 0.0)),
-            energy=float(self.data.energy.sum()),
-        )
+        driving = float(np.maximum(work, 0.0).sum())
+        braking = float(np.minimum(work, 0.0).sum())
+        self.audit.add(driving=driving, braking=braking, energy=float(self.data.energy.sum()))
 
     @property
     def position(self) -> Array:
@@ -266,12 +275,12 @@ class Vehicle:
         """Rocks that the rover touches now: largest normal force [N], whether its body touches."""
         data, forces = self.data, dict[str, tuple[float, bool]]()
         pairs = data.contact.geom
-        touched = self._is_rover[pairs].any(axis=1) & self._is_rock[pairs].any(axis=1)
+        touched = self._kind[pairs].sum(axis=1) == _ROCK + _ROVER
         wrench = np.zeros(6)
-        for contact in touched.nonzero()[0]:
-            one, other = data.contact.geom[contact]
+        for contact in touched.nonzero()[0].tolist():
+            one, other = pairs[contact]
             name = self._rocks[one] or self._rocks[other]
-            mujoco.mj_contactForce(self.model, data, int(contact), wrench)
+            mujoco.mj_contactForce(self.model, data, contact, wrench)
             force, by_body = forces.get(name, (0.0, False))
             by_wheel = self._is_wheel[one] or self._is_wheel[other]
             forces[name] = max(force, float(wrench[0])), bool(by_body or not by_wheel)
@@ -280,11 +289,10 @@ class Vehicle:
     def fault(self) -> str:
         """What makes the simulation meaningless; empty if nothing does."""
         data = self.data
-        for warning in (mujoco.mjtWarning.mjWARN_CONTACTFULL, mujoco.mjtWarning.mjWARN_CNSTRFULL):
-            if data.warning[warning].number:
-                return "contacts were dropped (MuJoCo's memory is full)"
-        bad = ("BADQPOS", "BADQVEL", "BADQACC")
-        if any(data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{b}")].number for b in bad):
+        warned = set(data.warning.number.nonzero()[0].tolist())
+        if warned & _DROPPED:
+            return "contacts were dropped (MuJoCo's memory is full)"
+        if warned & _UNSTABLE:
             return "the simulation became unstable (a number is not finite or far too large)"
         if not np.isfinite(data.qpos).all():
             return "the simulation became unstable (a position is not finite)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -157,10 +158,15 @@ class Rover(Record):
             places[link.name] = places.get(link.parent, np.zeros(3)) + link.origin
         return places
 
-    @property
+    @cached_property
     def wheel_centres(self) -> Array:
         """Centres of the wheels in base_link's frame at rest [m], shape [wheels, 3]."""
         return np.array([wheel.centre for wheel in self.wheels])
+
+    @cached_property
+    def wheel_radii(self) -> Array:
+        """Radii of the wheels [m], shape [wheels]."""
+        return np.array([wheel.radius for wheel in self.wheels])
 
     @property
     def length(self) -> float:

@@ -18,6 +18,8 @@ DIRECTIONS = np.vstack(
     [np.column_stack([np.cos(_TURNS), np.sin(_TURNS), np.zeros(8)]), [(0.0, 0.0, 1.0)]]
 )
 """Eight around the horizon, and up, shape [9, 3]."""
+_FACES = 2**15
+_UNMOVED = np.eye(3, 4)
 _HIDDEN = 0.05
 """Part of its diameter by which a rock's furthest point must stand out of the ground to count:
 exports leave out faces that lie wholly under it."""
@@ -95,19 +97,26 @@ def ground_and_rocks(
         rock = rock_of(name)
         if rock is not None and not solids.wants(rock):
             continue
-        vertices = mesh.vertices @ matrix[:, :3].T + matrix[:, 3]
         if rock is not None:
-            solids.add(rock, vertices)
+            solids.add(rock, placed(mesh.vertices, matrix))
         elif is_ground(name):
-            ground.append(Mesh(vertices=vertices, faces=mesh.faces))
+            ground.append(Mesh(vertices=placed(mesh.vertices, matrix), faces=mesh.faces))
         else:
-            merged = split_merged(sample, Mesh(vertices=vertices, faces=mesh.faces))
-            solids.add_merged(*merged)
+            solids.add_merged(*split_merged(sample, mesh, matrix))
     return ground, solids
 
 
-def split_merged(sample: Sample, mesh: Mesh) -> tuple[Array, NDArray[np.int64]]:
-    """The connected solids of a merged mesh, as far as they may be rocks that are looked at.
+def placed(vertices: Array, matrix: Array) -> Array:
+    """Vertices, shape [n, 3], moved by the upper rows of a homogeneous matrix, shape [3, 4]."""
+    return np.asarray(vertices @ matrix[:, :3].T + matrix[:, 3])
+
+
+def split_merged(
+    sample: Sample, mesh: Any, matrix: Array = _UNMOVED
+) -> tuple[Array, NDArray[np.int64]]:
+    """The connected solids of a merged, placed mesh that may be rocks that are looked at.
+
+    Looks at some faces at a time: a mesh of all rocks can be larger than what else is in memory.
 
     Returns:
         Vertices [n, 3] and the number of the solid that each belongs to, from 0, [n].
@@ -115,9 +124,12 @@ def split_merged(sample: Sample, mesh: Mesh) -> tuple[Array, NDArray[np.int64]]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    faces = mesh.faces[sample.near(mesh)]
-    used, corner = np.unique(faces.reshape(-1), return_inverse=True)
-    vertices = np.ascontiguousarray(mesh.vertices[used])
+    parts = [np.zeros((0, 3), np.int64)]
+    for first in range(0, len(mesh.faces), _FACES):
+        some = mesh.faces[first : first + _FACES]
+        parts.append(some[sample.near(placed(mesh.vertices[some[:, 0]], matrix))])
+    used, corner = np.unique(np.concatenate(parts).reshape(-1), return_inverse=True)
+    vertices = np.ascontiguousarray(placed(mesh.vertices[used], matrix))
     # Readers may cut meshes open along seams and edges: equal places are one vertex again.
     place = vertices.astype(np.float32)
     _, same = np.unique(place.view([("", place.dtype)] * 3).reshape(-1), return_inverse=True)

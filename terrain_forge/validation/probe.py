@@ -28,17 +28,17 @@ from terrain_forge.validation.reading import Body, Reading, Track, rock_of
 from terrain_forge.validation.sample import SETTLING, Sample
 
 
-def read_answer(sample: Sample, text: str, binary: Path) -> Reading:
-    """The reading that a probe's printed answer tells; the file of its meshes may be missing."""
+def read_answer(sample: Sample, text: str, binary: Path | None) -> Reading:
+    """The reading that a probe's printed answer tells; without meshes where their file is None."""
     facts = defaultdict[str, list[list[str]]](list)
     for line in text.splitlines():
         word, *parts = line.split("\t")
         facts[word].append(parts)
-    meshes = list(_meshes(facts["mesh"], binary))
+    meshes = list(_meshes(facts["mesh"], binary)) if binary else []
     shapes = {
         kind: [
             (f"{name}/{model}", np.array(matrix, np.float64).reshape(3, 4), meshes[int(mesh)])
-            for found, model, name, mesh, *matrix in facts["shape"]
+            for found, model, name, mesh, *matrix in (facts["shape"] if meshes else ())
             if found == kind
         ]
         for kind in ("touched", "seen")

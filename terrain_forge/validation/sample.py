@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, mix, stage_key, uniforms
-from terrain_forge.model import Heightfield, Mesh, RockField, World
+from terrain_forge.model import Heightfield, RockField, World
 
 ROCKS = 200
 """How many rocks are looked at."""
@@ -74,8 +74,9 @@ class Sample:
         """How far each of these rocks reaches from its centre of mass at most [m], [rocks]."""
         return _reaches(self.world, self.world.field.select(self.rows))
 
-    def near(self, mesh: Mesh) -> NDArray[np.bool_]:
-        """Which faces of a mesh may belong to one of these rocks, seen from above, [faces]."""
+    @cached_property
+    def _marked(self) -> tuple[NDArray[np.bool_], float]:
+        """Cells of the ground that these rocks may reach, rows running north, and their size."""
         west, south, east, north = self.world.ground.bounds
         cell = max(east - west, north - south) / 2048
         shape = int((north - south) / cell) + 2, int((east - west) / cell) + 2
@@ -86,9 +87,13 @@ class Sample:
             low = int((y - reach - south) / cell), int((x - reach - west) / cell)
             high = int((y + reach - south) / cell) + 2, int((x + reach - west) / cell) + 2
             marked[max(low[0], 0) : high[0], max(low[1], 0) : high[1]] = True
-        corner = mesh.vertices[mesh.faces[:, 0], :2]
-        places = ((corner - (west, south)) / cell).astype(np.int64)[:, ::-1]
-        row, column = np.clip(places, 0, np.array(shape) - 1).T
+        return marked, cell
+
+    def near(self, places: Array) -> NDArray[np.bool_]:
+        """Which places, shape [n, 3], may belong to one of these rocks, seen from above, [n]."""
+        marked, cell = self._marked
+        across = (places[:, :2] - self.world.ground.bounds[:2]) / cell
+        row, column = np.clip(across.astype(np.int64)[:, ::-1], 0, np.array(marked.shape) - 1).T
         return np.asarray(marked[row, column])
 
 
