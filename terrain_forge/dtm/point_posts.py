@@ -13,12 +13,17 @@ from functools import cache
 import numpy as np
 
 from terrain_forge.base import Array, Mask, portable
+from terrain_forge.dtm.increments import (
+    expected_mixed_share,
+    mean_square_increment,
+    mixed_share,
+)
+from terrain_forge.dtm.roughness import RISE_PRIOR, fit_exponent
 
 FEWEST_POSTS = 32
 """Posts a side below which posts are taken for means."""
-_POINTS = 0.8
-"""Ratio beyond which posts are points. It is 1 for points, 0.64 to 0.71 for means of self-affine
-ground of any exponent, and less of either where ground bends, or was smoothed."""
+_SHARE_LIMITS = (0.05, 1.2)  # exponents for which shares are asked
+_EXPONENT_ERROR = 4.0  # of the difference of two exponents, times posts a side
 _EXPONENT = 0.75  # of the ground that the filter is for; 0.5 or 0.95 change it by 4 %
 _REACH = 6
 _STEP = 2.0**-20
@@ -26,16 +31,37 @@ _STEP = 2.0**-20
 
 
 def are_points(heights: Array, trusted: Mask) -> bool:
-    """Whether the posts are heights of points.
+    """Whether the posts are rather heights of points.
 
-    The mean square of the mixed fourth difference over that of the second ones, over one post, is
-    set against the same over two posts: means over pixels take more from the former, which lies at
-    the highest wave numbers of both directions, and the more the shorter the lag.
+    The mixed fourth difference, second increments of second increments the other way, lies at the
+    highest wave numbers of both directions, where means over pixels have least. Its share over one
+    post, beside that over two, is 1 on points of self-affine ground and 0.64 to 0.71 on means of
+    any exponent; where ground bends, it is as the exponents over one and two posts make it.
     """
     if min(heights.shape) < FEWEST_POSTS:
         return False
-    near, far = (_mixed_share(heights, lag, trusted) for lag in (1, 2))
-    return bool(near > _POINTS * far)
+    near, far = (mixed_share(heights, lag, trusted) for lag in (1, 2))
+    if not (near > 0.0 and far > 0.0):
+        return False
+    squares = [mean_square_increment(heights, lag, trusted) for lag in (1, 2, 4)]
+    of_points = [0.5 * math.log2(squares[n + 1] / squares[n]) for n in (0, 1)]
+    of_means = [fit_exponent(heights, trusted, lag) for lag in (1, 2)]
+    error = _EXPONENT_ERROR / min(heights.shape)
+    known = RISE_PRIOR**2 / (RISE_PRIOR**2 + error**2)
+    points, means = _ratio(of_points, known, means=False), _ratio(of_means, known, means=True)
+    return bool((near / far) ** 2 > points * means)
+
+
+def _ratio(exponents: list[float], known: float, *, means: bool) -> float:
+    """Share over one post beside that over two on ground of these exponents.
+
+    Of their difference counts as much as is known.
+    """
+    shares, middle = [], 0.5 * sum(exponents)
+    for lag, exponent in zip((1, 2), exponents, strict=True):
+        hurst = round(float(np.clip(middle + known * (exponent - middle), *_SHARE_LIMITS)), 2)
+        shares.append(expected_mixed_share(0.99 if hurst == 1.0 else hurst, lag, means=means))
+    return shares[0] / shares[1]
 
 
 def means_of_points(heights: Array) -> Array:
@@ -45,26 +71,6 @@ def means_of_points(heights: Array) -> Array:
     middle = np.median(heights)
     means = correlate(heights - middle, _filter(), mode="nearest") + middle
     return np.asarray(np.rint(means / _STEP) * _STEP)
-
-
-def _mixed_share(heights: Array, lag: int, trusted: Mask) -> float:
-    """Mean square of mixed fourth differences over that of second ones; 0 without relief."""
-    known = trusted
-    across, known_across = _second(heights, lag), _all_of_three(known, lag)
-    down, known_down = _second(heights.T, lag), _all_of_three(known.T, lag)
-    mixed, known_mixed = _second(across.T, lag), _all_of_three(known_across.T, lag)
-    if not known_mixed.any():
-        return 0.0
-    second = 0.5 * (np.mean(across[known_across] ** 2) + np.mean(down[known_down] ** 2))
-    return float(np.mean(mixed[known_mixed] ** 2) / second) if second > 0.0 else 0.0
-
-
-def _second(heights: Array, lag: int) -> Array:
-    return np.asarray(heights[:, 2 * lag :] - 2.0 * heights[:, lag:-lag] + heights[:, : -2 * lag])
-
-
-def _all_of_three(known: Mask, lag: int) -> Mask:
-    return known[:, 2 * lag :] & known[:, lag:-lag] & known[:, : -2 * lag]
 
 
 @cache

@@ -292,9 +292,9 @@ def test_another_exponent_turns_about_the_joint():
         ),
         roughness=Roughness(hurst=0.8, deviation=0.1, source="", local=np.full((9, 9), 0.1)),
     )  # fmt: skip
-    hurst, deviation = Fractal(hurst=0.5).figures(site)
-    assert hurst == 0.5
-    assert deviation * 4.0**0.5 == pytest.approx(0.1 * 4.0**0.8)
+    law = Fractal(hurst=0.5).figures(site)
+    assert law.hurst == 0.5
+    assert law.deviation * 4.0**0.5 == pytest.approx(0.1 * 4.0**0.8)
 
 
 def test_two_amplitudes_are_one_too_many():
