@@ -23,7 +23,7 @@ FEWEST_POSTS = 48
 """Posts a side below which the exponent is called a preset that the DTM has moved."""
 FEWEST_FOR_AMPLITUDE = 24
 """Posts a side below which nothing is taken from the DTM."""
-HURST_LIMITS = (0.42, HIGHEST_EXPONENT)
+HURST_LIMITS = (0.45, HIGHEST_EXPONENT)
 """Exponents between which a fit is kept: ground rough at the posting is less so below it."""
 HURST_PRIOR = (0.75, 0.15)
 """Mean and scatter of the exponents that are published of sites (0.57, 0.65 and 0.8 at Pathfinder,
@@ -37,7 +37,7 @@ _SMOOTHED = 1.3
 reach 1.26, a Gaussian of one post makes 1.36 and more."""
 _ROUGH = 1.1
 """Exponent below which smoothing shows no more."""
-_LOCAL_WIDTH = 2.0
+_LOCAL_WIDTH = 1.0
 _MIDDLE = 0.5
 """Octaves from the shortest baseline up to the middle of those that the exponent is fitted to."""
 _MOST_RISE = 0.25
