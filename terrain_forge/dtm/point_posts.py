@@ -22,6 +22,9 @@ from terrain_forge.dtm.roughness import RISE_PRIOR, fit_exponent
 
 FEWEST_POSTS = 32
 """Posts a side below which posts are taken for means."""
+_NEARER = 0.65
+"""How far from what means make, 0, to what points make, 1, posts must be to be called points.
+Most DTMs are means, and lose ground where they are taken for points."""
 _SHARE_LIMITS = (0.05, 1.2)  # exponents for which shares are asked
 _EXPONENT_ERROR = 4.0  # of the difference of two exponents, times posts a side
 _EXPONENT = 0.75  # of the ground that the filter is for; 0.5 or 0.95 change it by 4 %
@@ -49,7 +52,7 @@ def are_points(heights: Array, trusted: Mask) -> bool:
     error = _EXPONENT_ERROR / min(heights.shape)
     known = RISE_PRIOR**2 / (RISE_PRIOR**2 + error**2)
     points, means = _ratio(of_points, known, means=False), _ratio(of_means, known, means=True)
-    return bool((near / far) ** 2 > points * means)
+    return bool(near / far > portable.power(points, _NEARER) * portable.power(means, 1.0 - _NEARER))
 
 
 def _ratio(exponents: list[float], known: float, *, means: bool) -> float:
