@@ -10,7 +10,6 @@ allowed for.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
@@ -18,8 +17,6 @@ import numpy as np
 from terrain_forge.base import Array, Mask, portable
 
 _QUADRATURE = 24
-_REACH = (-2, -1, 0, 1, 2)
-_SECOND = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # of second increments at two places
 _PRIOR = 0.02  # weight of the overall mean, beside up to two increments at each post
 
 
@@ -36,9 +33,9 @@ def mean_square_increment(heights: Array, lag: int, trusted: Mask) -> float:
 def expected_increment(hurst: float, lag: int) -> float:
     """Mean square of second increments of pixel means, of ground with ν = 1 at one posting."""
     return (
-        8.0 * _variogram_of_means(hurst, lag, 0)
-        - 2.0 * _variogram_of_means(hurst, 2 * lag, 0)
-        - 6.0 * _variogram_of_means(hurst, 0, 0)
+        8.0 * _variogram_of_means(hurst, lag)
+        - 2.0 * _variogram_of_means(hurst, 2 * lag)
+        - 6.0 * _variogram_of_means(hurst, 0)
     )
 
 
@@ -51,18 +48,6 @@ def mixed_share(heights: Array, lag: int, trusted: Mask) -> float:
     mixed, known = _differences(across.T, lag), _all_known(known.T, lag)
     second = mean_square_increment(heights, lag, trusted)
     return float(np.mean(mixed[known] ** 2) / second) if known.any() and second else float("nan")
-
-
-@cache
-def expected_mixed_share(hurst: float, lag: int, *, means: bool) -> float:
-    """The same of self-affine ground, of points or of pixel means; exponents beyond 1 too, not 1.
-
-    Differences of such high order do not see what a variogram of an exponent beyond 1 lacks.
-    """
-    variogram = _variogram_of_means if means else _variogram_of_points
-    table = np.array([[variogram(hurst, i * lag, j * lag) for i in _REACH] for j in _REACH])
-    mixed = -float(np.sum(_SECOND[:, None] * _SECOND[None, :] * table))
-    return mixed / -float(np.sum(_SECOND * table[2]))
 
 
 def local_square_increments(heights: Array, lag: int, trusted: Mask, width: float) -> Array:
@@ -107,16 +92,10 @@ def _all_known(trusted: Mask, lag: int) -> Mask:
     return trusted[:, 2 * lag :] & trusted[:, lag:-lag] & trusted[:, : -2 * lag]
 
 
-def _variogram_of_points(hurst: float, across: int, down: int) -> float:
-    """½·r^2H."""
-    return 0.5 * float(portable.power(math.hypot(across, down), 2.0 * hurst))
-
-
-@cache
-def _variogram_of_means(hurst: float, across: int, down: int) -> float:
-    """Mean of ½·r^2H over all pairs of points of two unit pixels so far apart along each axis."""
+def _variogram_of_means(hurst: float, lag: int) -> float:
+    """Mean of ½·r^2H over all pairs of points of two unit pixels, `lag` apart along one axis."""
     steps = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE * 2.0 - 1.0
     weights = (1.0 - np.abs(steps)) * 2.0 / _QUADRATURE
-    distance = np.hypot(across + steps[None, :], down + steps[:, None])
+    distance = np.hypot(lag + steps[None, :], steps[:, None])
     power = portable.power(distance, 2.0 * hurst)
     return 0.5 * float(portable.product(portable.product(weights, power), weights))

@@ -13,20 +13,12 @@ from functools import cache
 import numpy as np
 
 from terrain_forge.base import Array, Mask, portable
-from terrain_forge.dtm.increments import (
-    expected_mixed_share,
-    mean_square_increment,
-    mixed_share,
-)
-from terrain_forge.dtm.roughness import RISE_PRIOR, fit_exponent
+from terrain_forge.dtm.increments import mixed_share
 
 FEWEST_POSTS = 32
 """Posts a side below which posts are taken for means."""
-_NEARER = 0.65
-"""How far from what means make, 0, to what points make, 1, posts must be to be called points.
-Most DTMs are means, and lose ground where they are taken for points."""
-_SHARE_LIMITS = (0.05, 1.2)  # exponents for which shares are asked
-_EXPONENT_ERROR = 4.0  # of the difference of two exponents, times posts a side
+_POINTS = 0.78
+"""Ratio of shares beyond which posts are called points."""
 _EXPONENT = 0.75  # of the ground that the filter is for; 0.5 or 0.95 change it by 4 %
 _REACH = 6
 _STEP = 2.0**-20
@@ -39,32 +31,12 @@ def are_points(heights: Array, trusted: Mask) -> bool:
     The mixed fourth difference, second increments of second increments the other way, lies at the
     highest wave numbers of both directions, where means over pixels have least. Its share over one
     post, beside that over two, is 1 on points of self-affine ground and 0.64 to 0.71 on means of
-    any exponent; where ground bends, it is as the exponents over one and two posts make it.
+    any exponent; where the exponent rises towards short baselines both are less.
     """
     if min(heights.shape) < FEWEST_POSTS:
         return False
     near, far = (mixed_share(heights, lag, trusted) for lag in (1, 2))
-    if not (near > 0.0 and far > 0.0):
-        return False
-    squares = [mean_square_increment(heights, lag, trusted) for lag in (1, 2, 4)]
-    of_points = [0.5 * math.log2(squares[n + 1] / squares[n]) for n in (0, 1)]
-    of_means = [fit_exponent(heights, trusted, lag) for lag in (1, 2)]
-    error = _EXPONENT_ERROR / min(heights.shape)
-    known = RISE_PRIOR**2 / (RISE_PRIOR**2 + error**2)
-    points, means = _ratio(of_points, known, means=False), _ratio(of_means, known, means=True)
-    return bool(near / far > portable.power(points, _NEARER) * portable.power(means, 1.0 - _NEARER))
-
-
-def _ratio(exponents: list[float], known: float, *, means: bool) -> float:
-    """Share over one post beside that over two on ground of these exponents.
-
-    Of their difference counts as much as is known.
-    """
-    shares, middle = [], 0.5 * sum(exponents)
-    for lag, exponent in zip((1, 2), exponents, strict=True):
-        hurst = round(float(np.clip(middle + known * (exponent - middle), *_SHARE_LIMITS)), 2)
-        shares.append(expected_mixed_share(0.99 if hurst == 1.0 else hurst, lag, means=means))
-    return shares[0] / shares[1]
+    return bool(near > _POINTS * far)
 
 
 def means_of_points(heights: Array) -> Array:

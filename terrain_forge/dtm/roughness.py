@@ -41,7 +41,7 @@ _LOCAL_WIDTH = 1.0
 _MIDDLE = 0.5
 """Octaves from the shortest baseline up to the middle of those that the exponent is fitted to."""
 _MOST_RISE = 0.25
-RISE_PRIOR = 0.1
+_RISE_PRIOR = 0.1
 """Scatter of the rise of exponents towards shorter baselines in an octave."""
 
 
@@ -118,15 +118,15 @@ def _fitted(heights: Array, trusted: Mask, resolved: int) -> tuple[float, float]
     """Exponent of the DTM and its standard error; None where it is too small for the baselines."""
     if not _long_enough(heights, resolved):
         return None
-    found = fit_exponent(heights, trusted, resolved)
-    return found, _standard_error(heights, trusted, resolved, fit_exponent)
+    found = _fit_exponent(heights, trusted, resolved)
+    return found, _standard_error(heights, trusted, resolved, _fit_exponent)
 
 
 def _likely_rise(heights: Array, trusted: Mask, resolved: int) -> float:
     """Rise of the exponent in an octave, weighed against none; 0 if it falls."""
     rise = _rise(heights, trusted, resolved)
     error = _standard_error(heights, trusted, resolved, _rise)
-    weight = RISE_PRIOR**2 / (RISE_PRIOR**2 + error**2)
+    weight = _RISE_PRIOR**2 / (_RISE_PRIOR**2 + error**2)
     return float(np.clip(weight * rise, 0.0, _MOST_RISE))
 
 
@@ -177,7 +177,7 @@ def _long_enough(heights: Array, resolved: int) -> bool:
     return bool(4 * BASELINES[-1] * resolved <= min(heights.shape))
 
 
-def fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
+def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
     """Exponent of the second increments over one and two of a baseline [posts].
 
     What pixels average away depends on it in turn.
@@ -199,7 +199,7 @@ def _rise(heights: Array, trusted: Mask, resolved: int) -> float:
     ]
     if len(baselines) < 2:
         return 0.0
-    found = np.array([fit_exponent(heights, trusted, lag) for lag in baselines])
+    found = np.array([_fit_exponent(heights, trusted, lag) for lag in baselines])
     weight = np.array([4.0, 2.0, 1.0])[: len(found)]
     octave = np.arange(len(found)) - np.sum(weight * np.arange(len(found))) / np.sum(weight)
     return float(-np.sum(weight * octave * found) / np.sum(weight * octave**2))
