@@ -1,10 +1,11 @@
-"""Continue decimated DTMs and compare with the originals: table and pictures of docs/terrain.md.
+"""Continue decimated DTMs and compare with the originals: tables and pictures of docs/terrain.md.
 
     python docs/make_terrain_evidence.py jezero.tif gale.bin:60/65535 …
 
 Each DTM (with a vertical scale after a colon, where its file has none) is averaged 4 × 4, continued
 to its own posting with several seeds, and compared with itself, beside cubic interpolation of the
-same averages. Prints a table for docs/terrain.md and draws the first DTM.
+same averages. Then parts of it are averaged, or thinned out to single posts, by 4 and by 8. Prints
+tables for docs/terrain.md and draws the first DTM.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 
 FACTOR, MARGIN, SEEDS = 4, 8, (1, 2, 3)
 LAGS = (1, 2, 3, 4, 8)
+PART = 512
+"""Posts a side of parts, which overlap by half."""
 IMAGES = Path(__file__).parent / "images"
 
 
@@ -55,42 +58,88 @@ def main() -> None:
     for t in trials:
         print_rows(t)
         print(f"{t.name}: {t.roughness}; means off by {t.residual * 1000:.2g} mm at most")
+    print("| parts of | by | parts | 1 post | 2 to 4 | 95th percentile of slopes | within |")
+    print("|---|---|---|---|---|---|---|")
+    for argument in parser.parse_args().dtm:
+        print_parts(argument)
     draw(trials[0], IMAGES / "continuation.png")
 
 
 def trial(argument: str) -> Trial:
     """Average, continue, cut."""
+    name, heights = read(argument)
+    rows, columns = (n // FACTOR for n in heights.shape)
+    heights = heights[: rows * FACTOR, : columns * FACTOR]
+    means = averages(heights, FACTOR)
+    edge = MARGIN * FACTOR
+    made = [continued(means, seed, FACTOR) for seed in SEEDS]
+    inner = means[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    return Trial(
+        name=name,
+        truth=heights[edge:-edge, edge:-edge],
+        cubic=interpolated(means)[edge:-edge, edge:-edge],
+        ours=tuple(ground for ground, _ in made),
+        residual=max(float(np.abs(averages(ground, FACTOR) - inner).max()) for ground, _ in made),
+        roughness=made[0][1],
+    )
+
+
+def read(argument: str) -> tuple[str, Array]:
+    """Name of a DTM and its heights."""
     name, _, scale = argument.partition(":")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with rasterio.open(name) as file:
             heights = file.read(1).astype(float) * float(Fraction(scale or "1"))
-    rows, columns = (n // FACTOR for n in heights.shape)
-    heights = heights[: rows * FACTOR, : columns * FACTOR]
-    means = averages(heights)
-    edge = MARGIN * FACTOR
-    made = [continued(means, seed) for seed in SEEDS]
-    inner = means[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    return Trial(
-        name=Path(name).stem,
-        truth=heights[edge:-edge, edge:-edge],
-        cubic=interpolated(means)[edge:-edge, edge:-edge],
-        ours=tuple(ground for ground, _ in made),
-        residual=max(float(np.abs(averages(ground) - inner).max()) for ground, _ in made),
-        roughness=made[0][1],
-    )
+    return Path(name).stem, heights
 
 
-def averages(heights: Array) -> Array:
-    """Means over blocks of 4 × 4 samples."""
-    rows, columns = (n // FACTOR for n in heights.shape)
-    return heights.reshape(rows, FACTOR, columns, FACTOR).mean(axis=(1, 3))
+def print_parts(argument: str) -> None:
+    """Ranges of errors of parts of a DTM, averaged and thinned out, and how many reach the goal."""
+    name, heights = read(argument)
+    corners = [
+        (row, column)
+        for row in range(0, max(len(heights) - PART, 0) + 1, PART // 2)
+        for column in range(0, max(heights.shape[1] - PART, 0) + 1, PART // 2)
+    ]
+    parts = [heights[row : row + PART, column : column + PART] for row, column in corners]
+    for factor in (4, 8):
+        for thinned in (False, True):
+            errors = np.array([part_errors(part, factor, thinned=thinned) for part in parts])
+            one, few, steep = errors[:, 0], errors[:, 1:4], errors[:, 4]
+            rough = (np.abs(one) < 0.15) & (np.abs(few).max(axis=1) < 0.10)
+            cells = " | ".join(
+                f"{100 * e.min():+.0f} to {100 * e.max():+.0f} %" for e in (one, few, steep)
+            )
+            kind = "thinned out" if thinned else "averaged"
+            reached = f"{rough.sum()}, {(np.abs(steep) < 0.07).sum()}"
+            print(f"| {name} | {factor}, {kind} | {len(parts)} | {cells} | {reached} |")
 
 
-def continued(means: Array, seed: int) -> tuple[Array, str]:
+def part_errors(part: Array, factor: int, *, thinned: bool) -> list[float]:
+    """Errors of the RMS deviation over 1 to 4 posts and of the slopes' 95th percentile."""
+    means = averages(part, factor)
+    if thinned:
+        means = part[factor // 2 :: factor, factor // 2 :: factor][: len(means), : means.shape[1]]
+    ground, _ = continued(means, 1, factor)
+    edge = MARGIN * factor
+    truth = part[edge : len(means) * factor - edge, edge : means.shape[1] * factor - edge]
+    errors = [rms_deviation(ground, n) / rms_deviation(truth, n) - 1.0 for n in LAGS[:4]]
+    steep = [np.percentile(np.tan(np.radians(slopes(z))), 95) for z in (ground, truth)]
+    return [*errors, float(steep[0] / steep[1] - 1.0)]
+
+
+def averages(heights: Array, factor: int) -> Array:
+    """Means over blocks of samples."""
+    rows, columns = (n // factor for n in heights.shape)
+    heights = heights[: rows * factor, : columns * factor]
+    return heights.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
+
+
+def continued(means: Array, seed: int, factor: int) -> tuple[Array, str]:
     """Ground that the fractal layer makes of the averages [m], and what it was fitted to."""
-    posting, spacing = 4.0 * FACTOR, 4.0
-    size = [((n - 2 * MARGIN) * FACTOR - 1) * spacing for n in means.shape[::-1]]
+    posting, spacing = 4.0 * factor, 4.0
+    size = [((n - 2 * MARGIN) * factor - 1) * spacing for n in means.shape[::-1]]
     recipe = tf.Recipe(
         schema=1,
         name="trial",

@@ -39,6 +39,17 @@ def expected_increment(hurst: float, lag: int) -> float:
     )
 
 
+def mixed_share(heights: Array, lag: int, trusted: Mask) -> float:
+    """Mean square of the mixed fourth differences over a lag, over that of second increments.
+
+    NaN where no three by three trusted posts lie together, or all lie in planes.
+    """
+    across, known = _differences(heights, lag), _all_known(trusted, lag)
+    mixed, known = _differences(across.T, lag), _all_known(known.T, lag)
+    second = mean_square_increment(heights, lag, trusted)
+    return float(np.mean(mixed[known] ** 2) / second) if known.any() and second else float("nan")
+
+
 def local_square_increments(heights: Array, lag: int, trusted: Mask, width: float) -> Array:
     """Mean squares of second increments around each post, shape as the heights.
 
@@ -65,11 +76,20 @@ def _sums(heights: Array, lag: int, trusted: Mask) -> tuple[Array, Array]:
         (heights, trusted, total, count),
         (heights.T, trusted.T, total.T, count.T),
     ):
-        known = known[:, 2 * lag :] & known[:, lag:-lag] & known[:, : -2 * lag]
-        increment = z[:, 2 * lag :] - 2.0 * z[:, lag:-lag] + z[:, : -2 * lag]
-        squares[:, lag:-lag] += np.where(known, increment**2, 0.0)
-        numbers[:, lag:-lag] += known
+        all_known = _all_known(known, lag)
+        squares[:, lag:-lag] += np.where(all_known, _differences(z, lag) ** 2, 0.0)
+        numbers[:, lag:-lag] += all_known
     return total, count
+
+
+def _differences(heights: Array, lag: int) -> Array:
+    """Second increments along rows."""
+    return np.asarray(heights[:, 2 * lag :] - 2.0 * heights[:, lag:-lag] + heights[:, : -2 * lag])
+
+
+def _all_known(trusted: Mask, lag: int) -> Mask:
+    """Where all three posts of them are trusted."""
+    return trusted[:, 2 * lag :] & trusted[:, lag:-lag] & trusted[:, : -2 * lag]
 
 
 def _variogram_of_means(hurst: float, lag: int) -> float:

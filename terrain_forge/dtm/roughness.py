@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from terrain_forge.dtm.increments import (
     mean_square_increment,
 )
 from terrain_forge.dtm.noise_floor import NoiseFloor
-from terrain_forge.model import Body, Roughness
+from terrain_forge.model import HIGHEST_EXPONENT, Body, Roughness
 
 COARSE_POSTING = 50.0
 """Posting [m] beyond which a DTM says nothing about a rover's site."""
@@ -22,7 +23,7 @@ FEWEST_POSTS = 48
 """Posts a side below which the exponent is called a preset that the DTM has moved."""
 FEWEST_FOR_AMPLITUDE = 24
 """Posts a side below which nothing is taken from the DTM."""
-HURST_LIMITS = (0.47, 0.95)
+HURST_LIMITS = (0.45, HIGHEST_EXPONENT)
 """Exponents between which a fit is kept: ground rough at the posting is less so below it."""
 HURST_PRIOR = (0.75, 0.15)
 """Mean and scatter of the exponents that are published of sites (0.57, 0.65 and 0.8 at Pathfinder,
@@ -36,10 +37,12 @@ _SMOOTHED = 1.3
 reach 1.26, a Gaussian of one post makes 1.36 and more."""
 _ROUGH = 1.1
 """Exponent below which smoothing shows no more."""
-_LOCAL_WIDTH = 2.0
-_BEND = 0.6
-"""Octaves below its baselines for which an exponent goes on to rise as it did above them …"""
-_MOST_BENT = 0.1  # … and its largest rise in an octave
+_LOCAL_WIDTH = 1.0
+_MIDDLE = 0.5
+"""Octaves from the shortest baseline up to the middle of those that the exponent is fitted to."""
+_MOST_RISE = 0.25
+_RISE_PRIOR = 0.1
+"""Scatter of the rise of exponents towards shorter baselines in an octave."""
 
 
 def fit_roughness(
@@ -76,25 +79,29 @@ def fit_roughness(
         return body_roughness(body, "DTM without relief")
     resolved = 1 if floor else _shortest_resolved(squares)
     exponent = floor.exponent if floor else _fitted(heights, trusted, resolved)
-    bend = 0.0 if floor else _BEND * _rise(heights, trusted, resolved)
-    weighed = _weighed(exponent) + bend
+    rise = 0.0 if floor else _likely_rise(heights, trusted, resolved)
+    weighed = _weighed(exponent) + _MIDDLE * rise
     hurst = _limited(weighed)
     source = _source(heights.shape, exponent, hurst)
-    if bend > 0.005:
-        source += f", {bend:.2f} more below its posting as it rises towards it"
+    if rise > 0.005:
+        source += f", {rise:.2f} more in each octave below as it rises towards the posting"
     if floor:
         source += f" above its noise, baselines from {0.5 * floor.longest * posting:.3g} m"
     local = _local_deviation(heights, trusted, hurst, resolved) / posting**hurst
     # Ground that is smoother than the limit stays so for another octave: its power ends sooner.
     local *= 0.5 ** max(weighed - hurst, 0.0)
     grain = find_grain(heights, trusted)
-    longest = resolved * BASELINES[-1] * posting
+    joint, longest = resolved * posting, resolved * BASELINES[-1] * posting
+    bent = Roughness(hurst=hurst, deviation=1.0, source="", rise=rise, joint=joint)
+    local *= joint**hurst / bent.deviation_over(joint)
     return Roughness(
         hurst=hurst,
         deviation=float(np.sqrt(np.mean(local**2))),
         source=f"{source}, amplitude of the DTM around each post, baselines "
-        f"{resolved * posting:.3g} to {longest:.3g} m",
+        f"{joint:.3g} to {longest:.3g} m",
         exponent=exponent,
+        rise=rise,
+        joint=joint,
         resolved=resolved,
         local=local.astype(np.float32),
         grain=None if grain is None else grain.astype(np.float32),
@@ -111,7 +118,16 @@ def _fitted(heights: Array, trusted: Mask, resolved: int) -> tuple[float, float]
     """Exponent of the DTM and its standard error; None where it is too small for the baselines."""
     if not _long_enough(heights, resolved):
         return None
-    return _fit_exponent(heights, trusted, resolved), _standard_error(heights, trusted, resolved)
+    found = _fit_exponent(heights, trusted, resolved)
+    return found, _standard_error(heights, trusted, resolved, _fit_exponent)
+
+
+def _likely_rise(heights: Array, trusted: Mask, resolved: int) -> float:
+    """Rise of the exponent in an octave, weighed against none; 0 if it falls."""
+    rise = _rise(heights, trusted, resolved)
+    error = _standard_error(heights, trusted, resolved, _rise)
+    weight = _RISE_PRIOR**2 / (_RISE_PRIOR**2 + error**2)
+    return float(np.clip(weight * rise, 0.0, _MOST_RISE))
 
 
 def _weighed(exponent: tuple[float, float] | None) -> float:
@@ -162,7 +178,10 @@ def _long_enough(heights: Array, resolved: int) -> bool:
 
 
 def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
-    """Exponent of the second increments; what pixels average away depends on it in turn."""
+    """Exponent of the second increments over one and two of a baseline [posts].
+
+    What pixels average away depends on it in turn.
+    """
     lags = [n * resolved for n in BASELINES]
     logs = portable.log([mean_square_increment(heights, lag, trusted) for lag in lags])
     hurst = 0.75
@@ -174,27 +193,27 @@ def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
 
 
 def _rise(heights: Array, trusted: Mask, resolved: int) -> float:
-    """Rise of the exponent in each octave towards the shortest baseline; 0 if it falls."""
-    found, baselines = [], [resolved, 2 * resolved, 4 * resolved]
-    for lag in baselines:
-        if 6 * lag > min(heights.shape):
-            break
-        found.append(_fit_exponent(heights, trusted, lag))
-    if len(found) < 2:
+    """Rise of the exponent in each octave towards the shortest baseline."""
+    baselines = [
+        lag for lag in (resolved, 2 * resolved, 4 * resolved) if _long_enough(heights, lag)
+    ]
+    if len(baselines) < 2:
         return 0.0
+    found = np.array([_fit_exponent(heights, trusted, lag) for lag in baselines])
     weight = np.array([4.0, 2.0, 1.0])[: len(found)]
     octave = np.arange(len(found)) - np.sum(weight * np.arange(len(found))) / np.sum(weight)
-    rise = -np.sum(weight * octave * np.array(found)) / np.sum(weight * octave**2)
-    return float(np.clip(rise, 0.0, _MOST_BENT))
+    return float(-np.sum(weight * octave * found) / np.sum(weight * octave**2))
 
 
-def _standard_error(heights: Array, trusted: Mask, resolved: int) -> float:
-    """Standard error of the exponent, from the scatter between the DTM's quarters."""
+def _standard_error(
+    heights: Array, trusted: Mask, resolved: int, estimate: Callable[[Array, Mask, int], float]
+) -> float:
+    """Standard error of an estimate, from its scatter between the DTM's quarters."""
     rows, columns = (length // 2 for length in heights.shape)
     halves = [(np.s_[:rows], np.s_[rows:]), (np.s_[:columns], np.s_[columns:])]
     quarters = [(r, c) for r in halves[0] for c in halves[1]]
     found = [
-        _fit_exponent(heights[q], trusted[q], resolved)
+        estimate(heights[q], trusted[q], resolved)
         for q in quarters
         if trusted[q].mean() > 0.5
         and np.ptp(heights[q][trusted[q]]) > 0.0

@@ -12,6 +12,7 @@ from terrain_forge.dtm.denoising import denoised
 from terrain_forge.dtm.interpolation import cubic
 from terrain_forge.dtm.lattice import patch_pixels
 from terrain_forge.dtm.noise_floor import NoiseFloor, find_noise
+from terrain_forge.dtm.point_posts import are_points, means_of_points
 from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
 from terrain_forge.dtm.quality import planar_posts
 from terrain_forge.dtm.raster import Raster, open_raster
@@ -91,6 +92,8 @@ def _without_noise(
     if floor is None and given is not None:
         kept = f"noise of {given:.2g} m could not be told from the ground: it is kept"
         return patch.replace(repairs=(*patch.repairs, kept)), None
+    if floor is None and are_points(patch.heights, measured):
+        return _with_means(patch), None
     if floor is None:
         return patch, None
     source = "found in" if given is None else "said to be in"
@@ -102,6 +105,17 @@ def _without_noise(
     heights = denoised(patch.heights, floor, stage_key(seed, "dtm/noise"))
     repairs = (*patch.repairs, told)
     return patch.replace(heights=heights, repairs=repairs, noise=floor.deviation), floor
+
+
+def _with_means(patch: DtmPatch) -> DtmPatch:
+    """The patch with the means of its pixels for heights of points."""
+    heights = means_of_points(patch.heights)
+    away = float(np.std(heights - patch.heights))
+    told = (
+        "posts are heights of points, not means of their pixels: means are made of them, "
+        f"{away:.2g} m RMS away"
+    )
+    return patch.replace(heights=heights, repairs=(*patch.repairs, told))
 
 
 def _place(

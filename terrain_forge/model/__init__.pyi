@@ -63,6 +63,7 @@ from .sensor import Topic as Topic
 from .sensor import View as View
 from .sensor import sensor_kinds as sensor_kinds
 from .sensor import titles as titles
+from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
 from .site import Site as Site

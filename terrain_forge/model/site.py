@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record, shaped
+from terrain_forge.base import Record, portable, shaped
 from terrain_forge.model.body import Body
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
@@ -46,15 +46,19 @@ class Window(Record):
             yield self.replace(row=self.row + row, rows=min(most, self.rows - row))
 
 
+HIGHEST_EXPONENT = 0.95
+"""Hurst exponent up to which ground's may rise below its DTM."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Roughness(Record):
     """Self-affine roughness of the ground: RMS deviation ν(L) = deviation · (L / 1 m)^hurst.
 
-    Shepard et al. 2001, doi:10.1029/2000JE001429.
+    Shepard et al. 2001, doi:10.1029/2000JE001429. Below a joint the exponent may rise.
     """
 
     hurst: float
-    """Hurst exponent, 0 to 1."""
+    """Hurst exponent, 0 to 1; at the joint and above where it rises."""
     deviation: float
     """RMS deviation at a baseline of 1 m [m]."""
     source: str
@@ -62,6 +66,10 @@ class Roughness(Record):
     exponent: tuple[float, float] | None = None
     """Exponent as it was fitted to the DTM, before it was weighed and limited, and its standard
     error."""
+    rise: float = 0.0
+    """Rise of the exponent in each octave below the joint."""
+    joint: float = 0.0
+    """Baseline below which the exponent rises [m]."""
     resolved: int = 1
     """Shortest baseline that the DTM resolves [posts]."""
     local: NDArray[np.float32] | None = field(
@@ -76,6 +84,31 @@ class Roughness(Record):
     in which the ground around each post is roughest, times how much rougher than across it: the
     difference of the mean square increments over their sum. Shape [2, rows, columns]; None where
     the ground has no direction."""
+
+    def exponent_over(self, baseline: float) -> float:
+        """Exponent of the law at a baseline [m]."""
+        return self.hurst + self.rise * min(self._octaves_below(baseline), self._rising)
+
+    def deviation_over(self, baseline: float) -> float:
+        """RMS deviation of the law over a baseline [m]."""
+        lost = self._lost(baseline) - self._lost(1.0)
+        return self.deviation * float(
+            portable.power(baseline, self.hurst) * portable.power(0.5, lost)
+        )
+
+    @property
+    def _rising(self) -> float:
+        """Octaves for which the exponent rises."""
+        return max(HIGHEST_EXPONENT - self.hurst, 0.0) / self.rise if self.rise else 0.0
+
+    def _octaves_below(self, baseline: float) -> float:
+        return max(float(portable.log2(self.joint / baseline)), 0.0) if self.rise else 0.0
+
+    def _lost(self, baseline: float) -> float:
+        """Octaves by which the rise makes the deviation less over a baseline."""
+        below, rising = self._octaves_below(baseline), self._rising
+        bent = min(below, rising)
+        return self.rise * bent * (below - 0.5 * bent)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -97,6 +97,7 @@ class TerrainStatistics:
         """Plain values for a report."""
         return {
             "hurst": self.roughness.hurst,
+            "hurst_rise_per_octave": self.roughness.rise,
             "deviation_1m_m": self.roughness.deviation,
             "source": self.roughness.source,
             "exponent_at_the_joint": _with_error(self.roughness.exponent),

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
-from terrain_forge.base import portable
 from terrain_forge.terrain.statistics import TerrainStatistics
 from terrain_forge.writers import log_axes
 
@@ -40,8 +39,10 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     # All but a thousandth of the ground.
     steepest = np.searchsorted(np.cumsum(ground.slope_shares), 0.999) + 2.0
     slopes.set_xlim(0.0, float(min(max(steepest, 10.0), 90.0)))
-    law = detail.deviation * portable.power(ground.baseline, detail.hurst)
+    law = np.array([detail.deviation_over(length) for length in ground.baseline.tolist()])
     label = f"ν = {detail.deviation:.2g} m · (L / 1 m)^{detail.hurst:.2f}"
+    if detail.rise:
+        label = f"ν(1 m) = {detail.deviation:.2g} m, H from {detail.hurst:.2f}"
     _draw(structure, ground.baseline, law, color=_LINE, lw=4.0, zorder=0, label=label)
     if dtm is not None:  # where it ends: its posting, half a cycle per posting
         structure.axvline(dtm.spacing, color=_INK, lw=0.8, ls=":")

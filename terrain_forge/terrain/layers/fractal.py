@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Spec, portable, stage_key
 from terrain_forge.dtm import Nodes, PixelFrame
-from terrain_forge.model import Site, Window
+from terrain_forge.model import Roughness, Site, Window
 from terrain_forge.terrain.continuation import Grain, Octaves, continue_dtm, noise_at
 from terrain_forge.terrain.layer import Layer
 
@@ -105,8 +106,8 @@ class Fractal(Layer):
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Noise octaves from the longest wavelength down to what the spacing can hold."""
         wavelengths = self.octaves(site)
-        hurst, deviation = self.figures(site)
-        factors = octave_amplitudes(hurst, deviation, wavelengths)
+        hurst = self.figures(site).hurst
+        factors = octave_amplitudes(self.figures(site), wavelengths)
         if site.dtm is None and len(wavelengths):
             baseline = min(self._baseline, wavelengths[0] / _FEWEST_BASELINES)
             factors *= end_factors(hurst, wavelengths, baselines=(baseline, site.spacing))
@@ -154,23 +155,25 @@ class Fractal(Layer):
         if len(given) > 1:
             raise ValueError(f"one of {' and '.join(given)}, not both")
 
-    def figures(self, site: Site) -> tuple[float, float]:
-        """Hurst exponent and RMS deviation at 1 m [m]."""
+    def figures(self, site: Site) -> Roughness:
+        """The law of the detail; the DTM's own bends, one that is asked for does not."""
         found = site.roughness
+        if not self._given and self.hurst is None:
+            return found
         if self.preset is not None:
             preset = PRESETS[self.preset]
-            return self.hurst or preset.hurst, preset.deviation
+            return _straight(self.hurst or preset.hurst, preset.deviation)
         hurst = self.hurst or found.hurst
         if self.rms_slope is not None:
             rise = portable.tan(np.radians(self.rms_slope.slope_deg))
-            return hurst, float(rise * self.rms_slope.baseline_m ** (1.0 - hurst))
+            return _straight(hurst, float(rise * self.rms_slope.baseline_m ** (1.0 - hurst)))
         if self.deviation_1m_m is not None:
-            return hurst, self.deviation_1m_m
+            return _straight(hurst, self.deviation_1m_m)
         if site.dtm is None or found.local is None:
-            return hurst, found.deviation
+            return _straight(hurst, found.deviation)
         # Another exponent turns the line about the shortest baseline that the DTM tells.
         joint = found.resolved * site.dtm.posting
-        return hurst, found.deviation * joint ** (found.hurst - hurst)
+        return _straight(hurst, found.deviation_over(joint) * joint**-hurst)
 
     def variation(self, site: Site) -> NDArray[np.float64] | None:
         """RMS deviation around each of the DTM's posts, as a factor on that of all; or None.
@@ -183,12 +186,15 @@ class Fractal(Layer):
         if not self._follows(site) or found.local is None or site.dtm is None:
             return None
         factors = np.asarray(found.local / found.deviation, np.float64)
-        hurst, deviation = self.figures(site)
         if site.body.repose is None or self._given:
             return factors
         steepest = _RESTING * float(portable.tan(site.body.repose))
-        slope = self.gain * deviation * factors * site.spacing ** (hurst - 1.0)
-        rock = slope * (site.dtm.posting / site.spacing) ** (hurst - 1.0) / steepest
+        law = self.figures(site)
+        slope, rock = (
+            self.gain * factors * law.deviation_over(length) / length
+            for length in (site.spacing, site.dtm.posting)
+        )
+        rock = rock / steepest
         excess = np.maximum(slope - steepest, 0.0) * np.clip(2.0 - 2.0 * rock, 0.0, 1.0)
         return np.asarray(factors * (1.0 - excess / np.maximum(slope, steepest)))
 
@@ -230,17 +236,28 @@ def _grains(site: Site, hurst: float) -> tuple[Grain, ...]:
     return tuple(found)
 
 
-def octave_amplitudes(hurst: float, deviation: float, wavelengths: Array) -> Array:
-    """Factors of noise octaves, halving in wavelength, whose sum is self-affine.
+def _straight(hurst: float, deviation: float) -> Roughness:
+    return Roughness(hurst=hurst, deviation=deviation, source="the recipe")
+
+
+def octave_amplitudes(law: Roughness, wavelengths: Array) -> Array:
+    """Factors of noise octaves, halving in wavelength, whose sum has the law's deviations.
 
     An endless sum of octaves λ with factors a·λ^H has the mean square difference a²·K(H)·L^2H,
     where K is the sum over all octaves of 2^(2Hn)·D(2^-n), averaged over a factor 2 of L.
     """
+    return np.array(
+        [law.deviation_over(w) / _mean_sum(law.exponent_over(w)) ** 0.5 for w in wavelengths]
+    )
+
+
+@cache
+def _mean_sum(hurst: float) -> float:
+    """K of an exponent."""
     sums = [
         _sum(hurst, d, _ALL) / d ** (2 * hurst) for d in portable.power(2.0, np.arange(8) / 8.0)
     ]
-    amplitudes: Array = deviation / np.sqrt(np.mean(sums)) * wavelengths**hurst
-    return amplitudes
+    return float(np.mean(sums))
 
 
 def end_factors(hurst: float, wavelengths: Array, *, baselines: tuple[float, float]) -> Array:

@@ -210,7 +210,7 @@ def test_height_map_without_georeference(tmp_path):
 
 def test_array_is_taken_as_it_is():
     heights = np.random.default_rng(0).normal(size=(41, 61))
-    spec = ArrayDtm(posting_m=0.5, size_m=(30.0, 20.0))
+    spec = ArrayDtm(posting_m=0.5, size_m=(30.0, 20.0), noise="keep")
     site, ground = look(spec, Path(), heights=heights)
     assert np.abs(ground.elevation + site.datum_height - heights).max() < 1e-6
     with pytest.raises(RecipeError, match="heights"):

@@ -112,11 +112,10 @@ def dunes(count=256):
 @pytest.mark.parametrize(
     "heights",
     [
-        clean(factor=1), clean(), clean(factor=4), clean("moon_mare_synthetic.tif", 1),
-        clean("moon_mare_synthetic.tif", 2), dunes(), gaussian_filter(clean(), 1.0),
-        np.zeros((128, 128)), np.random.default_rng(1).normal(size=(60, 60)),
+        clean(factor=1), clean(), clean(factor=4), clean("moon_mare_synthetic.tif", 2), dunes(),
+        gaussian_filter(clean(), 1.0), np.zeros((128, 128)),
     ],
-    ids=["gale", "gale/2", "gale/4", "mare", "mare/2", "dunes", "smoothed", "flat", "small"],
+    ids=["gale", "gale/2", "gale/4", "mare/2", "dunes", "smoothed", "flat"],
 )  # fmt: skip
 def test_clean_dtm_is_left_alone(heights):
     """Not even dunes, craters, nor ground that a matcher smoothed are taken for noise."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import stage_key
-from terrain_forge.model import Image, Window
+from terrain_forge.model import Image, Roughness, Window
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import load_recipe
 from terrain_forge.terrain import Fractal, layer_types, shape_ground
@@ -42,7 +42,9 @@ def test_flat_sites_are_as_rough_as_the_law(hurst, spacing):
     """From one spacing up to a quarter of the longest wavelength, whatever H and spacing."""
     site = worlds.site().replace(size=(100.0, 100.0), spacing=spacing)
     wavelengths = Fractal().octaves(site)
-    factors = fractal.octave_amplitudes(hurst, 0.05, wavelengths)
+    factors = fractal.octave_amplitudes(
+        Roughness(hurst=hurst, deviation=0.05, source=""), wavelengths
+    )
     factors *= fractal.end_factors(hurst, wavelengths, baselines=(1.0, spacing))
     for baseline in (spacing, 2 * spacing, 3 * spacing, 1.0, 2.0, 4.0, 8.0):
         squares = factors**2 * fractal.structure_function(baseline / wavelengths)
