@@ -45,6 +45,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, content=text))
     if os.environ.get("TERRAIN_FORGE_TUTORIALS") != "as-they-are":
         for file in [file for file in files if file.src_uri.endswith(".ipynb")]:
+            files.remove(file)
             files.append(File.generated(config, file.src_uri, abs_src_path=str(executed(file))))
     return files
 
