@@ -90,7 +90,7 @@ class Campaign:
             shutil.rmtree(folder)
 
     def run(self, *, seconds: float = 1e9, inputs: int = 10**9) -> Figures:
-        """Run for a time, or a number of inputs."""
+        """Run for a time, or a number of inputs, or until an interrupt."""
         begin, kinds = time.monotonic(), self._kinds
         try:
             first = self.figures.inputs.total()
@@ -99,6 +99,8 @@ class Campaign:
             ):
                 self._step(kinds[self.figures.inputs.total() % len(kinds)])
                 self.figures.seconds = time.monotonic() - begin
+        except KeyboardInterrupt:
+            self.figures.seconds = time.monotonic() - begin
         finally:
             shutil.rmtree(self._place, ignore_errors=True)
         return self.figures

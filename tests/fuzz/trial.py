@@ -51,9 +51,20 @@ def warm_up() -> None:
     import scipy.stats  # noqa: F401
     import trimesh  # noqa: F401
 
-    from terrain_forge.recipe import json_schema
+    import terrain_forge as tf
+    import terrain_forge.cli
 
-    json_schema()
+    tf.json_schema()
+    law = tf.Golombek(k=0.01)
+    pebbles = tf.PopulationSpec(name="pebbles", size_frequency=law, diameter_m=(0.2, 1.0))
+    recipe = tf.Recipe(
+        name="warm",
+        body="mars",
+        dtm=tf.FlatDtm(size_m=(4.0, 4.0)),
+        terrain=tf.TerrainSpec(spacing_m=0.5),
+        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1), populations=(pebbles,)),
+    )
+    list(tf.check(recipe))
 
 
 def run(
