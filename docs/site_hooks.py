@@ -58,7 +58,8 @@ def executed(file: File) -> Path:
     tutorial = nbformat.read(file.abs_src_path, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
         NotebookClient(tutorial, timeout=900, resources={"metadata": {"path": folder}}).execute()
-    done = Path(_EXECUTED.name) / Path(file.src_uri).name
+    done = Path(_EXECUTED.name) / file.src_uri
+    done.parent.mkdir(exist_ok=True)
     nbformat.write(tutorial, done)
     return done
 
