@@ -46,9 +46,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
     if os.environ.get("TERRAIN_FORGE_TUTORIALS") != "as-they-are":
-        for file in [file for file in files if file.src_uri.endswith(".ipynb")]:
-            files.remove(file)
-            files.append(File.generated(config, file.src_uri, abs_src_path=str(executed(file))))
+        for file in (file for file in files if file.src_uri.endswith(".ipynb")):
+            file.abs_src_path = str(executed(file))
     return files
 
 
