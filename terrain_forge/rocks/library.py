@@ -95,11 +95,11 @@ class LibrarySpec(Spec):
     """The user's own shapes, which follow those that are made."""
     hull_vertices: Annotated[int, Interval(ge=16, le=64)] = 64
     """Largest number of vertices of a shape's convex collision parts; GPU engines like 32."""
-    hull_excess: Annotated[float, Interval(ge=0.01, le=1)] = 0.2
+    hull_excess: Annotated[float, Interval(ge=0.1, le=1)] = 0.2
     """Part by which the volume of a shape's collision parts together may exceed the shape's. A
     shape that one hull does not fit so well is cut into several parts, which takes seconds for
     each, once."""
-    hull_distance: Annotated[float, Interval(ge=0.05, le=1)] = 0.15
+    hull_distance: Annotated[float, Interval(ge=0.1, le=1)] = 0.15
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
 
@@ -141,8 +141,11 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
         return _prototype(family, meshes, spec, name=f"shape {n} ({family})")
 
     files = {mesh.path: mesh.mesh for mesh in custom}
-    with ThreadPoolExecutor(get_num_threads()) as threads:
+    threads = ThreadPoolExecutor(get_num_threads())
+    try:
         prototypes = [*threads.map(made, range(spec.shapes))]
+    finally:  # after the first that cannot be made, the others need not be
+        threads.shutdown(cancel_futures=True)
     for own in spec.meshes:
         laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
         prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))

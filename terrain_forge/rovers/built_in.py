@@ -255,10 +255,18 @@ def _add_grousers(rover: Rover, spec: GrouserSpec) -> Rover:
 
     A wheel's cylinder is seen as the drum between the bars; it collides as that too, or as before.
     """
-    if spec.height_m >= 0.5 * min(wheel.radius for wheel in rover.wheels):
+    radius = min(wheel.radius for wheel in rover.wheels)
+    if spec.height_m >= 0.5 * radius:
         raise RecipeError(
             f"{spec.height_m:g} m, must be less than half the wheel's radius",
             key=("rover", "grousers", "height_m"),
+        )
+    most = 2.0 * math.sqrt(radius**2 - (radius - spec.height_m) ** 2)
+    if spec.thickness_m >= most:
+        raise RecipeError(
+            f"{spec.thickness_m:g} m, bars of that height on this wheel must be less than "
+            f"{most:.4g} m thick",
+            key=("rover", "grousers", "thickness_m"),
         )
     bars = Grousers(count=spec.count, height=spec.height_m, thickness=spec.thickness_m)
     wheels = {wheel.link: wheel for wheel in rover.wheels}

@@ -19,7 +19,7 @@ _END_WEIGHT = 2.0  # errors near top and base count more: the rock's height, and
 _GROWTH = 1.003  # of parts about their middles
 # Level of detail that is cut up, and how far a part may differ from its own hull (CoACD's
 # threshold): from the cheapest to the closest.
-ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05), (0, 0.025))
+ATTEMPTS = ((1, 0.2), (1, 0.1), (1, 0.05), (0, 0.05))
 
 
 class CollisionShape(NamedTuple):

@@ -137,6 +137,7 @@ def _recipe(rover):
         (lambda: skid4(dimensions={"track_m": 0.5}),
          ("dimensions", "track_m")),
         (lambda: skid4(grousers={"height_m": 0.1}), ("grousers", "height_m")),
+        (lambda: skid4(grousers={"thickness_m": 0.12}), ("grousers", "thickness_m")),
     ],
 )  # fmt: skip
 def test_parts_that_do_not_fit_are_refused(make, key):
