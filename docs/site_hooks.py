@@ -47,12 +47,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, content=text))
     if os.environ.get("TERRAIN_FORGE_TUTORIALS") != "as-they-are":
         for file in (file for file in files if file.src_uri.endswith(".ipynb")):
-            file.abs_src_path = str(executed(file))
+            run(file)
+            file.src_dir = _EXECUTED.name
     return files
 
 
-def executed(file: File) -> Path:
-    """A tutorial with its results; it runs in an empty folder, an error in it ends the build."""
+def run(file: File) -> None:
+    """Run a tutorial in an empty folder and keep it with its results; an error ends the build."""
     assert file.abs_src_path
     tutorial = nbformat.read(file.abs_src_path, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
@@ -60,7 +61,6 @@ def executed(file: File) -> Path:
     done = Path(_EXECUTED.name) / file.src_uri
     done.parent.mkdir(exist_ok=True)
     nbformat.write(tutorial, done)
-    return done
 
 
 def moved(text: str) -> str:
