@@ -45,8 +45,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     }
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
-    if os.environ.get("TERRAIN_FORGE_TUTORIALS") != "as-they-are":
-        for file in (file for file in files if file.src_uri.endswith(".ipynb")):
+    for file in files:
+        if file.src_uri.endswith(".ipynb"):
             run(file)
             file.src_dir = _EXECUTED.name
     return files
@@ -56,8 +56,13 @@ def run(file: File) -> None:
     """Run a tutorial in an empty folder and keep it with its results; an error ends the build."""
     assert file.abs_src_path
     tutorial = nbformat.read(file.abs_src_path, as_version=4)
-    with tempfile.TemporaryDirectory() as folder:
-        NotebookClient(tutorial, timeout=900, resources={"metadata": {"path": folder}}).execute()
+    if os.environ.get("TERRAIN_FORGE_TUTORIALS") != "as-they-are":
+        with tempfile.TemporaryDirectory() as folder:
+            there = {"metadata": {"path": folder}}
+            NotebookClient(tutorial, timeout=900, resources=there).execute()
+    for cell in tutorial.cells:
+        if cell.cell_type == "markdown":  # MkDocs turns links only in pages of Markdown
+            cell.source = re.sub(r"\]\((\.\./[\w/-]+)\.md\)", r"](\1.html)", cell.source)
     done = Path(_EXECUTED.name) / file.src_uri
     done.parent.mkdir(exist_ok=True)
     nbformat.write(tutorial, done)
