@@ -90,8 +90,8 @@ def plot(path: Path, *, description: str, caption: str = "") -> Block:
         still = source(jpeg(read_picture(path)), "image/jpeg")
         images = [(source(content, f"image/{path.suffix[1:]}"), 0)]
     else:
-        pixels = read_picture(path)
-        images = [(source(png(part), "image/png"), part.shape[1]) for part in panels(pixels)]
+        parts = panels(read_picture(path))
+        images = [(source(_encoded(part, "PNG"), "image/png"), part.shape[1]) for part in parts]
     return Block(
         kind="picture", sources=images, still=still, description=description, caption=caption
     )
@@ -119,19 +119,14 @@ def source(content: bytes, media_type: str) -> str:
 
 def jpeg(pixels: NDArray[np.uint8], quality: int = 88) -> bytes:
     """An sRGB image, shape [height, width, 3], as JPEG."""
+    return _encoded(pixels, "JPEG", quality=quality)
+
+
+def _encoded(pixels: NDArray[np.uint8], form: str, **options: int) -> bytes:
     from PIL import Image
 
     buffer = BytesIO()
-    Image.fromarray(pixels).save(buffer, "JPEG", quality=quality)
-    return buffer.getvalue()
-
-
-def png(pixels: NDArray[np.uint8]) -> bytes:
-    """An sRGB image, shape [height, width, 3], as PNG."""
-    from PIL import Image
-
-    buffer = BytesIO()
-    Image.fromarray(pixels).save(buffer, "PNG")
+    Image.fromarray(pixels).save(buffer, form, **options)
     return buffer.getvalue()
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from terrain_forge.report.blocks import (
     Block,
     Shown,
@@ -63,12 +61,6 @@ def _stroke(line: Line, built: Built, width: int, height: int) -> dict[str, Any]
 def _slopes(built: Built) -> list[Block]:
     ground = built.world.ground
     slopes = slope_statistics(ground)
-    shown = max(10, int(np.ceil(slopes.percentile_95_deg * 1.5)))
-    shares = [*slopes.shares[: shown - 1], slopes.shares[shown - 1 :].sum()]
-    every = 5 if shown <= 30 else 10
-    room = 0.12 * shown  # for the last label
-    labels = (f"{n}°" if n % every == 0 and n < shown - room else "" for n in range(shown))
-    edges = [*labels, f"{shown}° +"]
     heights = ground.elevation
     listed: list[tuple[str, Shown]] = [
         ("Height", f"{heights.min():.2f} m to {heights.max():.2f} m".replace("-", "\u2212")),
@@ -78,10 +70,8 @@ def _slopes(built: Built) -> list[Block]:
         ("Steepest", f"{slopes.steepest_deg:.1f}°"),
     ]
     return [
-        heading("Share of the ground by slope"),
-        Block(kind="bars", heights=shares, labels=edges, description="Histogram of slopes"),
-        paragraph(f"Slopes over {ground.spacing:g} m, the grid's spacing.", "note"),
         facts(listed),
+        paragraph(f"Slopes over {ground.spacing:g} m, the grid's spacing.", "note"),
     ]
 
 
@@ -90,10 +80,11 @@ def _scales(built: Built) -> list[Block]:
     terrain: dict[str, Any] = built.validation.get("terrain", {})
     if not terrain:
         return []
+    ends = "where the DTM's end, at the dotted line, the ground's go on; "
+    joint = ends if terrain.get("dtm_state") else ""
     caption = (
-        "The structure function, the power spectrum and the slopes of the ground should go on "
-        f"where the DTM's end, at the dotted line. Hurst exponent of the detail "
-        f"{terrain['hurst']:.2f}: {terrain['source']}."
+        f"Structure function, power spectrum and slopes: {joint}"
+        f"the Hurst exponent of the detail is {terrain['hurst']:.2f} ({terrain['source']})."
     )
     description = "Structure function, spectrum and slopes of the ground and of its DTM"
     pictures = [

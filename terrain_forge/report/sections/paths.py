@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from terrain_forge.model import Trajectory
-from terrain_forge.report.blocks import ANIMATED, Block, Cell, Shown, paragraph, plot, table
+from terrain_forge.report.blocks import ANIMATED, Block, Shown, paragraph, plot, table
 from terrain_forge.report.describe import describe
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.checks import check_blocks, is_drive
@@ -56,33 +55,21 @@ def _path_row(trajectory: Trajectory) -> list[Shown]:
 
 
 class Drive(Section):
-    """The validation drive: whether it arrived, what it looked like, its checks and figures."""
+    """The validation drive: what it looked like, its checks and figures."""
 
     kind, title, place = "drive", "The drive", 80
 
     def blocks(self, built: Built) -> Sequence[Block]:
-        """Verdict, film and plots, checks, then what they do not say."""
-        said = {name: said for name, said in built.validation.items() if name.startswith("drive")}
+        """Film and plots, checks, then what they do not say."""
+        said = [said for name, said in built.validation.items() if name.startswith("drive")]
         checks = [check for check in built.validation.get("checks", []) if is_drive(check)]
         files = sorted(built.pictures("drive"), key=lambda path: path.suffix not in ANIMATED)
         pictures = [_picture(path) for path in files]
         more = list[Block]()
-        for content in filter(None, said.values()):
-            more += describe(_untold(content) if isinstance(content, dict) else {"drives": content})
-        return [*_arrival(said.get("drive") or {}), *pictures, *check_blocks(checks), *more]
-
-
-def _untold(content: dict[str, Any]) -> dict[str, Any]:
-    """What the checks of a drive do not say already."""
-    return {name: said for name, said in content.items() if name not in _TOLD}
-
-
-def _arrival(drive: dict[str, Any]) -> list[Block]:
-    if "reason" not in drive:
-        return []
-    if drive.get("completed"):
-        return [paragraph(Cell("arrived", "good"))]
-    return [paragraph(Cell("did not arrive", "bad", note=str(drive["reason"])))]
+        for content in filter(None, said):
+            one = content if isinstance(content, dict) else {"drives": content}
+            more += describe({name: value for name, value in one.items() if name not in _TOLD})
+        return [*pictures, *check_blocks(checks), *more]
 
 
 def _picture(path: Path) -> Block:

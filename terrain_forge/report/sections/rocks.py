@@ -86,6 +86,7 @@ def _column(part: dict[str, Any], built: Built) -> dict[str, Shown]:
     count, cover, ks = part["count"], part["cover"], part.get("kolmogorov_smirnov")
     evenness, dynamic, burial = (part.get(n) for n in ("clark_evans", "dynamic", "burial"))
     ends, listed = part["diameter_m"], "as listed" if "file" in part else ""
+    rests = (dynamic["dynamic"], dynamic["expected"]) if dynamic else ()
     expected = f"{_percent(cover['expected'])} ± {_percent(cover['standard_deviation'])}"
     return {
         "Law": _law(part),
@@ -105,13 +106,9 @@ def _column(part: dict[str, Any], built: Built) -> dict[str, Shown]:
         "Visible cover": _percent(cover["outline"]),
         "Clark–Evans ratio": f"{evenness['ratio']:.3f}" if evenness else "",
         "Burial": f"{burial['observed']:.3f}, asked {burial['expected']:.3f}" if burial else "",
-        "Dynamic": _of(dynamic["dynamic"], dynamic["expected"]) if dynamic else "",
+        "Dynamic": " of ".join(map(thousands, rests)) if dynamic else "",
         "Visual-only": thousands(part["visual_only"]) if "visual_only" in part else "",
     }
-
-
-def _of(part: int, whole: int) -> str:
-    return f"{thousands(part)} of {thousands(whole)}"
 
 
 def _verdict(part: dict[str, Any], built: Built) -> Shown:
