@@ -323,7 +323,7 @@ def opening(folder: Path, options: Any) -> Opening:
     return Opening(
         title="Gazebo",
         commands=f"GZ_SIM_RESOURCE_PATH={models} gz sim {name}/scene.sdf\n"
-        f"IGN_GAZEBO_RESOURCE_PATH={models} ign gazebo {name}/scene.sdf   # Fortress",
+        f"# Fortress: IGN_GAZEBO_RESOURCE_PATH={models} ign gazebo {name}/scene.sdf",
     )
 
 

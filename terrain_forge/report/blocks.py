@@ -16,14 +16,16 @@ ANIMATED = (".gif", ".webp")
 """File names of animated pictures end so."""
 LARGEST_ANIMATION = 5_000_000
 """Bytes of an animated picture that the page takes in; a larger one stays beside it."""
+_STRIP, _NARROWEST = 0.015, 0.2
+"""Width of the blank strip between the panels of a plot, and of a panel, in widths of the plot."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A value with a mark or with a note below it."""
+    """A label, whose terms the page explains, or a value with a coloured mark."""
 
     text: str
-    """The value."""
+    """The label or value."""
     chip: str = ""
     """Its coloured mark: `good`, `bad` or `open`; none where empty."""
     note: str = ""
@@ -72,27 +74,42 @@ def table(
 
 def photograph(pixels: NDArray[np.uint8], description: str, caption: str = "") -> Block:
     """A picture as JPEG, a tenth of its PNG; pixels as sRGB, shape [height, width, 3]."""
-    image = source(jpeg(pixels), "image/jpeg")
-    return Block(
-        kind="picture", source=image, still="", plot=False, description=description, caption=caption
-    )
+    images = [(source(jpeg(pixels), "image/jpeg"), pixels.shape[1])]
+    return Block(kind="picture", sources=images, still="", description=description, caption=caption)
 
 
 def plot(path: Path, *, description: str, caption: str = "") -> Block:
-    """A plot (PNG), which a phone scrolls rather than shrinks, or an animated picture (GIF, WebP).
+    """A plot (PNG), whose panels stand below each other on a phone, or an animated picture.
 
-    Who wants no motion sees the first of its pictures.
+    Who wants no motion sees the first picture of an animated one (GIF, WebP).
     """
     content, still = path.read_bytes(), ""
     if path.suffix in ANIMATED:
         if len(content) > LARGEST_ANIMATION:
             return paragraph(f"{description}: {path.parent.name}/{path.name}, beside this page.")
         still = source(jpeg(read_picture(path)), "image/jpeg")
-    image = source(content, f"image/{path.suffix[1:]}")
+        images = [(source(content, f"image/{path.suffix[1:]}"), 0)]
+    else:
+        parts = panels(read_picture(path))
+        images = [(source(_encoded(part, "PNG"), "image/png"), part.shape[1]) for part in parts]
     return Block(
-        kind="picture", source=image, still=still, plot=not still, description=description,
-        caption=caption,
-    )  # fmt: skip
+        kind="picture", sources=images, still=still, description=description, caption=caption
+    )
+
+
+def panels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """The parts of a plot that stand side by side: cut where a broad blank strip parts them."""
+    width = pixels.shape[1]
+    blank = np.all(pixels == pixels[:1, :1], axis=(0, 2))
+    # The columns where blank strips begin and end, but for the margins.
+    turns = np.flatnonzero(np.diff(np.pad(blank, 1).astype(np.int8))).reshape(-1, 2)
+    inner = turns[(turns[:, 0] > 0) & (turns[:, 1] < width)]
+    broad = inner[np.diff(inner)[:, 0] > _STRIP * width]
+    cuts = [0]
+    for cut in broad.mean(axis=1).astype(int).tolist():
+        if min(cut - cuts[-1], width - cut) > _NARROWEST * width:
+            cuts.append(cut)
+    return np.split(pixels, cuts[1:], axis=1)
 
 
 def source(content: bytes, media_type: str) -> str:
@@ -102,10 +119,14 @@ def source(content: bytes, media_type: str) -> str:
 
 def jpeg(pixels: NDArray[np.uint8], quality: int = 88) -> bytes:
     """An sRGB image, shape [height, width, 3], as JPEG."""
+    return _encoded(pixels, "JPEG", quality=quality)
+
+
+def _encoded(pixels: NDArray[np.uint8], form: str, **options: int) -> bytes:
     from PIL import Image
 
     buffer = BytesIO()
-    Image.fromarray(pixels).save(buffer, "JPEG", quality=quality)
+    Image.fromarray(pixels).save(buffer, form, **options)
     return buffer.getvalue()
 
 

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from terrain_forge import __version__
 from terrain_forge.base import parts
-from terrain_forge.model import Check, Export, World
+from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
+from terrain_forge.report.glossary import explained, explained_in
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.view import bundled, scripts
+from terrain_forge.validation import checks_of
 
 _log = logging.getLogger(__name__)
 
@@ -73,9 +75,10 @@ def write_report_page(
         style=bundled("page.css"),
         title=world.site.name,
         lead=_lead(built),
-        **_verdict(built.validation),
+        **_verdict(built),
         sections=sections,
         preview=picture,
+        scripts=scripts(),
         version=__version__,
     )
     report = directory / "report.html"
@@ -101,13 +104,15 @@ def render(template: str, **values: Any) -> str:
 
 @cache
 def _environment() -> Environment:
-    return Environment(
+    made = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    made.filters.update(explained=explained, explained_in=explained_in)
+    return made
 
 
 def _anchor(title: str) -> str:
@@ -133,15 +138,14 @@ def _lead(built: Built) -> str:
     )
 
 
-def _verdict(validation: dict[str, Any]) -> dict[str, Any]:
+def _verdict(built: Built) -> dict[str, Any]:
     """Whether the world is as it should be, and which checks failed."""
-    checks = [Check(**check) for check in validation.get("checks", [])]
-    judged = [check for check in checks if check.judged]
+    judged = checks_of(built.directory)
     failed = [check.told() for check in judged if not check.passed]
-    if not checks:
-        verdict = Cell("not validated", "open")
-    elif failed:
+    if failed:
         verdict = Cell(f"{len(failed)} of {len(judged)} checks failed", "bad")
-    else:
+    elif judged:
         verdict = Cell(f"all {len(judged)} checks passed", "good")
+    else:
+        verdict = Cell("not validated", "open")
     return {"verdict": verdict, "failed": failed}

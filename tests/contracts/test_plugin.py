@@ -151,7 +151,7 @@ def test_a_foreign_export_is_verified_and_opened_like_ours(installed, built, tmp
     assert checks["ground: relief"]["passed"]
     assert checks["ground: relief"]["group"] == "ground"
     page = (out / "report.html").read_text()
-    assert "<h3>Points</h3><pre><code>CloudCompare thin/points.xyz</code></pre>" in page
+    assert '<h3>Points</h3><div class="command"><pre><code>CloudCompare thin/points.xyz<' in page
     with fresh(installed):
         for command in (("export", out, "--only", "xyz,geotiff"), ("validate", out)):
             done = run(*command)

@@ -3,6 +3,7 @@
 (() => {
   "use strict";
   const view = document.getElementById("view");
+  if (!view) return;
   const canvas = view.querySelector("canvas");
   const control = (name) => view.querySelector(`[name="${name}"]`);
   if (!document.createElement("canvas").getContext("webgl2")) return;
@@ -47,6 +48,14 @@
     redraw();
   }
 
+  // From behind the start of the path, over the rover.
+  function lookAhead(world, { eye, target }) {
+    world.localToWorld(turning.target.set(...target));
+    world.localToWorld(camera.position.set(...eye));
+    turning.update();
+    redraw();
+  }
+
   // From the south, low enough to see relief; or straight down.
   function look(above) {
     const distance = (reach * (above ? 2.7 : 2.05)) / Math.min(1, camera.aspect);
@@ -84,6 +93,7 @@
     // The world's frame is z up, the view's y up: its root is turned.
     world.position.set(-middle.x, -middle.z, middle.y);
     scene.add(world);
+    scene.updateMatrixWorld();
     light(Number(view.dataset.gain));
     for (const line of [...part("lines").children]) widen(line);
 
@@ -104,7 +114,9 @@
       view.querySelector("output").textContent = `×${event.target.value}`;
       redraw();
     });
-    control("start").addEventListener("click", () => look(false));
+    const ahead = () => lookAhead(world, part("rover").userData);
+    control("path").addEventListener("click", ahead);
+    control("south").addEventListener("click", () => look(false));
     control("above").addEventListener("click", () => look(true));
 
     turning.maxPolarAngle = 1.55;
@@ -116,7 +128,7 @@
     view.classList.add("drawn");
     new ResizeObserver(fit).observe(canvas);
     fit();
-    look(false);
+    ahead();
   }
 
   // The page scrolls under finger and wheel until the view was touched.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import linear_from_srgb, quaternion_from_rpy, xyzw
+from terrain_forge.base import Array, linear_from_srgb, quaternion_from_rpy, xyzw
 from terrain_forge.geometry import grid_faces
 from terrain_forge.model import World
 from terrain_forge.report.blocks import jpeg
@@ -28,6 +28,8 @@ _Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
 _LINE_STRIP = 3
 _LINE_HEIGHT = 0.12
 _QUALITY = 82
+_BEHIND = 4.0
+"""Distance of the first view from the rover [m], besides twice the rover's length."""
 
 
 def page_model(
@@ -119,4 +121,22 @@ def _start(world: World, relief: Relief) -> dict[str, Any]:
     own = world.ground.height_at(position[0], position[1])
     position[2] += relief.height_at(position[None, :2])[0] - own
     turn = xyzw(quaternion_from_rpy(rpy))
-    return {"translation": position.tolist(), "rotation": turn.tolist()}
+    look = _look(world, relief, position, ahead=np.array([np.cos(rpy[2]), np.sin(rpy[2])]))
+    return {"translation": position.tolist(), "rotation": turn.tolist(), "extras": look}
+
+
+def _look(world: World, relief: Relief, start: Array, *, ahead: Array) -> dict[str, Any]:
+    """Where the view begins: some metres behind the rover, over all that stands between."""
+    wheels = [np.ptp(world.rover.wheel_centres, axis=0).max()] if world.rover.wheels else []
+    behind = _BEHIND + 2.0 * max(wheels, default=0.0)
+    line = start[:2] + np.linspace(-behind, 0.0, 25)[:, None] * ahead
+    eye, target = line[0], start[:2] + behind * ahead
+    field = world.field
+    apart = np.linalg.norm(field.position[:, None, :2] - line, axis=-1).min(axis=1)
+    near = apart < 0.5 * field.diameter + 0.5
+    tops = field.position[near, 2] + field.diameter[near]
+    highest = np.append(tops, relief.height_at(line)).max()
+    return {
+        "eye": [*eye.tolist(), float(highest + 0.4 * behind)],
+        "target": [*target.tolist(), float(relief.height_at(target[None])[0])],
+    }

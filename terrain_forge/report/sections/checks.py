@@ -18,7 +18,7 @@ Check = Mapping[str, Any]
 
 
 class Checks(Section):
-    """All checks, those of drives too, then what was measured without a limit."""
+    """All checks but those of drives, then what was measured without a limit."""
 
     kind, title, place = "checks", "Checks", 90
 
@@ -28,11 +28,10 @@ class Checks(Section):
         if not checks:
             missing = "This world has not been validated: terrain-forge validate does it."
             return [paragraph(missing)]
-        shown = _tables([check for check in checks if not _is_measure(check)])
-        measures = measure_facts([check for check in checks if not is_drive(check)])
+        shown = check_blocks([check for check in checks if not is_drive(check)])
         elsewhere = built.pictures("drive", "terrain")
         others = [path for path in built.pictures("") if path not in elsewhere]
-        return [*shown, *measures, *(plot(path, description=path.stem) for path in others)]
+        return [*shown, *(plot(path, description=path.stem) for path in others)]
 
 
 def is_drive(check: Check) -> bool:
@@ -40,25 +39,26 @@ def is_drive(check: Check) -> bool:
     return bool(check.get("group") == "drive")
 
 
-def _tables(checks: Sequence[Check]) -> Iterator[Block]:
-    """The checks of each group under its name, in the order of the report."""
-    for group in dict.fromkeys(check.get("group", "") for check in checks):
-        rows = [_row(check) for check in checks if check.get("group", "") == group]
-        if group:
+def check_blocks(checks: Sequence[Check]) -> Iterator[Block]:
+    """Tables of the checks of each group, in the report's order, then what has no limit."""
+    judged = [check for check in checks if not _is_measure(check)]
+    groups = dict.fromkeys(check.get("group", "") for check in judged)
+    for group in groups:
+        rows = [_row(check) for check in judged if check.get("group", "") == group]
+        if group and len(groups) > 1:
             yield heading(group[:1].upper() + group[1:])
         yield table(("Check", "Figure", "Limit", ""), rows, figures="lrrl", style="checks")
-
-
-def measure_facts(checks: Sequence[Check]) -> list[Block]:
-    """What was measured without a limit among these checks, without what all names begin with."""
-    subjects = {check["name"].partition(": ")[0] for check in checks if _is_measure(check)}
+    measures = [check for check in checks if _is_measure(check)]
+    # Without what all their names begin with.
+    subjects = {check["name"].partition(": ")[0] for check in measures}
     beginning = f"{subjects.pop()}: " if len(subjects) == 1 else ""
-    measures: list[tuple[str, Shown]] = []
-    for check in filter(_is_measure, checks):
+    found: list[tuple[str, Shown]] = []
+    for check in measures:
         name = check["name"].removeprefix(beginning)
         figure = measured(check.get("figure"), check.get("unit", ""))
-        measures.append((name[:1].upper() + name[1:] if beginning else name, figure))
-    return [heading("Measured, without a limit"), facts(measures)] if measures else []
+        found.append((name[:1].upper() + name[1:], figure))
+    if found:
+        yield from (heading("Measured, without a limit"), facts(found))
 
 
 def _is_measure(check: Check) -> bool:

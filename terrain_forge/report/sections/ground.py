@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from terrain_forge.report.blocks import (
     Block,
     Shown,
@@ -24,7 +22,7 @@ from terrain_forge.report.lines import Line, ground_lines
 from terrain_forge.report.section import Built, Section
 from terrain_forge.terrain import slope_statistics
 
-_CRATER_HEADINGS = ("Diameter", "Expected", "95 %", "Observed")
+_CRATER_HEADINGS = ("Diameter", "Expected", "95 % range", "Observed")
 
 
 class Ground(Section):
@@ -63,12 +61,6 @@ def _stroke(line: Line, built: Built, width: int, height: int) -> dict[str, Any]
 def _slopes(built: Built) -> list[Block]:
     ground = built.world.ground
     slopes = slope_statistics(ground)
-    shown = max(10, int(np.ceil(slopes.percentile_95_deg * 1.5)))
-    shares = [*slopes.shares[: shown - 1], slopes.shares[shown - 1 :].sum()]
-    every = 5 if shown <= 30 else 10
-    room = 0.12 * shown  # for the last label
-    labels = (f"{n}°" if n % every == 0 and n < shown - room else "" for n in range(shown))
-    edges = [*labels, f"{shown}° +"]
     heights = ground.elevation
     listed: list[tuple[str, Shown]] = [
         ("Height", f"{heights.min():.2f} m to {heights.max():.2f} m".replace("-", "\u2212")),
@@ -78,10 +70,8 @@ def _slopes(built: Built) -> list[Block]:
         ("Steepest", f"{slopes.steepest_deg:.1f}°"),
     ]
     return [
-        heading("Share of the ground by slope"),
-        Block(kind="bars", heights=shares, labels=edges, description="Histogram of slopes"),
-        paragraph(f"Slopes over {ground.spacing:g} m, the grid's spacing.", "note"),
         facts(listed),
+        paragraph(f"Slopes over {ground.spacing:g} m, the grid's spacing.", "note"),
     ]
 
 
@@ -90,7 +80,12 @@ def _scales(built: Built) -> list[Block]:
     terrain: dict[str, Any] = built.validation.get("terrain", {})
     if not terrain:
         return []
-    caption = f"Hurst exponent of the detail {terrain['hurst']:.2f} ({terrain['source']})."
+    ends = "where the DTM's end, at the dotted line, the ground's go on; "
+    joint = ends if terrain.get("dtm_state") else ""
+    caption = (
+        f"Structure function, power spectrum and slopes: {joint}"
+        f"the Hurst exponent of the detail is {terrain['hurst']:.2f} ({terrain['source']})."
+    )
     description = "Structure function, spectrum and slopes of the ground and of its DTM"
     pictures = [
         plot(path, description=description, caption=caption) for path in built.pictures("terrain")
@@ -114,12 +109,12 @@ def dtm_part(terrain: dict[str, Any]) -> list[Block]:
     warnings = [paragraph(f"Warning: {text}.", "note") for text in state.get("warnings", [])]
     rows, columns = state["samples"]
     error, worst = state["scale_error_at_the_edge"], terrain["worst_pixel_mean_m"]
-    lengths = "as given" if error is None else f"{1e6 * error:.2g} in a million off at the edge"
+    scale = "as given" if error is None else f"{1e6 * error:.2g} ppm"
     listed: list[tuple[str, Shown]] = [
         ("Samples read", f"{columns} × {rows}"),
         ("Repairs", "; ".join(state["repairs"]) or "none"),
         ("In exact planes", f"{100.0 * state['planar_fraction']:.1f} % of the samples"),
-        ("Lengths", lengths),
+        ("Scale error", scale),
         ("Exponent at the joint", _with_error(terrain["exponent_at_the_joint"])),
         ("Exponent of the spectrum", _with_error(terrain["exponent_of_the_spectrum"])),
         ("Exponent of the detail", f"{terrain['hurst']:.2f}{_rising(terrain)}"),
@@ -144,32 +139,38 @@ class Craters(Section):
     kind, title, place = "craters", "The craters", 50
 
     def blocks(self, built: Built) -> Sequence[Block]:
-        """A line and a table for each layer."""
+        """Facts and a table for each layer."""
         shown = []
         for layer in built.json("truth/crater_counts.json").get("layers", ()):
-            shown.append(paragraph(_summary(layer)))
+            shown += [heading(f"Layer {layer['name']}"), facts(_facts(layer))]
             if "cumulative" in layer:
                 shown.append(table(_CRATER_HEADINGS, _rows(layer["cumulative"]), figures="lrrr"))
         return shown
 
 
-def _summary(layer: dict[str, Any]) -> str:
-    text = f"{layer['name']}: {thousands(layer['listed'])} listed one by one."
+def _facts(layer: dict[str, Any]) -> list[tuple[str, Shown]]:
+    """What a layer was made of, and its number and sizes against that."""
+    listed: list[tuple[str, Shown]] = [("Listed in the recipe", thousands(layer["listed"]))]
     if "number" not in layer:
-        return text
+        return listed
     number, sizes = layer["number"], layer["sizes"]
     smallest, largest = layer["diameter_m"]
-    erased = "".join(
-        f"resurfaced below {event['below_m']:g} m {event['age_ga']:g}·10⁹ years ago, "
+    erased = "; ".join(
+        f"below {event['below_m']:g} m, {event['age_ga']:g}·10⁹ years ago"
         for event in layer.get("resurfaced", ())
     )
-    text += (
-        f" Of {layer['production']} production, {layer['age_ga']:g}·10⁹ years, {erased}equilibrium "
-        f"{layer['equilibrium']}, from {smallest:g} to {largest:g} m: "
-        f"{thousands(number['found'])} in the area, {number['expected']:.1f} expected "
-        f"(z = {signed(number['z'])})"
-    )
-    return text + (f", sizes p = {sizes['p_value']:.3f}." if sizes else ".")
+    return [
+        *listed,
+        ("Production function", str(layer["production"])),
+        ("Age of the surface", f"{layer['age_ga']:g}·10⁹ years"),
+        ("Resurfaced", erased or "never"),
+        ("Equilibrium", str(layer["equilibrium"])),
+        ("Diameters", f"{smallest:g} to {largest:g} m"),
+        ("Expected number", f"{number['expected']:.1f}"),
+        ("Observed number", thousands(number["found"])),
+        ("z of the number", signed(number["z"])),
+        ("p of the sizes", f"{sizes['p_value']:.3f}" if sizes else "–"),
+    ]
 
 
 def _rows(cumulative: dict[str, list[float]]) -> list[list[Shown]]:

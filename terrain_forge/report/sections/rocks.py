@@ -11,7 +11,6 @@ from terrain_forge.report.blocks import (
     Block,
     Cell,
     Shown,
-    facts,
     heading,
     paragraph,
     photograph,
@@ -22,6 +21,10 @@ from terrain_forge.report.blocks import (
 )
 from terrain_forge.report.section import Built, Section
 
+_CURVES = (
+    "How many rocks are larger than a diameter D, and how much of the ground they cover: this "
+    "world's beside the law's, with the band in which 95 of 100 correct samples lie."
+)
 _SHOWN = 7
 _SHEET = 900, 430
 _FIRST_ROW, _LAST_ROW = 100, 300
@@ -41,17 +44,18 @@ class Rocks(Section):
     kind, title, place = "rocks", "The rocks", 60
 
     def blocks(self, built: Built) -> Sequence[Block]:
-        """Curves, tables, shapes, and how good the stand-ins are."""
+        """Curves, a table, shapes."""
         if not len(built.world.field):
             return [paragraph("This world has no rocks.")]
         parts = []
         curves = built.directory / "truth" / "size_frequency.png"
         if curves.is_file():
             proven = "Cumulative number and cover of rocks over diameter"
-            parts.append(plot(curves, description=proven))
+            parts.append(plot(curves, description=proven, caption=_CURVES))
+        shapes = [heading("Shapes"), _sheet(built.world)]
         verification = built.json("truth/size_frequency.json")
         if not verification:
-            return [*parts, heading("Shapes"), _sheet(built.world)]
+            return [*parts, *shapes]
         rows = [*verification["populations"], *verification["lists"]]
         if len(verification["populations"]) > 1:
             rows.append({"name": "together", **verification["together"]})
@@ -59,41 +63,52 @@ class Rocks(Section):
         counts = [part for part in verification["populations"] if part.get("fit_to_counts")]
         return [
             *parts,
-            heading("Numbers and sizes"),
-            table(_SIZES, [_size_row(part, built) for part in rows], figures="llrrrrrrrll"),
+            heading("Against the law"),
+            _table(rows, built),
             *(paragraph(_counted(part), "note") for part in counts),
-            heading("Cover and places"),
-            table(_PLACES, [_place_row(part) for part in rows], figures="llrrrrrrrrr"),
-            paragraph(_note(verification), "note"),
             *(paragraph(words, "note") for words in sources),
-            heading("Shapes"),
-            _sheet(built.world),
-            *_figures(verification),
+            *_left_out(verification),
+            *shapes,
         ]
 
 
-_SIZES = ("Population", "Law", "D [m]", "Expected", "Observed", "z", "K–S", "p", "Unplaced",
-          "Drawn", "Your counts")  # fmt: skip
-_PLACES = ("Population", "Arrangement", "Cover expected", "±", "Observed", "z", "Visible cover",
-           "Clark–Evans", "Burial", "Dynamic", "Visual only")  # fmt: skip
+def _table(parts: Sequence[dict[str, Any]], built: Built) -> Block:
+    """A row for each figure that any population has, and a column for each population."""
+    columns = [_column(part, built) for part in parts]
+    names = [name for name in next(iter(columns), {}) if any(column[name] for column in columns)]
+    rows = [[Cell(name), *(column[name] or "–" for column in columns)] for name in names]
+    headings = ["Population", *(part["name"] for part in parts)]
+    return table(headings, rows, figures="l" + "r" * len(parts), style="columns")
 
 
-def _size_row(part: dict[str, Any], built: Built) -> list[Shown]:
-    count, ks = part["count"], part.get("kolmogorov_smirnov")
-    ends = part["diameter_m"]
-    return [
-        part["name"],
-        _law(part),
-        f"{ends[0]:.3g}–{ends[1]:.3g}" if ends else "–",
-        thousands(round(count["expected"])) if "expected" in count else "–",
-        thousands(count["observed"]),
-        signed(count.get("z")),
-        f"{ks['distance']:.4f}" if ks else "–",
-        f"{ks['p_value']:.3f}" if ks else "–",
-        thousands(part["unplaced"]) if "unplaced" in part else "–",
-        _verdict(part, built),
-        _fit(part.get("fit_to_counts")),
-    ]
+def _column(part: dict[str, Any], built: Built) -> dict[str, Shown]:
+    """The figures of a population, empty where it has none."""
+    count, cover, ks = part["count"], part["cover"], part.get("kolmogorov_smirnov")
+    evenness, dynamic, burial = (part.get(n) for n in ("clark_evans", "dynamic", "burial"))
+    ends, listed = part["diameter_m"], "as listed" if "file" in part else ""
+    rests = (dynamic["dynamic"], dynamic["expected"]) if dynamic else ()
+    expected = f"{_percent(cover['expected'])} ± {_percent(cover['standard_deviation'])}"
+    return {
+        "Law": _law(part),
+        "Arrangement": _LIES.get(part.get("arrangement", ""), listed),
+        "Diameters": f"{ends[0]:.3g}–{ends[1]:.3g} m" if ends else "",
+        "Expected number": thousands(round(count["expected"])) if "expected" in count else "",
+        "Observed number": thousands(count["observed"]),
+        "z of the number": signed(count["z"]) if "z" in count else "",
+        "K–S distance": f"{ks['distance']:.4f}" if ks else "",
+        "p of the sizes": f"{ks['p_value']:.3f}" if ks else "",
+        "Drawn": _verdict(part, built),
+        "Your counts": _fit(part.get("fit_to_counts")),
+        "Unplaced": thousands(part["unplaced"]) if "unplaced" in part else "",
+        "Expected cover": expected if "expected" in cover else "",
+        "Observed cover": _percent(cover["observed"]),
+        "z of the cover": signed(cover["z"]) if "z" in cover else "",
+        "Visible cover": _percent(cover["outline"]),
+        "Clark–Evans ratio": f"{evenness['ratio']:.3f}" if evenness else "",
+        "Burial": f"{burial['observed']:.3f}, asked {burial['expected']:.3f}" if burial else "",
+        "Dynamic": " of ".join(map(thousands, rests)) if dynamic else "",
+        "Visual-only": thousands(part["visual_only"]) if "visual_only" in part else "",
+    }
 
 
 def _verdict(part: dict[str, Any], built: Built) -> Shown:
@@ -109,7 +124,7 @@ def _verdict(part: dict[str, Any], built: Built) -> Shown:
 def _fit(fit: dict[str, Any] | None) -> Shown:
     """Whether the law fits the rocks that the user counted."""
     if not fit:
-        return "–"
+        return ""
     if fit["fits"] is None:
         return Cell("not tested", "open")
     words = f"{'fit' if fit['fits'] else 'do not fit'}, p = {fit['p_value']:.2g}"
@@ -148,47 +163,20 @@ def _source(part: dict[str, Any]) -> str:
     return f"{part['name']}: {law['source']}{doubt}{note}."
 
 
-def _place_row(part: dict[str, Any]) -> list[Shown]:
-    cover, evenness, dynamic = part["cover"], part.get("clark_evans"), part.get("dynamic")
-    wanted, burial = "expected" in cover, part.get("burial")
-    return [
-        part["name"],
-        _LIES.get(part.get("arrangement", ""), "as listed" if "file" in part else ""),
-        _percent(cover["expected"]) if wanted else "–",
-        _percent(cover["standard_deviation"]) if wanted else "–",
-        _percent(cover["observed"]),
-        signed(cover.get("z")),
-        _percent(cover["outline"]),
-        f"{evenness['ratio']:.3f}" if evenness else "–",
-        f"{burial['observed']:.3f} for {burial['expected']:.3f}" if burial else "–",
-        f"{thousands(dynamic['dynamic'])} of {thousands(dynamic['expected'])}" if dynamic else "–",
-        thousands(part["visual_only"]) if "visual_only" in part else "–",
-    ]
-
-
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3f} %"
 
 
-def _note(verification: dict[str, Any]) -> str:
-    note = (
-        "z: deviation in standard deviations of a correct sampler. K–S: Kolmogorov–Smirnov "
-        "distance "
-        "of the diameters from the law, and its p. Drawn: whether the rocks are drawn as the law "
-        "says; your counts: whether the law fits the rocks that it was fitted to. "
-        "Cover: Σ πD²/4; ±: its standard deviation; seen from above: where a rock is the highest "
-        "thing, less since a rock's outline is no disc. Clark–Evans: distance to the nearest rock "
-        "over that of random points; rocks that cannot overlap lie a little more evenly (above 1), "
-        "clustered ones closer (below 1). Burial: mean buried part of the height, for what was "
-        "asked; rocks lie deeper where the ground falls away under them. Dynamic: those that "
-        "found rest, the others are fixed."
+def _left_out(verification: dict[str, Any]) -> list[Block]:
+    """Where rocks were not counted."""
+    area, left_out = verification["area_m2"], verification["corridor_area_m2"]
+    if not left_out:
+        return []
+    words = (
+        f"Counted on {thousands(round(area))} m²: corridors and exclusion zones "
+        f"({thousands(round(left_out))} m²) are left out."
     )
-    if verification["corridor_area_m2"] > 0:
-        note += (
-            f" Over {thousands(round(verification['area_m2']))} m²: corridors and exclusion zones "
-            f"({thousands(round(verification['corridor_area_m2']))} m²) are left out."
-        )
-    return note
+    return [paragraph(words, "note")]
 
 
 def _sheet(world: World) -> Block:
@@ -210,25 +198,3 @@ def _sheet(world: World) -> Block:
     )
     shown = pixels[_FIRST_ROW:_LAST_ROW]
     return photograph(shown, "Rock shapes of this world's library", caption)
-
-
-def _figures(verification: dict[str, Any]) -> list[Block]:
-    overlaps, shapes = verification["overlaps"], verification["shapes"]
-    listed = overlaps["of_listed_rocks"]
-    besides = f" (and {thousands(listed)} of listed rocks)" if listed else ""
-    parts = [shape["collision_parts"] for shape in shapes["shapes"]]
-    rows: list[tuple[str, Shown]] = [
-        ("Overlapping pairs", f"{thousands(overlaps['pairs'])}{besides}"),
-        ("Closed, facing outward", f"{shapes['watertight']} of {shapes['count']} shapes"),
-        ("Collision parts", f"{sum(parts)} in all, at most {max(parts)}"),
-        ("Their volume in excess", _off(shapes, "hull_excess")),
-        ("Surface deviation", _off(shapes, "hull_distance")),
-        ("Coarse outlines off", f"{100.0 * shapes['largest_outline_error']:.2f} %"),
-    ]
-    note = "The worst of all shapes: of its volume, and distances as parts of its mean axis."
-    return [facts(rows), paragraph(note, "note")]
-
-
-def _off(shapes: dict[str, Any], name: str) -> str:
-    limit = 100.0 * shapes[f"{name}_limit"]
-    return f"{100.0 * shapes[f'largest_{name}']:.2f} %, limit {limit:g} %"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge import __version__
 from terrain_forge.dtm import origin
 from terrain_forge.model import Opening, World
 from terrain_forge.report.blocks import Block, Shown, facts, heading, paragraph, table, thousands
@@ -37,26 +36,23 @@ class Summary(Section):
         site, ground = world.site, world.ground
         dtm: dict[str, Any] = built.recipe.get("dtm", {})
         rows, columns = ground.shape
-        east, north = built.extent
-        names = ", ".join(world.field.populations) or "none"
         listed: list[tuple[str, Shown]] = [
             ("Body", f"{site.body.name.capitalize()}, gravity {site.body.gravity:g} m/s²"),
             ("Place", _place(world)),
             ("Terrain model", _terrain_model(dtm)),
             *_origin(dtm),
-            ("Posting of the model", f"{site.dtm.posting:.4g} m" if site.dtm else "none"),
-            ("Samples filled in", thousands(site.dtm.filled) if site.dtm else "none"),
-            ("Height of z = 0", f"{site.datum_height:.3f} m above datum"),
+            *([("Posting of the model", f"{site.dtm.posting:.4g} m")] if site.dtm else []),
+            *([("Samples filled in", thousands(site.dtm.filled))] if site.dtm else []),
+            (
+                "Heights count from",
+                f"{site.datum_height:.3f} m above the datum".replace("-", "\u2212"),
+            ),
             ("Level plane", _plane(site.slope)),
-            ("Area", f"{east:g} × {north:g} m"),
             ("Ground", f"{columns} × {rows} nodes, {site.spacing:g} m apart"),
             ("Roughness", f"H {site.roughness.hurst:.2f}, {site.roughness.deviation:.3g} m at 1 m"),
-            ("Rocks", f"{thousands(len(world.field))} ({names})"),
             ("Rock shapes", f"{len(world.library.prototypes)}, seed {world.library.seed}"),
             ("Rover", world.rover.name),
             ("Sun", _sun(world)),
-            ("Seed", str(site.seed)),
-            ("Made by", f"terrain-forge {__version__}"),
         ]
         recipe = json.dumps(built.recipe, indent=1, ensure_ascii=False)
         summary = "The whole recipe, with its defaults"
@@ -69,9 +65,8 @@ def _terrain_model(dtm: dict[str, Any]) -> str:
 
 
 def _origin(dtm: dict[str, Any]) -> list[tuple[str, Shown]]:
-    """On what terms a published terrain model may be used, and what to cite."""
-    found = origin(dtm)
-    return [(f"Its {key}", found[key]) for key in ("licence", "citation")] if found else []
+    """Where a fetched terrain model comes from, on what terms it may be used, what to cite."""
+    return [(f"Its {key}", said) for key, said in (origin(dtm) or {}).items()]
 
 
 def _place(world: World) -> str:
@@ -98,7 +93,7 @@ def _sun(world: World) -> str:
 class Usage(Section):
     """How to open the exports that lie in a built folder."""
 
-    kind, title, place = "usage", "Open it", 20
+    kind, title, place = "usage", "Open it", 10
 
     def blocks(self, built: Built) -> Sequence[Block]:
         """Commands for each export, and for Python."""
@@ -108,7 +103,7 @@ class Usage(Section):
         columns = [
             [heading(words.title), Block(kind="command", text=words.commands)] for words in opened
         ]
-        note = paragraph("Commands are run in the folder that holds this page.", "note")
+        note = paragraph("Run these commands in the folder that holds this page.", "note")
         return [note, Block(kind="pair", columns=columns)]
 
 

@@ -18,12 +18,12 @@ _EFFORT = 5
 
 
 class View(Section):
-    """The world in 3-D, which stands after a picture of it.
+    """The world in 3-D, at first from behind the start of its path.
 
     Where a browser cannot draw in 3-D a line says so; on paper it is left out.
     """
 
-    kind, title, place = "view", "In 3-D", 10
+    kind, title, place = "view", "In 3-D", 20
 
     def blocks(self, built: Built) -> Sequence[Block]:
         """What is shown, how the ground is painted, how high it is drawn, from where."""
@@ -42,7 +42,6 @@ class View(Section):
             shown=_shown(built),
             lines=lines,
             model=b64encode(zlib.compress(model, _EFFORT)).decode(),
-            scripts=scripts(),
         )
         return [view]
 
@@ -64,7 +63,7 @@ def _shown(built: Built) -> str:
 def scripts() -> tuple[str, ...]:
     """The scripts that the page runs, to the letter, three.js first: it forbids all others."""
     library = f"/*\n{bundled('LICENSE.three')}*/\n{bundled('three.js')}"
-    return library, bundled("view.js")
+    return library, bundled("view.js"), bundled("copy.js")
 
 
 def bundled(name: str) -> str:

@@ -135,6 +135,28 @@ def test_the_rover_stands_at_its_start(world, glb):
     np.testing.assert_allclose(wheel["scale"], (0.3, 0.3, 0.1))
 
 
+def first_look(glb):
+    """Where the view's camera begins and where it looks [m]."""
+    group = next(node for node in glb.json["nodes"] if node.get("name") == "rover")
+    return np.array(group["extras"]["eye"]), np.array(group["extras"]["target"])
+
+
+def test_the_view_begins_behind_the_start_and_above_what_is_there(world, glb, tmp_path):
+    start, yaw = world.trajectories[0].position[0], world.trajectories[0].rpy[0, 2]
+    eye, target = first_look(glb)
+    behind = np.linalg.norm(eye[:2] - start[:2])
+    assert 4.0 <= behind < 10.0
+    np.testing.assert_allclose((eye - start)[:2], -behind * np.array([np.cos(yaw), np.sin(yaw)]))
+    np.testing.assert_allclose((target + eye)[:2], 2.0 * start[:2])
+    assert 0.4 * behind <= eye[2] - start[2] < behind
+    # A rock in between lifts the camera over its top.
+    rock = world.field.select(np.array([0]))
+    between = [*(0.5 * (eye + start)[:2]), start[2] + 5.0]
+    rock = rock.replace(position=np.array([between]))
+    over, _ = first_look(model(world.replace(field=rock), tmp_path))
+    assert over[2] == pytest.approx(between[2] + rock.diameter[0] + 0.4 * behind)
+
+
 def test_a_mesh_of_a_rover_is_shown_as_it_is(world, tmp_path):
     shape = worlds.library().prototypes[0].meshes[0]
     rover = boxy_rover()

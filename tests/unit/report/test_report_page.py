@@ -11,12 +11,13 @@ import pytest
 
 from terrain_forge.model import Export
 from terrain_forge.report import write_report_page
-from terrain_forge.report.blocks import Block, plot
+from terrain_forge.report.blocks import Block, panels, plot
 from terrain_forge.report.describe import describe
+from terrain_forge.report.glossary import explained
 from terrain_forge.report.lines import ground_lines
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built, Section
-from terrain_forge.report.sections.checks import measure_facts
+from terrain_forge.report.sections.checks import check_blocks
 from terrain_forge.report.sections.view import scripts
 from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
@@ -122,7 +123,7 @@ def report(tmp_path_factory):
 def test_the_page_needs_nothing_but_itself(report):
     page = Page(report)
     assert page.open == []
-    assert len(page.sources) == 5
+    assert len(page.sources) == 6  # the curves of the rocks are two panels
     assert all(re.match(r"data:image/(png|jpeg);base64,[A-Za-z0-9+/=]+$", s) for s in page.sources)
     assert not {"link", "iframe", "object", "base", "form"} & set(page.tags)
     assert "url(" not in page.style
@@ -172,12 +173,66 @@ def test_every_check_stands_there_with_figure_limit_and_verdict(report):
 
 def test_the_proof_of_the_sizes_stands_there(report):
     text = Page(report).text
-    for words in ("pebbles golombek, k 0.07, q 3.96 0.2–0.7", "boulders", "together"):
-        assert words in text
+    assert "Population pebbles boulders together Law golombek, k 0.07, q 3.96" in text
+    assert "Diameters 0.2–0.7 m 0.7–1.2 m 0.2–1.2 m" in text
     # The page says what the check of the sizes said, and judges nothing itself.
-    row = r"(pebbles|boulders) golombek(?:(?!golombek).)*?(as the law|differs)"
-    verdicts = re.findall(row, text)
-    assert verdicts == [("pebbles", "as the law"), ("boulders", "differs")]
+    assert "Drawn as the law differs –" in text
+
+
+def test_terms_are_explained_where_they_stand_and_at_the_end(report):
+    """The second is for paper and fingers; it has the terms of this page alone, each once."""
+    marked = set(re.findall(r'<abbr title="([^"]+)" tabindex="-1">', report))
+    listed = re.findall(r"<dt>([^<]+)</dt><dd>([^<]+)</dd>", report.partition('id="terms"')[2])
+    assert {meaning for _, meaning in listed} == marked
+    assert len(listed) == len(marked) > 15
+    assert {"Clark–Evans ratio", "Burial", "Cover"} <= dict(listed).keys()
+    assert "Production function" not in dict(listed)  # this world has no craters
+
+
+@pytest.mark.parametrize(
+    ("text", "marked"),
+    [
+        ("Hurst exponent of the detail", ["Hurst exponent"]),
+        ("mean SLIP of the wheels", ["SLIP"]),
+        ("z", ["z"]),
+        ("agrees, p = 0.2; z-axis of D and p.tif", ["p"]),
+        ("posterior, slippery", []),
+        (HOSTILE, []),
+    ],
+)
+def test_a_term_is_a_whole_word(text, marked):
+    shown = explained(text)
+    assert re.findall(r'tabindex="-1">([^<]+)<', shown) == marked
+    assert shown.striptags() == " ".join(text.split())
+
+
+def test_the_reader_meets_verdict_picture_and_commands_first(report):
+    places = [report.index(part) for part in (
+        "2 of 5 checks failed", 'class="hero"', "python -m mujoco.viewer", "<canvas",
+    )]  # fmt: skip
+    assert places == sorted(places)
+    assert report.count(">Copy</button>") == report.count('<div class="command">') >= 4
+
+
+def test_each_figure_of_a_drive_stands_there_once(tmp_path):
+    (tmp_path / "validation").mkdir()
+    drive = {"completed": True, "reason": "arrived", "distance_m": 3.0, "planned_time_s": 9.5,
+             "wheels": [{"name": "front", "mean_slip": 0.125}]}  # fmt: skip
+    found = {"checks": CHECKS, "drive": drive}
+    (tmp_path / "validation" / "report.json").write_text(json.dumps(found))
+    text = Page(build(tmp_path, validated=False, fill=False).read_text(encoding="utf-8")).text
+    assert text.count("Distance 3 m") == text.count("drive: completed yes") == 1
+    assert "Planned time 9.5 s Wheels Name Mean slip front 0.125" in text
+
+
+def test_panels_of_a_plot_are_parted():
+    """A phone shows them below each other; a margin or a narrow gap parts nothing."""
+    plotted = np.full((20, 300, 3), 255, np.uint8)
+    for begin, end in ((10, 90), (92, 130), (150, 290)):
+        plotted[3:17, begin:end] = 80
+    first, second = panels(plotted)
+    assert (first.shape, second.shape) == ((20, 140, 3), (20, 160, 3))
+    assert len(panels(np.full((8, 8, 3), 255, np.uint8))) == 1
 
 
 def test_each_simulator_has_its_command(report):
@@ -209,8 +264,8 @@ def test_what_was_only_measured_is_no_pass():
          "passed": True},
         {"name": "drive loop: slip", "figure": -0.25, "unit": "", "limit": None, "passed": True},
     ]  # fmt: skip
-    text = Page(render("blocks.html", blocks=measure_facts(checks))).text
-    assert text == "Measured, without a limit Distance 59.68 m Slip \u22120.25"
+    text = Page(render("blocks.html", blocks=list(check_blocks(checks)))).text
+    assert text.endswith("pass Measured, without a limit Distance 59.68 m Slip \u22120.25")
 
 
 def test_any_report_can_be_shown():

@@ -874,7 +874,7 @@ def test_proof_of_the_numbers(tmp_path):
     assert [check.passed for check in CratersCheck().checks(built)] == [False, True]
     counts.write_text(json.dumps({"layers": [report]}))
     shown = render("blocks.html", blocks=CratersSection().blocks(Built(world, tmp_path)))
-    assert "neukum production, 3.5·10⁹ years, equilibrium trask, from 2 to 60 m" in shown
+    assert all(said in shown for said in (">neukum<", "3.5·10⁹ years", ">trask<", "2 to 60 m"))
     assert shown.count("<td") == 4 * 5
     assert report["cumulative"]["expected"][0] == pytest.approx(report["number"]["expected"])
 
