@@ -186,7 +186,7 @@ class _Feet(NamedTuple):
     """Those that are looked at elsewhere come first, shape [prototypes, points, 3]."""
     elsewhere: NDArray[np.int64]
     """How many of a prototype's are looked at elsewhere, shape [prototypes]."""
-    count: NDArray[np.int64]
+    everywhere: NDArray[np.int64]
     """How many a prototype has, shape [prototypes]."""
 
 
@@ -258,7 +258,7 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
         p, diameter, yaw = rocks.prototype[rock], rocks.diameter[rock], rocks.yaw[rock]
         x, y = rocks.xy[rock, 0], rocks.xy[rock, 1]
         low, span = exposure.low[p], exposure.span[p]
-        foot = feet.points[p, : feet.count[p]]
+        foot = feet.points[p, : feet.everywhere[p]]
         half_turn = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
         plane, upright, turn = _lying(ground, x, y, diameter, half_turn, ring)
         axes = plan_axes(turn)
