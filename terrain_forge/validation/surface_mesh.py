@@ -14,7 +14,7 @@ from terrain_forge.base import Array, inlined, kernel
 from terrain_forge.model import Mesh
 
 _LINE_FEED = 10
-_BYTES, _TRIANGLES = 2**24, 2**18
+BYTES, TRIANGLES = 2**24, 2**18
 """How much of a file is looked at at a time."""
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attributes", "<u2")])
 
@@ -45,13 +45,14 @@ def read_objects(path: Path) -> Iterator[tuple[str, Mesh]]:
     """
     name, parts, first = "", list[tuple[Array, NDArray[np.int32]]](), 0
     with path.open("rb") as file:
-        while block := file.read(_BYTES):
+        while block := file.read(BYTES):
             objects = (b"\n" + block + file.readline()).split(b"\no ")
             for number, text in enumerate(objects):
                 if number:
                     yield from _object(path, name, parts, first)
                     first += sum(len(vertices) for vertices, _ in parts)
-                    name, parts = text[: text.find(b"\n")].decode(), []
+                    title, _, text = text.partition(b"\n")
+                    name, parts = title.decode(), []
                 content = np.frombuffer(bytearray(text + b"\n"), np.uint8)
                 parts.append(_read_obj(content, np.count_nonzero(content == _LINE_FEED) + 1))
     yield from _object(path, name, parts, first)
@@ -78,7 +79,7 @@ def read_triangles(path: Path) -> Iterator[Mesh]:
     with path.open("rb") as file:
         left = int(np.fromfile(file, "<u4", 1, offset=80)[0])
         while left:
-            found = np.fromfile(file, _STL_RECORD, min(left, _TRIANGLES))
+            found = np.fromfile(file, _STL_RECORD, min(left, TRIANGLES))
             if not len(found):
                 raise ValueError(f"{path} ends {left} triangles too early")
             left -= len(found)
@@ -156,8 +157,8 @@ def _read_obj(text, room):  # type: ignore[no-untyped-def]
     while at < len(text) - 1:
         is_vertex = text[at] == 118 and text[at + 1] == 32
         is_face = text[at] == 102 and text[at + 1] == 32
-        at += 1
         if is_vertex or is_face:
+            at += 1
             for corner in range(3):
                 number, at = _read_number(text, at)
                 if is_vertex:
