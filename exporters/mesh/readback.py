@@ -1,11 +1,14 @@
-"""Plain meshes in trimesh, which shares nothing with our writers."""
+"""Plain meshes: PLY in trimesh, OBJ and STL, which take it much memory, read piece by piece."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import Any
+
+import numpy as np
 
 from terrain_forge.model import Mesh, Opening
 from terrain_forge.validation import (
@@ -15,49 +18,56 @@ from terrain_forge.validation import (
     free_of_rocks,
     ground_and_rocks,
     highest_on,
-    scene_parts,
+    read_objects,
+    read_triangles,
 )
+
+_UNMOVED = np.eye(4)[:3]
 
 
 def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
-    """An OBJ, STL or PLY export as trimesh has it.
+    """An OBJ, STL or PLY export; nothing of how it is read is shared with what writes it.
 
     Where ground and rocks are one mesh, the ground is asked where no rock reaches.
     """
-    import trimesh
-
     del scratch
-    more: dict[str, Any] = {}
-    if options.format == "obj":
-        more = {"split_objects": True, "group_material": False}
-    scenes = [
-        trimesh.load(file, force="scene", process=False, **more)
-        for file in sorted(folder.glob(f"*.{options.format}"))
-    ]
-    parts = [
-        (node, matrix[:3], mesh) for scene in scenes for node, matrix, mesh in scene_parts(scene)
-    ]
-    ground, solids = ground_and_rocks(sample, parts)
+    files = sorted(folder.glob(f"*.{options.format}"))
     reasons = dict.fromkeys(("masses", "gravity", "path", "balls"), "a mesh carries shapes alone")
     reading = Reading(
-        consumer=f"trimesh {trimesh.__version__}",
-        ground=tuple(ground),
-        seen=solids,
+        consumer="lines" if options.format == "obj" else "triangles",
         rock_error=options.outline_error,
-        reasons={**reasons, "findings": "trimesh has no validator"},
+        reasons={**reasons, "findings": "plain meshes have no validator"},
     )
-    if ground:
-        return reading
-    surfaces = (  # the files do not tell ground from rocks
-        Mesh(vertices=mesh.vertices @ matrix[:, :3].T + matrix[:, 3], faces=mesh.faces)
-        for _, matrix, mesh in parts
-    )
+    if options.format == "obj":
+        objects = ((name, _UNMOVED, mesh) for file in files for name, mesh in read_objects(file))
+        ground, solids = ground_and_rocks(sample, objects)
+        return replace(reading, ground=tuple(ground), seen=solids)
+    heights, near = np.full(len(sample.points), np.nan), [np.zeros((0, 3))]
+    for mesh in _surfaces(files):  # the files do not tell ground from rocks
+        heights = np.fmax(heights, highest_on([mesh], sample.points))
+        faces = mesh.faces[sample.near(mesh.vertices[mesh.faces[:, 0]])]
+        near.append(mesh.vertices[faces].reshape(-1, 3))
+    corners = np.concatenate(near)
+    rocks = Mesh(vertices=corners, faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
     return replace(
         reading,
-        heights=highest_on(surfaces, sample.points),
+        seen=ground_and_rocks(sample, [("", _UNMOVED, rocks)])[1],
+        heights=heights,
         hidden=~free_of_rocks(sample.world, sample.points, margin=0.0),
         reasons={**reading.reasons, "frames": "ground and rocks are one mesh"},
     )
+
+
+def _surfaces(files: list[Path]) -> Iterator[Mesh]:
+    """The triangles of STL or PLY files, by and by."""
+    import trimesh
+
+    for file in files:
+        if file.suffix == ".stl":
+            yield from read_triangles(file)
+        else:
+            mesh = trimesh.load_mesh(file, process=False)
+            yield Mesh(vertices=mesh.vertices, faces=mesh.faces)
 
 
 def opening(folder: Path, options: Any) -> Opening:
@@ -70,5 +80,5 @@ def opening(folder: Path, options: Any) -> Opening:
     )
 
 
-CONSUMERS = (Consumer(name="trimesh", read=read_meshes),)
+CONSUMERS = (Consumer(name="files", read=read_meshes),)
 """What reads these exports back."""

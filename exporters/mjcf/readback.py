@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterator
 from copy import copy
@@ -37,6 +38,8 @@ _DRAWN_LEVEL = 1
 _BALL = """<body name="probe_ball_{n}" pos="{x:.17g} {y:.17g} {z:.17g}">
 <joint type="slide" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="{i:.17g} {i:.17g}
 {i:.17g}"/><geom type="sphere" size="{r:.17g}"/></body>"""
+_MESHES = 4000
+"""How many rocks' meshes are compiled at a time: each takes 150 kB, however small it is."""
 _GROUND, _OTHERS = 0, 5
 """Groups of what rays meet, and of what they pass through."""
 
@@ -45,6 +48,7 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
     """An MJCF export as MuJoCo compiles it, all of it, with balls that come to rest in it.
 
     For a quick sample only its rocks are compiled: all of them would take longer than a build.
+    Where each rock has meshes of its own, some are compiled after the others, to be seen to load.
 
     Raises:
         SimulationError: if MuJoCo cannot load it.
@@ -52,16 +56,18 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
     import mujoco
 
     del options, scratch
+    batches = [] if sample.quick else _batches(folder)
+    bodies: dict[int, Body] = {}
     try:
-        model = (
+        for rocks in batches:
+            bodies |= _bodies(*_at_start(_load_sampled(rocks, folder)))
+        model, data = _at_start(
             _load_sampled(sample.rocks, folder)
-            if sample.quick
+            if sample.quick or batches
             else load_model(folder / "world.xml")
         )
     except ValueError as error:
         raise SimulationError(f"MuJoCo cannot load world.xml: {error}") from None
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
     touched = (model.geom_contype | model.geom_conaffinity) != 0
     read = partial(
         Reading,
@@ -71,7 +77,7 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
         rock_error=_SCALE_ERROR,
         drawn_level=_DRAWN_LEVEL,
         gravity=float(model.opt.gravity[2]),
-        bodies=_bodies(model, data),
+        bodies=bodies | _bodies(model, data),
     )
     if sample.quick:
         return read()
@@ -82,6 +88,24 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
         findings=tuple(f"warning {n}" for n in np.flatnonzero(data.warning.number).tolist()),
         tracks=tuple(_tracks(sample, folder)),
     )
+
+
+def _at_start(model: Any) -> tuple[Any, Any]:
+    """A model, and its bodies as they stand at first."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+def _batches(folder: Path) -> list[list[int]]:
+    """The rocks of world.xml in as many parts as are compiled one by one; none where all are."""
+    root = ElementTree.parse(folder / "world.xml").getroot()
+    parts = math.ceil(len(root.findall("asset/mesh")) / _MESHES)
+    named = (rock_of(e.get("name", "")) for e in root.iterfind("worldbody//"))
+    rocks = sorted({rock for rock in named if rock is not None})
+    return [rocks[n::parts] for n in range(parts)] if parts > 1 else []
 
 
 def _load_sampled(rocks: Collection[int], folder: Path, more: str = "") -> Any:

@@ -7,6 +7,7 @@ from math import degrees
 from pathlib import Path
 
 from terrain_forge.base import DataError, reading
+from terrain_forge.building.cost import cost_line
 from terrain_forge.dtm import (
     Description,
     RasterDtm,
@@ -22,24 +23,9 @@ from terrain_forge.paths import Planned, duration
 from terrain_forge.recipe import (
     ExportOrder,
     Recipe,
-    expected_nodes,
-    memory_needed,
     require_exports,
     rocks_of,
 )
-from terrain_forge.rocks import LibrarySpec, expected_dynamic
-from terrain_forge.validation import MOST_WATCHED
-
-SETTLING = 0.035
-"""Time to settle a dynamic rock [s], on 2 cores."""
-WATCHING = 0.06
-"""Time to watch a dynamic rock in the exported world [s], on 2 cores."""
-TEXEL, USUAL_SIDE = 1e-6, 1024
-"""Time for each pixel of a larger texture [s] than one of so many pixels a side."""
-SHAPE = 0.1
-"""Time to make each shape of a library [s] beyond the usual number."""
-DRIVING = 1 / 18
-"""Time to simulate a second of driving [s]; of many drives two are made at once."""
 
 
 def fetch_lines(recipe: Recipe) -> Iterator[str]:
@@ -99,46 +85,7 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
             yield f"  path         {path.name}: planned on the finished ground"
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
-    dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    seconds = sum(stage_seconds(site, orders).values())
-    yield f"cost           {cost(expected_nodes(recipe), rocks, dynamic, seconds)}"
-
-
-def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
-    """Time that each stage of a build takes [s], from the rates of benchmarks/ on 2 cores."""
-    recipe = site.recipe
-    nodes, rocks = expected_nodes(recipe), rocks_of(site)
-    dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    watched = min(dynamic, MOST_WATCHED) * WATCHING
-    return {
-        "rock library": _library(recipe),
-        "ground": nodes / 3e6,
-        "rocks": rocks / 60e3 + dynamic * SETTLING,
-        "writing": 1.0 + nodes / 1.3e6 + rocks / 60e3 + _pictures(orders),
-        "validation": 0.5 + nodes / 4e6 + watched + _drives(site),
-        "report page": 0.5 + nodes / 5e6,
-    }
-
-
-def _pictures(orders: Sequence[ExportOrder]) -> float:
-    """Time that the exports' textures take [s]."""
-    sides = [getattr(order.options, "texture_pixels", 0) for order in orders]
-    return TEXEL * sum(side**2 for side in sides if side > USUAL_SIDE)
-
-
-def _library(recipe: Recipe) -> float:
-    """Time that the library takes where it is not in the cache [s]."""
-    spec = recipe.rocks.library
-    return SHAPE * max(spec.shapes - LibrarySpec().shapes, 0)
-
-
-def _drives(site: Site) -> float:
-    """Time that driving takes [s]."""
-    spec = site.recipe.validate
-    starts, drive = (spec.starts_spec, spec.drive_spec) if spec else (None, None)
-    seconds = 0.5 * starts.count * starts.length_m / starts.speed_m_s if starts else 0.0
-    seconds += sum(duration(r) for r in site.routes if drive and r.name == drive.path)
-    return DRIVING * seconds
+    yield f"cost           {cost_line(site, orders)}"
 
 
 def check_raster(path: Path) -> list[str]:
@@ -170,15 +117,6 @@ def _described(path: Path) -> list[str]:
     if not found:
         raise DataError(f"{path} lies on none of the bodies {', '.join(BODIES)}")
     return min(found)[1]
-
-
-def cost(nodes: float, rocks: float, dynamic: float, seconds: float) -> str:
-    """Size, time and memory of a build, as a line."""
-    settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
-    return (
-        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s, "
-        f"{memory_needed(nodes, rocks) / 1e9:.1f} GB"
-    )
 
 
 def _lines(description: Description) -> Iterator[str]:

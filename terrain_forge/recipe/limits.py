@@ -14,7 +14,7 @@ from terrain_forge.recipe.exports import ExportOrder
 from terrain_forge.recipe.schema import Recipe
 from terrain_forge.rocks import expected_count
 
-BYTES = 0.4e9
+BYTES = 0.6e9
 """Peak memory of a build without ground and rocks: the libraries (measured, as the next two)."""
 BYTES_PER_NODE = 100
 """Peak memory of a build for each node of the ground."""

@@ -28,6 +28,8 @@ from .sample import free_of_rocks as free_of_rocks
 from .surface_mesh import heights_on as heights_on
 from .surface_mesh import highest_on as highest_on
 from .surface_mesh import read_mesh as read_mesh
+from .surface_mesh import read_objects as read_objects
+from .surface_mesh import read_triangles as read_triangles
 from .table import checks_of as checks_of
 from .table import failed_checks as failed_checks
 from .table import report_text as report_text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from terrain_forge.base import Array, inlined, kernel
 from terrain_forge.model import Mesh
 
 _LINE_FEED = 10
+BYTES, TRIANGLES = 2**24, 2**18
+"""How much of a file is looked at at a time."""
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attributes", "<u2")])
 
 
@@ -33,6 +35,58 @@ def read_mesh(path: Path) -> Mesh:
     if path.suffix.lower() == ".glb":
         return _read_glb(content)
     raise ValueError(f"{path}: neither OBJ nor STL nor GLB")
+
+
+def read_objects(path: Path) -> Iterator[tuple[str, Mesh]]:
+    """Name and triangles of each object of an OBJ, which may be larger than the memory.
+
+    Raises:
+        ValueError: if an object names vertices of another.
+    """
+    name, parts, first = "", list[tuple[Array, NDArray[np.int32]]](), 0
+    with path.open("rb") as file:
+        while block := file.read(BYTES):
+            objects = (b"\n" + block + file.readline()).split(b"\no ")
+            for number, text in enumerate(objects):
+                if number:
+                    yield from _object(path, name, parts, first)
+                    first += sum(len(vertices) for vertices, _ in parts)
+                    title, _, text = text.partition(b"\n")
+                    name, parts = title.decode(), []
+                content = np.frombuffer(bytearray(text + b"\n"), np.uint8)
+                parts.append(_read_obj(content, np.count_nonzero(content == _LINE_FEED) + 1))
+    yield from _object(path, name, parts, first)
+
+
+def _object(
+    path: Path, name: str, parts: list[tuple[Array, NDArray[np.int32]]], first: int
+) -> Iterator[tuple[str, Mesh]]:
+    """An object of an OBJ, unless it is empty; `first` vertices stand before its own."""
+    if not any(len(faces) for _, faces in parts):
+        return
+    vertices, faces = (np.concatenate(column) for column in zip(*parts, strict=True))
+    if faces.min() < first or faces.max() >= first + len(vertices):
+        raise ValueError(f"{path}: object {name} names vertices of others")
+    yield name, Mesh(vertices=vertices, faces=faces - np.int32(first))
+
+
+def read_triangles(path: Path) -> Iterator[Mesh]:
+    """The triangles of a binary STL, some at a time: it may be larger than the memory.
+
+    Raises:
+        ValueError: if it ends before the triangles that it announces.
+    """
+    with path.open("rb") as file:
+        left = int(np.fromfile(file, "<u4", 1, offset=80)[0])
+        while left:
+            found = np.fromfile(file, _STL_RECORD, min(left, TRIANGLES))
+            if not len(found):
+                raise ValueError(f"{path} ends {left} triangles too early")
+            left -= len(found)
+            corners = found["corners"].reshape(-1, 3)
+            yield Mesh(
+                vertices=corners, faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+            )
 
 
 def _read_glb(content: NDArray[np.uint8]) -> Mesh:
@@ -103,8 +157,8 @@ def _read_obj(text, room):  # type: ignore[no-untyped-def]
     while at < len(text) - 1:
         is_vertex = text[at] == 118 and text[at + 1] == 32
         is_face = text[at] == 102 and text[at + 1] == 32
-        at += 1
         if is_vertex or is_face:
+            at += 1
             for corner in range(3):
                 number, at = _read_number(text, at)
                 if is_vertex:

@@ -37,8 +37,8 @@ from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
     edges,
-    embedding_rotation,
-    rotation_matrix,
+    leaning,
+    plan_axes,
 )
 from terrain_forge.rocks.scattering.scatter import Scattered
 
@@ -81,10 +81,7 @@ def embed(
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
-    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
-    longest = max(map(len, feet))
-    padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
-    shapes, grid = (exposure(library), np.array(padded)), lattice(ground)
+    shapes, grid = (exposure(library), _feet(library)), lattice(ground)
     ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
     ranges = np.asarray(ranges, np.float64)[scattered.population]
     ranges[scattered.dynamic] = np.nan
@@ -182,6 +179,28 @@ class _Embedded(NamedTuple):
     """Part of the extent below the tangent plane, shape [rocks]."""
 
 
+class _Feet(NamedTuple):
+    """Points of each prototype that must be below the ground."""
+
+    points: Array
+    """Those that are looked at elsewhere come first, shape [prototypes, points, 3]."""
+    elsewhere: NDArray[np.int64]
+    """How many of a prototype's are looked at elsewhere, shape [prototypes]."""
+    everywhere: NDArray[np.int64]
+    """How many a prototype has, shape [prototypes]."""
+
+
+def _feet(library: RockLibrary) -> _Feet:
+    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
+    longest, count = max(map(len, feet)), np.array([*map(len, feet)])
+    points, elsewhere = np.zeros((len(feet), longest, 3)), np.zeros_like(count)
+    for n, foot in enumerate(feet):
+        sparse = np.unique(np.arange(0, longest, _EVERY) % len(foot))
+        order = [*sparse, *np.setdiff1d(np.arange(len(foot)), sparse)]
+        points[n, : len(foot)], elsewhere[n] = foot[order], len(sparse)
+    return _Feet(points, elsewhere, count)
+
+
 def _foot(mesh: Mesh) -> Array:
     """Where a rock's edges are at the height of its foot, all around it, shape [points, 3]."""
     vertices, ends = mesh.vertices, mesh.vertices[edges(mesh)]
@@ -191,8 +210,8 @@ def _foot(mesh: Mesh) -> Array:
     return np.asarray(ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0]))
 
 
-_Shapes = tuple[Exposure, Array]
-"""Exposed diameters of the prototypes, and points of each that must be below the ground."""
+_Shapes = tuple[Exposure, _Feet]
+"""Exposed diameters of the prototypes, and their feet."""
 
 
 def _embed(
@@ -229,27 +248,32 @@ def _sink_deeper(
 
 @kernel
 def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # type: ignore[no-untyped-def]
-    exposure, foot = shapes
+    exposure, feet = shapes
+    ring = np.empty((_RING_POINTS, 5))  # the last three are room for places and heights
+    for k in range(_RING_POINTS):
+        angle = 2.0 * np.pi * k / _RING_POINTS
+        ring[k, 0], ring[k, 1] = np.cos(angle), np.sin(angle)
     for n in range(first, last):
         rock = rows[n]
         p, diameter, yaw = rocks.prototype[rock], rocks.diameter[rock], rocks.yaw[rock]
         x, y = rocks.xy[rock, 0], rocks.xy[rock, 1]
         low, span = exposure.low[p], exposure.span[p]
-        plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter, ground.spacing))
-        upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
-        turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, yaw)
-        rotation = rotation_matrix(turn)
+        foot = feet.points[p, : feet.everywhere[p]]
+        half_turn = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+        plane, upright, turn = _lying(ground, x, y, diameter, half_turn, ring)
+        axes = plan_axes(turn)
         burial = rocks.buried[rock]
         if rocks.range[rock, 1] > rocks.range[rock, 0]:
-            burial = _wanted(rocks, rock, exposure, foot[p], ground)
+            some = foot[: feet.elsewhere[p]]
+            burial = _wanted(rocks, rock, exposure, some, ground, half_turn, ring)
         size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
-            needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
+            needed = _covering(ground, foot, axes, size, x, y, plane, upright)
             deeper = min((needed - low) / span, deepest)
             sinks = deeper > burial + _NEGLIGIBLE
             burial = max(burial, deeper)
             level = low + burial * span
-            size = diameter / exposed_width(exposure, p, rotation, level)
+            size = diameter / exposed_width(exposure, p, axes, level)
             if not sinks:
                 break
         for k in range(4):
@@ -261,16 +285,23 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
 
 
 @inner
-def _wanted(rocks, rock, exposure, foot, ground):  # type: ignore[no-untyped-def]
+def _wanted(rocks, rock, exposure, foot, ground, half_turn, ring):  # type: ignore[no-untyped-def]
     """Burial of a rock, given what its surroundings demand; about as much as its place demands."""
     places = PATTERN * PATTERN
     own = int(mix(np.uint64(rocks.id[rock]), 0) % np.uint64(places))
     shallow, deep = rocks.range[rock, 0], rocks.range[rock, 1]
+    p, diameter = rocks.prototype[rock], rocks.diameter[rock]
+    low, span = exposure.low[p], exposure.span[p]
+    size = diameter / upright_width(exposure, p, low + shallow * span)
     needs = np.empty(places)
     for place in range(places):
         east = PITCH * (place % PATTERN - own % PATTERN)
         north = PITCH * (place // PATTERN - own // PATTERN)
-        needs[place] = _need(rocks, rock, exposure, foot, ground, east, north)
+        x, y = rocks.xy[rock, 0] + east * diameter, rocks.xy[rock, 1] + north * diameter
+        x, y = onto(ground, x, y)
+        plane, upright, turn = _lying(ground, x, y, diameter, half_turn, ring)
+        level = _covering(ground, foot, plan_axes(turn), size, x, y, plane, upright)
+        needs[place] = max(shallow, min((level - low) / span, MAX_BURIED))
     rank = 0
     for place in range(places):
         rank += needs[place] > needs[own]
@@ -278,32 +309,17 @@ def _wanted(rocks, rock, exposure, foot, ground):  # type: ignore[no-untyped-def
 
 
 @inner
-def _need(rocks, rock, exposure, foot, ground, east, north):  # type: ignore[no-untyped-def]
-    """About the least burial of a rock so many diameters east and north of its place."""
-    p, diameter = rocks.prototype[rock], rocks.diameter[rock]
-    x, y = rocks.xy[rock, 0] + east * diameter, rocks.xy[rock, 1] + north * diameter
-    x, y = onto(ground, x, y)
-    plane = _tangent_plane(ground, x, y, max(_RING_RADIUS * diameter, ground.spacing))
-    upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
-    turn = embedding_rotation(-plane[1] * upright, -plane[2] * upright, upright, rocks.yaw[rock])
-    rotation = rotation_matrix(turn)
-    shallow, low, span = rocks.range[rock, 0], exposure.low[p], exposure.span[p]
-    size = diameter / upright_width(exposure, p, low + shallow * span)
-    level = _covering(ground, foot[::_EVERY], rotation, size, x, y, plane, upright)
-    return max(shallow, min((level - low) / span, MAX_BURIED))
+def _lying(ground, x, y, diameter, half_turn, ring):  # type: ignore[no-untyped-def]
+    """The tangent plane at a point, the z of its normal, and how a rock is turned on it.
 
-
-@inner
-def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
-    """Height [m] of the ground at a point, and its rise per metre east and north.
-
-    The rise is that of the least-squares plane through a ring of ground, and at most `MAX_TILT`.
+    The plane is told by its height [m] and its rise per metre east and north. The rise is that of
+    the least-squares plane through a ring of ground, and at most `MAX_TILT`.
     """
-    xs, ys, zs = np.empty(_RING_POINTS), np.empty(_RING_POINTS), np.empty(_RING_POINTS)
+    radius = max(_RING_RADIUS * diameter, ground.spacing)
+    xs, ys, zs = ring[:, 2], ring[:, 3], ring[:, 4]
     mean_x = mean_y = 0.0
     for k in range(_RING_POINTS):
-        angle = 2.0 * np.pi * k / _RING_POINTS
-        xs[k], ys[k] = onto(ground, x + radius * np.cos(angle), y + radius * np.sin(angle))
+        xs[k], ys[k] = onto(ground, x + radius * ring[k, 0], y + radius * ring[k, 1])
         zs[k] = height(ground, xs[k], ys[k])
         mean_x, mean_y = mean_x + xs[k], mean_y + ys[k]
     mean_x, mean_y = mean_x / _RING_POINTS, mean_y / _RING_POINTS
@@ -317,17 +333,19 @@ def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
     slope_y = (xx * yz - xy * xz) / determinant
     steepness = np.sqrt(slope_x * slope_x + slope_y * slope_y)
     share = min(1.0, np.tan(MAX_TILT) / steepness) if steepness > 0.0 else 1.0
-    return height(ground, x, y), slope_x * share, slope_y * share
+    plane = height(ground, x, y), slope_x * share, slope_y * share
+    upright = 1.0 / np.sqrt(1.0 + plane[1] * plane[1] + plane[2] * plane[2])
+    return plane, upright, leaning(-plane[1] * upright, -plane[2] * upright, upright, half_turn)
 
 
 @inner
-def _covering(ground, foot, rotation, size, x, y, plane, upright):  # type: ignore[no-untyped-def]
+def _covering(ground, foot, axes, size, x, y, plane, upright):  # type: ignore[no-untyped-def]
     """The level of a prototype that must come down to the plane for its foot to be covered."""
     level = -np.inf
     for n in range(len(foot)):
         u, v, w = size * foot[n, 0], size * foot[n, 1], size * foot[n, 2]
-        dx = rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w
-        dy = rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w
+        dx = axes[0] * u + axes[1] * v + axes[2] * w
+        dy = axes[3] * u + axes[4] * v + axes[5] * w
         east, north = onto(ground, x + dx, y + dy)
         gap = plane[0] + plane[1] * (east - x) + plane[2] * (north - y)
         gap -= height(ground, east, north)
@@ -351,12 +369,10 @@ def height(grid, x, y):  # type: ignore[no-untyped-def]
     elevation = grid.elevation
     rows, columns = elevation.shape
     u, v = x / grid.spacing - grid.fraction[0], y / grid.spacing - grid.fraction[1]
-    i = min(max(int(np.floor(u)) - grid.corner[0], 0), columns - 2)
-    j = min(max(int(np.floor(v)) - grid.corner[1], 0), rows - 2)
+    i = max(min(int(np.floor(u)) - grid.corner[0], columns - 2), 0)
+    j = max(min(int(np.floor(v)) - grid.corner[1], rows - 2), 0)
     u, v = u - (i + grid.corner[0]), v - (j + grid.corner[1])
     sw, ne = np.float64(elevation[j, i]), np.float64(elevation[j + 1, i + 1])
-    if u >= v:
-        se = np.float64(elevation[j, i + 1])
-        return sw + u * (se - sw) + v * (ne - se)
-    nw = np.float64(elevation[j + 1, i])
-    return sw + v * (nw - sw) + u * (ne - nw)
+    # The south-eastern triangle or the other, without a branch: it would be mispredicted often.
+    middle = np.float64(elevation[j + (u < v), i + (u >= v)])
+    return sw + max(u, v) * (middle - sw) + min(u, v) * (ne - middle)

@@ -170,8 +170,8 @@ def upright_width(exposure, p, level):  # type: ignore[no-untyped-def]
 
 
 @inner
-def exposed_width(exposure, p, rotation, level):  # type: ignore[no-untyped-def]
-    """Exposed diameter of a turned prototype above a level across its own z axis."""
+def exposed_width(exposure, p, axes, level):  # type: ignore[no-untyped-def]
+    """Exposed diameter of a prototype, turned as `plan_axes` has it, above a level of its z."""
     place = (level - exposure.low[p]) / (exposure.span[p] * DEEPEST) * _BRACKETS
     bracket = p * _BRACKETS + min(max(int(place), 0), _BRACKETS - 1)
     first, last = exposure.first_vertex[bracket], exposure.first_vertex[bracket + 1]
@@ -180,13 +180,13 @@ def exposed_width(exposure, p, rotation, level):  # type: ignore[no-untyped-def]
     found = 0
     for n in range(first, last):
         x, y, z = exposure.vertices[n]
-        points[found, 0] = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z
-        points[found, 1] = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z
+        points[found, 0] = axes[0] * x + axes[1] * y + axes[2] * z
+        points[found, 1] = axes[3] * x + axes[4] * y + axes[5] * z
         found += z >= level
     for n in range(begin, end):
         if (exposure.edges[n, 2] >= level) != (exposure.edges[n, 5] >= level):
             x, y = _crossing(exposure.edges[n], level)
-            points[found, 0] = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * level
-            points[found, 1] = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * level
+            points[found, 0] = axes[0] * x + axes[1] * y + axes[2] * level
+            points[found, 1] = axes[3] * x + axes[4] * y + axes[5] * level
             found += 1
     return mean_width(points[:found])

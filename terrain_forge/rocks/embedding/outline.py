@@ -29,9 +29,15 @@ def edges(mesh: Mesh) -> NDArray[np.int32]:
 @kernel
 def embedding_rotation(east, north, up, yaw):  # type: ignore[no-untyped-def]
     """The quaternion that turns by `yaw` [rad] about z, then leans z to a unit normal."""
+    return leaning(east, north, up, (np.cos(0.5 * yaw), np.sin(0.5 * yaw)))
+
+
+@inner
+def leaning(east, north, up, half_turn):  # type: ignore[no-untyped-def]
+    """The same quaternion, given cosine and sine of half the turn."""
     w = np.sqrt(0.5 * (1.0 + up))
     x, y = -0.5 * north / w, 0.5 * east / w
-    cos, sin = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    cos, sin = half_turn
     return w * cos, x * cos + y * sin, y * cos - x * sin, w * sin
 
 
@@ -44,6 +50,15 @@ def rotation_matrix(quaternion):  # type: ignore[no-untyped-def]
     m[1, 0], m[1, 1], m[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
     m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
     return m
+
+
+@inner
+def plan_axes(quaternion):  # type: ignore[no-untyped-def]
+    """The two upper rows of the matrix of a unit quaternion (w, x, y, z), six numbers."""
+    w, x, y, z = quaternion
+    east = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    north = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    return east + north
 
 
 @kernel

@@ -8,6 +8,7 @@ from terrain_forge.exporters.mesh import Options, export
 
 from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.model import rotations
+from terrain_forge.validation import read_objects, read_triangles
 from tests.helpers.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.helpers.surfaces import random_points, top_under
 
@@ -232,3 +233,25 @@ def test_a_ground_too_large_for_one_mesh(small_world, tmp_path, monkeypatch):
     with pytest.raises(ExportError, match=r"6305 nodes.*choose tiles: tiled"):
         exported(small_world, tmp_path / "merged")
     exported(small_world, tmp_path / "tiled", tiles="tiled", tile_cells=48)
+
+
+def test_validation_reads_large_files_piece_by_piece(small_world, tmp_path, monkeypatch):
+    """The same as by hand, wherever a piece ends; a file that is cut short is refused."""
+    module = import_module("terrain_forge.validation.surface_mesh")
+    monkeypatch.setattr(module, "BYTES", 1000)
+    monkeypatch.setattr(module, "TRIANGLES", 100)
+    path = exported(small_world, tmp_path / "obj", format="obj", rocks="objects") / "world.obj"
+    found, wanted = list(read_objects(path)), objects(path)
+    assert [name for name, _ in found] == [name for name, *_ in wanted]
+    for (_, mesh), (_, vertices, faces) in zip(found, wanted, strict=True):
+        assert np.array_equal(mesh.vertices[mesh.faces], vertices[faces])
+    path.write_text("o a\n\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no b\nv 0 0 1\nf 1 2 4\n")
+    with pytest.raises(ValueError, match="object b names vertices of others"):
+        list(read_objects(path))
+    path = exported(small_world, tmp_path / "stl", format="stl") / "world.stl"
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in read_triangles(path)])
+    _, vertices, faces = objects(path)[0]
+    assert np.array_equal(corners, vertices[faces])
+    path.write_bytes(path.read_bytes()[:-170])
+    with pytest.raises(ValueError, match="ends 4 triangles too early"):
+        list(read_triangles(path))

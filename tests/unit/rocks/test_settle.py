@@ -9,7 +9,7 @@ import trimesh
 from scipy.stats import kstest
 
 from terrain_forge.base import RecipeError, matrix_from_quaternion
-from terrain_forge.building.checking import SETTLING, WATCHING
+from terrain_forge.building.cost import SETTLING, WATCHING, pace
 from terrain_forge.model import Heightfield, Mesh, exporter, rotations
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import ValidateSpec, recipe_from_json
@@ -343,7 +343,7 @@ def test_dynamic_rocks_are_part_of_the_estimate(tmp_path):
     assert f"({wanted:.0f} dynamic)" in text
     plain, least = line(recipe())
     assert "dynamic" not in plain
-    assert seconds == pytest.approx(least + wanted * SETTLING + 200 * WATCHING, abs=1)
+    assert seconds == pytest.approx(least + pace() * (wanted * SETTLING + 200 * WATCHING), abs=1)
 
 
 def test_outline_of_a_settled_rock_is_convex_hull_invariant():
