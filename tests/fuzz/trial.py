@@ -22,7 +22,6 @@ MEMORY = 3e9
 """What it may take of memory [bytes]."""
 BUILD_SECONDS, BUILD_MEMORY = 90.0, 6e9
 _OURS = re.compile(r"^(WARNING: |terrain-forge: (\d+:\d\d |.* is now called ))")
-_BEGINNINGS = ("terrain-forge: ", "interrupted, ", "world: a valid", "built: a valid")
 _DISK = "terrain-forge: [Errno 5]"
 _BEGINNINGS, _FAILED = ("terrain-forge: ", "interrupted, "), ("world: ", "built: ")
 _FRAME = re.compile(r'File "[^"]*?/(terrain_forge|exporters)/([^"]+)", line \d+, in (\S+)')
