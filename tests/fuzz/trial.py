@@ -16,6 +16,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.helpers import command_line
+
 SECONDS = 20.0
 """How long a command may take that builds nothing [s]."""
 MEMORY = 3e9
@@ -41,8 +43,11 @@ class Ended:
     stderr: str
 
 
-def warm_up() -> None:
-    """Import what commands import, so that a forked one need not."""
+def warm_up(good: Path) -> None:
+    """Import what commands import, and check a good recipe, so that a forked one need do neither.
+
+    What was made until then is left alone by its collector: its memory stays shared.
+    """
     import mujoco  # noqa: F401
     import rasterio  # noqa: F401
     import scipy.interpolate
@@ -50,9 +55,10 @@ def warm_up() -> None:
     import scipy.stats  # noqa: F401
     import trimesh  # noqa: F401
 
-    from terrain_forge.recipe import json_schema
-
-    json_schema()
+    done = command_line.run("check", good)
+    assert done.returncode == 0, done.stderr
+    gc.collect()
+    gc.freeze()
 
 
 def run(
@@ -75,6 +81,8 @@ def run(
         kill: When it gets a signal, seconds after its begin, and which.
     """
     logs = [folder.with_name(f"{folder.name}.{name}") for name in ("out", "err")]
+    for log in logs:
+        log.touch()
     begin = time.monotonic()
     number = os.fork()
     if not number:
@@ -124,7 +132,6 @@ def _be_command(
         warnings.resetwarnings()
         for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
             warnings.simplefilter("ignore", kind)
-        gc.unfreeze()
         from terrain_forge.cli import run as be_command
 
         sys.argv = ["terrain-forge", *arguments]
