@@ -72,6 +72,7 @@ def _sums(heights: Array, lag: int, trusted: Mask) -> tuple[Array, Array]:
     return total, count
 
 
+@cache
 def _variogram_of_means(hurst: float, lag: int) -> float:
     """Mean of ½·r^2H over all pairs of points of two unit pixels, `lag` apart along one axis."""
     steps = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE * 2.0 - 1.0
