@@ -36,7 +36,9 @@ from terrain_forge.writers import write_png
 
 FRAMES = 24
 """Frames of an animated picture, at equal times."""
-_SIZE, _LARGE = (400, 225), (960, 540)
+_SIZE = (400, 225)
+END_SIZE = (960, 540)
+"""Of the picture of a drive's end [pixels]."""
 _FRAME_MS, _LAST_MS, _QUALITY = 180, 1500, 60
 _INSET, _EDGE = 72, 6
 _PATH, _TRACK, _TEXT, _SHADE = (242, 194, 48), (120, 190, 255), (255, 255, 255), (0, 0, 0, 120)
@@ -70,7 +72,7 @@ def write_film(world: World, result: DriveResult, path: Path) -> Path:
 
 def write_end(world: World, result: DriveResult, path: Path) -> Path:
     """Write a picture of the place where the drive ended."""
-    width, height = _LARGE
+    width, height = END_SIZE
     last = len(result.time) - 1
     write_png(path, photograph(world, result, last, width=width, height=height))
     return path

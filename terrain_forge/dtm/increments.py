@@ -92,6 +92,7 @@ def _all_known(trusted: Mask, lag: int) -> Mask:
     return trusted[:, 2 * lag :] & trusted[:, lag:-lag] & trusted[:, : -2 * lag]
 
 
+@cache
 def _variogram_of_means(hurst: float, lag: int) -> float:
     """Mean of ½·r^2H over all pairs of points of two unit pixels, `lag` apart along one axis."""
     steps = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE * 2.0 - 1.0

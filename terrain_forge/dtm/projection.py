@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from terrain_forge.base import Array, DataError, portable
@@ -125,6 +127,7 @@ def body_crs(radius: float) -> str:
     return _wkt(f"+proj=longlat +a={float(radius)!r} +b={float(radius)!r} +no_defs")
 
 
+@cache
 def _wkt(proj: str) -> str:
     from rasterio.crs import CRS
 

@@ -73,12 +73,12 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
     """
     band = spec.band - 1
     dtype = np.dtype(dataset.dtypes[band])
-    unit = dataset.units[band] or ""
+    unit, typical = dataset.units[band] or "", _typical(dataset, spec)
     if spec.height_range_m is not None:
         low, high = _range(spec, dtype)
         scale, offset, known = (high - low) / float(np.iinfo(dtype).max), low, True
     else:
-        metres = metres_of(unit) or _kilometres(dataset, spec, body)
+        metres = metres_of(unit) or _kilometres(typical, dataset, spec, body)
         scale, offset = dataset.scales[band] * metres, dataset.offsets[band] * metres
         if scale == 0.0 and spec.height_scale is None:
             raise DataError(
@@ -90,7 +90,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         known = declared or dtype.kind != "u" or metres_of(unit) is not None
         scale = scale if spec.height_scale is None else spec.height_scale
         offset = offset if spec.height_offset_m is None else spec.height_offset_m
-    is_radius = _around(offset, body) or _around(_typical(dataset, spec) * scale + offset, body)
+    is_radius = _around(offset, body) or _around(typical * scale + offset, body)
     return Vertical(
         scale=scale,
         offset=offset,
@@ -164,10 +164,10 @@ def _around(value: float, body: Body) -> bool:
     return abs(value / body.mean_radius - 1.0) <= 0.05
 
 
-def _kilometres(dataset: Any, spec: RasterDtm, body: Body) -> float:
+def _kilometres(typical: float, dataset: Any, spec: RasterDtm, body: Body) -> float:
     """1000 if the numbers, of no unit, lie around the body's radius in kilometres; else 1."""
     band = spec.band - 1
-    value = _typical(dataset, spec) * dataset.scales[band] + dataset.offsets[band]
+    value = typical * dataset.scales[band] + dataset.offsets[band]
     known = any((spec.height_scale, spec.height_offset_m, dataset.units[band]))
     return 1000.0 if not known and _around(1000.0 * value, body) else 1.0
 

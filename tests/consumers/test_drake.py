@@ -14,7 +14,7 @@ from terrain_forge.exporters.drake import Options, export
 from terrain_forge.model import rotations
 from tests.helpers.ground_pictures import PIXELS, shows_its_nodes, speckled
 from tests.helpers.places import PROGRAMS
-from tests.helpers.surfaces import random_points, top_under
+from tests.helpers.surfaces import random_points, resting_height, top_under
 
 DRAKE = "{http://drake.mit.edu}"
 CONSUMER = PROGRAMS / "drake_world.py"
@@ -208,14 +208,6 @@ def test_drake_measures_distances_to_the_ground_itself(small_world, tmp_path):
     assert max(abs(d) for point in on["distances"] for d in point.values()) < 1e-5
     above = ask(directory, points=np.column_stack([points, heights + 0.5]).tolist())
     assert all(0.2 < d <= 0.5 + 1e-6 for point in above["distances"] for d in point.values())
-
-
-def resting_height(ground, x, y, radius):
-    """Height of a ball's centre that is let down onto the ground: closed form over a fine grid."""
-    east, north = np.meshgrid(*[np.linspace(-radius, radius, 801)] * 2)
-    inside = east**2 + north**2 < radius**2
-    z = ground.height_at(x + east[inside], y + north[inside])
-    return float((z + np.sqrt(radius**2 - east[inside] ** 2 - north[inside] ** 2)).max())
 
 
 @pytest.mark.consumer

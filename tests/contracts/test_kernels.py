@@ -20,6 +20,8 @@ KERNELS = {
 def test_a_listed_kernel_takes_what_the_list_says(name):
     types = numba_types(KERNELS[name])
     assert plain_types(types) == KERNELS[name]
+    for record in (found for found in types if hasattr(found, "instance_class")):
+        assert len(record) == len(record.instance_class._fields)
     assert len(types) == len(signature(kernel(name).py_func).parameters)
 
 

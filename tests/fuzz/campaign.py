@@ -64,8 +64,9 @@ class Campaign:
         self.figures = Figures()
         self._rng, self._kinds, self._keep, self._builds = random.Random(seed), kinds, keep, builds
         self._place = Path(tempfile.mkdtemp(prefix="fuzz-"))
-        trial.warm_up()
         (self._place / "good").mkdir()
+        good = {**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}
+        trial.warm_up(samples.write_recipe(good, self._place))
         self._writers: dict[str, Recipes | Files | Worlds] = {
             "recipes": Recipes(self._rng),
             "files": Files(self._rng, self._place / "good"),
@@ -106,12 +107,11 @@ class Campaign:
         return self.figures
 
     def _good_world(self) -> Path:
-        folder = self._place / "built"
-        folder.mkdir()
-        samples.write_recipe({**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}, folder)
-        ended = trial.run(("build", "recipe.yaml", "-o", "world"), folder, seconds=90, memory=6e9)
+        ended = trial.run(
+            ("build", "recipe.yaml", "-o", "built"), self._place, seconds=90, memory=6e9
+        )
         assert ended.status == 0, ended.stderr
-        return folder / "world"
+        return self._place / "built"
 
     def _step(self, kind: str) -> None:
         folder = self._place / "case"

@@ -16,13 +16,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.helpers import command_line
+
 SECONDS = 20.0
 """How long a command may take that builds nothing [s]."""
 MEMORY = 3e9
 """What it may take of memory [bytes]."""
 BUILD_SECONDS, BUILD_MEMORY = 90.0, 6e9
 _OURS = re.compile(r"^(WARNING: |terrain-forge: (\d+:\d\d |.* is now called ))")
-_BEGINNINGS = ("terrain-forge: ", "interrupted, ", "world: a valid", "built: a valid")
 _DISK = "terrain-forge: [Errno 5]"
 _BEGINNINGS, _FAILED = ("terrain-forge: ", "interrupted, "), ("world: ", "built: ")
 _FRAME = re.compile(r'File "[^"]*?/(terrain_forge|exporters)/([^"]+)", line \d+, in (\S+)')
@@ -42,8 +43,11 @@ class Ended:
     stderr: str
 
 
-def warm_up() -> None:
-    """Import what commands import, so that a forked one need not."""
+def warm_up(good: Path) -> None:
+    """Import what commands import, and check a good recipe, so that a forked one need do neither.
+
+    What was made until then is left alone by its collector: its memory stays shared.
+    """
     import mujoco  # noqa: F401
     import rasterio  # noqa: F401
     import scipy.interpolate
@@ -51,20 +55,10 @@ def warm_up() -> None:
     import scipy.stats  # noqa: F401
     import trimesh  # noqa: F401
 
-    import terrain_forge as tf
-    import terrain_forge.cli
-
-    tf.json_schema()
-    law = tf.Golombek(k=0.01)
-    pebbles = tf.PopulationSpec(name="pebbles", size_frequency=law, diameter_m=(0.2, 1.0))
-    recipe = tf.Recipe(
-        name="warm",
-        body="mars",
-        dtm=tf.FlatDtm(size_m=(4.0, 4.0)),
-        terrain=tf.TerrainSpec(spacing_m=0.5),
-        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1), populations=(pebbles,)),
-    )
-    list(tf.check(recipe))
+    done = command_line.run("check", good)
+    assert done.returncode == 0, done.stderr
+    gc.collect()
+    gc.freeze()
 
 
 def run(
@@ -87,6 +81,8 @@ def run(
         kill: When it gets a signal, seconds after its begin, and which.
     """
     logs = [folder.with_name(f"{folder.name}.{name}") for name in ("out", "err")]
+    for log in logs:
+        log.touch()
     begin = time.monotonic()
     number = os.fork()
     if not number:
@@ -136,7 +132,6 @@ def _be_command(
         warnings.resetwarnings()
         for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
             warnings.simplefilter("ignore", kind)
-        gc.unfreeze()
         from terrain_forge.cli import run as be_command
 
         sys.argv = ["terrain-forge", *arguments]

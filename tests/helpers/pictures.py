@@ -22,6 +22,8 @@ TEXTURE = 72
 """Most pixels along a side of the ground's texture, where a test chooses none."""
 FILM = 2
 """Pictures of a drive's film."""
+END = (96, 54)
+"""Width and height of the picture of a drive's end."""
 DPI = 20
 """Of figures."""
 DRAW_AXIS = Axis.draw
@@ -49,6 +51,7 @@ def make_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("terrain_forge.rocks.render_contact_sheet", sheet)
     patch.setattr("terrain_forge.report.section.MAP_PIXELS", MAP)
     patch.setattr("terrain_forge.driving.film.FRAMES", FILM)
+    patch.setattr("terrain_forge.driving.film.END_SIZE", END)
     patch.setitem(matplotlib.rcParams, "savefig.dpi", DPI)
     patch.setattr(Axis, "draw", lambda *_: None)  # most of what a figure costs
 

@@ -34,3 +34,11 @@ def random_points(ground, count, seed):
     west, south, east, north = ground.bounds
     low, high = np.array([west, south]) + 1e-3, np.array([east, north]) - 1e-3
     return np.random.default_rng(seed).uniform(low, high, (count, 2))
+
+
+def resting_height(ground, x, y, radius):
+    """Height of a ball's centre that is let down onto the ground: closed form over a fine grid."""
+    east, north = np.meshgrid(*[np.linspace(-radius, radius, 801)] * 2)
+    inside = east**2 + north**2 < radius**2
+    z = ground.height_at(x + east[inside], y + north[inside])
+    return float((z + np.sqrt(radius**2 - east[inside] ** 2 - north[inside] ** 2)).max())

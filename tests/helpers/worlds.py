@@ -19,6 +19,7 @@ from terrain_forge.model import (
     RockLibrary,
     RockPrototype,
     Roughness,
+    Route,
     Rover,
     Site,
     Trajectory,
@@ -196,4 +197,36 @@ def world(*, rocks: int = 40, rover: Rover | None = None) -> World:
             sun_azimuth=4.0, sun_elevation=0.6, irradiance=586.2, sky_rgb=MARS.sky_rgb
         ),
         unplaced=(0, 0),
+    )
+
+
+def loosened(world: World) -> World:
+    """A world with every third rock dynamic, and every fifth of the others visual only."""
+    row = np.arange(len(world.field))
+    dynamic = row % 3 == 0
+    solid = dynamic | (row % 5 > 0)
+    return world.replace(field=world.field.replace(dynamic=dynamic, collides=solid))
+
+
+def crowded(world: World, count: int, *, dynamic: bool = False) -> World:
+    """A world with so many rocks, of 0.2 to 1.4 m, where its own are."""
+    field = world.field.select(np.arange(count) % len(world.field)).replace(
+        id=np.arange(count),
+        diameter=np.linspace(0.2, 1.4, count),
+        dynamic=np.full(count, dynamic, np.bool_),
+    )
+    return world.replace(field=field)
+
+
+def route(points, **changes) -> Route:
+    """A planned path through some points, all of the same heading."""
+    points = np.asarray(points, float)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    values = {"name": "way", "speed": 1.0, "corridor_width": 0.0, "corridor_clearance": 0.0}
+    return Route(
+        position=points,
+        heading=np.zeros(len(points)),
+        distance=np.concatenate([[0.0], np.cumsum(steps)]),
+        closed=False,
+        **(values | changes),
     )

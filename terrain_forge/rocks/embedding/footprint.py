@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,8 +50,16 @@ def footprint(mesh: Mesh) -> Array:
     parts too, reaches from its origin over its diameter, along `FOOTPRINT_DIRECTIONS` directions
     counter-clockwise from where the yaw turns the prototype's x axis, shape [directions].
     """
-    _, _, support = _sweep(mesh.vertices.copy(), edges(mesh))
-    return np.asarray(support * _BOUND_MARGIN)
+    return _support(mesh.vertices.tobytes(), edges(mesh).tobytes())
+
+
+@lru_cache(maxsize=256)  # the check, the scattering and the embedding ask for the same shapes
+def _support(vertices: bytes, edges: bytes) -> Array:
+    points, ends = np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(edges, np.int32)
+    _, _, support = _sweep(points.copy(), ends.reshape(-1, 2).copy())
+    support *= _BOUND_MARGIN
+    support.setflags(write=False)
+    return np.asarray(support)
 
 
 def footprints(library: RockLibrary, prototypes: NDArray[np.integer]) -> dict[int, Array]:

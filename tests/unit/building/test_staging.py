@@ -409,7 +409,8 @@ def at_step(step: int, act) -> None:
     ("exchange", "stride"),
     [
         (True, 5),
-        (False, 1),
+        (False, 4),
+        pytest.param(False, 1, marks=pytest.mark.slow),
         pytest.param(True, 1, marks=pytest.mark.slow),
     ],
 )

@@ -167,6 +167,7 @@ def test_the_rover_is_in_its_picture(across_a_rock):
 
 def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, monkeypatch):
     monkeypatch.setattr("terrain_forge.driving.film.FRAMES", 3)
+    monkeypatch.setattr("terrain_forge.driving.film.END_SIZE", (192, 108))
     world, result = across_a_rock
     film = write_film(world, result, tmp_path / "drive.webp")
     with Image.open(film) as picture:
@@ -174,7 +175,7 @@ def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, m
         assert picture.size == (400, 225)
     assert film.stat().st_size < 1.5e6 / 10
     with Image.open(write_end(world, result, tmp_path / "end.png")) as picture:
-        assert picture.size == (960, 540)
+        assert picture.size == (192, 108)
 
 
 def test_a_failed_drive_shows_where(tmp_path):

@@ -90,6 +90,7 @@ def rough(shape=(300, 400), seed=1):
         ("float32", 1.0, 1737.4, "KILOMETER", lambda h: h / 1000.0),  # LOLA, floats
         ("float32", 1.0, 1737.4, None, lambda h: h / 1000.0),
         ("float64", 1.0, 0.0, None, lambda h: h + 1737400.0),  # values are radii
+        ("float64", 1.0, 1e6, None, lambda h: h + 737400.0),  # … with the offset
         ("float64", 1.0, 0.0, "km", lambda h: (h + 1737400.0) / 1000.0),
         ("float64", 1.0, 0.0, None, lambda h: (h + 1737400.0) / 1000.0),
         ("float32", 1.0, 0.0, "km", lambda h: h / 1000.0),

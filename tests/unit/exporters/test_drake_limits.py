@@ -15,20 +15,11 @@ from terrain_forge.base import ExportError
 from terrain_forge.rocks import LibrarySpec, make_library
 from tests.consumers.test_drake import ask
 from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
-
-
-def many(world, count, *, dynamic=False):
-    field = world.field.select(np.arange(count) % len(world.field))
-    diameter = np.linspace(0.2, 1.4, count)
-    return world.replace(
-        field=field.replace(
-            id=np.arange(count), diameter=diameter, dynamic=np.full(count, dynamic, np.bool_)
-        )
-    )
+from tests.helpers.worlds import crowded
 
 
 def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_world, tmp_path):
-    world = many(small_world, 12_000)
+    world = crowded(small_world, 12_000)
     with pytest.raises(
         ExportError,
         match=r"load .* 12,000 static rocks .*at most 300 s .*; a larger individual_min_m or",
@@ -43,7 +34,7 @@ def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_w
 
 
 def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
-    world = many(small_world, 60_000)
+    world = crowded(small_world, 60_000)
     with pytest.raises(ExportError, match=r"GB .*larger individual_min_m or .*smaller size_m"):
         export(world, tmp_path, options=Options(individual_min_m=9, outline_error=0.03))
     untouched = world.replace(field=world.field.replace(collides=np.zeros(60_000, np.bool_)))
@@ -53,7 +44,7 @@ def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
 def test_merged_rocks_are_as_coarse_as_the_parser_needs(small_world, monkeypatch):
     library = make_library(LibrarySpec(shapes=1))
     shape = library.prototypes[0].replace(outline_errors=(0.0, 0.02, 0.05))
-    world = many(small_world, 900).replace(library=library.replace(prototypes=(shape,)))
+    world = crowded(small_world, 900).replace(library=library.replace(prototypes=(shape,)))
     world = world.replace(field=world.field.replace(prototype=np.zeros(900, np.int32)))
     merged = Options(individual_min_m=9)
     fine, coarse = (parsing_load(world, merged, error) for error in (COARSENESS[0], COARSENESS[-1]))
@@ -68,7 +59,7 @@ def test_merged_rocks_are_as_coarse_as_the_parser_needs(small_world, monkeypatch
 
 
 def test_the_triangles_are_those_that_are_written(small_world, tmp_path):
-    world = many(small_world, 900)
+    world = crowded(small_world, 900)
     options = Options(individual_min_m=1.0)
     export(world, tmp_path, options=options)
     merged = ("ground_", "rocks_")
@@ -88,17 +79,19 @@ def test_the_triangles_are_those_that_are_written(small_world, tmp_path):
 
 @pytest.mark.parametrize(("count", "said"), [(2_000, False), (2_600, True)])
 def test_what_parsing_takes_is_said_from_twenty_seconds_on(small_world, tmp_path, count, said):
-    losses = export(many(small_world, count), tmp_path, options=Options(individual_min_m=0)).losses
+    losses = export(
+        crowded(small_world, count), tmp_path, options=Options(individual_min_m=0)
+    ).losses
     assert any("2,600 static rocks" in loss for loss in losses) == said
 
 
 def test_too_many_dynamic_rocks_are_said_and_refused(small_world, tmp_path):
-    lots = many(small_world, 4_100, dynamic=True)
+    lots = crowded(small_world, 4_100, dynamic=True)
     load = require_parsable(lots, Options())
     assert "4,100 dynamic ones" in str(load)
     assert load.seconds > WORTH_SAYING
     with pytest.raises(ExportError, match="fewer dynamic rocks make it less"):
-        require_parsable(many(small_world, 61_000, dynamic=True), Options())
+        require_parsable(crowded(small_world, 61_000, dynamic=True), Options())
 
 
 def test_a_ground_that_is_too_large_is_refused_before_it_is_made():

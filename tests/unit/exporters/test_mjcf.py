@@ -136,12 +136,7 @@ def test_shared_sizes_are_few_and_near():
 
 @pytest.fixture(scope="module")
 def loosened(world):
-    """The world with every third rock dynamic, and every fifth of the others visual only."""
-    row = np.arange(len(world.field))
-    dynamic = row % 3 == 0
-    return world.replace(
-        field=world.field.replace(dynamic=dynamic, collides=dynamic | (row % 5 > 0))
-    )
+    return worlds.loosened(world)
 
 
 def test_dynamic_rocks_are_bodies_with_their_own_mass_and_size(loosened, tmp_path):

@@ -21,11 +21,11 @@ from terrain_forge.paths import angles_between, spline_places
 from terrain_forge.paths.interpolation import turns_between
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import grain
-from tests.helpers import rovers
+from tests.helpers import rovers, worlds
 from tests.helpers.gazebo import rested
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 from tests.helpers.rovers import morpheus
-from tests.helpers.surfaces import random_points, top_under
+from tests.helpers.surfaces import random_points, resting_height, top_under
 
 
 def exported(world, directory, **options):
@@ -268,18 +268,9 @@ def test_single_rocks_show_their_populations_texture(small_world, sdf):
     assert np.abs(vt[index - 1] - shape.uvs[0]).max() < 1e-6
 
 
-def loosened(world):
-    """The world with every third rock dynamic, and every fifth of the others visual only."""
-    row = np.arange(len(world.field))
-    dynamic = row % 3 == 0
-    return world.replace(
-        field=world.field.replace(dynamic=dynamic, collides=dynamic | (row % 5 > 0))
-    )
-
-
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
 def test_dynamic_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, flavour):
-    world = loosened(small_world)
+    world = worlds.loosened(small_world)
     directory = exported(world, tmp_path / "sdf", flavour=flavour)
     field, turns = world.field, rotations(world.field)
     for file in ("world.sdf", "scene.sdf"):
@@ -310,7 +301,7 @@ def test_dynamic_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, fla
 
 
 def test_every_convex_part_is_a_collision(small_world, tmp_path):
-    world = loosened(small_world)
+    world = worlds.loosened(small_world)
     shapes = [p.replace(hulls=(*p.hulls, *p.hulls)) for p in world.library.prototypes]
     world = world.replace(library=world.library.replace(prototypes=tuple(shapes)))
     directory = exported(world, tmp_path / "sdf", individual_min_m=0)
@@ -324,7 +315,7 @@ def test_every_convex_part_is_a_collision(small_world, tmp_path):
 
 
 def test_rocks_visual_only_have_no_collision(small_world, tmp_path):
-    world = loosened(small_world)
+    world = worlds.loosened(small_world)
     model = models(exported(world, tmp_path / "sdf", individual_min_m=0.8))["by-hand_rocks"]
     field = world.field
     large, fixed = field.diameter >= 0.8, ~field.dynamic
@@ -611,7 +602,7 @@ def test_the_bridge_knows_every_topic_of_the_scene(roving, tmp_path):
 def test_libsdformat_has_no_finding(small_world, tmp_path, build, flavour, name, options):
     program = build("sdf_check", "sdformat12")
     site = small_world.site.replace(name=name)
-    world = loosened(small_world).replace(site=site, rover=morpheus())
+    world = worlds.loosened(small_world).replace(site=site, rover=morpheus())
     directory = exported(world, tmp_path / "sdf", flavour=flavour, tile_cells=48, **options)
     for file in ("world.sdf", "scene.sdf"):
         run = subprocess.run(
@@ -648,14 +639,6 @@ BALL = """<model name="ball"><pose>{} {} {} 0 0 0</pose>
 </link>
 <joint name="slider" type="prismatic"><parent>world</parent><child>ball</child>
 <axis><xyz>0 0 1</xyz></axis></joint></model></world>"""
-
-
-def resting_height(ground, x, y, radius):
-    """Height of a ball's centre that is let down onto the ground: closed form over a fine grid."""
-    east, north = np.meshgrid(*[np.linspace(-radius, radius, 801)] * 2)
-    inside = east**2 + north**2 < radius**2
-    z = ground.height_at(x + east[inside], y + north[inside])
-    return float((z + np.sqrt(radius**2 - east[inside] ** 2 - north[inside] ** 2)).max())
 
 
 def rest(build, directory, x, y, height):

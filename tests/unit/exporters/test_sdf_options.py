@@ -13,6 +13,7 @@ from terrain_forge.exporters.sdf.losses import list_losses, loading
 
 from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.model import Trajectory
+from tests.helpers.worlds import crowded
 
 
 @pytest.mark.parametrize(
@@ -134,18 +135,8 @@ def test_gz_sim_cuts_no_waypoint_to_the_millisecond_before(small_world, tmp_path
 # ---- rocks that are too many elements
 
 
-def many(world, count, *, dynamic=False):
-    field = world.field.select(np.arange(count) % len(world.field))
-    diameter = np.linspace(0.2, 1.4, count)
-    return world.replace(
-        field=field.replace(
-            id=np.arange(count), diameter=diameter, dynamic=np.full(count, dynamic, np.bool_)
-        )
-    )
-
-
 def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_world, tmp_path):
-    world = many(small_world, 45_000)
+    world = crowded(small_world, 45_000)
     with pytest.raises(
         ExportError,
         match=r"45000 rocks are elements of their own.* 24 GB .*; a larger individual_min_m merges",
@@ -162,18 +153,18 @@ def test_what_loading_takes_is_said_from_a_gigabyte_on(small_world, tmp_path):
     for count, said in ((1_500, False), (2_500, True)):
         (tmp_path / str(count)).mkdir()
         options = Options(individual_min_m=0)
-        losses = export(many(small_world, count), tmp_path / str(count), options=options).losses
+        losses = export(crowded(small_world, count), tmp_path / str(count), options=options).losses
         assert any("Gazebo's parser takes some 1.3 GB and 4 s" in loss for loss in losses) == said
 
 
 def test_too_many_dynamic_rocks_are_refused(small_world, tmp_path):
     with pytest.raises(ExportError, match=r"4000 of them dynamic.*make fewer rocks dynamic"):
-        export(many(small_world, 4_000, dynamic=True), tmp_path, options=Options())
+        export(crowded(small_world, 4_000, dynamic=True), tmp_path, options=Options())
 
 
 def test_dynamic_rocks_that_are_slower_than_real_time_are_told(small_world):
     for count, told in ((20, []), (21, ["21 dynamic rocks take DART about 2 ms"])):
-        world = many(small_world, count, dynamic=True)
+        world = crowded(small_world, count, dynamic=True)
         losses = list_losses(world, coarse=[], heightmap=None, options=Options())
         assert [loss[:37] for loss in losses if "DART" in loss] == told
 
@@ -183,7 +174,7 @@ def test_dynamic_rocks_that_are_slower_than_real_time_are_told(small_world):
 def test_libsdformat_takes_the_memory_that_is_foretold(small_world, tmp_path, build, dynamic):
     program = build("sdf_check", "sdformat12")
     options, taken = Options(individual_min_m=0), []
-    worlds = [many(small_world, count, dynamic=dynamic) for count in (40, 240)]
+    worlds = [crowded(small_world, count, dynamic=dynamic) for count in (40, 240)]
     for number, world in enumerate(worlds):
         folder = tmp_path / str(number)
         folder.mkdir()

@@ -24,6 +24,7 @@ from terrain_forge.pipeline import plan, realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, RocksSpec, dynamic_contact
 from terrain_forge.terrain import CraterLayer
+from tests.helpers import worlds
 from tests.helpers.ground_pictures import (
     PIXELS,
     detailed,
@@ -227,11 +228,7 @@ def test_small_rocks_share_a_collider(small_world, stage):
 
 @pytest.fixture(scope="module")
 def loosened(small_world):
-    """The world with every third rock dynamic, and every fifth of the others visual only."""
-    row = np.arange(len(small_world.field))
-    dynamic = row % 3 == 0
-    solid = dynamic | (row % 5 > 0)
-    return small_world.replace(field=small_world.field.replace(dynamic=dynamic, collides=solid))
+    return worlds.loosened(small_world)
 
 
 @pytest.fixture(scope="module")

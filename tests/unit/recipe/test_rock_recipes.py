@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -319,6 +320,11 @@ def even(cover, low, high, **more):
     return population(size_frequency=law, diameter_m=(low, high), **more)
 
 
+@cache
+def library():
+    return find_library(LibrarySpec())
+
+
 @pytest.mark.parametrize(
     "dense",
     [
@@ -331,25 +337,23 @@ def even(cover, low, high, **more):
 )
 def test_cover_that_leaves_no_room_for_the_last_rocks(dense):
     """Below 0.4, but these sizes leave more than one rock in a thousand without a place."""
-    library = find_library(LibrarySpec())
     with pytest.raises(RecipeError, match=r"cover 0\.[23].*packed.*lower their numbers") as refused:
-        check_packing(tuple(dense), SIZE, lambda: library)
+        check_packing(tuple(dense), SIZE, library)
     assert refused.value.key == ("rocks", "populations")
 
 
 def test_wide_ranges_of_sizes_pack_densely():
-    library = find_library(LibrarySpec())
     still = [population(size_frequency=Golombek(k=k), diameter_m=(0.1, 2)) for k in (0.3, 0.35)]
     dynamic = population(size_frequency=Golombek(k=0.3), diameter_m=(0.15, 2), dynamic_m=(0.15, 2))
     for dense in (*still, dynamic):
         check_rocks(RocksSpec(populations=(dense,)), SIZE)
-        check_packing((dense,), SIZE, lambda: library)
+        check_packing((dense,), SIZE, library)
 
 
 def test_packing_knows_the_shapes_at_hand():
     """Ventifacts have larger footprints than the default shapes: fewer of them fit."""
     dense = (even(0.22, 0.5, 1.0),)
-    check_packing(dense, SIZE, lambda: find_library(LibrarySpec()))
+    check_packing(dense, SIZE, library)
     ventifacts = find_library(LibrarySpec(shapes=6, families=("ventifact",)))
     with pytest.raises(RecipeError, match="packed"):
         check_packing(dense, SIZE, lambda: ventifacts)

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import chi2, kstest, norm
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import Route, Window
+from terrain_forge.model import Window
 from terrain_forge.rocks import (
     Golombek,
     LibrarySpec,
@@ -36,18 +36,7 @@ def run(place, *populations, window=None):
 
 
 def route(points, *, width=1.2, clearance=0.15):
-    points = np.asarray(points, dtype=float)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    return Route(
-        name="path",
-        position=points,
-        heading=np.zeros(len(points)),
-        distance=np.concatenate([[0.0], np.cumsum(steps)]),
-        closed=False,
-        speed=0.3,
-        corridor_width=width,
-        corridor_clearance=clearance,
-    )
+    return worlds.route(points, corridor_width=width, corridor_clearance=clearance)
 
 
 def circle(radius, **kwargs):

@@ -13,7 +13,7 @@ from PIL import Image as Picture
 
 from terrain_forge.base import DataError, RecipeError, registry
 from terrain_forge.dtm import FlatDtm
-from terrain_forge.model import Image, Route, Window
+from terrain_forge.model import Image, Window
 from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal, Layer, layer, mask_weight, shape_ground
@@ -66,21 +66,6 @@ def test_layer_that_is_not_finite_is_named():
     site = worlds.site()
     with pytest.raises(ValueError, match=r"terrain.layers\[1\] \(Broken\) makes heights that"):
         shape_ground(site=site, window=site.window, layers=(Ramp(), Broken(), Step()))
-
-
-def route(points, name="way"):
-    points = np.array(points, float)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    return Route(
-        name=name,
-        position=points,
-        heading=np.zeros(len(points)),
-        distance=np.concatenate([[0.0], np.cumsum(steps)]),
-        closed=False,
-        speed=1.0,
-        corridor_width=0.0,
-        corridor_clearance=0.0,
-    )
 
 
 def test_height_mask_keeps_the_layer_between_its_bounds():
@@ -147,7 +132,7 @@ def test_distance_to_a_route_is_exact():
 
 def test_route_mask_keeps_a_strip_free():
     site = worlds.site().replace(
-        routes=(route([[-20, 2], [20, 2]]), route([[0, -5], [0, -4]], "other"))
+        routes=(worlds.route([[-20, 2], [20, 2]]), worlds.route([[0, -5], [0, -4]], name="other"))
     )
     added = raised(Mask(route=RouteBand(path="way", beyond_m=3.0, fade_m=1.0)), site=site)
     _, north = site.axes(site.window)
@@ -159,7 +144,7 @@ def test_route_mask_keeps_a_strip_free():
 
 
 def test_conditions_multiply():
-    site = worlds.site().replace(routes=(route([[-20, 2], [20, 2]]),))
+    site = worlds.site().replace(routes=(worlds.route([[-20, 2], [20, 2]]),))
     height, near = HeightBand(below_m=4.0, fade_m=2.0), RouteBand(within_m=1.0, fade_m=3.0)
     both = raised(Mask(height=height, route=near), site=site)
     product = raised(Mask(height=height), site=site) * raised(Mask(route=near), site=site)
@@ -169,7 +154,8 @@ def test_conditions_multiply():
 def test_masked_ground_of_a_window_is_the_cut():
     values = np.random.default_rng(1).random((17, 25))
     site = worlds.site().replace(
-        images=(Image(path="m.png", values=values),), routes=(route([[-9, -5], [3, 4], [9, -2]]),)
+        images=(Image(path="m.png", values=values),),
+        routes=(worlds.route([[-9, -5], [3, 4], [9, -2]]),),
     )
     masks = [
         Mask(slope=SlopeBand(below_deg=8.0, fade_deg=6.0, baseline_m=3.0)),
