@@ -23,7 +23,7 @@ from terrain_forge.base import (
     over_chunks,
     portable,
 )
-from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary
+from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary, RockPrototype
 from terrain_forge.rocks.embedding.burial import PATTERN, PITCH, shared_out
 from terrain_forge.rocks.embedding.exposure import (
     DEEPEST,
@@ -84,16 +84,18 @@ def embed(
     feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
     longest = max(map(len, feet))
     padded = [np.resize(foot, (longest, 3)) for foot in feet]  # by points that occur already
-    shapes, grid = (exposure(library), np.array(padded)), lattice(ground)
+    used, prototype = np.unique(scattered.prototype, return_inverse=True)
+    shown = [library.prototypes[n] for n in used]
+    shapes, grid = (exposure(shown), np.array(padded)[used]), lattice(ground)
     ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
     ranges = np.asarray(ranges, np.float64)[scattered.population]
     ranges[scattered.dynamic] = np.nan
     rocks = _Rocks(
         scattered.id, scattered.xy, scattered.yaw, scattered.buried, ranges, scattered.diameter,
-        scattered.prototype,
+        prototype.astype(scattered.prototype.dtype),
     )  # fmt: skip
     lying = _embed(rocks, np.arange(len(scattered)), shapes, grid, MAX_BURIED)
-    _sink_deeper(lying, rocks, library, shapes, grid)
+    _sink_deeper(lying, rocks, shown, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
     names = ("populations", "id", "population", "prototype", "diameter", "dynamic", "collides")
@@ -206,7 +208,11 @@ def _embed(
 
 
 def _sink_deeper(
-    lying: _Embedded, rocks: _Rocks, library: RockLibrary, shapes: _Shapes, ground: Lattice
+    lying: _Embedded,
+    rocks: _Rocks,
+    prototypes: list[RockPrototype],
+    shapes: _Shapes,
+    ground: Lattice,
 ) -> None:
     """Bury rocks that would still show daylight deeper, where their footprint has space for it.
 
@@ -214,9 +220,9 @@ def _sink_deeper(
     """
     rows = np.flatnonzero(lying.buried >= MAX_BURIED)
     deeper = _embed(rocks, rows, shapes, ground, DEEPEST)
-    supports = footprints(library, rocks.prototype[rows])
+    supports = footprints(prototypes, rocks.prototype[rows])
     for n, row in enumerate(rows.tolist()):
-        prototype = library.prototypes[rocks.prototype[row]]
+        prototype = prototypes[rocks.prototype[row]]
         turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
         plan = portable.product(
             deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices, turn.T

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, portable
-from terrain_forge.model import Mesh, RockLibrary
+from terrain_forge.model import Mesh, RockPrototype
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
@@ -52,10 +54,11 @@ def footprint(mesh: Mesh) -> Array:
     return np.asarray(support * _BOUND_MARGIN)
 
 
-def footprints(library: RockLibrary, prototypes: NDArray[np.integer]) -> dict[int, Array]:
-    """Footprints of those of a library's prototypes that some rocks have, by their index."""
-    chosen = np.unique(prototypes).tolist()
-    return {n: footprint(library.prototypes[n].meshes[0]) for n in chosen}
+def footprints(
+    prototypes: Sequence[RockPrototype], chosen: NDArray[np.integer]
+) -> dict[int, Array]:
+    """Footprints of those prototypes that some rocks have, by their index."""
+    return {n: footprint(prototypes[n].meshes[0]) for n in np.unique(chosen).tolist()}
 
 
 def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
