@@ -46,7 +46,8 @@ FOOT = 0.05
 """Height of the loop around a rock's foot that lies below the ground, as a part of its extent."""
 
 _SINKINGS = 4
-_EVERY = 4  # point of a foot is looked at elsewhere
+_EACH = np.int64(1)  # point of a foot is looked at where a rock lies
+_EVERY = np.int64(4)  # at the other places; of NumPy's type, lest `_covering` compile for each
 _NEGLIGIBLE = 1e-3
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
@@ -250,7 +251,7 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
             burial = _wanted(rocks, rock, exposure, foot[p], ground)
         size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
-            needed = _covering(ground, foot[p], rotation, size, x, y, plane, upright)
+            needed = _covering(ground, foot[p], _EACH, rotation, size, x, y, plane, upright)
             deeper = min((needed - low) / span, deepest)
             sinks = deeper > burial + _NEGLIGIBLE
             burial = max(burial, deeper)
@@ -277,10 +278,16 @@ def _wanted(rocks, rock, exposure, foot, ground):  # type: ignore[no-untyped-def
         east = PITCH * (place % PATTERN - own % PATTERN)
         north = PITCH * (place // PATTERN - own // PATTERN)
         needs[place] = _need(rocks, rock, exposure, foot, ground, east, north)
-    rank = 0
+    rank, need = 0, needs[own]
     for place in range(places):
-        rank += needs[place] > needs[own]
-    return shared_out(np.sort(needs)[::-1], rank, rocks.buried[rock], shallow, deep)
+        rank += needs[place] > need
+    for place in range(1, places):  # from the largest; np.sort would compile for long
+        moved, n = needs[place], place
+        while n > 0 and needs[n - 1] < moved:
+            needs[n] = needs[n - 1]
+            n -= 1
+        needs[n] = moved
+    return shared_out(needs, rank, rocks.buried[rock], shallow, deep)
 
 
 @inner
@@ -295,7 +302,7 @@ def _need(rocks, rock, exposure, foot, ground, east, north):  # type: ignore[no-
     rotation = rotation_matrix(turn)
     shallow, low, span = rocks.range[rock, 0], exposure.low[p], exposure.span[p]
     size = diameter / upright_width(exposure, p, low + shallow * span)
-    level = _covering(ground, foot[::_EVERY], rotation, size, x, y, plane, upright)
+    level = _covering(ground, foot, _EVERY, rotation, size, x, y, plane, upright)
     return max(shallow, min((level - low) / span, MAX_BURIED))
 
 
@@ -327,10 +334,10 @@ def _tangent_plane(ground, x, y, radius):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _covering(ground, foot, rotation, size, x, y, plane, upright):  # type: ignore[no-untyped-def]
+def _covering(ground, foot, every, rotation, size, x, y, plane, upright):  # type: ignore[no-untyped-def]
     """The level of a prototype that must come down to the plane for its foot to be covered."""
     level = -np.inf
-    for n in range(len(foot)):
+    for n in range(0, len(foot), every):
         u, v, w = size * foot[n, 0], size * foot[n, 1], size * foot[n, 2]
         dx = rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w
         dy = rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w
