@@ -1,7 +1,5 @@
 """Drake: an SDF that Drake's parser loads whole, whose ground collides as it is."""
 
-from .export import export
-from .options import Options, check_capacity
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """GeoTIFF: the world as rasters, for geographic information systems and planners."""
 
-from .export import Options, export
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

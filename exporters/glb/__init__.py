@@ -1,7 +1,5 @@
 """GLB: the world as one glTF 2.0 file for viewers, game engines and Blender."""
 
-from .export import check_capacity, export
-from .options import Options
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

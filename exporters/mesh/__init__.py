@@ -1,7 +1,5 @@
 """Plain meshes: the world as PLY, STL or OBJ, for ray casters and for programs of any kind."""
 
-from .export import check_capacity, export
-from .options import Options
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,8 +1,5 @@
 """MJCF: the world and the scene for MuJoCo, and for what else reads its XML."""
 
-from .export import export
-from .losses import check_capacity
-from .options import Options
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

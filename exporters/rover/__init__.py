@@ -1,7 +1,5 @@
 """The rover alone, to drive in a simulator of your choice: URDF, MJCF, SDF and USD."""
 
-from .export import export, opening
-from .options import Options
-from .readback import CONSUMERS
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,8 +1,5 @@
 """Gazebo's SDF: a world of models that Gazebo Classic and the newer gz-sim load."""
 
-from .export import export
-from .losses import check_capacity
-from .options import Options
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "check_capacity", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

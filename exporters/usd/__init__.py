@@ -1,7 +1,5 @@
 """OpenUSD with physics: a stage for Isaac Sim, Newton and every USD viewer."""
 
-from .export import export
-from .options import Options
-from .readback import CONSUMERS, opening
+from lazy_loader import attach_stub
 
-__all__ = ["CONSUMERS", "Options", "export", "opening"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -76,4 +76,5 @@ from .specs import Pair as Pair
 from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
+from .specs import documented as documented
 from .specs import is_file_name as is_file_name

@@ -7,6 +7,8 @@ docs/recipe.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
@@ -97,15 +99,24 @@ BY_KIND = ByKind()
 """`Annotated[Golombek | PowerLaw, BY_KIND]`: errors then speak of the member that was meant."""
 
 
+_CONFIG: dict[str, object] = {"extra": "forbid", "allow_inf_nan": False}
+
+
+@contextmanager
+def documented() -> Iterator[None]:
+    """Within it, schemas take over the text under each field; reading all source takes a while."""
+    _CONFIG["use_attribute_docstrings"] = True
+    try:
+        yield
+    finally:
+        del _CONFIG["use_attribute_docstrings"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Spec:
     """Base of all recipe parts: unknown keys are refused, no NaN or infinity."""
 
-    __pydantic_config__: ClassVar[dict[str, object]] = {
-        "extra": "forbid",
-        "allow_inf_nan": False,
-        "use_attribute_docstrings": True,
-    }
+    __pydantic_config__: ClassVar[dict[str, object]] = _CONFIG
 
     def require_default(self, name: str, why: str) -> None:
         """Refuse a value of a field that would change nothing."""

@@ -139,7 +139,7 @@ def exporter(name: str) -> Exporter:
         raise RecipeError(f"unknown exporter {name!r}{hint_at(name, found)}, {installed}")
     module = load_plugin(found[name], EXPORTERS)
     if module is not None:
-        missing = [part for part in ("Options", "export") if not hasattr(module, part)]
+        missing = [part for part in ("Options", "export") if part not in dir(module)]
         if not missing and is_dataclass(module.Options):
             return cast(Exporter, module)
         skip_plugin(found[name], EXPORTERS, f"has no {(*missing, 'dataclass Options')[0]}")

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from annotated_types import Ge, Interval, Lt, MinLen
 from pydantic import TypeAdapter, ValidationError
 
-from terrain_forge.base import BY_KIND, ByKind, FileName, Fraction, Positive, RecipeError, Spec
+from terrain_forge.base import (
+    BY_KIND,
+    ByKind,
+    FileName,
+    Fraction,
+    Positive,
+    RecipeError,
+    Spec,
+    documented,
+)
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
 from terrain_forge.model import BODIES, html, plot_area
 from terrain_forge.paths import PathSpec, sketch_route
@@ -181,7 +190,8 @@ def adapter() -> TypeAdapter[Recipe]:
 @cache
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of a recipe, for editors and for docs/recipe.md."""
-    schema = adapter().json_schema()
+    with documented():
+        schema = TypeAdapter(Recipe).json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

@@ -132,7 +132,7 @@ def settle(
         The same rocks; of those that are `dynamic`, pose and size are the settled ones.
     """
     wanted = np.flatnonzero(rocks.dynamic)
-    grid, supports = lattice(ground), footprints(library, rocks.prototype[wanted])
+    grid, supports = lattice(ground), footprints(library.prototypes, rocks.prototype[wanted])
 
     def settled(row: int) -> tuple[Pose, float] | None:
         n = int(rocks.prototype[row])

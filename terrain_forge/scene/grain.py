@@ -28,6 +28,11 @@ _PRIMES = (
     np.uint64(0xC2B2AE3D27D4EB4F),
     np.uint64(0x165667B19E3779F9),
 )
+# A function compiles anew for each of Python's integers that it is called with, not for NumPy's.
+_BITS_0, _BITS_8, _BITS_16, _BITS_24, _BITS_32, _BITS_40, _BITS_48 = (
+    np.uint64(bits) for bits in range(0, 49, 8)
+)
+_SOIL, _STONES = np.int64(0), np.int64(1)
 
 
 @inner
@@ -55,10 +60,10 @@ def noise_2d(key, x, y):  # type: ignore[no-untyped-def]
     i, j = np.int64(np.floor(x)), np.int64(np.floor(y))
     s, t = x - i, y - j
     (u, du), (v, dv) = _fade(s), _fade(t)
-    a, b = cell_hash(key, i, j, 0), cell_hash(key, i + 1, j, 0)
-    c, d = cell_hash(key, i, j + 1, 0), cell_hash(key, i + 1, j + 1, 0)
-    ax, ay, bx, by = part(a, 0), part(a, 16), part(b, 0), part(b, 16)
-    cx, cy, dx, dy = part(c, 0), part(c, 16), part(d, 0), part(d, 16)
+    a, b = cell_hash(key, i, j, _SOIL), cell_hash(key, i + 1, j, _SOIL)
+    c, d = cell_hash(key, i, j + 1, _SOIL), cell_hash(key, i + 1, j + 1, _SOIL)
+    ax, ay, bx, by = part(a, _BITS_0), part(a, _BITS_16), part(b, _BITS_0), part(b, _BITS_16)
+    cx, cy, dx, dy = part(c, _BITS_0), part(c, _BITS_16), part(d, _BITS_0), part(d, _BITS_16)
     sw, se = ax * s + ay * t, bx * (s - 1.0) + by * t
     nw, ne = cx * s + cy * (t - 1.0), dx * (s - 1.0) + dy * (t - 1.0)
     twist = sw - se - nw + ne
@@ -102,14 +107,14 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     the foot of a thing of unit height.
     """
     i, j = np.int64(np.floor(x / cell)), np.int64(np.floor(y / cell))
-    draw = cell_hash(key, i, j, 1)
-    radius = cell * (0.10 + 0.09 * (0.5 + 0.5 * part(draw, 32)) ** 2)
-    if 0.5 + 0.5 * part(draw, 48) > share or radius < 0.6 * footprint:
+    draw = cell_hash(key, i, j, _STONES)
+    radius = cell * (0.10 + 0.09 * (0.5 + 0.5 * part(draw, _BITS_32)) ** 2)
+    if 0.5 + 0.5 * part(draw, _BITS_48) > share or radius < 0.6 * footprint:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     room = 0.5 - radius / cell
-    off_x = x - cell * (i + 0.5 + room * part(draw, 0))
-    off_y = y - cell * (j + 0.5 + room * part(draw, 16))
-    long, shear = 1.0 + 0.3 * part(draw, 8), 0.5 * part(draw, 40)
+    off_x = x - cell * (i + 0.5 + room * part(draw, _BITS_0))
+    off_y = y - cell * (j + 0.5 + room * part(draw, _BITS_16))
+    long, shear = 1.0 + 0.3 * part(draw, _BITS_8), 0.5 * part(draw, _BITS_40)
     reach = radius
     soft = max(0.1, footprint / reach)
     off_x, off_y = off_x * long + off_y * shear, off_y / long
@@ -119,7 +124,7 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     behind_x, behind_y = off_x + sun_x * reach, off_y + sun_y * reach
     far = np.sqrt(behind_x * behind_x + behind_y * behind_y) / reach
     shadow = min(1.0, max(0.0, (1.1 - far) / max(0.35, soft)))
-    return cover, -steep * off_x, -steep * off_y, part(draw, 24), shadow * (1.0 - cover)
+    return cover, -steep * off_x, -steep * off_y, part(draw, _BITS_24), shadow * (1.0 - cover)
 
 
 @inner
@@ -156,7 +161,7 @@ def noise_3d(key, x, y, z):  # type: ignore[no-untyped-def]
     for corner in range(8):
         a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
         hashed = cell_hash(key, i + a, j + b, k + c)
-        p, q, o = part(hashed, 0), part(hashed, 16), part(hashed, 32)
+        p, q, o = part(hashed, _BITS_0), part(hashed, _BITS_16), part(hashed, _BITS_32)
         height = p * (r - a) + q * (s - b) + o * (t - c)
         f, df = (u, du) if a else (1.0 - u, -du)
         g, dg = (v, dv) if b else (1.0 - v, -dv)

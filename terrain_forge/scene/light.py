@@ -57,7 +57,7 @@ def towards_sun(light, key, column, row, sample):  # type: ignore[no-untyped-def
     Edges of shadows are as soft as the Sun is wide; under a low Sun that hides the grid's cells.
     """
     middle, up, side = light.towards_sun, light.upwards, light.sideways
-    a, b = disc_place(key, column, row, sample, 8)
+    a, b = disc_place(key, column, row, sample, np.int64(8))
     return (
         middle[0] + a * up[0] + b * side[0],
         middle[1] + a * up[1] + b * side[1],

@@ -247,9 +247,9 @@ def _height(land, i, j, u, v):  # type: ignore[no-untyped-def]
 def disc_place(key, column, row, sample, what):  # type: ignore[no-untyped-def]
     """A place on the unit disc for a pixel; `sample` 0 to 3 stratifies by angle and radius."""
     draw = cell_hash(key, column, row, what)
-    azimuth = 0.5 * np.pi * (sample + 0.5 + 0.5 * part(draw, 0))
+    azimuth = 0.5 * np.pi * (sample + 0.5 + 0.5 * part(draw, np.uint64(0)))
     ring = (2 * sample + (sample >> 1)) & 3
-    share = (ring + 0.5 + 0.5 * part(draw, 16 + 8 * (sample & 1))) / 4.0
+    share = (ring + 0.5 + 0.5 * part(draw, np.uint64(16 + 8 * (sample & 1)))) / 4.0
     radius = np.sqrt(min(max(share, 0.0), 1.0))
     return radius * np.cos(azimuth), radius * np.sin(azimuth)
 
@@ -257,7 +257,7 @@ def disc_place(key, column, row, sample, what):  # type: ignore[no-untyped-def]
 @inner
 def hemisphere(point, key, column, row, sample):  # type: ignore[no-untyped-def]
     """A direction about the shading normal, density by the cosine; `sample` 0 to 3 stratifies."""
-    a, b = disc_place(key, column, row, sample, 7)
+    a, b = disc_place(key, column, row, sample, np.int64(7))
     c = np.sqrt(max(0.0, 1.0 - a * a - b * b))
     x, y, z = point[BENT_X], point[BENT_Y], point[BENT_Z]
     # Duff et al. 2017 (JCGT 6(1)): an orthonormal basis without a branch.

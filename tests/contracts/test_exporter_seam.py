@@ -18,7 +18,7 @@ from terrain_forge.validation import BuiltFolder, Consumer, NotRun
 from terrain_forge.validation.suite import conformance, quick_checks
 from tests.helpers.places import ROOT
 
-KINDS = sorted(path.parent.name for path in (ROOT / "exporters").glob("*/export.py"))
+KINDS = sorted(path.parent.name for path in (ROOT / "exporters").glob("*/writing.py"))
 READBACKS = sorted((ROOT / "exporters").glob("*/readback.py"))
 PROBES = sorted((ROOT / "exporters").glob("*/probe.py"))
 

@@ -23,7 +23,7 @@ from terrain_forge.base import (
     over_chunks,
     portable,
 )
-from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary
+from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary, RockPrototype
 from terrain_forge.rocks.embedding.burial import PATTERN, PITCH, shared_out
 from terrain_forge.rocks.embedding.exposure import (
     DEEPEST,
@@ -46,7 +46,8 @@ FOOT = 0.05
 """Height of the loop around a rock's foot that lies below the ground, as a part of its extent."""
 
 _SINKINGS = 4
-_EVERY = 4  # point of a foot is looked at elsewhere
+_EACH = np.int64(1)  # point of a foot is looked at where a rock lies
+_EVERY = np.int64(4)  # at the other places; of NumPy's type, lest `_covering` compile for each
 _NEGLIGIBLE = 1e-3
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
@@ -81,16 +82,21 @@ def embed(
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
-    shapes, grid = (exposure(library), _feet(library)), lattice(ground)
+    used, prototype = np.unique(scattered.prototype, return_inverse=True)
+    shown = [library.prototypes[n] for n in used]
+    # Feet are sampled alike whichever shapes a window has.
+    points, elsewhere, everywhere = _feet(library)
+    feet = _Feet(points[used], elsewhere[used], everywhere[used])
+    shapes, grid = (exposure(shown), feet), lattice(ground)
     ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
     ranges = np.asarray(ranges, np.float64)[scattered.population]
     ranges[scattered.dynamic] = np.nan
     rocks = _Rocks(
         scattered.id, scattered.xy, scattered.yaw, scattered.buried, ranges, scattered.diameter,
-        scattered.prototype,
+        prototype.astype(scattered.prototype.dtype),
     )  # fmt: skip
     lying = _embed(rocks, np.arange(len(scattered)), shapes, grid, MAX_BURIED)
-    _sink_deeper(lying, rocks, library, shapes, grid)
+    _sink_deeper(lying, rocks, shown, shapes, grid)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
     names = ("populations", "id", "population", "prototype", "diameter", "dynamic", "collides")
@@ -225,7 +231,11 @@ def _embed(
 
 
 def _sink_deeper(
-    lying: _Embedded, rocks: _Rocks, library: RockLibrary, shapes: _Shapes, ground: Lattice
+    lying: _Embedded,
+    rocks: _Rocks,
+    prototypes: list[RockPrototype],
+    shapes: _Shapes,
+    ground: Lattice,
 ) -> None:
     """Bury rocks that would still show daylight deeper, where their footprint has space for it.
 
@@ -233,9 +243,9 @@ def _sink_deeper(
     """
     rows = np.flatnonzero(lying.buried >= MAX_BURIED)
     deeper = _embed(rocks, rows, shapes, ground, DEEPEST)
-    supports = footprints(library, rocks.prototype[rows])
+    supports = footprints(prototypes, rocks.prototype[rows])
     for n, row in enumerate(rows.tolist()):
-        prototype = library.prototypes[rocks.prototype[row]]
+        prototype = prototypes[rocks.prototype[row]]
         turn = matrix_from_quaternion(deeper.quaternion[n])[:2]
         plan = portable.product(
             deeper.scale[n] / rocks.diameter[row] * prototype.meshes[0].vertices, turn.T
@@ -302,10 +312,16 @@ def _wanted(rocks, rock, exposure, foot, ground, half_turn, ring):  # type: igno
         plane, upright, turn = _lying(ground, x, y, diameter, half_turn, ring)
         level = _covering(ground, foot, plan_axes(turn), size, x, y, plane, upright)
         needs[place] = max(shallow, min((level - low) / span, MAX_BURIED))
-    rank = 0
+    rank, need = 0, needs[own]
     for place in range(places):
-        rank += needs[place] > needs[own]
-    return shared_out(np.sort(needs)[::-1], rank, rocks.buried[rock], shallow, deep)
+        rank += needs[place] > need
+    for place in range(1, places):  # from the largest; np.sort would compile for long
+        moved, n = needs[place], place
+        while n > 0 and needs[n - 1] < moved:
+            needs[n] = needs[n - 1]
+            n -= 1
+        needs[n] = moved
+    return shared_out(needs, rank, rocks.buried[rock], shallow, deep)
 
 
 @inner

@@ -9,6 +9,7 @@ sampled so closely that 96 % of all diameters are exact, and the others off by 0
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel
-from terrain_forge.model import RockLibrary, RockPrototype
+from terrain_forge.model import RockPrototype
 from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter, mean_width
 
 DEEPEST = 0.9
@@ -33,7 +34,7 @@ _UP = (0.0, 0.0, 1.0)
 
 
 class Exposure(NamedTuple):
-    """What decides the exposed diameters of a library's prototypes."""
+    """What decides the exposed diameters of prototypes."""
 
     low: Array
     """Lowest vertex of each prototype, shape [prototypes]."""
@@ -53,21 +54,21 @@ class Exposure(NamedTuple):
     shape [prototypes, steps]."""
 
 
-def exposure(library: RockLibrary) -> Exposure:
-    """What decides the exposed diameters of a library's prototypes."""
+def exposure(prototypes: Sequence[RockPrototype]) -> Exposure:
+    """What decides the exposed diameters of prototypes, of which there may be none."""
     with ThreadPoolExecutor(get_num_threads()) as pool:
-        found = list(pool.map(_outermost, library.prototypes))
-    vertices = [rows for points, _ in found for rows in points]
-    crossings = [rows for _, lines in found for rows in lines]
-    heights = [prototype.meshes[0].vertices[:, 2] for prototype in library.prototypes]
+        found = list(pool.map(_outermost, prototypes))
+    vertices = [np.empty((0, 3)), *(rows for points, _ in found for rows in points)]
+    crossings = [np.empty((0, 6)), *(rows for _, lines in found for rows in lines)]
+    heights = [prototype.meshes[0].vertices[:, 2] for prototype in prototypes]
     return Exposure(
         low=np.array([height.min() for height in heights]),
         span=np.array([np.ptp(height) for height in heights]),
         vertices=np.concatenate(vertices),
-        first_vertex=np.cumsum([0, *map(len, vertices)]),
+        first_vertex=np.cumsum([*map(len, vertices)]),
         edges=np.concatenate(crossings),
-        first_edge=np.cumsum([0, *map(len, crossings)]),
-        upright=np.array([_upright(prototype) for prototype in library.prototypes]),
+        first_edge=np.cumsum([*map(len, crossings)]),
+        upright=np.array([*map(_upright, prototypes)]).reshape(-1, len(_BURIALS)),
     )
 
 

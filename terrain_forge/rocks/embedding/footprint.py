@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, portable
-from terrain_forge.model import Mesh, RockLibrary
+from terrain_forge.model import Mesh, RockPrototype
 from terrain_forge.rocks.embedding.outline import (
     MAX_BURIED,
     MAX_TILT,
@@ -62,10 +63,11 @@ def _support(vertices: bytes, edges: bytes) -> Array:
     return np.asarray(support)
 
 
-def footprints(library: RockLibrary, prototypes: NDArray[np.integer]) -> dict[int, Array]:
-    """Footprints of those of a library's prototypes that some rocks have, by their index."""
-    chosen = np.unique(prototypes).tolist()
-    return {n: footprint(library.prototypes[n].meshes[0]) for n in chosen}
+def footprints(
+    prototypes: Sequence[RockPrototype], chosen: NDArray[np.integer]
+) -> dict[int, Array]:
+    """Footprints of those prototypes that some rocks have, by their index."""
+    return {n: footprint(prototypes[n].meshes[0]) for n in np.unique(chosen).tolist()}
 
 
 def fits(plan: Array, *, yaw: float, support: Array, reach: float) -> bool:
@@ -93,8 +95,14 @@ def _sweep(vertices, edges):  # type: ignore[no-untyped-def]
             diameter = exposed_diameter(vertices, waterline, rotation, up, level)
             rise = max(rise, (high - level) / np.cos(_tilt(step)) / diameter)
             smallest[step] = diameter if burial == 0 else min(smallest[step], diameter)
+    plan = np.empty((len(vertices), 2))
     for step in range(_BOUND_LEANS):
-        hull = convex_hull(vertices @ _leaning(step)[:2].T)
+        turn = _leaning(step)
+        for v in range(len(vertices)):
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            plan[v, 0] = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
+            plan[v, 1] = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
+        hull = convex_hull(plan)
         reach = max(reach, np.sqrt(farthest(hull, 0.0, 0.0)[1]) / smallest[step])
         for d in range(FOOTPRINT_DIRECTIONS):
             angle = 2.0 * np.pi * d / FOOTPRINT_DIRECTIONS

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Record
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
 from terrain_forge.rocks.embedding.burial import PATTERN, PITCH
-from terrain_forge.rocks.embedding.footprint import footprint
+from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, footprints
 from terrain_forge.rocks.populations import PopulationSpec, RockListSpec
 from terrain_forge.rocks.scattering import placement
 from terrain_forge.rocks.scattering.candidates import Candidates, draw_class, draw_list, join
@@ -119,10 +119,13 @@ def scatter(
     if intensity.limits_slope and window == site.window:
         require_place(populations, site, intensity)
     rocks = _at_first_places(drawn, layout, library)
+    supports = np.zeros((len(library.prototypes), FOOTPRINT_DIRECTIONS))
+    for n, support in footprints(library.prototypes, rocks.prototype).items():
+        supports[n] = support
     placement.place(
         layout,
         rocks,
-        footprints=np.array([footprint(p.meshes[0]) for p in library.prototypes]),
+        footprints=supports,
         strips=corridors(site),
         intensity=intensity,
     )

@@ -26,7 +26,9 @@ def simplify(mesh: Mesh, vertices: int, *, star_shaped: bool = False) -> Mesh:
     """
     if len(mesh.vertices) <= vertices:
         return mesh
-    points, faces = _collapse(mesh.vertices.copy(), mesh.faces.copy(), vertices, star_shaped)
+    points, faces = _collapse(
+        mesh.vertices.copy(), mesh.faces.astype(np.int64), vertices, star_shaped
+    )
     used = np.unique(faces)
     index = np.full(len(points), -1, np.int32)
     index[used] = np.arange(len(used), dtype=np.int32)
@@ -43,8 +45,8 @@ def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-de
     place, old, new = np.empty(3), np.empty(3), np.empty(3)
     most = 2 * len(faces) + (left - wanted) * _MAX_DEGREE
     # Edges in the order in which they were found; those that wait lie in a heap of their costs.
-    edges, found = np.empty((most, 3), np.int64), 0
-    costs, waiting, size = np.empty(most), np.empty(most, np.int64), 0
+    edges, found = np.empty((most, 3), np.int64), np.int64(0)
+    costs, waiting, size = np.empty(most), np.empty(most, np.int64), np.int64(0)
     for f in range(len(faces)):
         for side in range(3):
             a, b = faces[f, side], faces[f, (side + 1) % 3]
@@ -74,13 +76,13 @@ def _collapse(points, faces, wanted, star_shaped):  # type: ignore[no-untyped-de
                     edges[found, 2] = version[a] + version[c]
                     size = heap_push(costs, waiting, size, cost, found)
                     found += 1
-    size = 0
+    kept = 0
     for f in range(len(faces)):
         if alive[f]:
             for corner in range(3):
-                faces[size, corner] = faces[f, corner]
-            size += 1
-    return points, faces[:size]
+                faces[kept, corner] = faces[f, corner]
+            kept += 1
+    return points, faces[:kept]
 
 
 @inner
@@ -90,8 +92,11 @@ def _incidence(faces, count):  # type: ignore[no-untyped-def]
     for f in range(len(faces)):
         for corner in range(3):
             degree[faces[f, corner]] += 1
-    around = np.empty((count, max(_MAX_DEGREE, degree.max())), np.int64)
-    degree[:] = 0
+    most = _MAX_DEGREE
+    for v in range(count):
+        most = max(most, degree[v])
+        degree[v] = 0
+    around = np.empty((count, most), np.int64)
     for f in range(len(faces)):
         for corner in range(3):
             v = faces[f, corner]

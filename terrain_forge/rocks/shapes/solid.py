@@ -162,7 +162,8 @@ def _balls(triangles: Array) -> Array:
 @kernel
 def _farthest(faces, others, balls, best, tolerance):  # type: ignore[no-untyped-def]
     """The larger of `best` and the distance of the farthest point of faces from other ones."""
-    stack, face, nearest = np.empty((3 * _DEPTH + 4, 3, 3)), np.empty((3, 3)), 0
+    stack, face = np.empty((3 * _DEPTH + 4, 3, 3)), np.empty((3, 3))
+    nearest = np.int64(0)
     for f in range(len(faces)):
         _copy(faces, f, stack[0])
         size = 1
@@ -219,7 +220,13 @@ def _distance(triangles, balls, x, y, z, start):  # type: ignore[no-untyped-def]
     """
     nearest, largest = start, balls[0, 4]
     away = np.sqrt(_square_distance(triangles, start, x, y, z))
-    east = np.searchsorted(balls[:, 0], x)
+    east, beyond = 0, len(balls)
+    while east < beyond:
+        middle = (east + beyond) // 2
+        if balls[middle, 0] < x:
+            east = middle + 1
+        else:
+            beyond = middle
     for direction in (-1, 1):
         t = east - 1 if direction < 0 else east
         while 0 <= t < len(triangles):

@@ -249,7 +249,7 @@ def test_a_bare_world_without_paths(small_world, tmp_path):
     assert [node["name"] for node in text["nodes"]] == ["by-hand", "sun", "ground_000"]
 
 
-@pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.export"])
+@pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.writing"])
 def test_what_a_glb_cannot_hold(small_world, tmp_path, monkeypatch, module):
     monkeypatch.setattr(import_module(f"terrain_forge.{module}"), "LARGEST_FILE", 100_000)
     with pytest.raises(ExportError, match=r"4 GiB.*choose"):

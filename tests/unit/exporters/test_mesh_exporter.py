@@ -229,7 +229,7 @@ def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
 
 
 def test_a_ground_too_large_for_one_mesh(small_world, tmp_path, monkeypatch):
-    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.export"), "MOST_NODES", 6000)
+    monkeypatch.setattr(import_module("terrain_forge.exporters.mesh.writing"), "MOST_NODES", 6000)
     with pytest.raises(ExportError, match=r"6305 nodes.*choose tiles: tiled"):
         exported(small_world, tmp_path / "merged")
     exported(small_world, tmp_path / "tiled", tiles="tiled", tile_cells=48)

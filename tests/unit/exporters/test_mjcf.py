@@ -78,7 +78,7 @@ def test_a_window_away_from_the_centre_lies_where_it_should(world, tmp_path):
 
 
 def test_a_ground_of_several_fields_is_one_ground(world, tmp_path, monkeypatch):
-    module = sys.modules["terrain_forge.exporters.mjcf.export"]
+    module = sys.modules["terrain_forge.exporters.mjcf.writing"]
     monkeypatch.setattr(module, "_LARGEST_FIELD", 32)
     folder = export(world, tmp_path)
     model, _ = load(folder)

@@ -1,0 +1,6 @@
+"""GeoTIFF: the world as rasters, for geographic information systems and planners."""
+
+from .readback import CONSUMERS as CONSUMERS
+from .readback import opening as opening
+from .writing import Options as Options
+from .writing import export as export

@@ -1,0 +1,7 @@
+"""GLB: the world as one glTF 2.0 file for viewers, game engines and Blender."""
+
+from .options import Options as Options
+from .readback import CONSUMERS as CONSUMERS
+from .readback import opening as opening
+from .writing import check_capacity as check_capacity
+from .writing import export as export

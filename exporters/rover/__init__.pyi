@@ -1,0 +1,6 @@
+"""The rover alone, to drive in a simulator of your choice: URDF, MJCF, SDF and USD."""
+
+from .options import Options as Options
+from .readback import CONSUMERS as CONSUMERS
+from .writing import export as export
+from .writing import opening as opening
