@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from terrain_forge.dtm import FlatDtm
-from terrain_forge.pipeline import plan
+from terrain_forge.making import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import BodyProduction, CraterLayer, Fractal, make_craters, shape_ground
 

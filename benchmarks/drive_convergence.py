@@ -20,8 +20,9 @@ from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import quaternion_from_rpy
 from terrain_forge.driving import Vehicle, drive, eased, load_scene
+from terrain_forge.making import plan
 from terrain_forge.model import MARS, Trajectory, World
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import DriveSpec, load_recipe
 
 RECIPE = """schema: 1

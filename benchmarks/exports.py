@@ -28,8 +28,9 @@ from run import model, spread
 
 from terrain_forge.base import quaternion_from_rpy
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import RockField, World, exporter
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal
 

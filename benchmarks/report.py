@@ -14,8 +14,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from terrain_forge.making import plan
 from terrain_forge.model import World
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import load_recipe
 from terrain_forge.report import write_report_page
 from terrain_forge.scene import write_preview

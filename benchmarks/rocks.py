@@ -25,8 +25,8 @@ import numpy as np
 from run import model, spread
 
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import Heightfield, RockField, RockLibrary, Site
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import (
     Clustered,

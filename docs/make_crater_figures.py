@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import MOON, Site
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import (
     LIMITS,

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from terrain_forge.making import plan
 from terrain_forge.model import Heightfield, World
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import load_recipe
 from terrain_forge.scene import render_preview
 

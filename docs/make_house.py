@@ -22,6 +22,7 @@ FLOORS = (
     ("building", "exporters"),
     ("validation",),
     ("driving", "sensors"),
+    ("making",),
     ("recipe", "truth"),
     ("paths",),
     ("rocks", "geometry"),

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import World
 from terrain_forge.paths import (
     UNITS,
@@ -25,7 +26,7 @@ from terrain_forge.paths import (
     Triangle,
     plan_route,
 )
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
 from terrain_forge.rovers import find_rover

@@ -20,6 +20,7 @@ ROOT = DOCS.parent
 _EXECUTED = tempfile.TemporaryDirectory(prefix="tutorials-")
 ROOMS = {
     "pipeline": "Building",
+    "making": "Planning",
     "recipe": "The recipe",
     "dtm": "Terrain models",
     "terrain": "Ground",

@@ -21,6 +21,7 @@ from .dtm import ArrayDtm as ArrayDtm
 from .dtm import Centre as Centre
 from .dtm import FlatDtm as FlatDtm
 from .dtm import RasterDtm as RasterDtm
+from .making import plan as plan
 from .model import BODIES as BODIES
 from .model import MARS as MARS
 from .model import MERCURY as MERCURY
@@ -71,7 +72,6 @@ from .paths import traversability as traversability
 from .pipeline import build as build
 from .pipeline import check as check
 from .pipeline import export as export
-from .pipeline import plan as plan
 from .pipeline import realise as realise
 from .pipeline import validate as validate
 from .pipeline import write_world as write_world

@@ -9,14 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from terrain_forge.base import Progress, Stopwatch, reading, silent
+from terrain_forge.base import Progress, Stopwatch
 from terrain_forge.building import (
     BuildResult,
     FolderState,
@@ -41,49 +37,18 @@ from terrain_forge.building import (
     write_files,
     write_manifest,
 )
-from terrain_forge.dtm import RasterDtm, at_hand, expanded, require_straight, survey
-from terrain_forge.model import BODIES, Export, Lighting, Site, Window, World, owned, touches
-from terrain_forge.paths import make_trajectories, plan_routes
+from terrain_forge.making import make_world, plan
+from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
     ExportOrder,
-    InputFiles,
     Recipe,
     ValidateSpec,
     export_orders,
     input_paths,
-    recipe_from_json,
-    recipe_json,
-    require_centre,
     require_exports,
-    require_fits,
-    require_lattice,
-    require_paths,
-    resolve,
 )
-from terrain_forge.rocks import (
-    check_lists,
-    check_packing,
-    check_rocks,
-    exclusion_zones,
-    find_library,
-    largest_rock,
-    place_rocks,
-    require_dynamic,
-    require_place,
-    rock_margin,
-    scatter,
-    with_layer_craters,
-)
-from terrain_forge.rovers import resolve_rover, rover_of
+from terrain_forge.rovers import resolve_rover
 from terrain_forge.terminal import watched
-from terrain_forge.terrain import (
-    check_appearance,
-    check_layers,
-    paint,
-    read_orthoimage,
-    shape_ground,
-    stencil_reach,
-)
 from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
@@ -98,104 +63,6 @@ VALIDATE_STAGES = ("load", *ASSESSING)
 def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
     """Stages of an export of so many folders."""
     return ("load", *(f"export {folder}" for folder in only), *ASSESSING)
-
-
-def plan(
-    recipe: Recipe,
-    *,
-    folder: Path | str = ".",
-    heights: NDArray[np.float64] | None = None,
-    progress: Progress = silent,
-) -> Site:
-    """Resolve a recipe once: read its inputs and fix everything that no window may change.
-
-    A terrain model that the recipe names by product, place or address is fetched where it is not in
-    the cache.
-
-    Args:
-        recipe: what to make.
-        folder: what the recipe's paths are relative to.
-        heights: the heights [m] of a recipe with `dtm: {kind: array}`, rows running north.
-        progress: called with the share of a terrain model that is fetched.
-
-    Raises:
-        RecipeError, DataError: before any work starts, if the recipe cannot be built.
-    """
-    folder = Path(folder)
-    recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
-    if isinstance(recipe.dtm, RasterDtm):
-        recipe = replace(recipe, dtm=expanded(recipe.dtm))
-    inputs = InputFiles(recipe, folder)
-    body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
-    rover = found.rover
-    size = recipe.dtm.size_m
-    require_paths(recipe)
-    require_centre(recipe)
-    require_lattice(recipe)
-    recipe = resolve(recipe, inputs)
-    named = inputs.portable(recipe)
-    check_rocks(recipe.rocks, size)
-    require_dynamic(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
-    inputs.require()
-    tables = {table.path: table for table in inputs.tables()}
-    lists = tuple(tables[spec.file] for spec in named.rocks.lists)
-    check_lists(recipe.rocks, lists, size=size)
-    require_fits(recipe, listed=sum(len(table.values) for table in lists))
-    routes = plan_routes(recipe, rover, folder)
-    with reading(getattr(recipe.dtm, "name", recipe.dtm.kind), key=("dtm",)):
-        here, fetched = recipe.dtm, {}
-        if isinstance(here, RasterDtm) and here.source is None:
-            name, here = here.name, at_hand(here, body=body, progress=progress)
-            fetched[name] = Path(here.name)
-        ground = survey(here, body=body, folder=folder, heights=heights, seed=recipe.seed)
-    site = Site(
-        name=recipe.name,
-        seed=recipe.seed,
-        body=body,
-        size=size,
-        spacing=recipe.terrain.spacing_m,
-        crs=ground.crs,
-        lonlat=ground.lonlat,
-        datum_height=ground.datum_height,
-        slope=ground.slope,
-        dtm=ground.dtm,
-        roughness=ground.roughness,
-        largest_rock=largest_rock(recipe.rocks, lists),
-        images=inputs.images(),
-        tables=tuple(tables.values()),
-        meshes=inputs.meshes(),
-        inputs=inputs.hashes(patch=ground.dtm, rover_files=found.files, fetched=fetched),
-        custom_rover=rover if found.files else None,
-        routes=routes,
-        exclusion_zones=exclusion_zones(recipe.rocks.exclusion_zones, routes=routes, rover=rover),
-        recipe_json=recipe_json(named),
-    )
-    require_straight(site)
-    check_layers(site.recipe.terrain.layers, site)
-    check_appearance(recipe.terrain.appearance, site)
-    if (picture := recipe.terrain.appearance.orthoimage) is not None:
-        name = inputs.names[picture.image]
-        picture_of_site = read_orthoimage(picture, name=name, site=site, folder=folder)
-        site = site.replace(orthoimage=picture_of_site)
-    site = _with_found_craters(site)
-    populations = site.recipe.rocks.populations
-    require_place(populations, site)
-    wanted = site.recipe.rocks.library
-    check_packing(populations, size, partial(find_library, wanted.sample(), custom=site.meshes))
-    if wanted.may_fail:
-        find_library(wanted, custom=site.meshes)
-    return site
-
-
-def _with_found_craters(site: Site) -> Site:
-    """The site whose recipe names the craters of a layer that rocks lie around."""
-    recipe, populations = site.recipe, with_layer_craters(site)
-    if populations == recipe.rocks.populations:
-        return site
-    recipe = replace(recipe, rocks=replace(recipe.rocks, populations=populations))
-    check_rocks(recipe.rocks, site.size)
-    require_fits(recipe)
-    return site.replace(recipe_json=recipe_json(recipe))
 
 
 def realise(
@@ -223,68 +90,7 @@ def realise(
             driven one starts within a rock.
     """
     with watched(progress, MAKING[1:]) as watch:
-        return _realise(site, window or site.window, settled, watch)
-
-
-def _realise(site: Site, window: Window, settled: bool, progress: Stopwatch) -> World:
-    recipe = site.recipe
-    populations, lists = recipe.rocks.populations, recipe.rocks.lists
-
-    progress("rock library", 0.0)
-    library = find_library(recipe.rocks.library, custom=site.meshes)
-    progress("ground", 0.0)
-    margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
-    around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))
-    land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
-    ground = land.cut(
-        column=window.column - around.column,
-        row=window.row - around.row,
-        columns=window.columns,
-        rows=window.rows,
-    )
-    progress("rocks", 0.0)
-    scattered = scatter(
-        site=site,
-        populations=populations,
-        lists=lists,
-        library=library,
-        window=window,
-        ground=land,
-    )
-    rocks = place_rocks(
-        scattered,
-        site=site,
-        library=library,
-        ground=land,
-        settled=settled,
-        progress=partial(progress, "rocks: settling the dynamic ones"),
-    )
-    own = owned(rocks, ground, site.bounds)
-    progress("paths", 0.0)
-    rover = rover_of(site)
-    return World(
-        site=site,
-        window=window,
-        ground=ground,
-        appearance=paint(site, window, land),
-        library=library,
-        field=rocks.select(own),
-        neighbours=rocks.select(touches(rocks, ground, library) & ~own),
-        trajectories=make_trajectories(site, window, ground, rocks, library, rover),
-        rover=rover,
-        lighting=_light(site),
-        unplaced=scattered.unplaced,
-    )
-
-
-def _light(site: Site) -> Lighting:
-    sun = site.recipe.sun
-    return Lighting(
-        sun_azimuth=float(np.radians(sun.azimuth_deg)),
-        sun_elevation=float(np.radians(sun.elevation_deg)),
-        irradiance=site.body.solar_irradiance,
-        sky_rgb=site.body.sky_rgb,
-    )
+        return make_world(site, window or site.window, settled=settled, progress=watch)
 
 
 def build(

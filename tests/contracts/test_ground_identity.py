@@ -11,8 +11,8 @@ import rasterio
 from PIL import Image
 from rasterio.transform import Affine
 
+from terrain_forge.making import plan
 from terrain_forge.model import Window
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import load_recipe
 from terrain_forge.terrain import colour_ground, shape_ground, stencil_reach
 

@@ -25,6 +25,7 @@ ORDER = [
     {"rocks", "geometry"},
     {"paths"},
     {"recipe", "truth"},
+    {"making"},
     {"driving", "sensors"},
     {"validation"},
     {"building", "exporters"},

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from terrain_forge.making import plan
 from terrain_forge.model import Window
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import load_recipe, recipe_from_json, recipe_json
 from terrain_forge.terrain import layer_types, mask_weight, shape_ground, stencil_reach
 

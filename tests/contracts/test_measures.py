@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from terrain_forge.making import plan
 from terrain_forge.model import exporter, exporter_names
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import load_recipe
 from tests.helpers import plain_worlds, worlds
 from tests.helpers.places import ROOT

@@ -32,8 +32,8 @@ from terrain_forge.dtm.description import ground_steps
 from terrain_forge.dtm.projection import datum_radius, local_crs
 from terrain_forge.dtm.quality import assess, destair, planar_posts
 from terrain_forge.dtm.spec import Centre
+from terrain_forge.making import plan as planned
 from terrain_forge.model import MARS, MOON
-from terrain_forge.pipeline import plan as planned
 from terrain_forge.recipe import Recipe, TerrainSpec, inputs
 from terrain_forge.terrain import shape_ground
 from terrain_forge.writers import write_geotiff

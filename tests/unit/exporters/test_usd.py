@@ -19,8 +19,9 @@ from terrain_forge.exporters.usd import Options, export
 from terrain_forge.base import ExportError, matrix_from_quaternion
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.geometry.rock_mesh import outline_error
+from terrain_forge.making import plan
 from terrain_forge.model import Mesh, rotations
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, RocksSpec, dynamic_contact
 from terrain_forge.terrain import CraterLayer

@@ -11,10 +11,11 @@ import yaml
 from numba import get_num_threads, set_num_threads
 
 from terrain_forge.base import RecipeError
+from terrain_forge.making import plan
 from terrain_forge.model import Heightfield, Window, rotations
 from terrain_forge.paths import UNKNOWN, PathSpec, Spline, highest_step, plan_route, traversability
 from terrain_forge.paths.obstacles import find_obstacles, half_diagonal
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import built_in_rovers, find_rover, resolve_rover
 from terrain_forge.truth import rate_world

@@ -16,8 +16,8 @@ from rasterio.transform import Affine
 from terrain_forge.base import DataError
 from terrain_forge.dtm import RasterDtm, survey
 from terrain_forge.dtm.spec import Centre
+from terrain_forge.making import plan
 from terrain_forge.model import MOON
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import shape_ground
 from terrain_forge.writers import write_geotiff

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import DataError, RecipeError
+from terrain_forge.making import plan
 from terrain_forge.model import World
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.rovers import FileRover, resolve_rover
 from terrain_forge.rovers.custom import CouplingSpec

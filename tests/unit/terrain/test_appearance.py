@@ -12,8 +12,9 @@ from rasterio.transform import Affine
 from terrain_forge.base import DataError, RecipeError, linear_from_srgb
 from terrain_forge.dtm import FlatDtm, transform
 from terrain_forge.geometry import bake_ground, finest_texture, grid_texture_coordinates
+from terrain_forge.making import plan
 from terrain_forge.model import BODIES, GroundDetail, Window, World
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, RocksSpec
 from terrain_forge.terrain import (

@@ -12,8 +12,9 @@ from scipy.stats import chi2, kstest, norm, poisson
 
 from terrain_forge.base import DataError, RecipeError
 from terrain_forge.dtm import ArrayDtm, FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import MARS, MERCURY, MOON, Table, Window
-from terrain_forge.pipeline import plan, realise
+from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_from_json
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built

@@ -13,8 +13,8 @@ from PIL import Image as Picture
 
 from terrain_forge.base import DataError, RecipeError, registry
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import Image, Window
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal, Layer, layer, mask_weight, shape_ground
 from terrain_forge.terrain.layer import LAYERS

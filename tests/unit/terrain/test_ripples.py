@@ -7,8 +7,8 @@ import pytest
 
 from terrain_forge.base import RecipeError
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import Image, Window
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.terrain import Fractal, shape_ground

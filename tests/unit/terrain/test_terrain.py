@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import stage_key
+from terrain_forge.making import plan
 from terrain_forge.model import Image, Roughness, Window
-from terrain_forge.pipeline import plan
 from terrain_forge.recipe import load_recipe
 from terrain_forge.terrain import Fractal, layer_types, shape_ground
 from terrain_forge.terrain.layers import fractal

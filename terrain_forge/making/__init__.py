@@ -1,0 +1,5 @@
+"""From a recipe to a Site, from a Site to a World."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

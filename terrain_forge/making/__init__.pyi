@@ -1,0 +1,4 @@
+"""From a recipe to a Site, from a Site to a World."""
+
+from .planning import plan as plan
+from .realising import make_world as make_world
