@@ -181,7 +181,6 @@ def build(
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
     from terrain_forge import pipeline
-    from terrain_forge.base import compile_ahead
     from terrain_forge.building import require_apart
     from terrain_forge.terminal import finish, tell_build
 
@@ -190,7 +189,6 @@ def build(
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
     require_apart(out.resolve(), [file.path])
-    compile_ahead(say)
     with _located(file), Display(pipeline.STAGES, ask=INTERRUPT.ask) as display:
         result = pipeline.build(
             file.recipe,

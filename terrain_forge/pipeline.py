@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Progress, Stopwatch
+from terrain_forge.base import Progress, Stopwatch, compile_ahead
 from terrain_forge.building import (
     BuildResult,
     FolderState,
@@ -54,7 +54,7 @@ from terrain_forge.validation import failed_checks
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
 """Stages until there is a world."""
 ASSESSING = "validation", "report page", "manifest"
-STAGES = (*MAKING, "writing", *ASSESSING)
+STAGES = ("compile", *MAKING, "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
@@ -128,6 +128,7 @@ def build(
         require_apart(out, inputs)
         removed = require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
+        compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
         require_exports(orders, site)
         watch.expect(stage_seconds(site, orders))

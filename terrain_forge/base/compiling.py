@@ -10,9 +10,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from logging import getLogger
 from pathlib import Path
@@ -22,23 +23,27 @@ from typing import Any
 from numba import config, get_num_threads
 from numba import types as _types
 
+from terrain_forge.base.progress import Progress, silent
+
 LISTED = Path(__file__).with_name("kernels.json")
 types: Any = _types
 settings: Any = config
 _FEW = 8
 _MOST_PROCESSES = 8
+_TICK = 0.2
+"""How often progress is told [s]."""
 
 
-def compile_ahead(say: Callable[[str], None]) -> None:
+def compile_ahead(progress: Progress = silent) -> None:
     """Compile all listed kernels that the cache lacks, if these are many, in other processes.
 
     Args:
-        say: Told once how many there are, where there are any.
+        progress: Called a few times a second with how many there are and the share that is done.
     """
     threads = get_num_threads()
     if threads == 1 or settings.DISABLE_JIT:
         return
-    rooms: dict[str, dict[str, list[Any]]] = json.loads(LISTED.read_text())
+    rooms = _listed()
     missing = {
         room: [name for name, signature in kernels.items() if not is_kept(name, signature)]
         for room, kernels in rooms.items()
@@ -47,16 +52,26 @@ def compile_ahead(say: Callable[[str], None]) -> None:
     if count <= _FEW:
         return
     processes = min(threads, _MOST_PROCESSES)
-    say(f"compiling {count} of {total} kernels in {processes} processes, once")
+    stage = f"compile: {count} of {total} kernels in {processes} processes, once"
     waiting: SimpleQueue[str] = SimpleQueue()
     for room, names in missing.items():
         if names:
             waiting.put(room)
+    done: SimpleQueue[str] = SimpleQueue()
     with ThreadPoolExecutor(processes) as pool:
-        list(pool.map(_serve, [waiting] * processes))
+        servers = [pool.submit(_serve, waiting, missing, done) for _ in range(processes)]
+        try:
+            while wait(servers, timeout=_TICK).not_done:
+                progress(stage, done.qsize() / count)
+        finally:  # after an interrupt no further room is begun
+            with suppress(Empty):
+                while True:
+                    waiting.get_nowait()
 
 
-def _serve(waiting: SimpleQueue[str]) -> None:
+def _serve(
+    waiting: SimpleQueue[str], missing: dict[str, list[str]], done: SimpleQueue[str]
+) -> None:
     """Have one process compile room after room; what it fails to do compiles when it is called."""
     pipes: dict[str, Any] = {
         "stdin": subprocess.PIPE,
@@ -68,29 +83,38 @@ def _serve(waiting: SimpleQueue[str]) -> None:
         assert child.stdin is not None
         assert child.stdout is not None
         while True:
-            child.stdin.write(waiting.get_nowait() + "\n")
-            child.stdin.flush()
-            if not child.stdout.readline():
-                getLogger(__name__).warning("a process that compiles kernels ended too early")
-                return
+            for name in missing[waiting.get_nowait()]:
+                child.stdin.write(f"{name}\n")
+                child.stdin.flush()
+                if not child.stdout.readline():
+                    getLogger(__name__).warning(
+                        "a process that compiles kernels ended too early, at %s", name
+                    )
+                    return
+                done.put(name)
 
 
-def main(rooms: Iterable[str]) -> None:
-    """Compile the kernels of rooms, and answer after each."""
-    listed = json.loads(LISTED.read_text())
-    for room in map(str.strip, rooms):
-        for name, signature in listed[room].items():
-            kernel(name).compile(numba_types(signature))
-        sys.stdout.write(f"{room}\n")
+@cache
+def _listed() -> dict[str, dict[str, list[Any]]]:
+    """Signatures by room and name."""
+    return dict(json.loads(LISTED.read_text()))
+
+
+def main(names: Iterable[str]) -> None:
+    """Compile kernels, and answer after each."""
+    signatures = {name: one for room in _listed().values() for name, one in room.items()}
+    for name in map(str.strip, names):
+        kernel(name).compile(numba_types(signatures[name]))
+        sys.stdout.write(f"{name}\n")
         sys.stdout.flush()
 
 
 def kernel(name: str) -> Any:
     """The kernel of a name `module:function`, ready to be compiled."""
     module, function = name.split(":")
-    home = import_module(module)
-    getattr(home, "before_compiling", lambda: None)()
-    return getattr(home, function)
+    room = import_module(module.rpartition(".")[0])
+    getattr(room, "before_compiling", lambda: None)()
+    return getattr(import_module(module), function)
 
 
 def is_kept(name: str, signature: list[Any]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import TerrainForgeError
-from terrain_forge.scene.embree import EmbreeScene
+from terrain_forge.scene.embree import EmbreeScene, load_library
 from terrain_forge.scene.tracer import TracerScene, register
 
 VARIABLE = "TERRAIN_FORGE_RAYS"
@@ -67,6 +67,12 @@ def _engine() -> type[EngineScene]:
     if name == "own":
         register()
     return _ENGINES[name]
+
+
+def before_compiling() -> None:
+    """Let the compiler find the calls of the engine that is in use."""
+    if _engine() is EmbreeScene:
+        load_library()
 
 
 def empty_scene() -> EngineScene:

@@ -7,7 +7,6 @@ from numba import types
 from numpy.typing import NDArray
 
 from terrain_forge.base import inner, kernel
-from terrain_forge.scene.embree import load_library as before_compiling  # noqa: F401
 
 LANES = 8
 """Rays of a packet; eight is the native width of AVX2."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, inlined, inner, kernel, srgb_from_linear
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
-from terrain_forge.scene.embree import load_library as before_compiling  # noqa: F401
 from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
 from terrain_forge.scene.packets import (
     ACTIVE,
