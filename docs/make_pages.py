@@ -101,7 +101,7 @@ def recipe_page(schema: dict[str, Any]) -> str:
     root = dict(schema)
     parts = [HEAD, section("recipe", root, schema)]
     for name, part in sorted(schema["$defs"].items()):
-        if "properties" in part:
+        if "properties" in part and name.partition("_")[0] not in exporter_names():
             parts.append(section(name, part, schema))
     for name in exporter_names():
         from pydantic import TypeAdapter

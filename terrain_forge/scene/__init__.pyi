@@ -1,6 +1,7 @@
 """Ray-traced pictures of a world: rays, surfaces, light, cameras."""
 
 from .camera import pinhole_camera as pinhole_camera
+from .engine import engine_name as engine_name
 from .grain import CLAST_SHARE as CLAST_SHARE
 from .grain import ground_grain as ground_grain
 from .preview import render_from_above as render_from_above
