@@ -50,8 +50,8 @@ above as they will be, but for dynamic rocks, which it does not settle, and says
 there are, how steep the ground is and how long the paths are. Rocks smaller than a pixel of the
 ground are counted, not drawn.
 
-**Completion** of commands, recipes, installed exporters after `--only` and keys after `--set`,
-for bash, zsh or fish:
+**Completion** of commands, recipes, installed exporters after `--only`, keys after `--set`, and
+places and products after `fetch`, for bash, zsh or fish:
 
 ```sh
 terrain-forge completion bash >> ~/.bashrc

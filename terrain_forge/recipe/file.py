@@ -329,7 +329,7 @@ def _shown(found: Any) -> str:
 
 def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
     """What is wrong with a key, and which keys the JSON Schema allows there."""
-    schema = node = json_schema()
+    schema = node = json_schema(exporters=False)
     for step in loc[:-1]:
         node = _descend(schema, node, step)
     allowed = sorted(_resolve(schema, node).get("properties", {}))

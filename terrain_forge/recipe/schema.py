@@ -186,9 +186,21 @@ def adapter() -> TypeAdapter[Recipe]:
 
 
 @cache
-def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a recipe, for editors and for docs/recipe.md."""
+def json_schema(*, exporters: bool = True) -> dict[str, Any]:
+    """The JSON Schema of a recipe, for editors and for docs/recipe.md.
+
+    Args:
+        exporters: Whether it names the installed exporters and their options, which must all be
+            imported for it.
+    """
     schema = adapter().json_schema()
+    if exporters:
+        _name_exporters(schema)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _name_exporters(schema: dict[str, Any]) -> None:
+    """Write the installed exporters and their options into the schema's `exports`."""
     listed, mapped = schema["properties"]["exports"]["anyOf"]
     listed["items"] = {"enum": exporter_names()}
     defs, by_kind = schema["$defs"], []
@@ -201,7 +213,6 @@ def json_schema() -> dict[str, Any]:
     mapped["additionalProperties"] = other = {"$ref": "#/$defs/export"}
     own = {name: {"$ref": f"#/$defs/{name}_options"} for name in exporter_names()}
     mapped["properties"] = {name: {"anyOf": [one, other]} for name, one in own.items()}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def _exporter_schema(name: str) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def complete_keys(_: Any, __: Any, incomplete: str) -> list[CompletionItem]:
     """The keys of a recipe up to their `=`, or to the next dot where they hold others."""
     from terrain_forge.recipe import json_schema
 
-    schema = json_schema()
+    schema = json_schema(exporters=incomplete.startswith("exports."))
     *steps, begun = incomplete.split(".")
     nodes = [schema]
     for step in steps:
@@ -119,7 +119,9 @@ def _ends(schema: dict[str, Any], part: dict[str, Any]) -> Iterator[str]:
     """What may follow a key: a dot where it holds others, `=` where it may be a plain value."""
     for member in _members(schema, part):
         inner = member.get("items") if member.get("type") == "array" else None
-        if "properties" in member or (isinstance(inner, dict) and any(_keys(schema, inner))):
+        if member.get("type") == "object" or (
+            isinstance(inner, dict) and any(_keys(schema, inner))
+        ):
             yield "."
         elif not {"$ref", "anyOf", "oneOf"} & set(member) and member.get("type") != "null":
             yield "="

@@ -34,6 +34,7 @@ def test_keys_one_step_at_a_time():
     assert offered("check", "x.yaml", "--set", "validate.drive") == [
         *("validate.drive=", "validate.drive.", "validate.drives=", "validate.drives."),
     ]
+    assert offered("check", "x.yaml", "--set", "exp") == ["exports=", "exports."]
     assert "exports.sdf.flavour=" in offered("check", "x.yaml", "--set", "exports.sdf.")
     assert offered("check", "x.yaml", "--set", "nothing.at.all") == []
 
