@@ -64,8 +64,10 @@ def windowed(
     record = kept(path, "RECIPE")
     if record is None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if whole is not None and kept(whole, spec.name):
-            lonlat, seen = _keep(spec, str(whole), spec.name, body, path), {}
+        if whole is not None and (file := kept(whole, spec.name)):
+            seen = {"tag": file["tag"], "size": file["bytes"]}
+            _require_first_sight(url, seen)
+            lonlat = _keep(spec, str(whole), spec.name, body, path)
         else:
             answer = ask(url, spec.name, wish="RECIPE")
             if not answer.in_pieces:
@@ -103,7 +105,8 @@ def _require_first_sight(url: str, seen: dict[str, Any]) -> None:
     """Refuse a file at the server that is not the one of which other parts are kept."""
     for record in place_in_cache("").glob(f"{_stem(url)}-*.tif.json"):
         known = read_record(record.with_suffix(""))
-        if any(known.get(fact) not in (None, "", found) for fact, found in seen.items()):
+        told = [(known[fact], found) for fact, found in seen.items() if known.get(fact) and found]
+        if any(before != now for before, now in told):
             raise _changed(url)
 
 
@@ -136,6 +139,7 @@ def _over_network(spec: RasterDtm, answer: Answer, body: Body, path: Path) -> tu
         "GDAL_HTTP_USERAGENT": "terrain-forge",
         "GDAL_HTTP_MULTIRANGE": "SERIAL",
         "GDAL_PAM_ENABLED": False,
+        "CPL_VSIL_CURL_NON_CACHED": f"/vsicurl/{answer.url}",  # it may be another file next time
         "VSI_CACHE": True,
     }
     with rasterio.Env(**options):
