@@ -50,8 +50,8 @@ above as they will be, but for dynamic rocks, which it does not settle, and says
 there are, how steep the ground is and how long the paths are. Rocks smaller than a pixel of the
 ground are counted, not drawn.
 
-**Completion** of commands, recipes, installed exporters after `--only` and keys after `--set`,
-for bash, zsh or fish:
+**Completion** of commands, recipes, installed exporters after `--only`, keys after `--set`, and
+places and products after `fetch`, for bash, zsh or fish:
 
 ```sh
 terrain-forge completion bash >> ~/.bashrc
@@ -101,7 +101,7 @@ def recipe_page(schema: dict[str, Any]) -> str:
     root = dict(schema)
     parts = [HEAD, section("recipe", root, schema)]
     for name, part in sorted(schema["$defs"].items()):
-        if "properties" in part:
+        if "properties" in part and name.partition("_")[0] not in exporter_names():
             parts.append(section(name, part, schema))
     for name in exporter_names():
         from pydantic import TypeAdapter

@@ -13,9 +13,7 @@ from .base import RecipeWarning as RecipeWarning
 from .base import SimulationError as SimulationError
 from .base import Spec as Spec
 from .base import TerrainForgeError as TerrainForgeError
-from .base import mix as mix
 from .base import stage_key as stage_key
-from .base import uniform as uniform
 from .building import BuildResult as BuildResult
 from .dtm import ArrayDtm as ArrayDtm
 from .dtm import Centre as Centre
@@ -52,8 +50,11 @@ from .model import at_least as at_least
 from .model import at_most as at_most
 from .model import exporter as exporter
 from .model import exporter_names as exporter_names
+from .model import mix as mix
 from .model import sheared as sheared
+from .model import uniform as uniform
 from .paths import Corridor as Corridor
+from .paths import Curve as Curve
 from .paths import FigureEight as FigureEight
 from .paths import Lawnmower as Lawnmower
 from .paths import Loop as Loop

@@ -21,8 +21,8 @@ from terrain_forge.terminal import (
     complete_keys,
     complete_recipes,
     complete_starters,
+    complete_terrain_models,
     completion_script,
-    raster_of,
     refuse_raster,
     run_command,
     run_process,
@@ -115,9 +115,10 @@ def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
     """
     from terrain_forge import pipeline
     from terrain_forge.building import check_raster
+    from terrain_forge.dtm import file_to_open
 
     if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
-        for line in check_raster(raster_of(recipe)):
+        for line in check_raster(file_to_open(recipe)):
             say(line)
         return
     file = _load(recipe, seed, changes)
@@ -298,7 +299,7 @@ def doctor() -> None:
 def completion(shell: str) -> None:
     """Print what makes SHELL complete commands and names.
 
-    Recipes, exporters after --only, keys after --set. For bash:
+    Recipes, exporters after --only, keys after --set, terrain models of fetch. For bash:
 
         terrain-forge completion bash >> ~/.bashrc
     """
@@ -306,7 +307,7 @@ def completion(shell: str) -> None:
 
 
 @cli.command()
-@click.argument("names", nargs=-1, required=True)
+@click.argument("names", nargs=-1, required=True, shell_complete=complete_terrain_models)
 def fetch(names: tuple[str, ...]) -> None:
     """Fetch the terrain models of NAMES into the cache: products, places, or recipes (.yaml)."""
     from terrain_forge.dtm import RasterDtm, at_hand, fetch_product

@@ -49,6 +49,7 @@ from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .registry import load_plugin as load_plugin
 from .registry import parts as parts
+from .registry import plugin_at_fault as plugin_at_fault
 from .registry import plugins as plugins
 from .registry import skip_plugin as skip_plugin
 from .registry import values as values

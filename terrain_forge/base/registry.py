@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import logging
 import pkgutil
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions, entry_points
 from types import ModuleType
 from typing import Any, TypeVar
 
+_OURS = "terrain_forge"
 _log = logging.getLogger(__name__)
 _Part = TypeVar("_Part")
 
@@ -48,6 +50,21 @@ def load_plugin(point: EntryPoint, group: str) -> ModuleType | None:
 def skip_plugin(point: EntryPoint, group: str, why: str) -> None:
     """Warn that a plugin is skipped."""
     _log.warning("%s %r (%s) is skipped: %s", _what(group), point.name, point.value, why)
+
+
+def plugin_at_fault(error: BaseException) -> str:
+    """The plugin whose code raised an error or called what did, and where; empty if it was ours."""
+    points = [point for package in distributions() for point in package.entry_points]
+    foreign = [point for point in points if point.group.startswith(f"{_OURS}.")]
+    ends = {part: p for p in foreign for part in (p.module.partition(".")[0], p.module)}
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        module = str(frame.f_globals.get("__name__", ""))
+        package = module.partition(".")[0]
+        if package == _OURS:
+            return ""
+        if point := ends.get(module) or ends.get(package):
+            return f"{_what(point.group)} {point.name!r} ({module}, line {line})"
+    return ""
 
 
 def parts(

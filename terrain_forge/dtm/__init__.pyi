@@ -21,9 +21,12 @@ from .lattice import node_places as node_places
 from .lattice import patch_pixels as patch_pixels
 from .lattice import pixel_of as pixel_of
 from .lattice import require_straight as require_straight
+from .misnamed import ARRAYS as ARRAYS
+from .misnamed import file_to_open as file_to_open
 from .pixels import Pixels as Pixels
 from .places import expanded as expanded
 from .places import place_lines as place_lines
+from .places import terrain_models as terrain_models
 from .projection import ellipsoid as ellipsoid
 from .projection import geographic_crs as geographic_crs
 from .projection import scale_error as scale_error

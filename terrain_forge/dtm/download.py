@@ -62,8 +62,12 @@ def place_in_cache(name: str) -> Path:
     return folder / "dtm" / name
 
 
-def kept(path: Path, name: str) -> dict[str, Any] | None:
+def kept(path: Path, wish: str) -> dict[str, Any] | None:
     """The record of a file that is in the cache and as it was; None where it is not there.
+
+    Args:
+        path: The file.
+        wish: What `terrain-forge fetch` must be told to have it again.
 
     Raises:
         DataError: if the file is not what it was when it was first seen.
@@ -71,16 +75,21 @@ def kept(path: Path, name: str) -> dict[str, Any] | None:
     record = read_record(path)
     if not path.is_file() or not record:
         return None
-    import pooch
-
-    found = pooch.file_hash(str(path))
+    found = file_hash(path)
     if found != record.get("sha256"):
         raise DataError(
             f"{path} is not as it was fetched (SHA-256 {found[:12]}…, was "
-            f"{str(record.get('sha256'))[:12]}…): delete it, then terrain-forge fetch {name}",
+            f"{str(record.get('sha256'))[:12]}…): delete it, then terrain-forge fetch {wish}",
             key=_KEY,
         )
     return record
+
+
+def file_hash(path: Path) -> str:
+    """The SHA-256 of a file, in hexadecimal digits."""
+    import pooch
+
+    return str(pooch.file_hash(str(path)))
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -96,9 +105,7 @@ def read_record(path: Path) -> dict[str, Any]:
 
 def write_record(path: Path, **facts: Any) -> dict[str, Any]:
     """Keep what a file is, beside it."""
-    import pooch
-
-    record = {**facts, "bytes": path.stat().st_size, "sha256": pooch.file_hash(str(path))}
+    record = {**facts, "bytes": path.stat().st_size, "sha256": file_hash(path)}
     new = _record(path).with_suffix(".new")
     new.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     new.replace(_record(path))

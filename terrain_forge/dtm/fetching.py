@@ -81,7 +81,7 @@ def still_to_fetch(spec: RasterDtm, *, body: Body) -> Iterator[str]:
     url = product.url if product else str(spec.url)
     by_window = product is None or product.shape
     path = _path(product) if product and not by_window else window_path(spec, url)
-    if kept(path, spec.name):
+    if kept(path, "RECIPE" if by_window else spec.name):
         return
     size = (
         readable(product.size)

@@ -71,6 +71,12 @@ def expanded(spec: RasterDtm) -> RasterDtm:
     return replace(spec, place=None, product=place.product, centre=centre)
 
 
+def terrain_models() -> dict[str, str]:
+    """What can be fetched by a name that is in a table, and what it is: places, then products."""
+    known = {name: one.what for name, one in places().items()}
+    return known | {row["name"]: row["what"] for row in rows_of("products.csv")}
+
+
 def place_lines() -> list[str]:
     """A table of all places, and one of the products that follow no rule."""
     lines = [

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, portable, reading, require_file
 from terrain_forge.dtm.lattice import anchors, bilinear
+from terrain_forge.dtm.misnamed import remedy
 from terrain_forge.dtm.projection import (
     datum_radii,
     datum_radius,
@@ -188,9 +189,8 @@ def open_raster(spec: RasterDtm, *, body: Body, folder: Path) -> Raster:
     try:
         dataset = open_dataset(path)
     except rasterio.errors.RasterioError:
-        hint = _label_hint(path)
         raise DataError(
-            f"not a raster that GDAL opens: {spec.name}{hint}; of its formats are read "
+            f"not a raster that GDAL opens: {spec.name}{remedy(path)}; of its formats are read "
             f"{', '.join(DRIVERS)}",
             key=("dtm", "source"),
         ) from None
@@ -286,13 +286,6 @@ def open_dataset(path: Path) -> Any:
             dataset.close()
             raise DataError(f"{path.name} names the file {name!r}, which must lie beside it")
     return dataset
-
-
-def _label_hint(path: Path) -> str:
-    label = next(
-        (p for p in path.parent.glob(f"{path.stem}.*") if p.suffix.lower() == ".lbl"), None
-    )
-    return f" (it has a label: name {label.name})" if label and label != path else ""
 
 
 def _georeference(dataset: Any, spec: RasterDtm) -> tuple[str, tuple[float, ...]]:

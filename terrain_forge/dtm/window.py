@@ -20,8 +20,10 @@ from terrain_forge.dtm.download import (
     TIMEOUT,
     Answer,
     ask,
+    file_hash,
     kept,
     place_in_cache,
+    read_record,
     readable,
     write_record,
 )
@@ -62,8 +64,10 @@ def windowed(
     record = kept(path, "RECIPE")
     if record is None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if whole is not None and kept(whole, spec.name):
-            lonlat, tag = _keep(spec, str(whole), spec.name, body, path), ""
+        if whole is not None and (file := kept(whole, spec.name)):
+            seen = {"tag": file["tag"], "size": file["bytes"]}
+            _require_first_sight(url, seen)
+            lonlat = _keep(spec, str(whole), spec.name, body, path)
         else:
             answer = ask(url, spec.name, wish="RECIPE")
             if not answer.in_pieces:
@@ -72,10 +76,13 @@ def windowed(
                     f"{url} and name the file as dtm.source",
                     key=_KEY,
                 )
+            seen = {"tag": answer.tag, "size": answer.size}
+            _require_first_sight(url, seen)
             told = f"the site's part of {readable(answer.size)} at {urlsplit(answer.url).hostname}"
             _log.warning("reading %s: %s; %s", spec.name, told, licence)
-            lonlat, tag = _over_network(spec, answer, body, path), answer.tag
-        record = write_record(path, url=url, tag=tag, lonlat_deg=lonlat)
+            lonlat = _over_network(spec, answer, body, path)
+        _require_same(path, url)
+        record = write_record(path, url=url, lonlat_deg=lonlat, **seen)
     lon, lat = record["lonlat_deg"]
     centre = Centre(lonlat_deg=(lon, lat))
     return replace(spec, product=None, url=None, source=str(path), centre=centre, band=1)
@@ -85,9 +92,38 @@ def window_path(spec: RasterDtm, url: str) -> Path:
     """Where the part is kept that a site needs of a remote raster."""
     centre = {name: value for name, value in vars(spec.centre).items() if value is not None}
     wish = json.dumps([url, spec.band, spec.size_m, centre])
-    stem = PurePosixPath(unquote(urlsplit(url).path)).stem
-    plain = re.sub(r"[^\w-]+", "_", stem)[:80]
-    return place_in_cache(f"{plain}-{sha256(wish.encode()).hexdigest()[:16]}.tif")
+    return place_in_cache(f"{_stem(url)}-{sha256(wish.encode()).hexdigest()[:16]}.tif")
+
+
+def _stem(url: str) -> str:
+    """What the names of all parts of a remote raster begin with."""
+    plain = re.sub(r"[^\w-]+", "_", PurePosixPath(unquote(urlsplit(url).path)).stem)[:80]
+    return f"{plain}-{sha256(url.encode()).hexdigest()[:8]}"
+
+
+def _require_first_sight(url: str, seen: dict[str, Any]) -> None:
+    """Refuse a file at the server that is not the one of which other parts are kept."""
+    for record in place_in_cache("").glob(f"{_stem(url)}-*.tif.json"):
+        known = read_record(record.with_suffix(""))
+        told = [(known[fact], found) for fact, found in seen.items() if known.get(fact) and found]
+        if any(before != now for before, now in told):
+            raise _changed(url)
+
+
+def _require_same(path: Path, url: str) -> None:
+    """Refuse a part, newly read, that is not as it was when it was first fetched."""
+    known = read_record(path).get("sha256")
+    if known is not None and known != file_hash(path):
+        path.unlink()
+        raise _changed(url)
+
+
+def _changed(url: str) -> DataError:
+    return DataError(
+        f"{url} is another file than it was when it was first fetched; to take the new one, "
+        f"delete {place_in_cache(_stem(url))}-*",
+        key=_KEY,
+    )
 
 
 def _over_network(spec: RasterDtm, answer: Answer, body: Body, path: Path) -> tuple[float, float]:
@@ -103,6 +139,7 @@ def _over_network(spec: RasterDtm, answer: Answer, body: Body, path: Path) -> tu
         "GDAL_HTTP_USERAGENT": "terrain-forge",
         "GDAL_HTTP_MULTIRANGE": "SERIAL",
         "GDAL_PAM_ENABLED": False,
+        "CPL_VSIL_CURL_NON_CACHED": f"/vsicurl/{answer.url}",  # it may be another file next time
         "VSI_CACHE": True,
     }
     with rasterio.Env(**options):

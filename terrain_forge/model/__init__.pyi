@@ -1,5 +1,7 @@
 """What the stages hand to each other: bodies, sites, ground, rocks, rovers, paths, worlds."""
 
+from .addresses import mix as mix
+from .addresses import uniform as uniform
 from .appearance import Appearance as Appearance
 from .appearance import GroundDetail as GroundDetail
 from .appearance import Lighting as Lighting

@@ -56,6 +56,12 @@ class RecipeFile:
     lines: Lines
     """Where every key stands."""
 
+    def __repr__(self) -> str:
+        return f"<RecipeFile {str(self.path)!r}: {self.recipe!r}>"
+
+    def _repr_html_(self) -> str:
+        return self.recipe._repr_html_()
+
     @property
     def folder(self) -> Path:
         """What the recipe's paths are relative to."""
@@ -190,21 +196,34 @@ def _apply(data: Any, change: str) -> Key:
     for n, (old, new) in enumerate(zip(given, keys, strict=True)):
         if old != new:
             warn_renamed("--set", given[: n + 1], keys[: n + 1])
+    value = _value(change, text)
     try:
-        value = _reader().load(text)
         target = data
         for key in keys[:-1]:
             is_list = isinstance(target, list)
             target = target[int(key)] if is_list else target.setdefault(str(key), {})
         target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
         renamed = rename_keys(data)  # in a value that is a mapping
-    except (YAMLError, ValueError, IndexError, TypeError, AttributeError):
+    except (ValueError, IndexError, TypeError, AttributeError):
         raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
     except RecipeError as error:
         raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None
     for old_key, new_key in renamed:
         warn_renamed("--set", old_key, new_key)
     return tuple(keys)
+
+
+def _value(change: str, text: str) -> Any:
+    """The value of one `key=value` of the command line."""
+    try:
+        return _reader().load(text)
+    except MaxDepthExceededError:
+        why = _TOO_DEEP
+    except MarkedYAMLError as error:
+        why = str(error.problem or error.context)
+    except (YAMLError, ValueError) as error:
+        why = str(error)
+    raise RecipeError(f"--set {change}: the value is not YAML: {' '.join(why.split())}")
 
 
 def _locate(path: Path, lines: Lines, key: Key, message: str) -> str:
@@ -289,6 +308,11 @@ def _message(error: dict[str, Any], key: Key) -> str:
             return f"must be {allowed}, found {_shown(found)}{hint}"
         case "union_tag_not_found":
             return "needs a `kind`"
+        case "predicate_failed" if key[-1:] == ("url",):
+            return (
+                "must be an address that begins with http:// or https://, without spaces or a "
+                f"password, found {_shown(found)}"
+            )
         case "predicate_failed":
             return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
         case "value_error":
@@ -305,7 +329,7 @@ def _shown(found: Any) -> str:
 
 def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
     """What is wrong with a key, and which keys the JSON Schema allows there."""
-    schema = node = json_schema()
+    schema = node = json_schema(exporters=False)
     for step in loc[:-1]:
         node = _descend(schema, node, step)
     allowed = sorted(_resolve(schema, node).get("properties", {}))

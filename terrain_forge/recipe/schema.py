@@ -22,7 +22,13 @@ from terrain_forge.base import (
     documented,
 )
 from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
-from terrain_forge.model import BODIES, html, plot_area
+from terrain_forge.model import (
+    BODIES,
+    exporter,
+    exporter_names,
+    html,
+    plot_area,
+)
 from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice
@@ -188,11 +194,45 @@ def adapter() -> TypeAdapter[Recipe]:
 
 
 @cache
-def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a recipe, for editors and for docs/recipe.md."""
+def json_schema(*, exporters: bool = True) -> dict[str, Any]:
+    """The JSON Schema of a recipe, for editors and for docs/recipe.md.
+
+    Args:
+        exporters: Whether it names the installed exporters and their options, which must all be
+            imported for it.
+    """
     with documented():
         schema = TypeAdapter(Recipe).json_schema()
+        if exporters:
+            _name_exporters(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _name_exporters(schema: dict[str, Any]) -> None:
+    """Write the installed exporters and their options into the schema's `exports`."""
+    listed, mapped = schema["properties"]["exports"]["anyOf"]
+    listed["items"] = {"enum": exporter_names()}
+    defs, by_kind = schema["$defs"], []
+    for name in exporter_names():
+        options = _exporter_schema(name)
+        defs.update({f"{name}_{part}": one for part, one in options.pop("$defs", {}).items()})
+        defs[f"{name}_options"] = options
+        by_kind.append({"$ref": f"#/$defs/{name}_options", "required": ["kind"]})
+    defs["export"] = {"anyOf": by_kind}
+    mapped["additionalProperties"] = other = {"$ref": "#/$defs/export"}
+    own = {name: {"$ref": f"#/$defs/{name}_options"} for name in exporter_names()}
+    mapped["properties"] = {name: {"anyOf": [one, other]} for name, one in own.items()}
+
+
+def _exporter_schema(name: str) -> dict[str, Any]:
+    """The JSON Schema of an exporter's options and its kind; of one that is broken, of anything."""
+    try:
+        options: TypeAdapter[Any] = TypeAdapter(exporter(name).Options)
+        schema = options.json_schema(ref_template=f"#/$defs/{name}_{{model}}")
+    except RecipeError:
+        schema = {"type": "object"}
+    kind = {"const": name, "description": "The exporter; by default that of the folder's name."}
+    return {**schema, "properties": {**schema.get("properties", {}), "kind": kind}}
 
 
 def recipe_json(recipe: Recipe) -> str:

@@ -7,12 +7,10 @@ import re
 import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
-from textwrap import shorten
 
 from terrain_forge.base import OutputError, RecipeError
 
 _RECIPES, _SAMPLES = "terrain_forge.recipes", "terrain_forge.dtm_samples"
-_LONGEST = 62
 _SAMPLE = re.compile(r"\.\./dtm_samples/([\w.-]+)")
 
 
@@ -32,8 +30,7 @@ def _about(text: str) -> str:
         if not re.match(r"# \S", line):
             break
         comment.append(line[2:].strip())
-    sentence = re.split(r"(?<=[.;]) ", " ".join(comment))[0].rstrip(".;")
-    return shorten(sentence, _LONGEST, placeholder=" …")
+    return re.split(r"(?<=[.;]) ", " ".join(comment))[0].rstrip(".;")
 
 
 def write_starter(directory: Path, name: str = "hello") -> Path:

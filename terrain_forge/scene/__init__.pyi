@@ -2,6 +2,7 @@
 
 from .camera import pinhole_camera as pinhole_camera
 from .engine import before_compiling as before_compiling
+from .engine import engine_name as engine_name
 from .grain import CLAST_SHARE as CLAST_SHARE
 from .grain import ground_grain as ground_grain
 from .preview import render_from_above as render_from_above

@@ -4,13 +4,13 @@ from .completion import complete_exporters as complete_exporters
 from .completion import complete_keys as complete_keys
 from .completion import complete_recipes as complete_recipes
 from .completion import complete_starters as complete_starters
+from .completion import complete_terrain_models as complete_terrain_models
 from .completion import completion_script as completion_script
 from .display import Display as Display
 from .display import watched as watched
 from .doctor import doctor_lines as doctor_lines
 from .lines import say as say
 from .lines import show_log as show_log
-from .mistaken import raster_of as raster_of
 from .mistaken import refuse_raster as refuse_raster
 from .outcome import finish as finish
 from .outcome import tell_build as tell_build

@@ -11,6 +11,20 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 _DEEPEST = 8
 _RECIPES = ".yaml", ".yml"
+_NO_SPACE = {
+    "bash": {
+        "    return 0\n": "    [[ ${COMPREPLY[0]} == *[.=] ]] && compopt -o nospace\n"
+        "    return 0\n",
+    },
+    "zsh": {
+        '    if [ -n "$completions_with': "    [[ ${response[2]} == *[.=] ]] && ends=(-S '')\n"
+        '    if [ -n "$completions_with',
+        "    local -a response\n": "    local -a response ends\n",
+        "_descriptions -U\n": '_descriptions -U "${ends[@]}"\n',
+        "compadd -U ": 'compadd -U "${ends[@]}" ',
+    },
+}
+"""What click's scripts lack: after a key that goes on no space follows. Fish knows."""
 
 
 def completion_script(command: click.Command, shell: str) -> str:
@@ -18,7 +32,10 @@ def completion_script(command: click.Command, shell: str) -> str:
     found = get_completion_class(shell)
     if found is None:
         raise click.UsageError(f"no completion for {shell}")
-    return found(command, {}, "terrain-forge", "_TERRAIN_FORGE_COMPLETE").source()
+    script = found(command, {}, "terrain-forge", "_TERRAIN_FORGE_COMPLETE").source()
+    for old, new in _NO_SPACE.get(shell, {}).items():
+        script = script.replace(old, new)
+    return script
 
 
 def complete_recipes(_: Any, __: Any, incomplete: str) -> list[CompletionItem]:
@@ -62,28 +79,52 @@ def complete_exporters(_: Any, __: Any, incomplete: str) -> list[CompletionItem]
     ]
 
 
+def complete_terrain_models(context: Any, parameter: Any, incomplete: str) -> list[CompletionItem]:
+    """Places and products by name, and recipes."""
+    from terrain_forge.dtm import terrain_models
+
+    known = terrain_models().items()
+    named = [CompletionItem(name, help=what) for name, what in known if name.startswith(incomplete)]
+    files = complete_recipes(context, parameter, incomplete)
+    return [*named, *(file for file in files if file.type == "plain" or not named)]
+
+
 def complete_keys(_: Any, __: Any, incomplete: str) -> list[CompletionItem]:
-    """The keys of a recipe with dots between them, up to the next dot or to their `=`."""
+    """The keys of a recipe up to their `=`, or to the next dot where they hold others."""
     from terrain_forge.recipe import json_schema
 
-    schema = json_schema()
+    schema = json_schema(exporters=incomplete.startswith("exports."))
     *steps, begun = incomplete.split(".")
     nodes = [schema]
     for step in steps:
         nodes = [inner for node in nodes for inner in _into(schema, node, step)]
     before = "".join(f"{step}." for step in steps)
     found: dict[str, str] = {}
-    for node in nodes:
-        for member in _members(schema, node):
-            if "items" in member:
-                found.setdefault("0", "the first of a list")
-            for key, part in member.get("properties", {}).items():
-                found.setdefault(key, str(part.get("description", "")))
-    return [
-        CompletionItem(f"{before}{key}", help=about.partition("\n")[0])
-        for key, about in found.items()
-        if key.startswith(begun)
-    ]
+    for key, part in (pair for node in nodes for pair in _keys(schema, node)):
+        if key.startswith(begun):
+            for end in _ends(schema, part):
+                found.setdefault(f"{before}{key}{end}", str(part.get("description", "")))
+    return [CompletionItem(key, help=about.partition("\n")[0]) for key, about in found.items()]
+
+
+def _keys(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The keys of a node and what stands under them; of a list its first place."""
+    for member in _members(schema, node):
+        if "items" in member:
+            yield "0", {"description": "the first of a list", **member["items"]}
+        yield from member.get("properties", {}).items()
+
+
+def _ends(schema: dict[str, Any], part: dict[str, Any]) -> Iterator[str]:
+    """What may follow a key: a dot where it holds others, `=` where it may be a plain value."""
+    for member in _members(schema, part):
+        inner = member.get("items") if member.get("type") == "array" else None
+        if member.get("type") == "object" or (
+            isinstance(inner, dict) and any(_keys(schema, inner))
+        ):
+            yield "."
+        elif not {"$ref", "anyOf", "oneOf"} & set(member) and member.get("type") != "null":
+            yield "="
 
 
 def _into(schema: dict[str, Any], node: dict[str, Any], step: str) -> Iterator[dict[str, Any]]:

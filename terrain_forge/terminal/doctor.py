@@ -110,6 +110,10 @@ def _version(package: str) -> str:
 
 
 def _rays() -> str:
+    from terrain_forge.scene import engine_name
+
+    if engine_name() == "own":
+        return "our own (TERRAIN_FORGE_RAYS, or no embreex for this machine)"
     from embreex import rtcore  # noqa: F401
 
     return f"Embree (embreex {_version('embreex')})"

@@ -19,7 +19,7 @@ from typing import Any
 import click
 from click.exceptions import NoArgsIsHelpError
 
-from terrain_forge.base import SimulationError, StorageError, TerrainForgeError
+from terrain_forge.base import SimulationError, StorageError, TerrainForgeError, plugin_at_fault
 from terrain_forge.terminal.lines import say
 
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
@@ -90,7 +90,11 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         if getattr(error, "errno", None) in _NO_PATH:
             return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
-    except Exception:
+    except Exception as error:
+        if (plugin := plugin_at_fault(error)) and "--debug" not in arguments:
+            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            say(f"terrain-forge: {plugin} failed: {why}; --debug shows all", err=True)
+            return INTERNAL
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
         return INTERNAL

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
+import terrain_forge as tf
 from terrain_forge.base import mix, stage_key, uniform, uniforms, zigzag
+from terrain_forge.model import mix as tf_mix
+from terrain_forge.model import uniform as tf_uniform
 
 FEW = settings(max_examples=40, deadline=None, derandomize=True, database=None)
 seeds = st.integers(0, 2**63 - 1)
@@ -30,6 +35,22 @@ def test_more_draws_do_not_change_the_first(seed, count, more):
     few, many = uniforms(key, count), uniforms(key, count + more)
     assert few.tobytes() == many[:count].tobytes()
     assert 0.0 < many.min() <= many.max() < 1.0
+
+
+@FEW
+@given(seed=seeds, address=st.lists(words, min_size=1, max_size=4))
+def test_plugins_hash_arrays_as_kernels_hash_numbers(seed, address):
+    key = stage_key(seed, "plugin")
+    expected = [uniform(np.uint64(mix(key, word))) for word in address]
+    assert tf.uniform(tf.mix(key, np.array(address))).tolist() == expected
+    assert tf.uniform(tf.mix(key, address[0])) == _inside(key, address[0]) == expected[0]
+    with pytest.raises(TypeError, match="whole numbers, found float64"):
+        tf.uniform(0.5)
+
+
+@njit
+def _inside(key, word):
+    return tf_uniform(tf_mix(key, word))
 
 
 @FEW

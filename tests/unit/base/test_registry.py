@@ -2,12 +2,15 @@
 
 import sys
 from importlib.metadata import EntryPoint
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
+import click
 import pytest
 
 from terrain_forge.base import parts, registry
 from terrain_forge.paths import NamedShape
+from terrain_forge.paths.named_shape import shortening
+from terrain_forge.terminal import run_command
 from terrain_forge.terrain import CraterProduction
 
 FOREIGN = """
@@ -30,6 +33,8 @@ def plugged(monkeypatch):
         exec(text, vars(module))
         point = EntryPoint(name=name, value=name, group=group)
         monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+        package = SimpleNamespace(entry_points=[point])
+        monkeypatch.setattr(registry, "distributions", lambda: [package])
 
     return install
 
@@ -47,3 +52,20 @@ def test_a_module_that_brings_nothing_is_told(plugged, caplog):
     plugged("empty", "", group)
     assert parts(CraterProduction, "terrain_forge.terrain.cratering.productions", group)
     assert "crater production 'empty' (empty) is skipped: has no CraterProduction" in caplog.text
+
+
+def test_an_error_of_a_plugin_names_it(plugged, capsys):
+    """Also one that it meets in another library; one of ours stays ours."""
+    text = (
+        "def bad(): return {}['a\\nb']\ndef parse(text): return int(text)\ndef ours(f): return f()"
+    )
+    plugged("foreign_layer", text, "terrain_forge.layers")
+    foreign = sys.modules["foreign_layer"]
+    for broken, where in ((foreign.bad, "line 1"), (lambda: foreign.parse("x"), "line 2")):
+        assert run_command(click.Command("build", callback=broken), []) == 3
+        told = capsys.readouterr().err
+        assert told.startswith(f"terrain-forge: layer 'foreign_layer' (foreign_layer, {where}) fai")
+        assert told.count("\n") == 1
+    broken = click.Command("build", callback=lambda: foreign.ours(lambda: shortening("a", 1.0)))
+    assert run_command(broken, []) == 3
+    assert "internal error, please report it" in capsys.readouterr().err

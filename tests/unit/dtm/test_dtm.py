@@ -230,6 +230,8 @@ def test_flat_site_can_know_its_place():
     [
         ({"source": "none.tif"}, "no such file"),
         ({"source": "text.txt"}, "not a raster"),
+        ({"source": "a.npz"}, r"\(an array: save it as a GeoTIFF.* dtm: {kind: array}\)"),
+        ({"source": "e.hdr"}, r"\(the heights are in e.img: name that\)"),
         ({"size_m": (500.0, 80.0)}, "400 × 300"),
         ({"centre": Centre(offset_m=(0.0, 120.0))}, "400 × 300"),
         ({"band": 2}, "band 2 of 1"),
@@ -238,7 +240,8 @@ def test_flat_site_can_know_its_place():
 )
 def test_dtm_that_cannot_serve(tmp_path, change, message):
     write_raster(tmp_path / "dtm.tif")
-    (tmp_path / "text.txt").write_text("no raster")
+    for name in ("text.txt", "a.npz", "e.hdr", "e.img"):
+        (tmp_path / name).write_text("no raster")
     spec = RasterDtm(**{"source": "dtm.tif", "size_m": (100.0, 80.0)} | change)
     with pytest.raises(DataError, match=message):
         look(spec, tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import rasterio
 import terrain_forge as tf
 from terrain_forge.base import DataError, RecipeError, StorageError
 from terrain_forge.building import write_manifest
-from terrain_forge.dtm import RasterDtm, at_hand, expanded, fetch_product, survey
+from terrain_forge.dtm import RasterDtm, at_hand, expanded, fetch_product, still_to_fetch, survey
 from terrain_forge.dtm.download import CHUNK
 from terrain_forge.dtm.places import places
 from terrain_forge.dtm.products import find_product, table
@@ -306,6 +307,32 @@ def test_a_remote_raster_is_read_by_window_and_kept(web, tmp_path, centre, monke
     assert at_hand(wish, body=MARS) == here
     with pytest.raises(DataError, match=r"OFFLINE is set: .* fetch RECIPE"):
         at_hand(replace(wish, size_m=(60.0, 44.0)), body=MARS)
+
+
+def test_parts_of_one_address_are_parts_of_one_file(web, tmp_path):
+    """Told by the server's tag, or where it has none by the part's own hash."""
+    path = cog(tmp_path / "big.tif")
+    wish = RasterDtm(url=web.put("/big.tif", path.read_bytes()), size_m=(60.0, 40.0))
+    other = replace(wish, size_m=(60.0, 44.0))
+    part = Path(at_hand(wish, body=MARS).source)
+    with rasterio.open(path, "r+") as file:
+        file.write(file.read(1) + 1.0, 1)
+    changed = path.read_bytes()
+    message = f"{wish.url} is another file .* delete {part.parent}/big-[0-9a-f]{{8}}-\\*$"
+    web.put("/big.tif", File(data=changed, tag='"two"'))
+    with pytest.raises(DataError, match=message) as caught:
+        at_hand(other, body=MARS)
+    part.unlink()
+    web.put("/big.tif", File(data=changed, tag=""))
+    with pytest.raises(DataError, match=message):
+        at_hand(wish, body=MARS)
+    assert not part.exists()
+    for old in part.parent.glob(str(caught.value).rpartition("/")[2]):
+        old.unlink()
+    part.write_bytes(Path(at_hand(wish, body=MARS).source).read_bytes()[:-1])
+    for use in (at_hand, lambda *a, **k: list(still_to_fetch(*a, **k))):
+        with pytest.raises(DataError, match=f"{part} is not as .* then terrain-forge fetch RECIPE"):
+            use(wish, body=MARS)
 
 
 def test_a_window_across_the_seam_of_a_whole_body(web, tmp_path):

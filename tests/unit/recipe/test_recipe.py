@@ -88,6 +88,8 @@ def test_shipped_recipes_are_sound(recipe):
         ("{offset_m: [0, 0]}", "{offset_m: [0, 0], crs: [1, 2]}", ["one of", "offset_m and crs"]),
         ("gale_floor_synthetic.tif", "missing.tif", ["no such file", "missing.tif"]),
         ("gale_floor_synthetic.tif", "README.md", ["not a raster"]),
+        ("source: ", "url: ftp:/",
+         ["dtm.url: must be an address that begins with http:// or https://", '"ftp:/']),
         ("[9, -5]", "[29, -5]", ["leaves the terrain", "'loop'"]),
         ("rover: morpheus", "rover: morfeus", ["did you mean 'morpheus'"]),
         ("rover: morpheus", "rover: {kind: skid4, model: big}", ["rover.model", "'detailed'"]),
@@ -200,6 +202,7 @@ def test_changes_of_the_command_line(tmp_path):
     for change, wrong in (
         ("terrain.spacing_m=-1", r"terrain\.spacing_m: must be greater"),
         ("terrain={layers: []}", r"terrain\.spacing_m: is missing"),
+        ("seed=[1", "the value is not YAML: expected ',' or ']'"),
         ("body=mras", r"""body: must be .*, found "mras" \(did you mean 'mars'\?\)"""),
         ("rocks.populations.1.name=3", r"rocks\.populations\[1\]\.name: must be"),
     ):

@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,6 +11,7 @@ from PIL import Image
 
 import terrain_forge as tf
 from terrain_forge.building import BuildResult
+from terrain_forge.recipe import RecipeFile
 
 
 def picture(html):
@@ -39,13 +41,14 @@ def test_plot_shows_ground_rocks_and_paths_in_their_places(small_world):
 def test_values_are_short_in_text_and_pictures_in_notebooks(small_world, tmp_path):
     recipe = small_world.site.recipe
     result = BuildResult(directory=tmp_path, world=small_world, passed=True, exports=())
-    for value in (small_world, small_world.site, recipe, result):
+    file = RecipeFile(path=Path("some.yaml"), recipe=recipe, lines={("seed",): 3})
+    for value in (small_world, small_world.site, recipe, file, result):
         assert len(repr(value)) < 250
         assert "by-hand" in repr(value) or value is result
     assert "rocks: 40, paths: arc" in repr(small_world)
     assert "elevation=float32[65, 97]" in repr(small_world.ground)
     assert picture(small_world._repr_html_()).std() > 20.0
-    shown = recipe, small_world.site
+    shown = recipe, file, small_world.site
     assert all(picture(value._repr_html_()).std() > 5.0 for value in shown)
     assert "<img" not in result._repr_html_()
     Image.new("RGB", (8, 4), (200, 10, 10)).save(tmp_path / "preview.png")

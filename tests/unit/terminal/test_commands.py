@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -108,6 +109,7 @@ def test_each_recipe_that_ships_can_be_begun_with(name, tmp_path):
 def test_init_lists_recipes_and_knows_no_others(tmp_path):
     listed = run("init", "--list").stdout.splitlines()
     assert [line.split()[0] for line in listed] == list(starters())
+    assert not any("…" in line for line in listed)
     assert {path.stem for path in (ROOT / "recipes").glob("*.yaml")} == set(starters())
     done = run("init", tmp_path / "new", "--recipe", "venus")
     assert (done.returncode, "there are: hello, gale_long" in done.stderr) == (2, True)
@@ -156,6 +158,33 @@ def test_no_arguments_show_the_help():
 
 def test_schema_is_the_recipes():
     assert json.loads(run("schema").stdout) == json_schema()
+
+
+def test_the_schema_knows_exporters_and_their_options():
+    """As an editor offers them: in a list, by a folder's own name, and by `kind`."""
+    schema = json_schema()
+    listed, mapped = schema["properties"]["exports"]["anyOf"]
+    names = tf.exporter_names()
+    assert listed["items"]["enum"] == names
+    assert [*mapped["properties"]] == names
+    references = set(re.findall(r'"#/\$defs/([^"]+)"', json.dumps(schema)))
+    assert references <= set(schema["$defs"])
+    for name in names:
+        options = schema["$defs"][f"{name}_options"]
+        assert not options["additionalProperties"]
+        assert {f.name for f in fields(tf.exporter(name).Options)} <= set(options["properties"])
+        assert options["properties"]["kind"]["const"] == name
+        assert {"$ref": f"#/$defs/{name}_options"} in mapped["properties"][name]["anyOf"]
+        by_kind = {"$ref": f"#/$defs/{name}_options", "required": ["kind"]}
+        assert by_kind in schema["$defs"]["export"]["anyOf"]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("own", "our own"), ("embree", "Embree "), ("gpu", r"not .* engine 'gpu'")]
+)
+def test_doctor_names_the_ray_engine_that_is_used(name, told, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_RAYS", name)
+    assert re.search(rf"^  rays +{told}", run("doctor").stdout, re.MULTILINE)
 
 
 def test_doctor_never_fails(monkeypatch):

@@ -20,15 +20,22 @@ def test_exporters_after_each_comma():
 
 
 def test_keys_one_step_at_a_time():
-    assert offered("build", "x.yaml", "--set", "terr") == ["terrain"]
-    assert offered("build", "x.yaml", "--set", "terrain.sp") == ["terrain.spacing_m"]
+    assert offered("build", "x.yaml", "--set", "terr") == ["terrain."]
+    assert offered("build", "x.yaml", "--set", "terrain.sp") == ["terrain.spacing_m="]
+    assert offered("build", "x.yaml", "--set", "terrain.lay") == ["terrain.layers."]
+    assert offered("check", "x.yaml", "--set", "rocks.populations.") == ["rocks.populations.0."]
     assert offered("check", "x.yaml", "--set", "rocks.populations.3.diam") == [
-        "rocks.populations.3.diameter_m"
+        "rocks.populations.3.diameter_m="
     ]
     assert offered("check", "x.yaml", "--set", "rocks.populations.0.size_frequency.k") == [
-        "rocks.populations.0.size_frequency.kind",
-        "rocks.populations.0.size_frequency.k",
+        "rocks.populations.0.size_frequency.kind=",
+        "rocks.populations.0.size_frequency.k=",
     ]
+    assert offered("check", "x.yaml", "--set", "validate.drive") == [
+        *("validate.drive=", "validate.drive.", "validate.drives=", "validate.drives."),
+    ]
+    assert offered("check", "x.yaml", "--set", "exp") == ["exports=", "exports."]
+    assert "exports.sdf.flavour=" in offered("check", "x.yaml", "--set", "exports.sdf.")
     assert offered("check", "x.yaml", "--set", "nothing.at.all") == []
 
 
@@ -43,6 +50,18 @@ def test_recipes_here_and_in_folders(tmp_path, monkeypatch):
     assert offered("init", "--recipe", "moon_m") == ["moon_mare"]
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_the_script_calls_us(shell):
-    assert "_TERRAIN_FORGE_COMPLETE=" in run("completion", shell).stdout
+def test_terrain_models_and_recipes_to_fetch(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "jezero_mine.yaml").touch()
+    assert offered("fetch", "jez") == ["jezero", "jezero_mine.yaml"]
+    assert offered("fetch", "jezero", "MOLA") == ["MOLA_463m"]
+
+
+@pytest.mark.parametrize(
+    ("shell", "no_space"), [("zsh", "ends=(-S '')"), ("fish", ""), ("bash", "compopt -o nospace")]
+)
+def test_the_script_calls_us(shell, no_space):
+    script = run("completion", shell).stdout
+    assert "_TERRAIN_FORGE_COMPLETE=" in script
+    assert no_space in script
+    assert script.count('"${ends[@]}"') == 2 * (shell == "zsh")
