@@ -48,11 +48,10 @@ def compile_ahead(progress: Progress = silent) -> None:
         room: [name for name, signature in kernels.items() if not is_kept(name, signature)]
         for room, kernels in rooms.items()
     }
-    count, total = sum(map(len, missing.values())), sum(map(len, rooms.values()))
+    count = sum(map(len, missing.values()))
     if count <= _FEW:
         return
     processes = min(threads, _MOST_PROCESSES)
-    stage = f"compile: {count} of {total} kernels in {processes} processes, once"
     waiting: SimpleQueue[str] = SimpleQueue()
     for room, names in missing.items():
         if names:
@@ -62,6 +61,7 @@ def compile_ahead(progress: Progress = silent) -> None:
         servers = [pool.submit(_serve, waiting, missing, done) for _ in range(processes)]
         try:
             while wait(servers, timeout=_TICK).not_done:
+                stage = f"compile: {done.qsize()} of {count} kernels, once"
                 progress(stage, done.qsize() / count)
         finally:  # after an interrupt no further room is begun
             with suppress(Empty):
