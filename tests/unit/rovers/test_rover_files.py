@@ -412,6 +412,17 @@ def test_curiosity_stands_and_drives(curiosity, tmp_path):
         assert np.linalg.norm(moved[:2]) < 0.6
 
 
+@pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, -1, -1)])
+def test_a_mirrored_mesh_is_not_inside_out(tub, tmp_path, signs):
+    x, y, z = (0.001 * sign for sign in signs)
+    mirrored = changed(tub, tmp_path, ('scale="0.001 0.001 0.001"', f'scale="{x} {y} {z}"'))
+    shapes = [s for link in mirrored.links for s in link.shapes if s.mesh is not None]
+    assert {shape.visible for shape in shapes} == {True}
+    for shape in shapes:
+        a, b, c = shape.mesh.vertices[shape.mesh.faces].swapaxes(0, 1)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0
+
+
 def test_a_mesh_in_gltf_may_keep_its_numbers_beside_it(tub):
     import trimesh
 
