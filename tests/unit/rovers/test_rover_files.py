@@ -66,7 +66,10 @@ def test_a_urdf_becomes_a_rover_on_the_ground(tub):
         assert wheel.radius == pytest.approx(rovers.RADIUS, rel=1e-6)
         assert wheel.width == pytest.approx(rovers.WIDTH, rel=1e-6)
     assert rover.torque_limit == 12.0
-    assert rover.notes == ("Held at rest: pan, left_steer_wheel_joint, right_steer_wheel_joint.",)
+    held, turned = rover.notes
+    assert held == "Held at rest: pan, left_steer_wheel_joint, right_steer_wheel_joint."
+    assert turned.startswith("Axes turned about, so that a positive rate rolls forward")
+    assert turned.endswith(": right_front_wheel_joint, right_rear_wheel_joint.")
 
 
 def test_wheels_turn_forward_about_plus_y_and_roll_on_cylinders(tub):
