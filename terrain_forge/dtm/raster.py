@@ -292,6 +292,8 @@ def _complaint(dataset: Any, path: Path) -> str:
     """Why an open dataset is not read; nothing of another file has been asked for yet."""
     if overviews := dataset.tags(ns="OVERVIEWS").get("OVERVIEW_FILE"):
         return f"{path.name} names the file {overviews!r} as its overviews: remove OVERVIEW_FILE"
+    if any("complex" in kind for kind in dataset.dtypes):
+        return f"{path.name} holds complex numbers, which are no heights or pixels"
     folders = {path.absolute().parent.resolve(), path.resolve().parent}
     for name in dataset.files:
         if not any(Path(name).resolve().is_relative_to(folder) for folder in folders):

@@ -153,6 +153,18 @@ def test_overviews_and_masks_reach_no_network(tmp_path, server, beside, text, co
     assert asked == []
 
 
+@pytest.mark.parametrize("kind", ["complex64", "complex128", "complex_int16"])
+def test_complex_numbers_are_refused(tmp_path, kind):
+    with rasterio.open(
+        *(tmp_path / "a.tif", "w"), driver="GTiff", height=4, width=4, count=1, dtype=kind,
+        transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ):  # fmt: skip
+        pass
+    done = run("check", tmp_path / "a.tif")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "a.tif holds complex numbers" in done.stderr
+
+
 def test_a_raster_with_overviews_and_a_mask_beside_it_is_read(tmp_path):
     path = tmp_path / "a.tif"
     with rasterio.open(
