@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from terrain_forge.base import FARTHEST, LEAST, MOST
+from terrain_forge.base import FARTHEST, LEAST, MOST, documented
 from terrain_forge.cli import cli
 from terrain_forge.model import exporter, exporter_names
 from terrain_forge.recipe import RENAMES, json_schema
@@ -106,7 +106,8 @@ def recipe_page(schema: dict[str, Any]) -> str:
     for name in exporter_names():
         from pydantic import TypeAdapter
 
-        options = TypeAdapter(exporter(name).Options).json_schema()
+        with documented():
+            options = TypeAdapter(exporter(name).Options).json_schema()
         parts.append(section(f"Options of the exporter {name}", options, options))
     parts.append(renamed_keys())
     return "\n".join(parts)

@@ -142,10 +142,11 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     """
     from terrain_forge import pipeline
     from terrain_forge.making import plan
-    from terrain_forge.terminal import tell_preview
+    from terrain_forge.terminal import require_preview, tell_preview
 
     file = _load(recipe, seed, changes)
     out = out or Path(f"{file.recipe.name}_preview.png")
+    require_preview(out)
     with _located(file), Display(pipeline.MAKING, ask=INTERRUPT.ask) as display:
         display("plan")
         site = plan(file.recipe, folder=file.folder)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from terrain_forge.dtm import open_dataset
 from terrain_forge.model import Heightfield, Opening
 from terrain_forge.validation import Consumer, Reading, Sample
 
@@ -26,7 +27,7 @@ def read_geotiff(sample: Sample, folder: Path, options: Any, scratch: Path) -> R
     if "elevation" not in options.products:
         missing = dict.fromkeys(("ground", "frames"), "elevation is not among its products")
         return Reading(consumer=consumer, reasons={**reasons, **missing})
-    with rasterio.open(folder / "elevation.tif") as raster:
+    with open_dataset(folder / "elevation.tif") as raster:
         heights = raster.read(1)[::-1].astype(np.float64)
         west, south = raster.xy(raster.height - 1, 0)
         spacing = raster.transform.a

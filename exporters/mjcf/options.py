@@ -14,7 +14,7 @@ from terrain_forge.base import NotNegative, Positive, Spec
 class Options(Spec):
     """Options of the MJCF export; the defaults suit a wheeled rover of 10 to 1000 kg."""
 
-    timestep_s: Annotated[float, Interval(gt=0, le=0.01)] = 0.002
+    timestep_s: Annotated[float, Interval(ge=1e-4, le=0.01)] = 0.002
     """Time step of the simulation."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""

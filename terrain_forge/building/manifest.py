@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distributions, version
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 
 from terrain_forge import __version__
@@ -122,10 +122,17 @@ def _is_ours(manifest: Any) -> bool:
         and isinstance(varying, list)
         and all(isinstance(name, str) for name in varying)
         and isinstance(exports, dict)
+        and all(map(_is_inside, (*outputs, *varying, *exports)))
         and all(
             isinstance(e, dict) and {*e} == {"kind", "options", "losses"} for e in exports.values()
         )
     )
+
+
+def _is_inside(name: str) -> bool:
+    """Whether a name of a manifest stays in the world's folder."""
+    place = PurePosixPath(name)
+    return "\0" not in name and not place.is_absolute() and ".." not in place.parts
 
 
 def exports_in(manifest: Manifest) -> tuple[Export, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +36,11 @@ DRIVERS = (
 Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
 MAX_PIXELS = 2**26
 """Pixels of an image."""
+_BESIDE = ".ovr", ".msk"
+"""Endings of files beside a raster that GDAL opens with whatever driver takes them."""
+_TIFF = b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"
+_OFFLINE = {"CPL_VSIL_CURL_ALLOWED_EXTENSIONS": "{none}", "GDAL_HTTP_PROXY": "127.0.0.1:1"}
+"""Settings under which GDAL reaches no network."""
 _EVERY = 8  # samples
 _CLIFF = 5.0  # times the posting, 79°, between neighbours
 _ISIS_SPECIAL = 1e30  # ISIS marks null and saturated pixels by values near -3.4e38
@@ -273,19 +277,42 @@ def open_dataset(path: Path) -> Any:
     """
     import rasterio
 
-    for beside in path.absolute().parent.glob(f"{escape(path.stem)}.*"):  # GDAL looks into them
-        if beside.exists() and not (beside.is_file() or beside.is_dir()):
-            raise DataError(f"{beside.name} beside {path.name} is no regular file")
-    with warnings.catch_warnings(), rasterio.Env(CPL_VSIL_CURL_ALLOWED_EXTENSIONS="{none}"):
+    _require_plain_company(path.absolute())
+    with warnings.catch_warnings(), rasterio.Env(**_OFFLINE):
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         # rasterio.open() takes one driver; the class that it opens takes several.
         dataset = rasterio.io.DatasetReader(str(path.absolute()), driver=list(DRIVERS))
+        if complaint := _complaint(dataset, path):
+            dataset.close()
+            raise DataError(complaint)
+    return dataset
+
+
+def _complaint(dataset: Any, path: Path) -> str:
+    """Why an open dataset is not read; nothing of another file has been asked for yet."""
+    if overviews := dataset.tags(ns="OVERVIEWS").get("OVERVIEW_FILE"):
+        return f"{path.name} names the file {overviews!r} as its overviews: remove OVERVIEW_FILE"
+    if any("complex" in kind for kind in dataset.dtypes):
+        return f"{path.name} holds complex numbers, which are no heights or pixels"
     folders = {path.absolute().parent.resolve(), path.resolve().parent}
     for name in dataset.files:
         if not any(Path(name).resolve().is_relative_to(folder) for folder in folders):
-            dataset.close()
-            raise DataError(f"{path.name} names the file {name!r}, which must lie beside it")
-    return dataset
+            return f"{path.name} names the file {name!r}, which must lie beside it"
+    return ""
+
+
+def _require_plain_company(path: Path) -> None:
+    """Refuse files beside a raster, into which GDAL looks, that may lead it elsewhere."""
+    stem = f"{path.stem}.".casefold()
+    for beside in path.parent.glob("*"):
+        if not beside.name.casefold().startswith(stem) or not beside.exists() or beside.is_dir():
+            continue
+        if not beside.is_file():
+            raise DataError(f"{beside.name} beside {path.name} is no regular file")
+        if beside != path and beside.suffix.casefold() in _BESIDE:
+            with beside.open("rb") as file:
+                if file.read(4) not in _TIFF:
+                    raise DataError(f"{beside.name} beside {path.name} is no TIFF: move it away")
 
 
 def _georeference(dataset: Any, spec: RasterDtm) -> tuple[str, tuple[float, ...]]:

@@ -70,13 +70,13 @@ def plot_area(axes: Axes, size: tuple[float, float], paths: Mapping[str, Array])
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
 
 
-def write_plot(world: World, path: Path, *, note: str = "") -> None:
-    """Write `plot_world` as PNG, with a note under its title."""
+def write_plot(world: World, path: Path, *, note: str, software: str) -> None:
+    """Write `plot_world` as PNG, with a note under its title and what the file says made it."""
     west, south, east, north = world.ground.bounds
     figure, axes = _figure((east - west, north - south), width=9.0)
     plot_world(world, axes)
     axes.set_title(f"{axes.get_title()}\n{note}", fontsize=10)
-    figure.savefig(path, metadata={"Software": None})
+    figure.savefig(path, metadata={"Software": software})
 
 
 def html(summary: str, size: tuple[float, float], draw: Callable[[Axes], Any]) -> str:

@@ -144,8 +144,8 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     threads = ThreadPoolExecutor(get_num_threads())
     try:
         prototypes = [*threads.map(made, range(spec.shapes))]
-    finally:  # after the first that cannot be made, the others need not be
-        threads.shutdown(cancel_futures=True)
+    finally:  # after the first that cannot be made, or an interrupt, nobody waits for the others
+        threads.shutdown(wait=False, cancel_futures=True)
     for own in spec.meshes:
         laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
         prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))

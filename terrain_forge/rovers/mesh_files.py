@@ -58,11 +58,15 @@ class MeshFiles:
             rgb: Colour in place of the file's own.
 
         Raises:
-            DataError: if it is missing or no mesh.
+            DataError: if it is missing or no mesh, or scaled to nothing.
         """
+        if np.abs(scale).min() < bounds.SMALLEST:
+            found = " ".join(f"{value:g}" for value in scale)
+            raise FileError(f"mesh {path.name} has the scale {found}, at least {bounds.SMALLEST:g}")
         if path not in self.read:
             self.read[path] = _load(path, self._packages)
-        parts = [(v * scale, f, colour) for v, f, colour in self.read[path]]
+        turn = -1 if np.prod(np.sign(scale)) < 0.0 else 1  # what is mirrored would be inside out
+        parts = [(v * scale, f[:, ::turn], colour) for v, f, colour in self.read[path]]
         if not all(np.abs(v).max() <= bounds.FARTHEST for v, _, _ in parts):
             raise FileError(
                 f"mesh {path.name} has vertices beyond {bounds.FARTHEST:g} m, or none that are "
@@ -133,7 +137,12 @@ def _load(path: Path, packages: Packages) -> list[Part]:
         if kind in _CHECKS:
             _CHECKS[kind](data)
         beside: Any = _Beside(path.parent, packages)
-        scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=beside)
+        scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=beside, process=False)
+        for mesh in scene.geometry.values():
+            if not np.isfinite(mesh.vertices).all():  # trimesh would leave them out
+                raise FileError(f"{name} has vertices that are no numbers")
+            if isinstance(mesh, trimesh.Trimesh):
+                mesh.process()
         shown = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
         triangles = sum(len(getattr(mesh, "faces", ())) for mesh in shown)
         bounds.require_below(triangles, bounds.MOST_TRIANGLES, "triangles", name)

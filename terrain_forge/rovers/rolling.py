@@ -49,6 +49,12 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     held = [b.joint.name for b in named if b.name not in wheels | passive]
     if held:
         notes = [f"Held at rest: {', '.join(held)}.", *notes]
+    backward = [name for name in treads if machine.axis(name)[1] < 0.0]
+    if turned := [machine.bodies[name].joint.name or name for name in backward]:
+        notes.append(
+            "Axes turned about, so that a positive rate rolls forward, which the file's own "
+            f"controllers must be told: {', '.join(turned)}."
+        )
     base = [s for s in links[0].shapes if s.collides] or links[0].shapes
     lowest = min((float(corners(shape)[:, 2].min()) for shape in base), default=0.0)
     mass = sum(link.mass for link in links)

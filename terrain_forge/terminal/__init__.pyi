@@ -13,6 +13,7 @@ from .lines import say as say
 from .lines import show_log as show_log
 from .mistaken import refuse_raster as refuse_raster
 from .outcome import finish as finish
+from .outcome import require_preview as require_preview
 from .outcome import tell_build as tell_build
 from .outcome import tell_exports as tell_exports
 from .outcome import tell_preview as tell_preview

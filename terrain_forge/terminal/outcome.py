@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import click
 import numpy as np
 
+from terrain_forge.base import OutputError
 from terrain_forge.building import BuildResult
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, size_text, time_text
@@ -16,6 +18,8 @@ from terrain_forge.validation import checks_of, failed_checks, report_text
 
 _MOST_TOLD = 10
 """Failed checks that the terminal shows."""
+_PREVIEW = "terrain-forge preview"
+"""What made a preview, as its PNG says near its beginning."""
 
 
 def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
@@ -50,11 +54,31 @@ def tell_validation(out: Path, seconds: float, *, table: bool) -> None:
     say(f"  validated in {time_text(seconds)}: {_report(out).as_posix()}")
 
 
+def require_preview(picture: Path) -> None:
+    """Refuse a place for a preview that holds anything but an earlier one.
+
+    Raises:
+        OutputError: says what is there.
+    """
+    if picture.suffix.lower() != ".png":
+        raise OutputError(f"{picture}: a preview is a .png")
+    if not picture.parent.is_dir():
+        raise OutputError(f"{picture}: there is no folder {picture.parent}")
+    ours = not os.path.lexists(picture)
+    if picture.is_file() and not picture.is_symlink():
+        with picture.open("rb") as file:
+            ours = b"tEXtSoftware\0" + _PREVIEW.encode() in file.read(256)
+    if not ours:
+        raise OutputError(f"{picture} is there and is no preview: it is not overwritten")
+
+
 def tell_preview(world: World, picture: Path) -> None:
     """Draw a world, and say what it is and where the picture lies."""
     dynamic = int(world.field.dynamic.sum())
     unsettled = f", {dynamic:,} dynamic ones not settled" * bool(dynamic)
-    write_plot(world, picture, note=f"preview: rocks as circles of their size{unsettled}")
+    note = f"preview: rocks as circles of their size{unsettled}"
+    require_preview(picture)
+    write_plot(world, picture, note=note, software=_PREVIEW)
     rise = np.hypot(*np.gradient(world.ground.elevation.astype(np.float64), world.ground.spacing))
     more = f", {dynamic:,} of them dynamic and not settled" * bool(dynamic)
     unplaced = sum(world.unplaced)

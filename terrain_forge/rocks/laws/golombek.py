@@ -68,7 +68,7 @@ class Golombek(SizeLaw):
     q_of_k: DecayOf | None = None
     """How the cover's decay q follows from k: `mars` 1.79 + 0.152 / k, `moon` 0.5648 + 0.01285 / k
     [1/m], the latter known at second hand; by default that of the site's body."""
-    q_per_m: Annotated[float, Interval(gt=0, le=1000)] | None = None
+    q_per_m: Annotated[float, Interval(ge=0.01, le=1000)] | None = None
     """Decay q of the cover with diameter [1/m], instead of q(k)."""
 
     @property

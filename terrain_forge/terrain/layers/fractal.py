@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Spec, portable, stage_key
+from terrain_forge.base import Array, Key, RecipeError, Spec, portable, stage_key
 from terrain_forge.dtm import Nodes, PixelFrame
 from terrain_forge.model import Roughness, Site, Window
 from terrain_forge.terrain.continuation import Grain, Octaves, continue_dtm, noise_at
@@ -34,6 +34,7 @@ _BASELINES = 8.0  # … and in baselines of the roughness
 _STAGE = "terrain/fractal"
 _DRAWN_OUT = 4.0  # length over width of noise with a direction
 _RESTING = 0.5  # RMS slope of detail over one spacing, of the tangent of the angle of repose
+_STEEPEST_DEG = 80.0
 _FEWEST_BASELINES = 4.0  # in a longest wavelength, so that longer ones are planes over it
 
 
@@ -102,6 +103,17 @@ class Fractal(Layer):
     this length."""
     gain: Annotated[float, Interval(ge=0, le=100)] = 1.0
     """Factor on the heights."""
+
+    def check(self, *, site: Site, key: Key) -> None:
+        """Refuse relief that is no ground."""
+        rise = self.gain * self.figures(site).deviation_over(site.spacing) / site.spacing
+        slope = float(np.degrees(np.arctan(rise)))
+        if slope > _STEEPEST_DEG and len(self.octaves(site)):
+            raise RecipeError(
+                f"an RMS slope of {slope:.1f}° over the spacing of {site.spacing:g} m, at most "
+                f"{_STEEPEST_DEG:g}°: less of gain, deviation_1m_m or rms_slope",
+                key=key,
+            )
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Noise octaves from the longest wavelength down to what the spacing can hold."""

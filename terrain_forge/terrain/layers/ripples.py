@@ -63,7 +63,7 @@ class Ripples(Layer):
     """Name, unique among the named layers; it addresses their randomness."""
     wind_from_deg: Annotated[float, Interval(ge=-360, le=360)] = 270.0
     """Compass direction that the wind comes from, clockwise from north [degrees]."""
-    wavelength_m: Positive
+    wavelength_m: Annotated[float, Interval(gt=0, le=1e4)]
     """Mean distance of the crests [m], 4 spacings at least."""
     height_m: Positive | None = None
     """Height from trough to crest on level bare ground [m]; without it the 15th part of the

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, mix, stage_key, uniforms
+from terrain_forge.dtm import open_dataset
 from terrain_forge.model import Check, World, at_least, at_most, merge
 from terrain_forge.scene import GROUND, open_scene
 from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
@@ -61,9 +62,7 @@ class TopSurface(Inspection):
 
 def _read_raster(path: Path) -> NDArray[np.float64]:
     """A raster's values, rows running north."""
-    import rasterio
-
-    with rasterio.open(path) as raster:
+    with open_dataset(path) as raster:
         return np.asarray(raster.read(1)[::-1], np.float64)
 
 

@@ -156,6 +156,9 @@ def test_from_within_the_world(world, monkeypatch):
         '{"terrain_forge": 1}', "[]", "{", "1", "[" * 100_000, "\0",
         '{"terrain_forge": 1, "format": 2, "outputs": [], "varying": [], "exports": {}}',
         '{"terrain_forge": 1, "format": 2, "outputs": {"a": 1}, "varying": [], "exports": {}}',
+        '{"terrain_forge": 1, "format": 2, "outputs": {"../a": ""}, "varying": [], "exports": {}}',
+        '{"terrain_forge": 1, "format": 2, "outputs": {}, "varying": ["b/../../a"], "exports": {}}',
+        '{"terrain_forge": 1, "format": 2, "outputs": {}, "varying": ["/a"], "exports": {}}',
     ],
 )  # fmt: skip
 def test_a_manifest_that_is_none_protects(tmp_path, text):

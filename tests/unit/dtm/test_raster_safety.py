@@ -7,6 +7,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image
 
 from terrain_forge.base import DataError
@@ -114,6 +115,71 @@ def test_no_request_and_no_file_elsewhere(tmp_path, server, name, text, target):
         done = run("check", asked_for)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert asked == []
+
+
+PAM = """<PAMDataset><Metadata domain="OVERVIEWS"><MDI key="OVERVIEW&#95;FILE">NAME</MDI></Metadata>
+</PAMDataset>"""
+
+
+@pytest.mark.parametrize(
+    ("beside", "text", "complaint"),
+    [
+        ("a.tif.aux.xml", PAM, "as its overviews: remove OVERVIEW_FILE"),
+        ("", "", "as its overviews: remove OVERVIEW_FILE"),
+        ("a.tif.ovr", VRT, "a.tif.ovr beside a.tif is no TIFF: move it away"),
+        ("A.TIF.OVR", WMS, "A.TIF.OVR beside a.tif is no TIFF: move it away"),
+        ("a.tif.msk", VRT, "a.tif.msk beside a.tif is no TIFF: move it away"),
+    ],
+)
+@pytest.mark.parametrize("target", ["/vsicurl/HOST/a.tif", "HOST/a.tif"])
+def test_overviews_and_masks_reach_no_network(tmp_path, server, beside, text, complaint, target):
+    host, asked = server
+    target = target.replace("HOST", host)
+    path = tmp_path / "a.tif"
+    with rasterio.open(
+        *(path, "w"), driver="GTiff", height=64, width=64, count=1, dtype="float32",
+        crs="+proj=eqc +R=3396190 +units=m", transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ) as file:  # fmt: skip
+        file.write(np.zeros((1, 64, 64), np.float32))
+        if not beside:
+            file.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=target)
+    if beside:
+        (tmp_path / beside).write_text(text.replace("NAME", target).replace("HOST", host))
+    done = run("check", path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert complaint in done.stderr
+    with pytest.raises(DataError):
+        read_image("a.tif", tmp_path, ("x",))
+    assert asked == []
+
+
+@pytest.mark.parametrize("kind", ["complex64", "complex128", "complex_int16"])
+def test_complex_numbers_are_refused(tmp_path, kind):
+    with rasterio.open(
+        *(tmp_path / "a.tif", "w"), driver="GTiff", height=4, width=4, count=1, dtype=kind,
+        transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ):  # fmt: skip
+        pass
+    done = run("check", tmp_path / "a.tif")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "a.tif holds complex numbers" in done.stderr
+
+
+def test_a_raster_with_overviews_and_a_mask_beside_it_is_read(tmp_path):
+    path = tmp_path / "a.tif"
+    with rasterio.open(
+        *(path, "w"), driver="GTiff", height=64, width=64, count=1, dtype="uint8",
+        transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ) as file:  # fmt: skip
+        file.write(np.full((1, 64, 64), 255, np.uint8))
+    with (
+        rasterio.Env(TIFF_USE_OVR=True, GDAL_TIFF_INTERNAL_MASK=False),
+        rasterio.open(path, "r+") as file,
+    ):
+        file.write_mask(np.full((64, 64), 255, np.uint8))
+        file.build_overviews([2])
+    assert {p.suffix for p in tmp_path.iterdir()} >= {".ovr", ".msk"}
+    assert np.array_equal(read_image("a.tif", tmp_path, ("x",)), np.ones((64, 64)))
 
 
 @pytest.mark.parametrize(("name", "text"), [("a.cub", ISIS), ("a.lbl", PDS3)])

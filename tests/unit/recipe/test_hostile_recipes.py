@@ -13,7 +13,8 @@ name: mini
 seed: 1
 body: moon
 dtm: {kind: flat, size_m: [3, 2]}
-terrain: {spacing_m: 0.25}
+terrain:
+  spacing_m: 0.25
 """
 
 
@@ -56,17 +57,27 @@ def test_what_does_not_end(tmp_path):
 
 
 ROUTE = "paths: [{{name: way, speed_m_s: 1, route: {{{}}}}}]\n"
+LAYER = "  layers: [{{{}}}]\n"
+LAW = (
+    "rocks: {{library: {{shapes: 1}}, populations: "
+    "[{{name: a, diameter_m: [0.3, 0.8], size_frequency: {{kind: {}}}}}]}}\n"
+)
 
 
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        (ROUTE.format("kind: file, file: PIPE"), ":7: paths[0].route.file: is no regular file"),
+        (ROUTE.format("kind: file, file: PIPE"), ":8: paths[0].route.file: is no regular file"),
         (ROUTE.format("points_m: [[0, 0], [1.0e+6, 0]]"), "a route of 1e+06 m, at most 100,000 m"),
         (ROUTE.format("kind: polyline, points_m: [[0, 0], [1.0e+6, 0]]"), "at most 100,000 m"),
         (ROUTE.format("kind: spiral, length_m: 1.0e+6"), "paths[0].route: a route of 1e+06 m"),
         (ROUTE.format("kind: spiral, length_m: 1.0e+13"), "must be less than or equal to"),
         (ROUTE.format("points_m: [[0, 0], [1.0e+300, 0]]"), "must be less than or equal to"),
+        (LAYER.format("kind: ripples, wavelength_m: 1.0e+12"), "less than or equal to 10000"),
+        (LAYER.format("kind: fractal, gain: 100, deviation_1m_m: 10"), "an RMS slope of 90.0°"),
+        (LAW.format("exponential, number_per_m2: 1, decay_per_m: 1.0e-6"), "or equal to 0.01"),
+        (LAW.format("golombek, k: 0.1, q_per_m: 1.0e-12"), "or equal to 0.01"),
+        ("exports: {a: {kind: mjcf, timestep_s: 1.0e-12}}\n", "or equal to 0.0001"),
         ("rocks: {library: {shapes: 0}}\n", "0 shapes and no meshes"),
         ("rocks: {exclusion_zones: [{centre_m: [0, 0], radius_m: 1.0e-300}]}\n", "or equal to"),
         ("rocks: {lists: [{name: a, file: PIPE}]}\n", "rocks.lists[0].file: is no regular file"),

@@ -1,5 +1,7 @@
 """The rock library against trimesh's geometry, closed forms and what physics engines need."""
 
+import signal
+import threading
 from dataclasses import replace
 
 import mujoco
@@ -41,6 +43,23 @@ def solid(mesh):
 def heights(mesh, directions):
     """Support function: how far the mesh extends along each direction."""
     return projections(directions, mesh.vertices).max(axis=1)
+
+
+def test_an_interrupt_waits_for_no_shape(monkeypatch):
+    may_end, ended = threading.Event(), threading.Event()
+
+    def parts(*_, name, **__):
+        if name == "shape 0 (cobble)":
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+        may_end.wait(10.0)
+        ended.set()
+        raise RuntimeError
+
+    monkeypatch.setattr("terrain_forge.rocks.library.collision_parts", parts)
+    with pytest.raises(KeyboardInterrupt):
+        make_library(LibrarySpec(shapes=2, families=("cobble",)))
+    assert not ended.is_set()
+    may_end.set()
 
 
 def test_levels_of_detail_are_closed_outward_surfaces(rock):

@@ -261,7 +261,11 @@ ATTACKS = {
          b"property float y\nproperty float z\nend_header\n"}),
     "no mesh": (mesh("x.stl"), "urdf", "cannot be read|holds no", {"x.stl": b"\xff\x00" * 50}),
     "mesh that is no number": (
-        mesh("x.obj"), "urdf", "beyond|cannot be read|flat", {"x.obj": OBJ.replace(b"v 1", b"v nan")}),
+        mesh("x.obj"), "urdf", "vertices that are no numbers", {"x.obj": OBJ.replace(b"v 1", b"v nan")}),
+    "mesh of a part that is no number": (
+        mesh("x.obj"), "urdf", "vertices that are no numbers",
+        {"x.obj": OBJ + b"v nan 0 0\nv 2 0 0\nf 2 5 6\n"}),
+    "mesh of no size": (mesh('x.obj" scale="1 0 1'), "urdf", "scale 1 0 1, at least", {"x.obj": OBJ}),
     "mesh that is far": (
         mesh("x.obj"), "urdf", "beyond", {"x.obj": OBJ.replace(b"v 1", b"v 1e300")}),
     "mesh of two dimensions": (

@@ -67,7 +67,10 @@ def test_a_urdf_becomes_a_rover_on_the_ground(tub):
         assert wheel.radius == pytest.approx(rovers.RADIUS, rel=1e-6)
         assert wheel.width == pytest.approx(rovers.WIDTH, rel=1e-6)
     assert rover.torque_limit == 12.0
-    assert rover.notes == ("Held at rest: pan, left_steer_wheel_joint, right_steer_wheel_joint.",)
+    held, turned = rover.notes
+    assert held == "Held at rest: pan, left_steer_wheel_joint, right_steer_wheel_joint."
+    assert turned.startswith("Axes turned about, so that a positive rate rolls forward")
+    assert turned.endswith(": right_front_wheel_joint, right_rear_wheel_joint.")
 
 
 def test_wheels_turn_forward_about_plus_y_and_roll_on_cylinders(tub):
@@ -411,6 +414,17 @@ def test_curiosity_stands_and_drives(curiosity, tmp_path):
         moved, yaw, *_ = rovers.drive(model, rover, speed=0.0, turn_rate=0.4, seconds=2.0)
         assert yaw > 0.15
         assert np.linalg.norm(moved[:2]) < 0.6
+
+
+@pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, -1, -1)])
+def test_a_mirrored_mesh_is_not_inside_out(tub, tmp_path, signs):
+    x, y, z = (0.001 * sign for sign in signs)
+    mirrored = changed(tub, tmp_path, ('scale="0.001 0.001 0.001"', f'scale="{x} {y} {z}"'))
+    shapes = [s for link in mirrored.links for s in link.shapes if s.mesh is not None]
+    assert {shape.visible for shape in shapes} == {True}
+    for shape in shapes:
+        a, b, c = shape.mesh.vertices[shape.mesh.faces].swapaxes(0, 1)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0
 
 
 def test_a_mesh_in_gltf_may_keep_its_numbers_beside_it(tub):

@@ -1,6 +1,7 @@
 """What the commands say and leave: at their end, of mistakes, of what is installed."""
 
 import json
+import os
 import re
 from dataclasses import fields
 
@@ -95,6 +96,30 @@ def test_preview_draws_and_exports_nothing(recipe, tmp_path):
     ):
         assert re.search(rf"^  {line}", done.stdout, re.MULTILINE), done.stdout
     assert done.stdout.splitlines()[-1].endswith("look.png")
+    assert run("preview", recipe, "-o", tmp_path / "look.png").returncode == 0
+
+
+def test_preview_takes_the_place_of_nothing_but_a_preview(recipe, tmp_path):
+    copy = tmp_path / "r.yaml"
+    copy.write_bytes(recipe.read_bytes())
+    Image.new("L", (4, 4)).save(tmp_path / "mine.png")
+    (tmp_path / "link.png").symlink_to(copy)
+    (tmp_path / "dangling.png").symlink_to(tmp_path / "new.png")
+    (tmp_path / "folder.png").mkdir()
+    os.mkfifo(tmp_path / "pipe.png")
+    before = {path: path.read_bytes() for path in (copy, tmp_path / "mine.png")}
+    held = sorted(tmp_path.iterdir())
+    for name, complaint in (
+        *((n, "is no preview: it is not overwritten") for n in ("mine.png", "link.png")),
+        *((f"{n}.png", "is no preview: it is") for n in ("dangling", "folder", "pipe")),
+        *((n, "a preview is a .png") for n in ("r.yaml", "dem.tif", "look")),
+        ("none/look.png", "there is no folder"),
+    ):
+        done = run("preview", copy, "-o", tmp_path / name)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), name
+        assert complaint in done.stderr
+    assert before == {path: path.read_bytes() for path in before}
+    assert held == sorted(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", starters())
