@@ -126,7 +126,7 @@ def find_noise(
             return _floor(heights, trusted, deviation, window, level, given=True)
         share = _share(heights, trusted, deviation, window)
         if window in _NARROW:
-            clear = misfit < 0.3 * alone and share > 0.5
+            clear = misfit < 0.3 * alone and share > 0.5 * window.width
             if clear:
                 rival = min(alone, _fit_points(tiles, quiet, error))
                 clear = misfit < 0.3 * rival and (rival - misfit) * share > 4.0
