@@ -13,10 +13,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from terrain_forge.base import Array, Mask, portable
 from terrain_forge.dtm.increments import mean_square_increment
+from terrain_forge.dtm.periodograms import Tiles
 
 FEWEST_POSTS = 96
 """Posts a side below which no noise is looked for."""
@@ -28,12 +29,8 @@ _BETA_PRIOR = (3.5, 0.3)  # 2H + 2 of HURST_PRIOR
 _SMOOTHED = (0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5)
 _BETA_LIMITS = (3.0, 3.9)  # exponents 0.5 to 0.95
 _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
-_SECTORS = 4
-_MOST_TILES = 24  # a side
-_MISFIT = 0.1  # of spectra, beside their scatter
+_FOLDS = 2  # cycles per post, either way, that are folded into a spectrum of points
 _STEEP, _LEAK = 5.0, 0.15  # exponent of a spectrum, misfit for each one beyond
-_ALIKE = 2.8  # wave numbers of a Hann window, each counted twice, that tell as much as one
-_LOWEST = 0.9  # the lower two of four equal sectors over their mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +45,9 @@ class Window:
     @property
     def white(self) -> float:
         """Variance of noise over its density at long waves."""
-        return 1.0 / self.width**2 if self.square else 1.0 / (4.0 * math.pi * self.width**2)
+        if not self.square:
+            return 1.0 / (4.0 * math.pi * self.width**2)
+        return 1.0 / (self.width if self.width > 2.0 else 3.0 - 2.0 / self.width) ** 2
 
     @property
     def smoothing(self) -> float:
@@ -65,13 +64,15 @@ class Window:
         """Density of noise over that at long waves."""
         if not self.square:
             return _gaussian(np.sqrt(across**2 + down**2), self.width)
-        return np.asarray((_averaged(across, self.width) * _averaged(down, self.width)) ** 2)
+        return _averaged(across, self.width) * _averaged(down, self.width)
 
 
 _WINDOWS = (
     *(Window(width=w, square=False) for w in (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)),
     *(Window(width=w, square=True) for w in (2.5, 3.0, 3.5, 4.0, 5.0)),
 )
+_NARROW = tuple(Window(width=w, square=True) for w in (1.0, 1.2, 1.5, 2.0))
+"""Noise that is white from post to post, or nearly: folded ground is much like it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +109,7 @@ def find_noise(
     if min(heights.shape) < (FEWEST_POSTS if given is None else 2 * _SMALL):
         return None
     side = _LARGE if min(heights.shape) >= 2.5 * _LARGE else _SMALL
-    tiles = _Tiles.of(heights, trusted, side)
+    tiles = Tiles.of(heights, trusted, side)
     if len(tiles.power) < 6:
         return None
     number, quiet = tiles.number, tiles.quiet()
@@ -118,111 +119,24 @@ def find_noise(
     fall = -np.gradient(portable.log(quiet), portable.log(number))
     error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
     alone = _fit_ground(number, quiet, error)
-    window, level, misfit = _fit_noise(tiles, quiet, error, given)
-    deviation = math.sqrt(level * window.white)
-    if given is None:
+    fits = [_fit_noise(tiles, quiet, error, given, of) for of in (_NARROW, _WINDOWS)]
+    for window, level, misfit in sorted(fits, key=lambda fit: fit[2]):
+        deviation = math.sqrt(level * window.white)
+        if given is not None:
+            return _floor(heights, trusted, deviation, window, level, given=True)
         share = _share(heights, trusted, deviation, window)
-        worth = (alone - misfit) * share
-        clear = misfit < 0.55 * alone and share > 0.32 and worth > 2.0
-        if side == _SMALL:
-            clear = misfit < 0.6 * alone and share > 0.4 and worth > 2.0
-        if not clear or deviation > LARGEST * posting:
-            return None
-    return _floor(heights, trusted, deviation, window, level)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Tiles:
-    """Periodograms of overlapping squares of a DTM, in rings and sectors of wave numbers."""
-
-    number: Array
-    """Mean wave number of each ring [1/post]."""
-    count: Array
-    """Wave numbers in each ring and sector."""
-    waves: tuple[Array, Array, NDArray[np.int64], Array]
-    """Across and down of each wave number, its ring and sector, how often it counts."""
-    power: Array
-    """Densities [m² post²], shape [tiles, rings, sectors]."""
-
-    @classmethod
-    def of(cls, heights: Array, trusted: Mask, side: int) -> _Tiles:
-        window = np.hanning(side + 2)[1:-1]
-        window = window[:, None] * window[None, :]
-        window /= math.sqrt(float(np.mean(window**2)))
-        down, across = np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None, :]
-        number = np.sqrt(down**2 + across**2)
-        edges = portable.power(2.0, np.arange(-18, 1) / 3.0 - 1.0) * 1.0001
-        edges = edges[edges > 2.4 / side]
-        rings = len(edges) - 1
-        ring = np.digitize(number, edges) - 1
-        # Sectors around the axes and the diagonals: |tan| below or above tan 22.5°.
-        steep, flat = np.abs(down) > 2.41421356 * across, np.abs(down) < 0.41421356 * across
-        sector = np.where(flat, 0, np.where(steep, 2, np.where(down > 0.0, 1, 3)))
-        weight = np.where((across == 0.0) | (across == 0.5), 1.0, 2.0) + 0.0 * down
-        inside = (ring >= 0) & (ring < rings)
-        index, weight = (ring * _SECTORS + sector)[inside], weight[inside]
-        grids = np.broadcast_arrays(across, down)
-        count = np.bincount(index, weight, rings * _SECTORS).astype(np.float64)
-        sums = np.bincount(index, weight * number[inside], rings * _SECTORS)
-        power = []
-        for row, column in _corners(heights.shape, side):
-            part = np.s_[row : row + side, column : column + side]
-            if trusted[part].mean() < 0.9:
-                continue
-            waves = np.fft.rfft2(_levelled(heights[part]) * window)
-            density = (waves.real**2 + waves.imag**2)[inside] / side**2
-            power.append(np.bincount(index, weight * density, rings * _SECTORS) / count)
-        return cls(
-            number=sums.reshape(rings, _SECTORS).sum(1) / count.reshape(rings, _SECTORS).sum(1),
-            count=count.reshape(rings, _SECTORS),
-            waves=(grids[0][inside], grids[1][inside], index, weight),
-            power=np.array(power).reshape(-1, rings, _SECTORS),
-        )
-
-    def quiet(self) -> Array:
-        """Density of the quietest quarter of the tiles in the two quietest sectors.
-
-        Corrected so that it is that of a surface that is everywhere alike.
-        """
-        free = np.maximum(self.count / _ALIKE, 1.0)
-        # Wilson & Hilferty's lower quartile of a mean of as many exponential variables.
-        quartile = (1.0 - 1.0 / (9.0 * free) - 0.6745 / (3.0 * np.sqrt(free))) ** 3
-        lowest = np.sort(np.quantile(self.power, 0.25, axis=0) / quartile, axis=1)
-        return np.asarray(0.5 * (lowest[:, 0] + lowest[:, 1]) / _LOWEST)
-
-    def mean(self) -> Array:
-        """Density of all tiles in all directions."""
-        total = (self.power.mean(axis=0) * self.count).sum(axis=1)
-        return np.asarray(total / self.count.sum(axis=1))
-
-    def noise(self, window: Window) -> Array:
-        """Density of a window's noise, 1 at long waves, shape [rings, sectors]."""
-        across, down, index, weight = self.waves
-        total = np.bincount(index, weight * window.spectrum(across, down), self.count.size)
-        return np.asarray(total.reshape(self.count.shape) / self.count)
-
-    def error(self) -> Array:
-        """Relative standard errors of densities, with what a model cannot know."""
-        waves = np.maximum(self.count.sum(axis=1) / _ALIKE, 1.0) * max(len(self.power) / 4.0, 1.0)
-        return np.asarray(np.sqrt(1.0 / waves + _MISFIT**2))
-
-
-def _corners(shape: tuple[int, ...], side: int) -> list[tuple[int, int]]:
-    """First rows and columns of squares that overlap by half, or lie evenly over a large DTM."""
-    starts = []
-    for length in shape:
-        count = min(-(-2 * (length - side) // side) + 1, _MOST_TILES)
-        starts.append(np.linspace(0, length - side, count).astype(int).tolist())
-    return [(row, column) for row in starts[0] for column in starts[1]]
-
-
-def _levelled(part: Array) -> Array:
-    """Heights without their best plane."""
-    y = np.linspace(-1.0, 1.0, part.shape[0])[:, None]
-    x = np.linspace(-1.0, 1.0, part.shape[1])[None, :]
-    part = part - part.mean()
-    result: Array = part - np.mean(part * x) / np.mean(x**2) * x
-    return result - np.mean(part * y) / np.mean(y**2) * y
+        if window in _NARROW:
+            clear = misfit < 0.3 * alone and share > 0.5 * window.width
+            if clear:
+                rival = min(alone, _fit_points(tiles, quiet, error))
+                clear = misfit < 0.3 * rival and (rival - misfit) * share > 4.0
+        elif side == _SMALL:
+            clear = misfit < 0.6 * alone and share > 0.4 and (alone - misfit) * share > 2.0
+        else:
+            clear = misfit < 0.55 * alone and share > 0.32 and (alone - misfit) * share > 2.0
+        if clear and deviation <= LARGEST * posting:
+            return _floor(heights, trusted, deviation, window, level)
+    return None
 
 
 def _gaussian(number: Array, width: float) -> Array:
@@ -231,10 +145,17 @@ def _gaussian(number: Array, width: float) -> Array:
 
 
 def _averaged(number: Array, width: float) -> Array:
-    """Part that a mean over so many posts in a row leaves of a wave."""
+    """Density that a mean over so many posts in a row leaves of white noise.
+
+    Up to two posts only neighbours are alike.
+    """
     few, index = np.unique(number, return_inverse=True)
-    left = np.array([1.0 if n == 0.0 else _sinc(width * n) / _sinc(n) for n in few.tolist()])
-    averaged: Array = left[index].reshape(number.shape)
+    if width > 2.0:
+        left = [1.0 if n == 0.0 else (_sinc(width * n) / _sinc(n)) ** 2 for n in few.tolist()]
+    else:
+        alike = 2.0 * (1.0 - 1.0 / width)
+        left = [(1.0 + alike * math.cos(2.0 * math.pi * n)) / (1.0 + alike) for n in few.tolist()]
+    averaged: Array = np.array(left)[index].reshape(number.shape)
     return averaged
 
 
@@ -253,21 +174,48 @@ def _ground(number: Array, beta: ArrayLike, smoothed: float = 0.0) -> Array:
 
 def _fit_ground(number: Array, density: Array, error: Array) -> float:
     """χ² of ground alone, of any exponent, smoothed or not."""
-    weight = 1.0 / error**2
     grounds = np.stack([_ground(number, _BETAS_ALONE, smoothed) for smoothed in _SMOOTHED])
+    return _misfit(grounds, density, error)
+
+
+def _fit_points(tiles: Tiles, density: Array, error: Array) -> float:
+    """χ² of ground alone whose posts are heights of points, folded or without what folds."""
+    across, down = tiles.waves[:2]
+    folds = np.arange(-_FOLDS, _FOLDS + 1)
+    squares = (across[:, None, None] + folds[:, None]) ** 2 + (down[:, None, None] + folds) ** 2
+    logs, number = portable.log(squares), portable.log(tiles.number)
+    found = []
+    for beta in _BETAS[::2]:
+        found.append(_quietest(tiles.binned(portable.exp(-0.5 * beta * logs).sum(axis=(1, 2)))))
+        found.append(portable.exp(-beta * number))
+    return _misfit(np.array(found), density, error)
+
+
+def _quietest(density: Array) -> Array:
+    """Mean over the two quietest sectors of each ring."""
+    return np.asarray(np.sort(density, axis=1)[:, :2].mean(axis=1))
+
+
+def _misfit(grounds: Array, density: Array, error: Array) -> float:
+    """χ² of the best of some shapes of spectra."""
+    weight = 1.0 / error**2
     rest = portable.log(density) - portable.log(grounds)
     rest -= np.sum(weight * rest, axis=-1, keepdims=True) / np.sum(weight)
     return float(np.sum(weight * rest**2, axis=-1).min())
 
 
 def _fit_noise(
-    tiles: _Tiles, density: Array, error: Array, given: float | None
+    tiles: Tiles,
+    density: Array,
+    error: Array,
+    given: float | None,
+    windows: tuple[Window, ...],
 ) -> tuple[Window, float, float]:
-    """The matcher's window, density of its noise at long waves, and χ²."""
-    best = (math.inf, _WINDOWS[0], 0.0)
+    """The best of some windows, density of its noise at long waves, and χ²."""
+    best = (math.inf, windows[0], 0.0)
     unlikely = ((np.asarray(_BETAS) - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
-    for window in _WINDOWS:
-        noise = np.sort(tiles.noise(window), axis=1)[:, :2].mean(axis=1)
+    for window in windows:
+        noise = _quietest(tiles.binned(window.spectrum(*tiles.waves[:2])))
         fixed = None if given is None else given**2 / window.white
         for smoothed in (0.0, window.smoothing):
             grounds = _ground(tiles.number, _BETAS, smoothed)
@@ -315,18 +263,30 @@ def _share(heights: Array, trusted: Mask, deviation: float, window: Window) -> f
 
 
 def _floor(
-    heights: Array, trusted: Mask, deviation: float, window: Window, level: float
+    heights: Array,
+    trusted: Mask,
+    deviation: float,
+    window: Window,
+    level: float,
+    *,
+    given: bool = False,
 ) -> NoiseFloor | None:
-    """The ground's law from the waves that stand above the noise, and how much of each is it."""
+    """The ground's law from the waves that stand above the noise, and how much of each is it.
+
+    Where the noise hides none, None, or the shortest are taken for hidden if it is given.
+    """
     side = 2 ** int(math.log2(min(*heights.shape, 512) / 2))
-    tiles = _Tiles.of(heights, trusted, side)
+    tiles = Tiles.of(heights, trusted, side)
     if not len(tiles.power):
         return None
     number, density = tiles.number, tiles.mean()
-    shape = (tiles.noise(window) * tiles.count).sum(axis=1) / tiles.count.sum(axis=1)
+    shape = (tiles.binned(window.spectrum(*tiles.waves[:2])) * tiles.count).sum(
+        axis=1
+    ) / tiles.count.sum(axis=1)
     noise = level * shape
     ground = density - noise
     seen = ground > noise
+    seen[-1] &= not given
     hidden = np.flatnonzero(~seen)
     if not len(hidden):
         return None

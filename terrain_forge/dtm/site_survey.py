@@ -90,7 +90,10 @@ def _without_noise(
     given = None if isinstance(noise, str) else noise
     floor = find_noise(patch.heights, patch.posting, measured, given)
     if floor is None and given is not None:
-        kept = f"noise of {given:.2g} m could not be told from the ground: it is kept"
+        kept = (
+            f"noise of {given:.2g} m could not be told from the ground, it is kept: that takes "
+            "64 × 64 measured posts with relief"
+        )
         return patch.replace(repairs=(*patch.repairs, kept)), None
     if floor is None and are_points(patch.heights, measured):
         return _with_means(patch), None
@@ -113,7 +116,7 @@ def _with_means(patch: DtmPatch) -> DtmPatch:
     away = float(np.std(heights - patch.heights))
     told = (
         "posts are heights of points, not means of their pixels: means are made of them, "
-        f"{away:.2g} m RMS away"
+        f"{away:.2g} m RMS away; if they are means with noise, give it as dtm.noise"
     )
     return patch.replace(heights=heights, repairs=(*patch.repairs, told))
 

@@ -57,7 +57,7 @@ def planned(heights, posting, *, factor=2, margin=20, **options):
     return worlds.site().replace(size=size, spacing=posting / factor, **vars(found))
 
 
-@pytest.mark.parametrize("window", [1.0, 1.5, 3, 4])
+@pytest.mark.parametrize("window", [0.0, 1.0, 1.5, 3, 4])
 @pytest.mark.parametrize("deviation", [0.2, 0.35])
 def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, window):
     truth = clean()
@@ -71,6 +71,25 @@ def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, windo
     # The means stay within the noise.
     assert np.std(found - noisy) < 1.1 * deviation
     assert np.std(found - truth) < deviation
+
+
+@pytest.mark.parametrize("noise", ["auto", 0.4])
+def test_white_noise_is_taken_away_found_or_given(noise):
+    truth = clean(factor=4)
+    noisy = truth + matcher_noise(truth.shape, 0.4, 0.0)
+    found = planned(noisy, 4.0, margin=4, noise=noise).dtm
+    assert found.noise == pytest.approx(0.4, rel=0.1)
+    assert rms_deviation(noisy, 1) > 3.0 * rms_deviation(truth, 1)
+    for lag in LAGS:
+        assert rms_deviation(found.heights, lag) == pytest.approx(
+            rms_deviation(truth, lag), rel=0.15
+        )
+
+
+def test_points_of_clean_ground_are_not_taken_for_white_noise():
+    for name, factor in (("gale_floor_synthetic.tif", 4), ("moon_mare_synthetic.tif", 2)):
+        points = clean(name, 1)[::factor, ::factor]
+        assert find_noise(points, float(factor), everywhere(points)) is None
 
 
 def test_ground_of_a_noisy_dtm_is_as_rough_as_that_of_the_clean_one():
