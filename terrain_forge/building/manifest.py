@@ -124,7 +124,13 @@ def _is_ours(manifest: Any) -> bool:
         and isinstance(exports, dict)
         and all(map(_is_inside, (*outputs, *varying, *exports)))
         and all(
-            isinstance(e, dict) and {*e} == {"kind", "options", "losses"} for e in exports.values()
+            isinstance(e, dict)
+            and {*e} == {"kind", "options", "losses"}
+            and isinstance(e["kind"], str)
+            and isinstance(e["options"], dict)
+            and isinstance(e["losses"], list)
+            and all(isinstance(loss, str) for loss in e["losses"])
+            for e in exports.values()
         )
     )
 

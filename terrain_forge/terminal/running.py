@@ -128,6 +128,10 @@ def _share_one_heap() -> None:
 
 
 def _ignore_interrupt(unraisable: Any) -> None:
-    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
-    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+    """Tell of what Python drops, but for two kinds.
+
+    An interrupt is asked for again by a build; and rasterio's logger drops what GDAL says of a file
+    whose texts are no UTF-8, which a reader of ours then refuses or does not need.
+    """
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt | UnicodeDecodeError):
         sys.__unraisablehook__(unraisable)

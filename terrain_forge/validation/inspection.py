@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from terrain_forge.base import DataError
 from terrain_forge.model import Check, Export, World
 from terrain_forge.recipe import ValidateSpec
 
@@ -39,8 +40,19 @@ class BuiltFolder:
 
 
 def read_json(file: Path) -> dict[str, Any]:
-    """The content of a JSON file, empty where it was not written."""
-    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    """The content of a JSON file of a world, empty where it was not written.
+
+    Raises:
+        DataError: if it is damaged.
+    """
+    if not file.is_file():
+        return {}
+    try:
+        content = json.loads(file.read_bytes())
+    except (ValueError, RecursionError):
+        content = None
+    if not isinstance(content, dict):
+        raise DataError(f"{file} is damaged: remove it, then validate or build the world anew")
     return content
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from terrain_forge.base import OutputError, StorageError
+from terrain_forge.base import DataError, OutputError, StorageError
 from terrain_forge.building import (
     finish,
     read_manifest,
@@ -26,6 +26,7 @@ from terrain_forge.building import (
 )
 from terrain_forge.building import staging as staging_file
 from terrain_forge.building.manifest import MARK, altered_files, foreign_files
+from terrain_forge.validation import read_json
 from tests.helpers.command_line import run
 from tests.unit.building.test_build import MINI
 
@@ -597,3 +598,20 @@ def test_a_limit_on_file_sizes_is_one_line(world):
     assert ends == [(3, 1, True)] * 5, ends
     assert (world / "manifest.json").read_bytes() == before
     assert sorted(names(world.parent)) == ["mini.yaml", "out"]
+
+
+@pytest.mark.parametrize("part", [{"losses": 3}, {"kind": None}, {"options": []}])
+def test_a_manifest_with_odd_exports_is_none_of_ours(tmp_path, part):
+    write(tmp_path / "out", number=0)
+    path = tmp_path / "out" / "manifest.json"
+    odd = {"geotiff": {"kind": "geotiff", "options": {}, "losses": [], **part}}
+    path.write_text(json.dumps({**json.loads(path.read_text()), "exports": odd}))
+    with pytest.raises(OutputError, match="not one of this version"):
+        read_manifest(tmp_path / "out")
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"a": "\udcff'])
+def test_damaged_files_of_a_world_are_named(tmp_path, text):
+    (tmp_path / "report.json").write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(DataError, match=r"report\.json is damaged"):
+        read_json(tmp_path / "report.json")
