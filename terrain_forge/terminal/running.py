@@ -107,7 +107,7 @@ def run_process(command: click.Command) -> None:
     where an interrupt met an exec() (imports run some), CPython would end by the signal, although
     it was handled.
     """
-    sys.unraisablehook = _ignore_interrupt
+    sys.unraisablehook, sys.excepthook = _ignore_interrupt, _ignore_undecoded
     status = run_command(command, sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
@@ -128,10 +128,15 @@ def _share_one_heap() -> None:
 
 
 def _ignore_interrupt(unraisable: Any) -> None:
-    """Tell of what Python drops, but for two kinds.
-
-    An interrupt is asked for again by a build; and rasterio's logger drops what GDAL says of a file
-    whose texts are no UTF-8, which a reader of ours then refuses or does not need.
-    """
-    if not issubclass(unraisable.exc_type, KeyboardInterrupt | UnicodeDecodeError):
+    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(unraisable)
+
+
+def _ignore_undecoded(kind: type[BaseException], error: BaseException, trace: Any) -> None:
+    """Tell of errors that end in C code, but not of texts of GDAL's that are no UTF-8.
+
+    rasterio's logger stumbles over them; what they say of a file is told by its reader.
+    """
+    if not issubclass(kind, UnicodeDecodeError):
+        sys.__excepthook__(kind, error, trace)
