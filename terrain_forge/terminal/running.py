@@ -107,7 +107,7 @@ def run_process(command: click.Command) -> None:
     where an interrupt met an exec() (imports run some), CPython would end by the signal, although
     it was handled.
     """
-    sys.unraisablehook, sys.excepthook = _ignore_interrupt, _ignore_undecoded
+    sys.unraisablehook, sys.excepthook = _tell_unraisable, _tell_uncaught
     status = run_command(command, sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
@@ -127,16 +127,16 @@ def _share_one_heap() -> None:
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
-def _ignore_interrupt(unraisable: Any) -> None:
-    """Tell of what Python drops, but not of an interrupt, which a build asks for again."""
-    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+_UNTOLD = KeyboardInterrupt, UnicodeDecodeError
+"""Errors in C code that are not told: an interrupt, which a build asks for again, and texts of GDAL's
+that are no UTF-8, over which rasterio's logger stumbles; a file's reader tells of the file."""
+
+
+def _tell_unraisable(unraisable: Any) -> None:
+    if not issubclass(unraisable.exc_type, _UNTOLD):
         sys.__unraisablehook__(unraisable)
 
 
-def _ignore_undecoded(kind: type[BaseException], error: BaseException, trace: Any) -> None:
-    """Tell of errors that end in C code, but not of texts of GDAL's that are no UTF-8.
-
-    rasterio's logger stumbles over them; what they say of a file is told by its reader.
-    """
-    if not issubclass(kind, UnicodeDecodeError):
+def _tell_uncaught(kind: type[BaseException], error: BaseException, trace: Any) -> None:
+    if not issubclass(kind, _UNTOLD):
         sys.__excepthook__(kind, error, trace)
