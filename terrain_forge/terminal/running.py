@@ -128,8 +128,8 @@ def _share_one_heap() -> None:
 
 
 _UNTOLD = KeyboardInterrupt, UnicodeDecodeError
-"""Errors in C code that are not told: an interrupt, which a build asks for again, and texts of GDAL's
-that are no UTF-8, over which rasterio's logger stumbles; a file's reader tells of the file."""
+"""Errors in C code that are not told: an interrupt, which a build asks for again; texts of GDAL's
+that are no UTF-8, over which rasterio's logger stumbles: a file's reader tells of the file."""
 
 
 def _tell_unraisable(unraisable: Any) -> None:
