@@ -7,6 +7,7 @@ from .arrays import Mask as Mask
 from .bounded import read_arrays as read_arrays
 from .bounded import read_text as read_text
 from .bounded import require_file as require_file
+from .bounded import size_text as size_text
 from .cache import cache_folder as cache_folder
 from .compiling import compile_ahead as compile_ahead
 from .errors import DataError as DataError

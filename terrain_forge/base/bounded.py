@@ -16,6 +16,15 @@ from terrain_forge.base.errors import DataError, reading
 _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
+def size_text(size: float) -> str:
+    """A number of bytes for people, such as `3.4 MB`."""
+    for unit in ("B", "kB", "MB"):
+        if size < 999.5:
+            return f"{size:.3g} {unit}"
+        size /= 1000.0
+    return f"{size:.3g} GB"
+
+
 def require_file(
     path: Path, name: str, key: tuple[str | int, ...] = (), *, most: float = math.inf
 ) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from terrain_forge.base import DataError, Progress, StorageError, cache_folder, read_text
+from terrain_forge.base import DataError, Progress, StorageError, cache_folder, read_text, size_text
 
 TIMEOUT = (15.0, 60.0)
 """How long a server may take to be reached, and to send something [s]."""
@@ -179,7 +179,7 @@ def download(
     answer = ask(url, name, wish=name)
     path.parent.mkdir(parents=True, exist_ok=True)
     known = read_record(path).get("sha256")
-    told = f"{readable(answer.size)} from {urlsplit(answer.url).hostname}; {licence}"
+    told = f"{size_text(answer.size)} from {urlsplit(answer.url).hostname}; {licence}"
     _log.warning("downloading %s: %s", name, told)
 
     def fetch(_url: str, output_file: str, _pooch: object) -> None:
@@ -204,11 +204,6 @@ def download(
     write_record(path, url=url, tag=answer.tag)
 
 
-def readable(size: float) -> str:
-    """A size as people say it."""
-    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
-
-
 @contextmanager
 def _part(path: Path, tag: str) -> Iterator[Path]:
     """The file that takes what arrives; one process at a time, for one state of the content."""
@@ -230,7 +225,7 @@ def _receive(answer: Answer, part: Path, name: str, progress: Progress) -> None:
     import requests
 
     if shutil.disk_usage(part.parent).free < answer.size - part.stat().st_size:
-        raise StorageError(f"{part.parent} has no room for the {readable(answer.size)} of {name}")
+        raise StorageError(f"{part.parent} has no room for the {size_text(answer.size)} of {name}")
     broken = 0
     while (have := part.stat().st_size) != answer.size:
         if have > answer.size or not (answer.tag and answer.in_pieces):

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from terrain_forge.base import DataError, Progress, RecipeError, reading, silent
-from terrain_forge.dtm.download import download, kept, place_in_cache, readable
+from terrain_forge.base import DataError, Progress, RecipeError, reading, silent, size_text
+from terrain_forge.dtm.download import download, kept, place_in_cache
 from terrain_forge.dtm.places import expanded, places
 from terrain_forge.dtm.products import Product, find_product
 from terrain_forge.dtm.raster import open_dataset, raster_of
@@ -59,7 +59,7 @@ def fetch_product(name: str, *, progress: Progress = silent) -> Path:
     if name in places() and product.shape:
         raise RecipeError(
             f"{name} lies in {product.name}, of which a build reads only the site's part: "
-            f"terrain-forge fetch RECIPE, or {product.name} for all {readable(product.size or 0)}"
+            f"terrain-forge fetch RECIPE, or {product.name} for all {size_text(product.size or 0)}"
         )
     path = _path(product)
     if kept(path, name) is None:
@@ -84,7 +84,7 @@ def still_to_fetch(spec: RasterDtm, *, body: Body) -> Iterator[str]:
     if kept(path, "RECIPE" if by_window else spec.name):
         return
     size = (
-        readable(product.size)
+        size_text(product.size)
         if product and product.size
         else "0.04 to 1 GB, which its server tells,"
     )

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cache
 
-from terrain_forge.base import RecipeError
+from terrain_forge.base import RecipeError, hint_at
 from terrain_forge.dtm.products import RULES, find_product, rows_of
 from terrain_forge.dtm.spec import Centre, RasterDtm
 
@@ -41,10 +40,9 @@ def find_place(name: str) -> Place:
         RecipeError: if there is none.
     """
     if name not in places():
-        close = get_close_matches(name, places(), n=1)
-        hint = f" (did you mean {close[0]}?)" if close else ""
         raise RecipeError(
-            f"no place is called {name!r}{hint}; `terrain-forge sites` lists them",
+            f"no place is called {name!r}{hint_at(name, places())}; `terrain-forge sites` lists "
+            "them",
             key=("dtm", "place"),
         )
     return places()[name]

@@ -10,11 +10,10 @@ from __future__ import annotations
 import csv
 import re
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 
-from terrain_forge.base import RecipeError
+from terrain_forge.base import RecipeError, hint_at
 
 HIRISE = "https://hirise-pds.lpl.arizona.edu/PDS/DTM"
 LROC = "https://pds.lroc.im-ldi.com/data/LRO-L-LROC-5-RDR-V1.0/LROLRC_2001/DATA/SDP/NAC_DTM"
@@ -67,11 +66,9 @@ def find_product(name: str) -> Product:
             licence="public domain (NASA); credit NASA/GSFC/Arizona State University",
             citation="Henriksen et al. 2017, doi:10.1016/j.icarus.2016.05.012",
         )
-    close = get_close_matches(name, table(), n=1)
-    hint = f" (did you mean {close[0]}?)" if close else ""
     raise RecipeError(
-        f"no product is called {name!r}{hint}; known are {RULES}, and those that `terrain-forge "
-        "sites` lists",
+        f"no product is called {name!r}{hint_at(name, table())}; known are {RULES}, and those "
+        "that `terrain-forge sites` lists",
         key=("dtm", "product"),
     )
 

@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 import numpy as np
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, size_text
 from terrain_forge.dtm.download import (
     TIMEOUT,
     Answer,
@@ -24,7 +24,6 @@ from terrain_forge.dtm.download import (
     kept,
     place_in_cache,
     read_record,
-    readable,
     write_record,
 )
 from terrain_forge.dtm.projection import local_crs
@@ -78,7 +77,7 @@ def windowed(
                 )
             seen = {"tag": answer.tag, "size": answer.size}
             _require_first_sight(url, seen)
-            told = f"the site's part of {readable(answer.size)} at {urlsplit(answer.url).hostname}"
+            told = f"the site's part of {size_text(answer.size)} at {urlsplit(answer.url).hostname}"
             _log.warning("reading %s: %s; %s", spec.name, told, licence)
             lonlat = _over_network(spec, answer, body, path)
         _require_same(path, url)
@@ -192,7 +191,7 @@ def _require_small(raster: Raster, rows: slice, columns: slice, name: str) -> No
     item = np.dtype(raster.dataset.dtypes[raster.band - 1]).itemsize
     if (size := high * down * wide * across * item) > MOST:
         raise DataError(
-            f"the site needs {readable(size)} of {name}, at most {readable(MOST)}: choose a "
+            f"the site needs {size_text(size)} of {name}, at most {size_text(MOST)}: choose a "
             "smaller site, or download the file and name it as dtm.source",
             key=("dtm", "size_m"),
         )

@@ -6,7 +6,6 @@ import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 import numpy as np
 from pydantic import Discriminator, Tag, TypeAdapter
 
-from terrain_forge.base import RecipeError, TerrainForgeError
+from terrain_forge.base import RecipeError, TerrainForgeError, hint_at
 from terrain_forge.model import Rover
 from terrain_forge.rovers.assembly import Assembly
 from terrain_forge.rovers.bounds import FileError, parse_xml, read_xml
@@ -70,11 +69,9 @@ def find_rover(name: str, **options: Any) -> Rover:
     known = built_in_rovers()
     if name in known:
         return build_rover(_adapter(known[name]).validate_python(options))
-    close = get_close_matches(name, known, n=1)
-    hint = f", did you mean {close[0]!r}?" if close else ","
     raise RecipeError(
-        f"unknown rover {name!r}{hint} known: {', '.join(known)}; a rover of your own is "
-        "`{kind: file, file: …}`",
+        f"unknown rover {name!r}{hint_at(name, known)}, known: {', '.join(known)}; a "
+        "rover of your own is `{kind: file, file: …}`",
         key=("rover",),
     )
 

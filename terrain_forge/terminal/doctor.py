@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from terrain_forge import __version__
-from terrain_forge.terminal.lines import size_text
+from terrain_forge.base import size_text
 
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "pydantic", "embreex", "mujoco", "usd-core"),

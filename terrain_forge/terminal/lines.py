@@ -23,15 +23,6 @@ def say(text: str, *, err: bool = False) -> None:
     click.echo(_plain(text), err=err)
 
 
-def size_text(size: float) -> str:
-    """A number of bytes for people, such as `3.4 MB`."""
-    for unit in ("B", "kB", "MB"):
-        if size < 999.5:
-            return f"{size:.3g} {unit}"
-        size /= 1000.0
-    return f"{size:.3g} GB"
-
-
 def time_text(seconds: float) -> str:
     """A time for people, such as `4.2 s` or `3 min 05 s`."""
     if seconds < 9.95:

@@ -9,10 +9,10 @@ from pathlib import Path
 import click
 import numpy as np
 
-from terrain_forge.base import OutputError
+from terrain_forge.base import OutputError, size_text
 from terrain_forge.building import BuildResult
 from terrain_forge.model import Export, World, write_plot
-from terrain_forge.terminal.lines import say, size_text, time_text
+from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
 from terrain_forge.validation import checks_of, failed_checks, report_text
 

@@ -90,9 +90,9 @@ def test_rules_give_addresses_of_the_archives(name, url):
 
 
 def test_names_that_nobody_has():
-    with pytest.raises(RecipeError, match=r"did you mean LOLA_5m_Haworth\?"):
+    with pytest.raises(RecipeError, match=r"did you mean .LOLA_5m_Haworth.\?"):
         find_product("LOLA_5m_Hawort")
-    with pytest.raises(RecipeError, match="did you mean jezero"):
+    with pytest.raises(RecipeError, match="did you mean .jezero"):
         expanded(RasterDtm(place="jezzero", size_m=(10.0, 10.0)))
     with pytest.raises(RecipeError, match="one of source, product, place, url, found none"):
         expanded(RasterDtm(size_m=(10.0, 10.0)))
@@ -117,7 +117,7 @@ def test_a_place_is_fetched_once_and_cited(web, tmp_path, caplog):
     (tmp_path / "gale.yaml").write_text(RECIPE)
     file = tf.load_recipe(tmp_path / "gale.yaml")
     site = tf.plan(file.recipe, folder=file.folder)
-    assert "0.4 MB from 127.0.0.1; public domain" in caplog.text
+    assert "362 kB from 127.0.0.1; public domain" in caplog.text
     assert np.degrees(site.lonlat) == pytest.approx(GALE.lonlat_deg)
     manifest = json.loads(write_manifest(site, tmp_path, exports=(), altered={}).read_text())
     assert manifest["origins"][GALE.product]["url"] == web.address + PATH
@@ -264,7 +264,7 @@ def test_a_file_that_the_user_puts_into_the_cache(web, tmp_path):
 def test_no_room(web, monkeypatch):
     web.put(PATH, DTM)
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("Disk", (), {"free": 10}))
-    with pytest.raises(StorageError, match=r"no room for the 0\.4 MB of DTEEC"):
+    with pytest.raises(StorageError, match=r"no room for the 362 kB of DTEEC"):
         fetch_product(GALE.product)
 
 
@@ -379,7 +379,7 @@ def test_a_remote_raster_that_breaks_changes_or_is_too_large(web, tmp_path, monk
         at_hand(wish, body=MARS)
     monkeypatch.setattr("terrain_forge.dtm.window.MOST", 1000)
     whole = web.put("/whole.tif", data)
-    with pytest.raises(DataError, match=r"the site needs \d\.\d MB of .*at most"):
+    with pytest.raises(DataError, match=r"the site needs \d+ kB of .*at most"):
         at_hand(replace(wish, url=whole), body=MARS)
     with pytest.raises(DataError, match="lies on a body of 3396 km"):
         at_hand(replace(wish, url=whole), body=MOON)

@@ -211,7 +211,7 @@ def test_stereo_cameras_stand_a_baseline_apart_and_look_down():
 
 def test_rovers_are_found_by_name():
     assert find_rover("morpheus") == morpheus()
-    with pytest.raises(RecipeError, match=r"unknown rover 'morfeus', did you mean 'morpheus'\?"):
+    with pytest.raises(RecipeError, match=r"unknown rover 'morfeus' \(did you mean 'morpheus'\?"):
         find_rover("morfeus")
     assert find_rover("skid4") == skid4()
     with pytest.raises(RecipeError, match=f"known: {', '.join(built_in_rovers())}; a rover"):
