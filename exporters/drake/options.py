@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval
@@ -41,6 +41,8 @@ ADVICE = (
 class Options(Spec):
     """Options of the Drake export."""
 
+    bytes_each: ClassVar[tuple[float, float]] = (240, 3500)
+    """About how many bytes it writes for each node of the ground and each rock."""
     kind: Literal["drake"] = "drake"
     """The exporter, where the export's folder has another name."""
     individual_min_m: NotNegative = 0.5

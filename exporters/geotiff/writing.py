@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import MinLen
@@ -25,6 +25,8 @@ Product = Literal["elevation", "surface_with_rocks", "rock_id", "slope", "hillsh
 class Options(Spec):
     """Options of the GeoTIFF export."""
 
+    bytes_each: ClassVar[tuple[float, float]] = (12, 0)
+    """About how many bytes it writes for each node of the ground and each rock."""
     kind: Literal["geotiff"] = "geotiff"
     """The exporter, where the export's folder has another name."""
     products: Annotated[tuple[Product, ...], MinLen(1)] = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
@@ -14,6 +14,8 @@ from terrain_forge.base import NotNegative, Positive, Spec
 class Options(Spec):
     """Options of the GLB export."""
 
+    bytes_each: ClassVar[tuple[float, float]] = (67, 2000)
+    """About how many bytes it writes for each node of the ground and each rock."""
     kind: Literal["glb"] = "glb"
     """The exporter, where the export's folder has another name."""
     instances_min_m: NotNegative = 0.1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
@@ -14,6 +14,8 @@ from terrain_forge.base import NotNegative, Positive, Spec
 class Options(Spec):
     """Options of the MJCF export; the defaults suit a wheeled rover of 10 to 1000 kg."""
 
+    bytes_each: ClassVar[tuple[float, float]] = (4, 400)
+    """About how many bytes it writes for each node of the ground and each rock."""
     timestep_s: Annotated[float, Interval(ge=1e-4, le=0.01)] = 0.002
     """Time step of the simulation."""
     surface: Literal["regolith", "bedrock"] = "regolith"

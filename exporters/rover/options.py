@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import MinLen
 
@@ -16,6 +16,8 @@ Format = Literal["urdf", "mjcf", "sdf", "usd"]
 class Options(Spec):
     """Options of the rover export."""
 
+    bytes_each: ClassVar[tuple[float, float]] = (0, 0)
+    """About how many bytes it writes for each node of the ground and each rock."""
     kind: Literal["rover"] = "rover"
     """The exporter, where the export's folder has another name."""
     formats: Annotated[tuple[Format, ...], MinLen(1)] = ("urdf", "mjcf", "sdf", "usd")

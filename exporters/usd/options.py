@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
@@ -14,6 +14,8 @@ from terrain_forge.base import NotNegative, Spec
 class Options(Spec):
     """Options of the USD export."""
 
+    bytes_each: ClassVar[tuple[float, float]] = (40, 700)
+    """About how many bytes it writes for each node of the ground and each rock."""
     kind: Literal["usd"] = "usd"
     """The exporter, where the export's folder has another name."""
     collider_min_m: NotNegative = 0.5

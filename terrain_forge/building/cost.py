@@ -38,19 +38,8 @@ WRITING, READING = 1 / 2.5e8, 1 / 4e8
 """Time to write a byte of an export [s], and to read it again."""
 CONSUMER = 3.0
 """Time that an export's own programs take to begin [s]."""
-SIZES = {
-    "drake": (240, 3500),
-    "geotiff": (12, 0),
-    "glb": (45, 1000),
-    "mesh": (130, 30000),
-    "mjcf": (4, 400),
-    "rover": (0, 0),
-    "sdf": (200, 4000),
-    "usd": (40, 700),
-}
-"""Bytes that exporters write for each node and rock, with their defaults."""
 OTHER_SIZE = (100, 4000)
-"""The same of exporters of other packages."""
+"""Bytes of an export for each node and rock whose options have no `bytes_each`."""
 WORLD_SIZE, WORLD_SIZES = 12e6, (30, 400)
 """Bytes of all but the exports, and what each node and rock adds to them."""
 CALIBRATED = 0.021
@@ -115,7 +104,7 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
 
 def export_bytes(order: ExportOrder, *, nodes: float, rocks: float) -> float:
     """About how large an export becomes [bytes]."""
-    each_node, each_rock = SIZES.get(order.kind, OTHER_SIZE)
+    each_node, each_rock = getattr(order.options, "bytes_each", OTHER_SIZE)
     return each_node * nodes + each_rock * rocks
 
 

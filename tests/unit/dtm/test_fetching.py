@@ -92,7 +92,7 @@ def test_rules_give_addresses_of_the_archives(name, url):
 def test_names_that_nobody_has():
     with pytest.raises(RecipeError, match=r"did you mean .LOLA_5m_Haworth.\?"):
         find_product("LOLA_5m_Hawort")
-    with pytest.raises(RecipeError, match="did you mean .jezero"):
+    with pytest.raises(RecipeError, match=r"did you mean .jezero"):
         expanded(RasterDtm(place="jezzero", size_m=(10.0, 10.0)))
     with pytest.raises(RecipeError, match="one of source, product, place, url, found none"):
         expanded(RasterDtm(size_m=(10.0, 10.0)))
