@@ -186,7 +186,7 @@ def test_a_bare_urdf_is_a_rover_too(site):
 
 
 WRONG = {
-    "tnak": "unknown rover 'tnak', did you mean 'tank'? known: cart, handy, morpheus,",
+    "tnak": "unknown rover 'tnak' (did you mean 'tank'?), known: cart, handy, morpheus,",
     "{kind: tnak}": "a mapping whose kind is cart, handy, morpheus, skid4, smelly, tank or file",
     "{kind: tank, dimensions: {wheelbase_m: 0.3}}": "must be more than two wheel radii",
     "{kind: tank, dimensions: {wheelbase: 0.3}}": "did you mean 'wheelbase_m'?",
