@@ -149,7 +149,7 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     require_preview(out)
     with _located(file), Display(pipeline.MAKING, ask=INTERRUPT.ask) as display:
         display("plan")
-        site = plan(file.recipe, folder=file.folder)
+        site = plan(file.recipe, folder=file.folder, progress=display)
         world = pipeline.realise(site, settled=False, progress=display)
     tell_preview(world, out)
 

@@ -6,7 +6,6 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import shorten
 
 import numpy as np
 
@@ -160,7 +159,7 @@ def _columns(file: str, text: str, key: Key) -> dict[str, Array]:
     if "x" not in names or "y" not in names:
         raise DataError(
             f"{file} needs columns x and y (or x_m, y_m), with commas or blanks between them, "
-            f"found {shorten(', '.join(lines[0][1]), 200, placeholder=' …')}",
+            f"found {', '.join(lines[0][1])}",
             key=key,
         )
     rows = lines if _is_numeric(lines[0][1]) else lines[1:]

@@ -54,9 +54,12 @@ class _Told(logging.Handler):
 
 
 def _plain(text: str) -> str:
+    if len(text) > 2 * _LONGEST:  # before it is escaped, for the time that takes
+        text = f"{text[:_LONGEST]} … {text[-_LONGEST:]}"
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return text
 
 
 def _show_warning(

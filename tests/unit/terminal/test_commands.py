@@ -13,6 +13,7 @@ from terrain_forge.exporters import sdf
 
 import terrain_forge as tf
 from terrain_forge.recipe import json_schema, starters
+from terrain_forge.terminal import say
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
@@ -225,3 +226,10 @@ def test_doctor_never_fails(monkeypatch):
     assert re.search(r"physics +not working: ModuleNotFoundError", done.stdout)
     assert "/nowhere/python is no Python" in done.stdout
     assert "pkg-config is not installed" in done.stdout
+
+
+def test_a_line_stays_short_though_all_of_it_is_escaped(capsys):
+    say("\x1b" * 2000 + "end")
+    line = capsys.readouterr().out
+    assert len(line) < 2100
+    assert line.endswith("end\n")
