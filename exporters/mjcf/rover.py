@@ -9,7 +9,7 @@ import numpy as np
 
 from terrain_forge.base import matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Link, Rover, Sensor, Shape, titles
+from terrain_forge.model import Link, Rover, Sensor, Shape, simple_sensors, titles
 from terrain_forge.writers import Lines, Value, element
 
 # The servos follow the angle that the commanded rate adds up to: wheels that shall stand do so on
@@ -136,7 +136,11 @@ def _sensors(rover: Rover) -> list[Lines]:
     true = {kind: f"{root}_{name}" for kind, name in names.items()}
     told = [
         *((kind, name, {"objtype": "xbody", "objname": root}) for kind, name in true.items()),
-        *((tag, f"{s.name}_{tag}", {"site": s.name}) for s in rover.sensors for tag in s.mjcf),
+        *(
+            (tag, f"{s.name}_{tag}", {"site": s.name})
+            for s in simple_sensors(rover.sensors)
+            for tag in s.mjcf
+        ),
         *(("jointvel", f"{w.link}_rate", {"joint": w.link}) for w in rover.wheels),
         *(
             ("jointpos", f"{link.name}_angle", {"joint": link.name})
@@ -149,7 +153,7 @@ def _sensors(rover: Rover) -> list[Lines]:
 
 def rig_losses(rover: Rover, where: str = "") -> list[str]:
     """What MJCF does not say of a rig; `where` is added where other formats are told of too."""
-    bare = titles(sensor for sensor in rover.sensors if not (sensor.view or sensor.mjcf))
+    bare = titles(s for s in simple_sensors(rover.sensors) if not (s.view or s.mjcf))
     return [
         f"A{'n' * (name[0] in 'aeiouAEIOU')} {name} is a bare site{where}; its figures are not "
         "part of the model."
@@ -167,7 +171,7 @@ def _body(rover: Rover, number: int, **placement: np.ndarray) -> Lines:
             _geom(shape, rover_mesh(number, part)[:-4], wheel=link.name in wheels)
             for part, shape in enumerate(link.shapes)
         ),
-        *(_sensor(sensor) for sensor in rover.sensors if sensor.link == link.name),
+        *(_sensor(sensor) for sensor in simple_sensors(rover.sensors) if sensor.link == link.name),
         *(
             _body(rover, n, pos=child.origin)
             for n, child in enumerate(rover.links)

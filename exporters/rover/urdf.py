@@ -8,7 +8,7 @@ from pathlib import Path
 from terrain_forge.exporters.sdf.sensors import rig_sensors
 
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape, moments
+from terrain_forge.model import Coupling, Link, Rover, Sensor, Shape, moments, simple_sensors
 from terrain_forge.writers import Lines, leaves, write_xml
 from terrain_forge.writers import element as plain_element
 
@@ -38,7 +38,7 @@ def write_urdf(path: Path, rover: Rover, *, name: str, options: Options) -> None
         parts.append(_link(link, number, options, names))
         if link.parent:
             parts.append(_joint(link, rover, gears.get(link.name)))
-    for sensor in rover.sensors:
+    for sensor in simple_sensors(rover.sensors):
         parts += _sensor_frame(sensor)
     parts += [*(_transmission(joint_name(wheel.link)) for wheel in rover.wheels), _control(rover)]
     parts += _gazebo(rover, name, options)

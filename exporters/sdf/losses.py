@@ -12,7 +12,7 @@ from terrain_forge.geometry import (
     static_losses,
     texture_loss,
 )
-from terrain_forge.model import Mesh, World
+from terrain_forge.model import Mesh, World, simple_sensors
 
 from .heightmap import Heightmap, heightmap_losses
 from .options import Options
@@ -132,7 +132,9 @@ def _actor_losses(world: World, options: Options) -> list[str]:
         )
     if not options.sensors:
         return [*losses, "Actors carry no sensors."]
-    unmeasured = dict.fromkeys(s.actor_loss for s in world.rover.sensors if s.actor_loss)
+    unmeasured = dict.fromkeys(
+        s.actor_loss for s in simple_sensors(world.rover.sensors) if s.actor_loss
+    )
     return [*losses, *unmeasured, *rig_losses(world.rover)]
 
 

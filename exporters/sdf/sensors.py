@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from terrain_forge.model import Rover, Sensor, Topic, titles
+from terrain_forge.model import Rover, Sensor, Topic, simple_sensors, titles
 from terrain_forge.writers import Lines, element, identifier, leaves
 
 _FAR = 300.0
@@ -24,7 +24,7 @@ def rig_sensors(
     cameras: list[Lines] = []
     others: list[Lines] = []
     lenses: list[Lines] = []
-    for sensor in rover.sensors:
+    for sensor in simple_sensors(rover.sensors):
         told = sensor.sdf(classic=classic, far=max(_FAR, reach))
         if told is None:
             continue
@@ -33,12 +33,12 @@ def rig_sensors(
         if classic and kind == "camera":
             lens = _children(content["camera"])
             lenses.append(element("camera", pose, *lens, name=sensor.name))
-            cameras = [_sensor("cameras", "multicamera", sensor.rate, lenses)]
+            cameras = [_sensor("cameras", "multicamera", sensor.rate_hz, lenses)]
             continue
         address = element("topic", f"{_topic(actor, sensor)}{sensor.sdf_topic}")
         parts = [pose, *([] if classic else [address]), *_children(content)]
         group = cameras if kind == "camera" else others
-        group.append(_sensor(sensor.name, kind, sensor.rate, parts))
+        group.append(_sensor(sensor.name, kind, sensor.rate_hz, parts))
     return cameras + others
 
 
@@ -46,14 +46,16 @@ def rig_topics(rover: Rover, *, actor: str) -> list[Topic]:
     """What the sensors of an actor publish in gz-sim."""
     return [
         topic._replace(name="/".join(filter(None, (_topic(actor, sensor), topic.name))))
-        for sensor in rover.sensors
+        for sensor in simple_sensors(rover.sensors)
         for topic in sensor.topics
     ]
 
 
 def rig_losses(rover: Rover) -> list[str]:
     """What SDF does not say of a rig."""
-    unknown = titles(s for s in rover.sensors if s.sdf(classic=False, far=_FAR) is None)
+    unknown = titles(
+        s for s in simple_sensors(rover.sensors) if s.sdf(classic=False, far=_FAR) is None
+    )
     return [f"SDF has no sensor for the rover's {name}: it is left out." for name in unknown]
 
 

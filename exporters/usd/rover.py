@@ -8,7 +8,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 
 from terrain_forge.base import linear_from_srgb, portable, quaternion_from_rpy
-from terrain_forge.model import Rover, Shape, Trajectory, View, World, titles
+from terrain_forge.model import Rover, Shape, Trajectory, View, World, simple_sensors, titles
 from terrain_forge.paths import sample_times, straight_places
 from terrain_forge.writers import identifier
 
@@ -16,6 +16,7 @@ from .layer import ROOT, define_mesh, gf_quaternion, label, new_layer, save, set
 
 # A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)
 _CAMERA_AXES = np.array([0.5, 0.5, -0.5, -0.5])
+_SIDES = ("left", "right")
 _CLIPPING = (0.05, 10000.0)
 """What cameras see [m]."""
 
@@ -100,12 +101,9 @@ def define_rig(stage: Usd.Stage, base: str, rover: Rover) -> None:
 
     Cameras have a render product each, which holds the size of their images.
     """
-    # Of two cameras with a baseline one is the left one, the other the right one.
-    pair = [sensor for sensor in rover.sensors if sensor.view and "baseline" in sensor.figures]
-    pair.sort(key=lambda sensor: float(sensor.position[1]))
-    names = [sensor.name for sensor in pair] if len(pair) == 2 else []
-    sides = dict(zip(names, ("right", "left"), strict=False))
-    for sensor in rover.sensors:
+    pairs = [sensor.simple for sensor in rover.sensors if len(sensor.simple) == 2]
+    sides = {one.name: side for pair in pairs for one, side in zip(pair, _SIDES, strict=True)}
+    for sensor in simple_sensors(rover.sensors):
         path = f"{base}/{identifier(sensor.name)}"
         frame = UsdGeom.Xform.Define(stage, path)
         place = rover.origins[sensor.link] + sensor.position
@@ -133,7 +131,7 @@ def _define_camera(stage: Usd.Stage, path: str, view: View, side: str) -> None:
 
 def rig_losses(rover: Rover) -> list[str]:
     """What USD does not say of a rig."""
-    names = titles(sensor for sensor in rover.sensors if not sensor.view)
+    names = titles(s for s in simple_sensors(rover.sensors) if not s.view)
     if not names:
         return []
     told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

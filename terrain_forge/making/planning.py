@@ -35,7 +35,7 @@ from terrain_forge.rocks import (
     require_place,
     with_layer_craters,
 )
-from terrain_forge.rovers import resolve_rover
+from terrain_forge.rovers import resolve_rover, with_sensors
 from terrain_forge.terrain import (
     check_appearance,
     check_layers,
@@ -70,7 +70,7 @@ def plan(
         recipe = replace(recipe, dtm=expanded(recipe.dtm))
     inputs = InputFiles(recipe, folder)
     body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
-    rover = found.rover
+    rover = with_sensors(found.rover, recipe.sensors)
     size = recipe.dtm.size_m
     require_paths(recipe)
     require_centre(recipe)

@@ -64,6 +64,7 @@ from .sensor import Sensor as Sensor
 from .sensor import Topic as Topic
 from .sensor import View as View
 from .sensor import sensor_kinds as sensor_kinds
+from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone

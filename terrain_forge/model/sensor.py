@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
-from terrain_forge.base import Array, Record, parts, shaped
+import numpy as np
+from annotated_types import Interval, MinLen
+
+from terrain_forge.base import Array, Coordinate, FileName, Record, Spec, parts
+
+Angle = Annotated[float, Interval(ge=-360, le=360)]
 
 GROUP = "terrain_forge.sensor_kinds"
 """Entry points that name modules of other packages with kinds of sensors."""
@@ -38,16 +43,18 @@ class Topic(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sensor(Record):
-    """A sensor and where it sits; a kind is a subclass whose other fields are its figures.
+class Sensor(Record, Spec):
+    """A sensor and where it sits; a kind is a subclass with a literal `kind` and its figures.
 
-    Exporters ask it what their format can say; what a kind does not answer is told as a loss.
+    It is a part of a recipe and of the rover that carries it at once: one description, which the
+    recorder measures by and which exporters ask what their format can say of it; what a kind does
+    not answer is told as a loss.
     """
 
-    kind: ClassVar[str]
-    """The kind's name, as files write it."""
     title: ClassVar[str]
     """What the kind is called in a sentence."""
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    """What a preset says of the fields that are not given, by its name."""
     topics: ClassVar[tuple[Topic, ...]] = ()
     """What it publishes in gz-sim."""
     sdf_topic: ClassVar[str] = ""
@@ -57,23 +64,60 @@ class Sensor(Record):
     actor_loss: ClassVar[str] = ""
     """What it does not measure on an actor of Gazebo, which physics does not move."""
 
-    name: str
+    kind: str
+    """The kind's name; a kind overrides it by a `Literal` and its default."""
+    name: FileName
     """Unique name."""
-    link: str = "base_link"
-    """Link that carries it."""
-    position: Array = field(metadata=shaped(3))
-    """In the link's frame [m], shape [3]."""
-    rpy: Array = field(metadata=shaped(3))
-    """Roll, pitch, yaw in the link's frame [rad]; a camera looks along its x axis, shape [3]."""
-    rate: float
+    link: Annotated[str, MinLen(1)] = "base_link"
+    """Link of the rover that carries it."""
+    position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Where it sits in the link's frame [m]."""
+    rpy_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw in the link's frame [degrees]; a camera looks along its x axis."""
+    preset: str = ""
+    """A set of figures with a name, for what is not given here."""
+    rate_hz: Annotated[float, Interval(ge=0.01, le=10_000)]
     """Samples per second [Hz]."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        from pydantic_core.core_schema import no_info_before_validator_function
+
+        return no_info_before_validator_function(cls._with_preset, handler(source))
+
+    @classmethod
+    def _with_preset(cls, given: Any) -> Any:
+        """What was given, and the figures of the preset that it names."""
+        if not isinstance(given, dict):
+            return given
+        given = _with_tuples(given)  # pydantic takes what comes here for Python's, no longer JSON's
+        if not (name := given.get("preset")):
+            return given
+        if name not in cls.PRESETS:
+            known = ", ".join(cls.PRESETS) or "none"
+            raise ValueError(f"unknown preset {name!r}, there are: {known}")
+        return {**cls.PRESETS[name], **given}
+
+    @property
+    def position(self) -> Array:
+        """Where it sits in the link's frame [m], shape [3]."""
+        return np.array(self.position_m)
+
+    @property
+    def rpy(self) -> Array:
+        """Roll, pitch, yaw in the link's frame [rad], shape [3]."""
+        return np.radians(self.rpy_deg)
 
     @property
     def figures(self) -> dict[str, float]:
-        """The figures of its kind in SI units, by their names."""
-        own = [f.name for f in fields(self) if f.name not in ("name", "link", "position", "rpy")]
-        values = {name: getattr(self, name) for name in own}
-        return {name: float(value) for name, value in values.items() if value is not None}
+        """The numbers of its kind by their names."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {n: float(v) for n, v in values.items() if isinstance(v, int | float)}
+
+    @property
+    def simple(self) -> tuple[Sensor, ...]:
+        """The sensors that formats know it by: itself, or its parts."""
+        return (self,)
 
     @property
     def view(self) -> View | None:
@@ -90,15 +134,26 @@ class Sensor(Record):
         return None
 
 
+def _with_tuples(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _with_tuples(one) for key, one in value.items()}
+    return tuple(map(_with_tuples, value)) if isinstance(value, list) else value
+
+
 def white_noise(deviation: float) -> dict[str, Any]:
     """SDF's `<noise>` of a standard deviation; nothing where there is none."""
     return {"noise": {"type": "gaussian", "mean": 0, "stddev": deviation}} if deviation else {}
 
 
+def simple_sensors(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:
+    """Sensors as formats know them: a stereo pair is two cameras."""
+    return tuple(part for sensor in sensors for part in sensor.simple)
+
+
 @cache
 def sensor_kinds() -> dict[str, type[Sensor]]:
     """All installed kinds of sensors by their names."""
-    return {k.kind: k for k in parts(Sensor, "terrain_forge.model.sensors", GROUP)}
+    return {str(vars(k)["kind"]): k for k in parts(Sensor, "terrain_forge.model.sensors", GROUP)}
 
 
 def titles(sensors: Iterable[Sensor]) -> list[str]:

@@ -25,7 +25,7 @@ from terrain_forge.model.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMAT = 5
+FORMAT = 6
 MAX_JSON = 2**30
 """Bytes of a world's JSON."""
 

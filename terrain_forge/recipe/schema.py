@@ -31,7 +31,7 @@ from terrain_forge.model import (
 )
 from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.rocks import RocksSpec
-from terrain_forge.rovers import RoverChoice
+from terrain_forge.rovers import RoverChoice, SensorsChoice
 from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
 
 
@@ -150,6 +150,8 @@ class Recipe(Spec):
     rover: RoverChoice = "morpheus"
     """The rover: a name (`morpheus`, `skid4`), or a mapping of its `kind` with what shall differ;
     `kind: file` brings your own URDF or MJCF."""
+    sensors: SensorsChoice | None = None
+    """What the rover carries: a list takes the place of its own rig, `add: […]` adds to it."""
     exports: Annotated[tuple[FileName, ...], MinLen(0)] | dict[FileName, dict[str, Any]] = (
         "sdf",
         "mjcf",

@@ -246,8 +246,8 @@ def _sensor(told: dict[str, Any]) -> Sensor:
     kind, kinds = told.pop("kind", None), sensor_kinds()
     if kind not in kinds:
         raise ValueError(f"unknown kind of sensor {kind!r}, there are: {', '.join(sorted(kinds))}")
-    rpy = np.radians(told.pop("rpy_deg", (0.0, 0.0, 0.0)))
-    return kinds[kind](rpy=rpy, position=told.pop("position_m"), **told)
+    sensor: Sensor = TypeAdapter(kinds[kind]).validate_python(told)
+    return sensor
 
 
 def _add_grousers(rover: Rover, spec: GrouserSpec) -> Rover:

@@ -21,6 +21,7 @@ from terrain_forge.rovers.built_in import BuiltInRover, build_rover, built_in_ro
 from terrain_forge.rovers.custom import FileRover, FoundRover
 from terrain_forge.rovers.macros import expand_trusted, expand_xacro
 from terrain_forge.rovers.packages import Packages
+from terrain_forge.rovers.rig import with_sensors
 from terrain_forge.rovers.rolling import make_rover
 from terrain_forge.rovers.urdf import read_urdf
 
@@ -107,7 +108,9 @@ def resolve_rover(choice: RoverChoice, folder: Path) -> FoundRover:
 
 def rover_of(site: Site) -> Rover:
     """The rover of a planned site."""
-    return site.custom_rover or resolve_rover(site.recipe.rover, Path()).rover
+    recipe = site.recipe
+    own = site.custom_rover or resolve_rover(recipe.rover, Path()).rover
+    return own if site.custom_rover else with_sensors(own, recipe.sensors)
 
 
 def require_ground(rover: Rover, *, spacing: float) -> None:

@@ -31,7 +31,7 @@ SENSORS = """
 KINDS = '''
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from terrain_forge.model import Sensor, Topic
 
@@ -40,11 +40,12 @@ from terrain_forge.model import Sensor, Topic
 class RadarSensor(Sensor):
     """A radar altimeter, which SDF and MuJoCo know."""
 
-    kind: ClassVar[str] = "radar"
+    kind: Literal["radar"] = "radar"
+    """A radar."""
     title: ClassVar[str] = "radar"
     topics: ClassVar[tuple[Topic, ...]] = (Topic("", "Altimeter", "Altimeter"),)
     mjcf: ClassVar[tuple[str, ...]] = ("rangefinder",)
-    rate: float = 5.0
+    rate_hz: float = 5.0
     """Hz."""
     reach: float = 9.0
     """m."""
@@ -57,9 +58,10 @@ class RadarSensor(Sensor):
 class SnifferSensor(Sensor):
     """What no format knows."""
 
-    kind: ClassVar[str] = "sniffer"
+    kind: Literal["sniffer"] = "sniffer"
+    """A nose."""
     title: ClassVar[str] = "odour sensor"
-    rate: float = 1.0
+    rate_hz: float = 1.0
     """Hz."""
 '''
 CART = """<robot name="whatever">

@@ -1,11 +1,14 @@
-"""A camera, alone or one of a stereo pair."""
+"""A camera."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
+from annotated_types import Interval
+
+from terrain_forge.base import Fraction
 from terrain_forge.model.sensor import Sdf, Sensor, Topic, View, white_noise
 
 _NEAR = 0.02
@@ -16,7 +19,6 @@ _NEAR = 0.02
 class CameraSensor(Sensor):
     """A pinhole camera; by default one of a ZED at its 720p setting, its figures nominal."""
 
-    kind: ClassVar[str] = "camera"
     title: ClassVar[str] = "camera"
     topics: ClassVar[tuple[Topic, ...]] = (
         Topic("image", "Image", "Image"),
@@ -25,28 +27,28 @@ class CameraSensor(Sensor):
     # A level of their own, so that two cameras do not share camera_info.
     sdf_topic: ClassVar[str] = "/image"
 
-    rate: float = 15.0
+    kind: Literal["camera"] = "camera"
+    """A camera."""
+    rate_hz: Annotated[float, Interval(ge=0.01, le=1000)] = 15.0
     """Images per second [Hz]."""
-    width_px: int = 1280
+    width_px: Annotated[int, Interval(ge=8, le=10_000)] = 1280
     """Pixels of a row."""
-    height_px: int = 720
+    height_px: Annotated[int, Interval(ge=8, le=10_000)] = 720
     """Pixels of a column."""
-    horizontal_fov: float = math.radians(85.0)
-    """Angle between the left and the right edge [rad]."""
-    baseline: float | None = None
-    """Distance of the stereo pair that it belongs to [m]."""
-    noise: float = 0.007
-    """Standard deviation of a pixel's intensity, which is 0 to 1."""
+    horizontal_fov_deg: Annotated[float, Interval(ge=1, le=170)] = 85.0
+    """Angle between the left and the right edge [degrees]."""
+    noise: Fraction = 0.007
+    """Standard deviation of a pixel's intensity in simulators' own cameras, which is 0 to 1."""
 
     @property
     def view(self) -> View:
         """Its picture."""
-        return View(self.width_px, self.height_px, self.horizontal_fov)
+        return View(self.width_px, self.height_px, math.radians(self.horizontal_fov_deg))
 
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """A camera, with noise where it has any."""
         lens = {
-            "horizontal_fov": self.horizontal_fov,
+            "horizontal_fov": self.view.horizontal_fov,
             "image": {"width": self.width_px, "height": self.height_px, "format": "R8G8B8"},
             "clip": {"near": _NEAR, "far": far},
         }

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
+from annotated_types import Interval
+
+from terrain_forge.base import NotNegative
 from terrain_forge.model.sensor import Sdf, Sensor, Topic
 
 
@@ -17,7 +20,6 @@ class ImuSensor(Sensor):
     (doi:10.1177/0278364915620033).
     """
 
-    kind: ClassVar[str] = "imu"
     title: ClassVar[str] = "IMU"
     topics: ClassVar[tuple[Topic, ...]] = (Topic("", "IMU", "Imu"),)
     mjcf: ClassVar[tuple[str, ...]] = ("accelerometer", "gyro")
@@ -26,16 +28,18 @@ class ImuSensor(Sensor):
         "rates."
     )
 
-    rate: float = 200.0
+    kind: Literal["imu"] = "imu"
+    """An IMU."""
+    rate_hz: Annotated[float, Interval(ge=1, le=10_000)] = 200.0
     """Samples per second [Hz]."""
-    gyro_noise: float = 1.6968e-4
-    """[rad/s/√Hz]"""
-    gyro_walk: float = 1.9393e-5
-    """[rad/s²/√Hz]"""
-    accelerometer_noise: float = 2.0e-3
-    """[m/s²/√Hz]"""
-    accelerometer_walk: float = 3.0e-3
-    """[m/s³/√Hz]"""
+    gyro_noise: NotNegative = 1.6968e-4
+    """White noise of a rate [rad/s/√Hz]."""
+    gyro_walk: NotNegative = 1.9393e-5
+    """Walk of a rate's bias [rad/s²/√Hz]."""
+    accelerometer_noise: NotNegative = 2.0e-3
+    """White noise of a specific force [m/s²/√Hz]."""
+    accelerometer_walk: NotNegative = 3.0e-3
+    """Walk of its bias [m/s³/√Hz]."""
 
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """Noise of each axis; the biases' correlation times are those of RotorS' ADIS16448 [s]."""
@@ -45,7 +49,7 @@ class ImuSensor(Sensor):
 
     def _noise(self, density: float, walk: float, time: float) -> dict[str, Any]:
         """Of the three axes. Gazebo's `stddev` is that of a sample: density · √rate."""
-        noise = {"@type": "gaussian", "mean": 0, "stddev": density * math.sqrt(self.rate)}
+        noise = {"@type": "gaussian", "mean": 0, "stddev": density * math.sqrt(self.rate_hz)}
         if walk:
             noise |= {"dynamic_bias_stddev": walk, "dynamic_bias_correlation_time": time}
         return {axis: {"noise": noise} for axis in "xyz"}

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
+from annotated_types import Interval
+
+from terrain_forge.base import NotNegative
 from terrain_forge.model.sensor import Sdf, Sensor, Topic, white_noise
 
 
@@ -13,35 +16,37 @@ from terrain_forge.model.sensor import Sdf, Sensor, Topic, white_noise
 class LidarSensor(Sensor):
     """A lidar of evenly spread beams; its default figures are nominal."""
 
-    kind: ClassVar[str] = "lidar"
     title: ClassVar[str] = "lidar"
     topics: ClassVar[tuple[Topic, ...]] = (Topic("points", "PointCloudPacked", "PointCloud2"),)
 
-    rate: float = 10.0
+    kind: Literal["lidar"] = "lidar"
+    """A lidar."""
+    rate_hz: Annotated[float, Interval(ge=0.1, le=100)] = 10.0
     """Turns per second [Hz]."""
-    channels: int = 16
+    channels: Annotated[int, Interval(ge=1, le=1024)] = 16
     """Beams above each other."""
-    vertical_fov: float = math.radians(30.0)
-    """Angle between the lowest and the highest beam [rad]."""
-    horizontal_samples: int = 1800
+    vertical_fov_deg: Annotated[float, Interval(ge=0, le=180)] = 30.0
+    """Angle between the lowest and the highest beam [degrees]."""
+    horizontal_samples: Annotated[int, Interval(ge=4, le=100_000)] = 1800
     """Columns of a full turn."""
-    range_min: float = 0.5
+    range_min_m: NotNegative = 0.5
     """Nearest point [m]."""
-    range_max: float = 100.0
+    range_max_m: Annotated[float, Interval(ge=0.1, le=10_000)] = 100.0
     """Farthest point [m]."""
-    noise: float = 0.01
+    noise_m: NotNegative = 0.01
     """Standard deviation of a range [m]."""
 
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """A scan of a full turn: its last column is one step short of the first."""
-        half, last = self.vertical_fov / 2, math.pi - 2 * math.pi / self.horizontal_samples
+        half = math.radians(self.vertical_fov_deg) / 2
+        last = math.pi - 2 * math.pi / self.horizontal_samples
         scan = {
             "horizontal": _angles(self.horizontal_samples, -math.pi, last),
             "vertical": _angles(self.channels, -half, half),
         }
-        span = {"min": self.range_min, "max": self.range_max}
+        span = {"min": self.range_min_m, "max": self.range_max_m}
         kind, tag = ("ray", "ray") if classic else ("gpu_lidar", "lidar")
-        return kind, {tag: {"scan": scan, "range": span} | white_noise(self.noise)}
+        return kind, {tag: {"scan": scan, "range": span} | white_noise(self.noise_m)}
 
 
 def _angles(samples: int, low: float, high: float) -> dict[str, float]:

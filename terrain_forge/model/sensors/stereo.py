@@ -1,0 +1,44 @@
+"""A stereo pair of cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Interval
+
+from terrain_forge.base import matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.model.sensor import Topic
+from terrain_forge.model.sensors.camera import CameraSensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StereoSensor(CameraSensor):
+    """Two cameras side by side that take their images at once; its place is between them.
+
+    Formats and recordings know them as two cameras, `NAME_left` and `NAME_right`.
+    """
+
+    title: ClassVar[str] = "stereo camera"
+    topics: ClassVar[tuple[Topic, ...]] = ()
+
+    kind: Literal["stereo"] = "stereo"  # type: ignore[assignment]
+    """A stereo pair."""
+    baseline_m: Annotated[float, Interval(ge=0.001, le=10)] = 0.12
+    """Distance of the two cameras [m]."""
+
+    @property
+    def simple(self) -> tuple[CameraSensor, ...]:
+        """The left and the right camera."""
+        shared = {f.name: getattr(self, f.name) for f in fields(CameraSensor)}
+        left = matrix_from_quaternion(quaternion_from_rpy(self.rpy))[:, 1]
+        places = (self.position + side * 0.5 * self.baseline_m * left for side in (1.0, -1.0))
+        return tuple(
+            CameraSensor(
+                **shared | {
+                    "name": f"{self.name}_{side}", "kind": "camera", "preset": "",
+                    "position_m": tuple(place.tolist()),
+                }
+            )
+            for side, place in zip(("left", "right"), places, strict=True)
+        )  # fmt: skip

@@ -1,0 +1,61 @@
+"""The sensors that a recipe gives to its rover."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Union
+
+from terrain_forge.base import BY_KIND, RecipeError, Spec, hint_at
+from terrain_forge.model import Rover, Sensor, sensor_kinds, simple_sensors
+
+if TYPE_CHECKING:
+    AnySensor = Sensor
+else:
+    AnySensor = Annotated[Union[tuple(sensor_kinds().values())], BY_KIND]  # noqa: UP007 (a tuple)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoreSensors(Spec):
+    """Sensors beside the rover's own."""
+
+    add: tuple[AnySensor, ...]
+    """The sensors; one that has the name of one of the rover's own takes its place."""
+
+
+SensorsChoice = tuple[AnySensor, ...] | MoreSensors
+"""What a recipe's `sensors` may be: a list takes the place of the rover's own rig."""
+
+
+def with_sensors(rover: Rover, choice: SensorsChoice | None) -> Rover:
+    """A rover that carries what a recipe says.
+
+    Raises:
+        RecipeError: if two sensors have one name, or one sits on a link that the rover lacks.
+    """
+    if choice is None:
+        return rover
+    more = isinstance(choice, MoreSensors)
+    added: tuple[Sensor, ...] = choice.add if isinstance(choice, MoreSensors) else choice
+    own, key = (rover.sensors, ("sensors", "add")) if more else ((), ("sensors",))
+    links = [link.name for link in rover.links]
+    named: dict[str, int] = {}
+    for number, sensor in enumerate(added):
+        if sensor.link not in links:
+            hint = hint_at(sensor.link, links)
+            raise RecipeError(
+                f"{sensor.link!r} is no link of the rover {rover.name}{hint}, there are: "
+                f"{', '.join(links)}",
+                key=(*key, number, "link"),
+            )
+        for part in {sensor.name, *(one.name for one in sensor.simple)}:
+            if named.setdefault(part, number) != number:
+                raise RecipeError(
+                    f"{part!r} is the name of another sensor too", key=(*key, number, "name")
+                )
+    kept = [sensor for sensor in own if sensor.name not in {one.name for one in added}]
+    sensors = (*kept, *added)
+    names = [part.name for part in simple_sensors(sensors)]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise RecipeError(f"{twice!r} is the name of a sensor of the rover too", key=key)
+    return rover.replace(sensors=sensors)

@@ -1,0 +1,1 @@
+"""Instruments, a module each; `terrain_forge.sensors.instrument_kinds()` finds them."""
