@@ -6,6 +6,8 @@ from .instrument import Series as Series
 from .instrument import Setting as Setting
 from .instrument import Stream as Stream
 from .instrument import instrument_kinds as instrument_kinds
+from .likeness import ImageStatistics as ImageStatistics
+from .likeness import image_statistics as image_statistics
 from .motion import Curve as Curve
 from .motion import Motion as Motion
 from .motion import State as State
