@@ -84,7 +84,7 @@ def stretched(grey: Array) -> NDArray[np.uint8]:
     """Bytes of intensities, from the half to the 99.5th percentile."""
     low, high = np.percentile(grey, (0.5, 99.5))
     scaled = (grey - low) * (255.0 / max(float(high - low), 1e-12))
-    return np.clip(np.round(scaled), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.round(scaled), 0, 255), np.uint8)
 
 
 def radial_spectrum(grey: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from terrain_forge.sensors import image_statistics
 from terrain_forge.sensors.likeness import fast_corners
 
 
-def _noise(exponent: float, size: int = 256):
+def _noise(exponent: float, size: int = 512):
     """A periodic field of a known power law, and as many samples of a Gaussian."""
     rng = np.random.default_rng(4)
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.fftfreq(size)[None, :])
