@@ -80,41 +80,77 @@ class TimedPoses(Record):
         return self.replace(time=time, position=place, quaternion=quaternion)
 
 
-def read_poses(path: Path | str, *, name: str = "") -> TimedPoses:
+def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -> TimedPoses:
     """Read a trajectory in the TUM format, `time x y z qx qy qz qw` a line, or EuRoC's CSV.
 
     A CSV has nanoseconds, x, y, z and the quaternion as w, x, y, z; what follows is passed over.
+
+    Args:
+        path: The file.
+        name: What tables call it; by default as the file.
+        euroc: Whether it is EuRoC's; by default where its name ends in `.csv`.
 
     Raises:
         DataError: naming file and line: no numbers, NaN, times out of order, a quaternion that is
             not of length one, fewer than two poses.
     """
     path = Path(path)
-    rows, where = [], []
+    comma = path.suffix.lower() == ".csv" if euroc is None else euroc
+    values, places = _read_rows(path, 8, longer=comma)
+    if comma:
+        values[:, 0] *= 1e-9
+    time, position = values[:, 0], values[:, 1:4]
+    quaternion = values[:, 4:8] if comma else np.roll(values[:, 4:8], 1, axis=-1)
+    return checked_poses(time, position, quaternion, name=name or path.stem, places=places)
+
+
+def read_kitti_poses(path: Path | str, *, name: str = "") -> TimedPoses:
+    """Read a trajectory in KITTI's format, the 12 numbers of a 3 × 4 matrix a line.
+
+    It has no times: they are the numbers of the lines, from 0.
+
+    Raises:
+        DataError: as `read_poses`; also for a matrix that is no rotation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    path = Path(path)
+    values, places = _read_rows(path, 12)
+    matrices = values.reshape(-1, 3, 4)
+    turns = matrices[:, :, :3]
+    finite = np.asarray(np.isfinite(turns).all(axis=(1, 2)))
+    square = portable.product(np.swapaxes(turns, -1, -2), turns)
+    off = np.abs(square - np.eye(3)).max(axis=(1, 2)) > _UNIT
+    for row in np.flatnonzero(off & finite)[:1]:
+        raise DataError(f"{places[row]}: its matrix is no rotation")
+    whole = np.where(finite[:, None, None], turns, np.eye(3))
+    quaternion = np.roll(Rotation.from_matrix(whole).as_quat(), 1, axis=-1)
+    quaternion[~finite] = np.nan
+    return checked_poses(
+        np.arange(len(values), dtype=np.float64), matrices[:, :, 3], quaternion,
+        name=name or path.stem, places=places,
+    )  # fmt: skip
+
+
+def _read_rows(path: Path, count: int, *, longer: bool = False) -> tuple[Array, list[str]]:
+    """The first numbers of each line, and the places of the lines; comments are passed over."""
+    rows, places = [], []
     text = read_text(path, str(path), most=_MAX_FILE)
-    comma = path.suffix.lower() == ".csv"
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.strip()
         if not plain or plain.startswith("#"):
             continue
         words = plain.replace(",", " ").split()
         try:
-            rows.append([float(word) for word in words[:8]])
+            rows.append([float(word) for word in words[:count]])
         except ValueError:
-            raise DataError(f"{path}:{number}: {plain[:60]!r}, must be 8 numbers") from None
-        if len(rows[-1]) < 8 or (len(words) > 8 and not comma):
-            raise DataError(f"{path}:{number}: {len(words)} numbers, must be 8")
-        where.append(number)
+            raise DataError(f"{path}:{number}: {plain[:60]!r}, must be {count} numbers") from None
+        if len(rows[-1]) < count or (len(words) > count and not longer):
+            raise DataError(f"{path}:{number}: {len(words)} numbers, must be {count}")
+        places.append(f"{path}:{number}")
     if len(rows) < 2:
         raise DataError(f"{path}: {len(rows)} poses, at least 2 are needed")
-    values = np.array(rows)
-    if comma:
-        values[:, 0] *= 1e-9
-    time, position = values[:, 0], values[:, 1:4]
-    quaternion = values[:, 4:8] if comma else np.roll(values[:, 4:8], 1, axis=-1)
-    return checked_poses(
-        time, position, quaternion, name=name or path.stem, places=[f"{path}:{n}" for n in where]
-    )
+    return np.array(rows), places
 
 
 def checked_poses(
