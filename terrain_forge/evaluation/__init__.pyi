@@ -17,3 +17,4 @@ from .tables import score_lines as score_lines
 from .tables import score_plain as score_plain
 from .tables import score_rows as score_rows
 from .tables import write_scores as write_scores
+from .visual_odometry import stereo_odometry as stereo_odometry
