@@ -21,7 +21,7 @@ from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
 distance from the camera, the part of sunlight that small stones keep off, the height of the smooth
 surface over the triangle, and what it belongs to: a rock's row, -1 for the ground."""
 COLUMNS = 16
-NOBODY = -3.0
+NOBODY = -9.0
 """Owner of a point that is not yet shaded."""
 
 
