@@ -22,6 +22,7 @@ from .scene import MISSED as MISSED
 from .scene import Hits as Hits
 from .scene import RayScene as RayScene
 from .scene import open_scene as open_scene
+from .subject import Apron as Apron
 from .subject import Instances as Instances
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, TerrainForgeError, over_chunks
-from terrain_forge.model import Heightfield, Mesh, World
+from terrain_forge.model import Heightfield, World
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.engine import EngineScene, empty_scene, engine_name
@@ -48,8 +48,7 @@ class RayScene:
     the error does not grow with the place of a tile in its site.
     """
 
-    def __init__(self, subject: Subject, apron: Mesh | None = None) -> None:
-        """Make the scene of a subject, and of what lies beyond its ground's edge."""
+    def __init__(self, subject: Subject) -> None:
         check_engine()
         self.subject = subject
         """What the rays are cast at."""
@@ -67,7 +66,8 @@ class RayScene:
             transforms[:, :, :3] = copies.rotation * copies.scale[:, None, None]
             transforms[:, :, 3] = copies.position - self.origin
             self._whole.add_instances(self._shapes, which=copies.mesh, transforms=transforms)
-        if apron is not None:
+        if subject.apron is not None:
+            apron = subject.apron.mesh
             self._whole.add_triangles(apron.vertices - self.origin, apron.faces)
         self._whole.commit()
 

@@ -20,8 +20,9 @@ from terrain_forge.scene import (
     PlacedBodies,
     RayScene,
     cast_with_bodies,
-    open_scene,
+    subject_of,
 )
+from terrain_forge.sensors.apron import WorldEdge
 from terrain_forge.sensors.motion import Motion
 
 _KEPT = 8
@@ -49,8 +50,10 @@ class Scenery:
 
     def __init__(self, world: World, motion: Motion) -> None:
         self.world, self.motion = world, motion
-        self.scene: RayScene = open_scene(world)
-        """The ground, its rocks, and what lies beyond the site."""
+        self.edge = WorldEdge(world)
+        """What lies beyond the world, and its heights; rocks are only within."""
+        self.scene = RayScene(subject_of(world).replace(apron=self.edge.apron))
+        """The ground, its rocks, and what lies beyond."""
         self._placed = OrderedDict[float, PlacedBodies]()
         self._lock = Lock()
 
