@@ -6,6 +6,8 @@ from .instrument import Series as Series
 from .instrument import Setting as Setting
 from .instrument import Stream as Stream
 from .instrument import instrument_kinds as instrument_kinds
+from .instrument import instruments_of as instruments_of
+from .lens import OPTICAL as OPTICAL
 from .motion import Curve as Curve
 from .motion import Motion as Motion
 from .motion import State as State
