@@ -101,9 +101,9 @@ class LensFlare(Record, Spec):
     """Part of the light that is scattered, most of it near the Sun."""
     ghosts: Annotated[int, Interval(ge=0, le=32)] = 6
     """Number of ghosts."""
-    ghost_strength: Annotated[float, Interval(ge=0, le=1)] = 1e-4
+    ghost_strength: Annotated[float, Interval(ge=0, le=1)] = 5e-5
     """Part of the light that a ghost has on average."""
-    star: Annotated[float, Interval(ge=0, le=1)] = 2e-3
+    star: Annotated[float, Interval(ge=0, le=1)] = 5e-4
     """Part of the light that goes into the rays of the star."""
     blades: Annotated[int, Interval(ge=3, le=32)] = 6
     """Blades of the aperture, which give ghosts their corners and the star its rays."""

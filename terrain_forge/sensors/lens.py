@@ -45,11 +45,10 @@ class Lens(NamedTuple):
 def lens_of(sensor: CameraSensor, *, rectified: bool) -> Lens:
     """The lens of a camera's raw or rectified pictures."""
     bent = None if rectified else sensor.distortion
-    kind, k, fold = _PLAIN, (0.0,) * 5, 1e9
+    kind = _PLAIN
     if bent is not None:
         kind = _FISHEYE if isinstance(bent, Equidistant) else _RADTAN
-        k, fold = (*bent.k, *(0.0,) * (5 - len(bent.k))), bent.fold
-    a, b, c, d, e = k
+    a, b, c, d, e = (*(bent.k if bent else ()), *(0.0,) * 5)[:5]
     return Lens(
         width=sensor.width_px,
         height=sensor.height_px,
@@ -57,7 +56,7 @@ def lens_of(sensor: CameraSensor, *, rectified: bool) -> Lens:
         centre=sensor.centre,
         kind=kind,
         k=(a, b, c, d, e),
-        fold=fold,
+        fold=bent.fold if bent else 1e9,
     )
 
 

@@ -102,8 +102,8 @@ class CameraSensor(Sensor):
     noise: CameraNoise = field(default_factory=CameraNoise)
     """Noise of the chip."""
     vignetting: BrightnessOffAxis | None = (0.0, 0.0, 0.0)
-    """a, b, c of 1 + a r² + b r⁴ + c r⁶, r from the principal point in half diagonals, times cos⁴
-    of the angle off the axis; null for no darkening towards the edge."""
+    """a, b, c of 1 + a r² + b r⁴ + c r⁶, r from the principal point in half diagonals; but for
+    fisheyes times cos⁴ of the angle off the axis. Null for no darkening towards the edge."""
     psf_px: Annotated[float, Interval(ge=0, le=20)] = 0.5
     """Standard deviation of the blur of the lens and the chip [pixels]."""
     motion_blur: Annotated[int, Interval(ge=1, le=64)] = 1
