@@ -66,6 +66,7 @@ from .sensor import View as View
 from .sensor import sensor_kinds as sensor_kinds
 from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
+from .sensors.lidar import LidarSensor as LidarSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
