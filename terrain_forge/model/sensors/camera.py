@@ -9,8 +9,10 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval
 
 from terrain_forge.base import Fraction
-from terrain_forge.model.sensor import Sdf, Sensor, Topic, View, white_noise
+from terrain_forge.model.sensor import Form, Sdf, Sensor, Topic, View, white_noise
 
+_BENT = {"": (), "radtan": ("sdf", "usd"), "equidistant": ("usd",)}
+"""The formats that know a distortion."""
 _NEAR = 0.02
 """What it sees at least in Gazebo [m]."""
 
@@ -52,4 +54,10 @@ class CameraSensor(Sensor):
             "image": {"width": self.width_px, "height": self.height_px, "format": "R8G8B8"},
             "clip": {"near": _NEAR, "far": far},
         }
-        return "camera", {"camera": lens | white_noise(self.noise)}
+        return "camera", {"camera": lens | white_noise(self.noise) | self.view.sdf_lens()}
+
+    def said(self, form: Form) -> set[str]:
+        """The picture, and how it is bent: by radii and tangents in SDF, either way in USD."""
+        told = {"width_px", "height_px", "horizontal_fov_deg"}
+        told |= {"rate_hz", "noise"} if form == "sdf" else set()
+        return told | ({"distortion"} if form in _BENT[self.view.lens] else set())

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval
 
 from terrain_forge.base import NotNegative
-from terrain_forge.model.sensor import Sdf, Sensor, Topic, white_noise
+from terrain_forge.model.sensor import Form, Sdf, Sensor, Topic, white_noise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +47,12 @@ class LidarSensor(Sensor):
         span = {"min": self.range_min_m, "max": self.range_max_m}
         kind, tag = ("ray", "ray") if classic else ("gpu_lidar", "lidar")
         return kind, {tag: {"scan": scan, "range": span} | white_noise(self.noise_m)}
+
+    def said(self, form: Form) -> set[str]:
+        """A scan of even steps."""
+        scan = {"channels", "vertical_fov_deg", "horizontal_samples"}
+        told = scan | {"rate_hz", "range_min_m", "range_max_m", "noise_m"}
+        return told if form == "sdf" else set()
 
 
 def _angles(samples: int, low: float, high: float) -> dict[str, float]:
