@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 
 from terrain_forge.base import Array, Fraction, NotNegative
 from terrain_forge.model.lidar_presets import LIDAR_PRESETS
-from terrain_forge.model.sensor import Angle, Sdf, Sensor, Topic, white_noise
+from terrain_forge.model.sensor import Angle, Form, Sdf, Sensor, Topic, white_noise
 
 Elevation = Annotated[float, Interval(ge=-90, le=90)]
 Speed = Annotated[float, Interval(ge=-1e6, le=1e6)]
@@ -127,21 +127,6 @@ class LidarSensor(Sensor):
             return 1e-9 * round(1e3 * self.firing_period_us)
         return 1.0 / (self.rate_hz * self.horizontal_samples)
 
-    @property
-    def sdf_loss(self) -> str:
-        """What `sdf` does not say; empty if that is nothing."""
-        lost = {
-            "a rosette of prisms": self.prism_rpm is not None,
-            "unevenly spread beams": not _even(self.elevations),
-            "azimuth offsets": any(self.azimuth_offsets_deg),
-            "firing times": not self.snapshot,
-            "a beam origin beside the axis": self.beam_origin_m > 0.0,
-            "steps of the range": self.quantum_m > 0.0,
-            "lost returns": any((self.range_at_tenth_m, self.dropout, self.sun_blinding_deg)),
-            "divergent beams": self.divergence_mrad > 0.0,
-        }
-        return ", ".join(what for what, is_lost in lost.items() if is_lost)
-
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """A scan of a full turn by evenly spread beams, its last column a step short of the first.
 
@@ -162,6 +147,13 @@ class LidarSensor(Sensor):
         span = {"min": self.range_min_m, "max": self.range_max_m}
         kind, tag = ("ray", "ray") if classic else ("gpu_lidar", "lidar")
         return kind, {tag: {"scan": scan, "range": span} | white_noise(self.noise_m)}
+
+    def said(self, form: Form) -> set[str]:
+        """A scan of even steps."""
+        scan = {"channels", "vertical_fov_deg", "horizontal_samples"}
+        told = scan | {"rate_hz", "range_min_m", "range_max_m", "noise_m"}
+        told |= {"elevations_deg"} if _even(self.elevations) else set()
+        return told if form == "sdf" else set()
 
 
 def _even(angles: Array) -> bool:
