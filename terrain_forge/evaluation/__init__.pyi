@@ -1,8 +1,17 @@
 """How well systems localised: trajectories against the truth, as the paper does and others."""
 
+from .adapter import Adapter as Adapter
+from .adapter import Run as Run
+from .adapter import run_system as run_system
 from .alignment import aligned as aligned
 from .alignment import associate as associate
 from .alignment import rigid_motion as rigid_motion
+from .bench import Result as Result
+from .bench import evaluate_recording as evaluate_recording
+from .bench import result_lines as result_lines
+from .catalogue import find_system as find_system
+from .catalogue import install_system as install_system
+from .catalogue import known_systems as known_systems
 from .files import read_options as read_options
 from .files import score_files as score_files
 from .poses import TimedPoses as TimedPoses

@@ -35,7 +35,7 @@ class Adapter(Spec):
     The command is words, not a shell's line: `{input}` stands for the folder or file of the
     recording in the `input` format, `{output}` for the file that the program shall write its
     trajectory to, `{calibration}` for the folder of the recording's calibration files, `{folder}`
-    for the temporary folder that it runs in, `{python}` for the interpreter of the environment that
+    for the temporary folder that it runs in, `{binary}` for the program that the user named, `{python}` for the interpreter of the environment that
     `install` made, `{driver}` for the folder of our small drivers.
     """
 
@@ -61,11 +61,17 @@ class Adapter(Spec):
     """Variables that it gets beside those of the caller."""
     packages: tuple[str, ...] = ()
     """What `terrain-forge evaluate --install` puts into an environment of its own for it."""
+    loose: bool = False
+    """Whether the first package is installed without what it asks for."""
+    environment_of: str = ""
+    """Another name for its environment, which systems of the same packages share."""
+    binary: str = ""
+    """What `{binary}` stands for in the command: a program that the user has."""
     about: str = ""
     """What it is, and under which licence."""
 
     PLACES: ClassVar[tuple[str, ...]] = (
-        "input", "output", "calibration", "folder", "python", "driver",
+        "input", "output", "calibration", "folder", "python", "driver", "binary",
     )  # fmt: skip
 
     def words(self, places: Mapping[str, str]) -> list[str]:

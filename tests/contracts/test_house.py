@@ -50,6 +50,7 @@ HEAVY = {
 }
 PACKAGE = ROOT / "terrain_forge"
 DOORS = sorted(path.parent for path in PACKAGE.glob("*/__init__.py"))
+DRIVERS = "terrain_forge.evaluation.drivers."
 PROBES = ("terrain_forge.validation.newton_probe", "terrain_forge.exporters.drake.probe")
 """Programs that other interpreters run."""
 
@@ -68,7 +69,7 @@ def files() -> dict[str, Path]:
     """All modules of the package and of our exporters."""
     found = [*PACKAGE.rglob("*.py"), *(ROOT / "exporters").rglob("*.py")]
     named = {name_of(path): path for path in found if "__pycache__" not in path.parts}
-    return {n: p for n, p in named.items() if n not in PROBES}
+    return {n: p for n, p in named.items() if n not in PROBES and DRIVERS not in n}
 
 
 def room_of(module: str) -> str:

@@ -1,0 +1,139 @@
+"""The systems that are known by name, and environments in which those that pip brings run."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import venv
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.base import (
+    DataError,
+    OutputError,
+    cache_folder,
+    hint_at,
+    load_plugin,
+    plugins,
+    read_text,
+    reading,
+)
+from terrain_forge.evaluation.adapter import Adapter
+
+GROUP = "terrain_forge.systems"
+"""Entry points that name packages with folders of system files, as ours has."""
+_OURS = Path(__file__).parent / "systems"
+DRIVERS = Path(__file__).parent / "drivers"
+_MOST = 2**20
+_DONE = "installed.json"
+
+
+@cache
+def known_systems() -> dict[str, Adapter]:
+    """All systems that are known by name: ours, and those of installed packages."""
+    folders = [_OURS]
+    for point in plugins(GROUP).values():
+        folders += map(Path, getattr(load_plugin(point, GROUP), "__path__", ()))
+    found: dict[str, Adapter] = {}
+    for file in (file for folder in folders for file in sorted(folder.glob("*.yaml"))):
+        found.setdefault(file.stem, read_system(file))
+    return dict(sorted(found.items()))
+
+
+def find_system(name: str) -> Adapter:
+    """The system of a name, or of a file.
+
+    Raises:
+        DataError: if there is none; lists what is known.
+    """
+    if name.endswith((".yaml", ".yml")):
+        return read_system(Path(name))
+    if name not in known_systems():
+        known = ", ".join(known_systems())
+        raise DataError(f"unknown system {name!r}{hint_at(name, known_systems())}, known: {known}")
+    return known_systems()[name]
+
+
+def read_system(path: Path) -> Adapter:
+    """The adapter that a YAML file describes; its name is the file's unless it gives one.
+
+    Raises:
+        DataError: naming the file and what is wrong.
+    """
+    from pydantic import TypeAdapter, ValidationError
+    from ruamel.yaml import YAML
+
+    text = read_text(path, str(path), most=_MOST)
+    with reading(str(path)):
+        plain: Any = YAML(typ="safe", pure=True).load(text)
+    if not isinstance(plain, dict):
+        raise DataError(f"{path}: a system is a mapping of keys")
+    try:
+        told = json.dumps({"name": path.stem, **plain})
+        return TypeAdapter(Adapter).validate_json(told, strict=True)
+    except (TypeError, ValidationError) as error:
+        why = str(error)
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise DataError(f"{path}: {why}") from None
+
+
+def environment(adapter: Adapter) -> Path:
+    """The folder of a system's own Python environment.
+
+    Raises:
+        OutputError: if there is no cache folder to keep it in.
+    """
+    folder = cache_folder()
+    if folder is None:
+        raise OutputError("TERRAIN_FORGE_CACHE is off: environments of systems need a folder")
+    return folder / "systems" / (adapter.environment_of or adapter.name)
+
+
+def interpreter(adapter: Adapter) -> Path:
+    """The Python that runs a system: of its own environment, or this one where it needs none.
+
+    Raises:
+        DataError: if the environment was not made yet; says how.
+    """
+    if not adapter.packages:
+        return Path(sys.executable)
+    folder = environment(adapter)
+    if not (folder / _DONE).is_file():
+        raise DataError(
+            f"{adapter.name} is not installed: terrain-forge evaluate --install {adapter.name}"
+        )
+    return _python(folder)
+
+
+def install_system(adapter: Adapter) -> Path:
+    """Make the environment of a system anew and install its packages by pip; returns its folder.
+
+    Raises:
+        DataError: if it needs none, or pip cannot install them; tells pip's last line.
+    """
+    if not adapter.packages:
+        raise DataError(f"{adapter.name} needs no packages: {adapter.about or 'nothing to do'}")
+    folder = environment(adapter)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    venv.create(folder, with_pip=True)
+    first, *rest = adapter.packages
+    orders = [["--no-deps", first], rest] if adapter.loose else [list(adapter.packages)]
+    for order in filter(None, orders):
+        command = [str(_python(folder)), "-m", "pip", "install", "-q", *order]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            shutil.rmtree(folder, ignore_errors=True)
+            why = (done.stderr.strip().splitlines() or ["no reason told"])[-1]
+            raise DataError(f"{adapter.name}: pip cannot install {' '.join(order)}: {why}")
+    (folder / _DONE).write_text(json.dumps({"packages": adapter.packages}), encoding="utf-8")
+    return folder
+
+
+def _python(folder: Path) -> Path:
+    return folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"

@@ -1,0 +1,29 @@
+"""KISS-ICP (Vizzo et al. 2023, doi:10.1109/LRA.2023.3236571): RECORDING TRAJECTORY [deskew].
+
+Its deskewing takes the motion of the sweep before for that of this one: of a rover that moves
+centimetres between sweeps that feeds its own jitter back, so it is off unless asked for.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from kiss_icp.config import load_config
+from kiss_icp.kiss_icp import KissICP
+from recorded import quaternion_of, sweeps, write_pose
+
+dataset, output, *words = sys.argv[1:]
+config = load_config(None)
+config.data.deskew = "deskew" in words
+config.data.min_range, config.data.max_range = 0.5, 100.0
+config.mapping.voxel_size = 0.5
+config.registration.max_num_threads = 1
+odometry = KissICP(config)
+with Path(output).open("w", encoding="utf-8") as file:
+    for stamp, points in sweeps(Path(dataset), "lidar0"):
+        places = np.column_stack([points[axis] for axis in "xyz"]).astype(np.float64)
+        odometry.register_frame(places, points["time"].astype(np.float64))
+        pose = odometry.last_pose
+        write_pose(file, stamp, pose[:3, 3], quaternion_of(pose[:3, :3]))
