@@ -18,7 +18,5 @@ from .outcome import tell_build as tell_build
 from .outcome import tell_exports as tell_exports
 from .outcome import tell_preview as tell_preview
 from .outcome import tell_validation as tell_validation
-from .running import INTERRUPT as INTERRUPT
-from .running import Interrupt as Interrupt
 from .running import run_command as run_command
 from .running import run_process as run_process
