@@ -11,8 +11,8 @@ from terrain_forge.base import parts, registry
 from terrain_forge.paths import NamedShape
 from terrain_forge.paths.named_shape import shortening
 from terrain_forge.terminal import run_command
-from tests.helpers.command_line import process_as_it_was
 from terrain_forge.terrain import CraterProduction
+from tests.helpers.command_line import process_as_it_was
 
 FOREIGN = """
 from dataclasses import dataclass
