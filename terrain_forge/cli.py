@@ -15,7 +15,6 @@ import click
 from terrain_forge import __version__
 from terrain_forge.base import OutputError, TerrainForgeError
 from terrain_forge.terminal import (
-    INTERRUPT,
     WRONG_INPUT,
     Display,
     complete_exporters,
@@ -148,7 +147,7 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     file = _load(recipe, seed, changes)
     out = out or Path(f"{file.recipe.name}_preview.png")
     require_preview(out)
-    with _located(file), Display(pipeline.MAKING, ask=INTERRUPT.ask) as display:
+    with _located(file), Display(pipeline.MAKING) as display:
         display("plan")
         site = plan(file.recipe, folder=file.folder, progress=display)
         world = pipeline.realise(site, settled=False, progress=display)
@@ -192,7 +191,7 @@ def build(
     file = _load(recipe, seed, changes)
     out = out or Path(file.recipe.name)
     require_apart(out.resolve(), [file.path])
-    with _located(file), Display(pipeline.STAGES, ask=INTERRUPT.ask) as display:
+    with _located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
             file.recipe,
             out,
@@ -224,7 +223,7 @@ def export(out: Path, only: str, force: bool) -> None:
     from terrain_forge.terminal import finish, tell_exports
 
     names = _names(only) or ()
-    with Display(pipeline.export_stages(names), ask=INTERRUPT.ask) as display:
+    with Display(pipeline.export_stages(names)) as display:
         passed = pipeline.export(out, names, force=force, progress=display)
     tell_exports(out, names, display.elapsed)
     finish(passed, out)
@@ -244,7 +243,7 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
     from terrain_forge import pipeline
     from terrain_forge.terminal import finish, tell_validation
 
-    with Display(pipeline.VALIDATE_STAGES, ask=INTERRUPT.ask) as display:
+    with Display(pipeline.VALIDATE_STAGES) as display:
         passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=display)
     tell_validation(out, display.elapsed, table=not quick)
     finish(passed, out)
@@ -327,7 +326,7 @@ def record(
         changes["profile"] = "quick"
     if formats is not None:
         changes["formats"] = _names(formats, "--formats", "kitti,rosbag2")
-    with Display(RECORDING, ask=INTERRUPT.ask) as display:
+    with Display(RECORDING) as display:
         result = pipeline.record(
             out,
             begin=begin,
@@ -407,7 +406,7 @@ def fetch(names: tuple[str, ...]) -> None:
     from terrain_forge.model import BODIES
 
     for name in names:
-        with Display(("download",), ask=INTERRUPT.ask) as display:
+        with Display(("download",)) as display:
             if not name.endswith((".yaml", ".yml")):
                 found = str(fetch_product(name, progress=display))
             else:

@@ -7,12 +7,11 @@ recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ►
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead
+from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead, worker_threads
 from terrain_forge.building import (
     BuildResult,
     FolderState,
@@ -353,7 +352,7 @@ def _assess(
         spec = replace(spec, consumers="all")
     if drives:
         spec = replace(spec, drives=drives)
-    with ThreadPoolExecutor(1) as pool:
+    with worker_threads(1) as pool:
         # The page's largest picture is all rays, which leave Python's lock to the checks.
         above = pool.submit(take_map, world)
         result = validate_world(

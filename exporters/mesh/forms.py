@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import image_rows, portable
+from terrain_forge.base import image_rows, portable, worker_threads
 from terrain_forge.geometry import (
     bake_tile,
     cell_bands,
@@ -106,7 +105,7 @@ def write_obj_part(part: Part, path: Path) -> MattMaterial:
         write_png(path.with_name(image), image_rows(picture))
 
     # Beside each other: kernels, compression and files leave Python's lock to the other thread.
-    with ThreadPoolExecutor(1) as pool:
+    with worker_threads(1) as pool:
         texture = pool.submit(write_texture)
         with path.open("wb") as file:
             head = f"# terrain-forge: metres, z up\nmtllib {MATERIALS}\no {name}\n"

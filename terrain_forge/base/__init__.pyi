@@ -80,3 +80,8 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
+from .threads import ask_for_interrupt as ask_for_interrupt
+from .threads import hold_interrupts as hold_interrupts
+from .threads import in_turn as in_turn
+from .threads import listen_for_interrupts as listen_for_interrupts
+from .threads import worker_threads as worker_threads

@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import wait
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
@@ -24,6 +24,7 @@ from numba import config, get_num_threads
 from numba import types as _types
 
 from terrain_forge.base.progress import Progress, silent
+from terrain_forge.base.threads import ask_for_interrupt, worker_threads
 
 LISTED = Path(__file__).with_name("kernels.json")
 types: Any = _types
@@ -57,12 +58,13 @@ def compile_ahead(progress: Progress = silent) -> None:
         if names:
             waiting.put(room)
     done: SimpleQueue[str] = SimpleQueue()
-    with ThreadPoolExecutor(processes) as pool:
+    with worker_threads(processes) as pool:
         servers = [pool.submit(_serve, waiting, missing, done) for _ in range(processes)]
         try:
             while wait(servers, timeout=_TICK).not_done:
                 stage = f"compile: {done.qsize()} of {count} kernels, once"
                 progress(stage, done.qsize() / count)
+                ask_for_interrupt()
         finally:  # after an interrupt no further room is begun
             with suppress(Empty):
                 while True:
@@ -84,6 +86,7 @@ def _serve(
         assert child.stdout is not None
         while True:
             for name in missing[waiting.get_nowait()]:
+                ask_for_interrupt()
                 child.stdin.write(f"{name}\n")
                 child.stdin.flush()
                 if not child.stdout.readline():

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, cast
 
@@ -18,6 +17,8 @@ from numba import get_num_threads, njit
 from numba.core import event as events
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+
+from terrain_forge.base.threads import worker_threads
 
 _CHUNKS_PER_THREAD = 4
 
@@ -123,6 +124,5 @@ def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
         part(0, count, *arguments)
         return
     borders = np.linspace(0, count, chunks + 1).astype(int).tolist()
-    with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(part, a, b, *arguments) for a, b in pairwise(borders)]:
-            done.result()
+    with worker_threads(threads) as pool:
+        list(pool.map(lambda border: part(*border, *arguments), pairwise(borders)))

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from terrain_forge.base.threads import ask_for_interrupt
+
 Progress = Callable[[str, float], None]
 """Called with the name of each stage as it begins, and the share of it that is done, 0 to 1.
 
@@ -32,6 +34,7 @@ class Stopwatch:
 
     def __call__(self, stage: str, share: float = 0.0) -> None:
         """Begin a stage, and end the one before; or report the share of it that is done."""
+        ask_for_interrupt()
         self._progress(stage, share)
         name = stage.partition(": ")[0]
         if name == self._name:

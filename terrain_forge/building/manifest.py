@@ -7,7 +7,6 @@ import logging
 import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distributions, version
@@ -15,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 
 from terrain_forge import __version__
-from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text
+from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text, worker_threads
 from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
@@ -37,6 +36,8 @@ _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
 )
+_READERS = 8
+"""Files that are read at once."""
 _OWN = {NAME, "timings.json"}
 _ASSESSED = "validation/", "report.html"
 """What every assessment writes anew."""
@@ -278,7 +279,7 @@ def _raise(error: OSError) -> NoReturn:
 def _hashes(directory: Path, names: Sequence[str]) -> dict[str, str]:
     """SHA-256 of those of the files that equal builds must agree in."""
     names = [name for name in names if _is_promised(name) and (directory / name).is_file()]
-    with ThreadPoolExecutor() as pool:
+    with worker_threads(_READERS) as pool:
         return dict(zip(names, pool.map(lambda n: sha256(directory / n), names), strict=True))
 
 

@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from terrain_forge.base import OutputError, StorageError
+from terrain_forge.base import OutputError, StorageError, hold_interrupts
 from terrain_forge.building.manifest import (
     LOCK,
     MARK,
@@ -33,7 +33,7 @@ from terrain_forge.building.manifest import (
     read_manifest,
     suspect_files,
 )
-from terrain_forge.building.storing import storing
+from terrain_forge.building.storage import storing
 
 _log = logging.getLogger(__name__)
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -144,6 +144,7 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
     around = target.with_name(f".{target.name}{STAGING}")
     fresh = around / target.name
     made = [above for above in target.parents if not above.exists()]
+    number = -1
     try:
         with storing(target, around), ExitStack() as locks:
             locks.enter_context(_staging(around, target))
@@ -151,18 +152,16 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
                 locks.enter_context(_staging(target / STAGING, target))
             fresh.mkdir()
             number = fresh.stat().st_ino
-            try:
-                yield fresh
-                _flush(fresh)
-                known = require_ours(target, force=force)  # again: a build takes its time
-                _exchange(fresh, target)
-                with suppress(OSError):  # the new world is there, whatever comes of the old
-                    _keep_new_files(fresh, target, known)
-            except KeyboardInterrupt:
-                if target.exists() and target.stat().st_ino == number:
-                    raise KeyboardInterrupt(f"{target} is complete") from None
-                raise
-    except BaseException:
+            yield fresh
+            _flush(fresh)
+            known = require_ours(target, force=force)  # again: a build takes its time
+            _exchange(fresh, target)
+            with suppress(OSError):  # the new world is there, whatever comes of the old
+                _keep_new_files(fresh, target, known)
+    except BaseException as error:
+        complete = target.exists() and target.stat().st_ino == number
+        if complete and isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt(f"{target} is complete") from None
         with suppress(OSError):  # those that hold something stay
             for above in made:
                 above.rmdir()
@@ -208,22 +207,30 @@ def updating(out: Path, *, anew: Iterable[str] = (), foreign: Iterable[str] = ()
     Raises:
         OutputError: if another process writes the world, or a file of others is in the way.
         StorageError: if the disk does not take what is written.
+        KeyboardInterrupt: with what the world is, where that came when it was whole.
     """
     for name in ("validation", "report.html", "timings.json", NAME):
         if (out / name).is_symlink():
             raise OutputError(f"{out / name} is a link, and would be written: put the file there")
-    with storing(out, out), _staging(out / STAGING, out) as staging:
-        fresh = staging / _NEXT / out.name
-        _link(out, fresh, leave={*foreign}, anew=tuple(f"{folder}/" for folder in anew))
-        yield fresh
-        made = all_files(fresh)
-        if clash := sorted({*made} & {*foreign}):
-            raise OutputError(f"{out / clash[0]} is in the way: move it away")
-        gone = sorted({*all_files(out)} - {*made, *foreign})
-        (fresh.parent / _GONE).write_text(json.dumps(gone), encoding="utf-8")
-        _flush(fresh.parent)
-        fresh.parent.rename(staging / WHOLE)
-        _take_places(staging / WHOLE, out)
+    number = -1
+    try:
+        with storing(out, out), _staging(out / STAGING, out) as staging:
+            fresh = staging / _NEXT / out.name
+            _link(out, fresh, leave={*foreign}, anew=tuple(f"{folder}/" for folder in anew))
+            yield fresh
+            made = all_files(fresh)
+            if clash := sorted({*made} & {*foreign}):
+                raise OutputError(f"{out / clash[0]} is in the way: move it away")
+            gone = sorted({*all_files(out)} - {*made, *foreign})
+            (fresh.parent / _GONE).write_text(json.dumps(gone), encoding="utf-8")
+            _flush(fresh.parent)
+            number = (fresh / NAME).stat().st_ino
+            fresh.parent.rename(staging / WHOLE)
+            _take_places(staging / WHOLE, out)
+    except KeyboardInterrupt:
+        if (out / NAME).stat().st_ino == number:
+            raise KeyboardInterrupt(f"{out} is complete") from None
+        raise
 
 
 def _link(out: Path, fresh: Path, *, leave: Collection[str], anew: tuple[str, ...]) -> None:
@@ -270,17 +277,25 @@ def _take_places(whole: Path, out: Path, *, kept: Collection[str] = ()) -> None:
 @contextmanager
 def _staging(folder: Path, target: Path) -> Iterator[Path]:
     """An empty folder that is locked; it is removed at the end."""
-    handle = _locked(folder, target)
+    handle = -1
     try:
-        _recover(folder, target)
+        with hold_interrupts():
+            handle = _locked(folder, target)
+            _recover(folder, target)
         yield folder
     finally:
-        _recover(folder, target)
-        with suppress(OSError):
-            if len(list(folder.iterdir())) == 1:  # what could not be cleared keeps its mark
-                (folder / LOCK).unlink()
-                folder.rmdir()
-        os.close(handle)
+        with hold_interrupts():
+            if handle >= 0:
+                _clear(folder, target)
+                os.close(handle)
+
+
+def _clear(folder: Path, target: Path) -> None:
+    _recover(folder, target)
+    with suppress(OSError):
+        if len(list(folder.iterdir())) == 1:  # what could not be cleared keeps its mark
+            (folder / LOCK).unlink()
+            folder.rmdir()
 
 
 _NEXT, _GONE = "next", "gone.json"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import ExportError, Stopwatch
+from terrain_forge.base import ExportError, Stopwatch, in_turn, worker_threads
 from terrain_forge.model import Export, World, html_picture, plain_options
 from terrain_forge.recipe import ExportOrder
 
@@ -68,17 +67,13 @@ def write_files(
 
 def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
     """Results of tasks that run two at a time; the first that fails cancels those not begun."""
-    with ThreadPoolExecutor(2) as pool:
+    with worker_threads(2) as pool:
         futures = {name: pool.submit(watch.timed, name, task) for name, task in tasks.items()}
         watch(f"writing: {', '.join([*tasks][:2])}")
-        try:
-            for done, future in enumerate(as_completed(futures.values()), 1):
-                future.result()
-                others = [name for name, other in futures.items() if not other.done()]
-                watch(f"writing: {', '.join(others[:2])}", done / len(futures))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        for done, future in enumerate(in_turn(futures.values()), 1):
+            future.result()
+            others = [name for name, other in futures.items() if not other.done()]
+            watch(f"writing: {', '.join(others[:2])}", done / len(futures))
     return {name: future.result() for name, future in futures.items()}
 
 

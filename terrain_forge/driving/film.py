@@ -7,7 +7,6 @@ stands before them.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from terrain_forge.base import (
     Array,
     linear_from_srgb,
     matrix_from_quaternion,
+    worker_threads,
 )
 from terrain_forge.driving.result import DriveResult
 from terrain_forge.geometry import rover_looks
@@ -58,7 +58,7 @@ def write_film(world: World, result: DriveResult, path: Path) -> Path:
     """Write the drive as an animated WebP, seen from behind the rover, with a map of the path."""
     poses = np.unique(np.linspace(0, len(result.time) - 1, FRAMES).round().astype(int)).tolist()
     planned = next(t for t in world.trajectories if t.name == result.path).position[:, :2]
-    with ThreadPoolExecutor(2) as pool:
+    with worker_threads(2) as pool:
         # While one frame's rays are cast, the next one's scene is made.
         frames = list(pool.map(partial(_frame, world, result, planned), poses))
     times = [_FRAME_MS] * (len(frames) - 1) + [_LAST_MS]

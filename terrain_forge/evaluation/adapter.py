@@ -35,8 +35,9 @@ class Adapter(Spec):
     The command is words, not a shell's line: `{input}` stands for the folder or file of the
     recording in the `input` format, `{output}` for the file that the program shall write its
     trajectory to, `{calibration}` for the folder of the recording's calibration files, `{folder}`
-    for the temporary folder that it runs in, `{binary}` for the program that the user named, `{python}` for the interpreter of the environment that
-    `install` made, `{driver}` for the folder of our small drivers.
+    for the temporary folder that it runs in, `{binary}` for the program that the user named,
+    `{python}` for the interpreter of the environment that `install_system` made, `{driver}` for the
+    folder of our small drivers.
     """
 
     name: FileName

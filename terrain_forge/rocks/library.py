@@ -10,7 +10,6 @@ import json
 import platform
 import tempfile
 import zlib
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
@@ -37,6 +36,7 @@ from terrain_forge.base import (
     read_arrays,
     stage_key,
     to_plain,
+    worker_threads,
 )
 from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
 from terrain_forge.rocks.embedding.footprint import bounds
@@ -141,11 +141,8 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
         return _prototype(family, meshes, spec, name=f"shape {n} ({family})")
 
     files = {mesh.path: mesh.mesh for mesh in custom}
-    threads = ThreadPoolExecutor(get_num_threads())
-    try:
-        prototypes = [*threads.map(made, range(spec.shapes))]
-    finally:  # after the first that cannot be made, or an interrupt, nobody waits for the others
-        threads.shutdown(wait=False, cancel_futures=True)
+    with worker_threads(get_num_threads(), leave=True) as pool:
+        prototypes = [*pool.map(made, range(spec.shapes))]
     for own in spec.meshes:
         laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
         prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))

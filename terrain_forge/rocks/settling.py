@@ -20,14 +20,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, matrix_from_quaternion, mix, portable, uniforms
+from terrain_forge.base import (
+    Array,
+    matrix_from_quaternion,
+    mix,
+    portable,
+    uniforms,
+    worker_threads,
+)
 from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
 from terrain_forge.rocks.embedding.burial import burial_ranges
 from terrain_forge.rocks.embedding.dynamic import dynamic_contact
@@ -142,7 +148,7 @@ def settle(
         return _settled(rock, grid, np.uint64(rocks.id[row]))
 
     found = []
-    with ThreadPoolExecutor(get_num_threads()) as pool:
+    with worker_threads(get_num_threads()) as pool:
         for outcome in pool.map(settled, wanted.tolist()):
             found.append(outcome)
             if progress and len(found) % 16 == 0:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from numba import get_num_threads, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, inner, kernel, srgb_from_linear
+from terrain_forge.base import Array, inlined, inner, kernel, srgb_from_linear, worker_threads
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
 from terrain_forge.scene.light import Light, Triple, add_sky, add_surface, towards_sun
@@ -304,7 +303,7 @@ def expose(
         )
 
     # Bands write rows of their own, so that the threads' order does not matter.
-    with ThreadPoolExecutor(get_num_threads()) as threads:
+    with worker_threads(get_num_threads()) as threads:
         list(threads.map(expose_band, range(height // _TILE)))
     return image[: camera.height, : camera.width]
 

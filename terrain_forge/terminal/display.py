@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 import click
 
-from terrain_forge.base import Progress, Stopwatch, silent
+from terrain_forge.base import Progress, Stopwatch, ask_for_interrupt, hold_interrupts, silent
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -27,12 +27,10 @@ class Display:
 
     Args:
         stages: The stages to expect.
-        ask: Called at each report; may raise to end the work.
     """
 
-    def __init__(self, stages: Sequence[str], *, ask: Callable[[], None] | None = None) -> None:
+    def __init__(self, stages: Sequence[str]) -> None:
         self._stages = list(stages)
-        self._ask = ask
         self._stage = self._part = ""
         self._share = self._most = 0.0
         self._begun = self._since = self._part_since = time.monotonic()
@@ -56,8 +54,7 @@ class Display:
 
     def __call__(self, stage: str, share: float = 0.0) -> None:
         """A stage begins, or is so far; after `: ` stands what it is busy with."""
-        if self._ask:
-            self._ask()
+        ask_for_interrupt()
         name = stage.partition(": ")[0]
         if stage != self._part:
             self._part, self._part_since = stage, time.monotonic()
@@ -69,7 +66,8 @@ class Display:
         self._end = time.monotonic() + self._rest()
         if self._bar:
             self._most = max(self._most, self._done())
-            self._bar.update(self._bar.task_ids[0], completed=self._most, description=stage)
+            with hold_interrupts():  # a thread draws it
+                self._bar.update(self._bar.task_ids[0], completed=self._most, description=stage)
 
     def expect(self, seconds: Mapping[str, float]) -> None:
         """Take how long each stage is expected to take [s]."""

@@ -19,7 +19,13 @@ from typing import Any
 import click
 from click.exceptions import NoArgsIsHelpError
 
-from terrain_forge.base import SimulationError, StorageError, TerrainForgeError, plugin_at_fault
+from terrain_forge.base import (
+    SimulationError,
+    StorageError,
+    TerrainForgeError,
+    listen_for_interrupts,
+    plugin_at_fault,
+)
 from terrain_forge.terminal.lines import say
 
 FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
@@ -34,45 +40,15 @@ _NO_PATH = {errno.ENAMETOOLONG, errno.EISDIR, errno.ENOTDIR, errno.ELOOP}
 _M_ARENA_MAX = -8
 
 
-class Interrupt:
-    """Ctrl-C and a polite kill, which clean up alike.
-
-    Python drops what a callback or a finaliser raises, so a build asks again at each stage.
-    """
-
-    def __init__(self) -> None:
-        self._came = False
-
-    def listen(self) -> None:
-        """Take the process's signals; those that it was told to ignore stay ignored."""
-        self._came = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) != signal.SIG_IGN:
-                signal.signal(number, self._take)
-
-    def ask(self) -> None:
-        """Raise KeyboardInterrupt where one has come."""
-        if self._came:
-            raise KeyboardInterrupt
-
-    def _take(self, number: int, frame: object) -> None:
-        del number, frame
-        self._came = True
-        raise KeyboardInterrupt
-
-
-INTERRUPT = Interrupt()
-"""The process's own."""
-
-
 def run_command(command: click.Command, arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
     # A build makes many objects and few cycles, the kernels' compiler above all.
     gc.set_threshold(100_000, 50, 50)
     _share_one_heap()
     try:
-        INTERRUPT.listen()
-        return int(command.main(arguments, prog_name="terrain-forge", standalone_mode=False) or 0)
+        with listen_for_interrupts():
+            status = command.main(arguments, prog_name="terrain-forge", standalone_mode=False)
+            return int(status or 0)
     except NoArgsIsHelpError as error:
         error.show()
         return WRONG_INPUT

@@ -6,7 +6,6 @@ import ctypes
 import logging
 import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import RecipeError
+from terrain_forge.base import RecipeError, worker_threads
 from terrain_forge.model import Check, Export, World
 from terrain_forge.validation.consumer import Consumer, NotRun
 from terrain_forge.validation.measures import (
@@ -47,7 +46,7 @@ def quick_checks(
     """Compare each export with the world as its quick consumers read it, at random points."""
     sample = draw_sample(world, points=points, quick=True)
     quick = [(e, c, o) for e in exports for c, o in consumers(e) if c.quick]
-    with ThreadPoolExecutor(2) as pool:
+    with worker_threads(2) as pool:
         found = pool.map(lambda one: _quickly(sample, directory, *one), quick)
         return [check for checks in found for check in checks]
 

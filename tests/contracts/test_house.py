@@ -234,3 +234,11 @@ def test_import_is_light():
 def test_everything_is_offered_from_one_place():
     assert dir(tf) == sorted(dir(tf))
     assert {"load_recipe", "plan", "realise", "build", "World", "Recipe"} <= set(dir(tf))
+
+
+def test_threads_begin_in_one_place():
+    """Elsewhere an interrupt could meet the main thread where others then wait for it for ever."""
+    words = ("ThreadPoolExecutor(", "Thread(")
+    files = [*PACKAGE.rglob("*.py"), *(ROOT / "exporters").rglob("*.py")]
+    found = [path for path in files if any(word in path.read_text() for word in words)]
+    assert found == [PACKAGE / "base" / "threads.py"]

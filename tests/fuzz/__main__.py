@@ -13,20 +13,24 @@ from tests.fuzz.campaign import KINDS, Campaign
 def main() -> int:
     """Run, and print the figures; 1 if anything was found."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--inputs", type=int, default=10**9)
+    parser.add_argument("--minutes", type=float, default=None, help="default: 1, or as inputs take")
+    parser.add_argument("--inputs", type=int, default=None)
     parser.add_argument("--corpus", action="store_true", help="first those that once failed")
     parser.add_argument("--kind", choices=KINDS, action="append", help="default: all")
     parser.add_argument("--seed", type=int, default=None, help="default: the clock's")
     parser.add_argument("--builds", type=float, default=0.1, help="part of good recipes built")
+    parser.add_argument("--timed", action="store_true", help="also kill at random times")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"), metavar="FOLDER")
     given = parser.parse_args()
     seed = int(time.time()) if given.seed is None else given.seed
     kinds = tuple(given.kind or KINDS)
-    campaign = Campaign(seed=seed, kinds=kinds, keep=given.keep, builds=given.builds)
+    minutes = given.minutes or (1e9 if given.inputs else 1.0)
+    campaign = Campaign(
+        seed=seed, kinds=kinds, keep=given.keep, builds=given.builds, timed=given.timed
+    )
     if given.corpus:
         campaign.regressions()
-    figures = campaign.run(seconds=60 * given.minutes, inputs=given.inputs)
+    figures = campaign.run(seconds=60 * minutes, inputs=given.inputs or 10**9)
     sys.stdout.write("\n".join([f"seed {seed}", *figures.lines()]) + "\n")
     return 1 if figures.findings else 0
 

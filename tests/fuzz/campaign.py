@@ -56,13 +56,21 @@ class Campaign:
         kinds: Of `KINDS`.
         keep: Where inputs that fail are saved.
         builds: Part of the good recipes that is built too.
+        timed: Whether commands are killed at random times too.
     """
 
     def __init__(
-        self, *, seed: int, kinds: tuple[str, ...] = KINDS, keep: Path, builds: float = 0.1
+        self,
+        *,
+        seed: int,
+        kinds: tuple[str, ...] = KINDS,
+        keep: Path,
+        builds: float = 0.1,
+        timed: bool = False,
     ) -> None:
         self.figures = Figures()
-        self._rng, self._kinds, self._keep, self._builds = random.Random(seed), kinds, keep, builds
+        self._seed, self._rng = seed, random.Random()
+        self._kinds, self._keep, self._builds = kinds, keep, builds
         self._place = Path(tempfile.mkdtemp(prefix="fuzz-"))
         (self._place / "good").mkdir()
         good = {**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}
@@ -73,7 +81,8 @@ class Campaign:
         }
         if {"worlds", "kills"} & {*kinds}:
             world = self._good_world()
-            self._writers["worlds"], self._kills = Worlds(self._rng, world), Kills(self._rng, world)
+            self._writers["worlds"] = Worlds(self._rng, world)
+            self._kills = Kills(self._rng, world, timed=timed)
 
     def regressions(self) -> None:
         """Check the inputs that something was once wrong with."""
@@ -116,9 +125,11 @@ class Campaign:
     def _step(self, kind: str) -> None:
         folder = self._place / "case"
         folder.mkdir()
+        # Each input has its own chance, whatever came of those before.
+        self._rng.seed(f"{self._seed} {kind} {self.figures.inputs[kind]}")
         self.figures.inputs[kind] += 1
         if kind == "kills":
-            found, command = self._kills.attempt(folder), "build, export, validate"
+            found, command = self._kills.attempt(folder)
         else:
             if kind == "recipes":
                 put_traps(folder)

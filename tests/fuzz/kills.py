@@ -10,7 +10,8 @@ import resource
 import shutil
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from tests.fuzz import samples, trial
@@ -18,10 +19,15 @@ from tests.fuzz import samples, trial
 EVENTS = {"open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "ctypes.dlsym", "os.scandir"}
 """What Python tells of the file system (its audit events)."""
 LIMITS = {"seconds": trial.BUILD_SECONDS, "memory": trial.BUILD_MEMORY}
-STEPS = 1200
-"""Steps at which a command is met, at most."""
+KINDS = "size", "step", "refusal"
+"""How a command is met, the same on each machine."""
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 _REFUSALS = (errno.ENOSPC, errno.EROFS, errno.EDQUOT, errno.EIO)
+
+
+BUILD = "build", "recipe.yaml", "-o", "world"
+COMMANDS = BUILD, BUILD, ("export", "world", "--only", "geotiff"), ("validate", "world", "--quick")
+_SIGNALS = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
 
 
 class Kills:
@@ -30,55 +36,75 @@ class Kills:
     Args:
         rng: where chance comes from.
         world: a good one.
+        timed: whether some are killed after a time; when that is, another machine decides anew.
     """
 
-    def __init__(self, rng: random.Random, world: Path) -> None:
-        self._rng, self._world = rng, world
+    def __init__(self, rng: random.Random, world: Path, *, timed: bool = False) -> None:
+        self._rng, self._world, self._timed = rng, world, timed
+        self._steps: dict[str, int] = {}
+        """Number of steps by command."""
 
-    def attempt(self, folder: Path) -> list[str]:
-        """Meet one command; what is wrong with what came of it."""
+    def attempt(self, folder: Path) -> tuple[list[str], str]:
+        """Meet one command; what is wrong with what came of it, and what was done."""
         rng = self._rng
         world = folder / "world"
-        shutil.copytree(self._world, world, symlinks=True)
-        samples.write_recipe({**samples.of_rocks(samples.STONES), "seed": rng.randrange(9)}, folder)
-        command = rng.choice((
-            ("build", "recipe.yaml", "-o", "world"),
-            ("build", "recipe.yaml", "-o", "world"),
-            ("export", "world", "--only", "geotiff"),
-            ("validate", "world", "--quick"),
-        ))  # fmt: skip
+        self._lay_out(folder, seed=rng.randrange(9))
+        command = rng.choice(COMMANDS)
         older = digest(world)
-        kind = rng.randrange(4)
-        if kind == 0:
-            number = rng.choice((signal.SIGKILL, signal.SIGTERM, signal.SIGINT))
+        kind = rng.choice(("time", *KINDS) if self._timed else KINDS)
+        number, refusal = rng.choice(_SIGNALS), rng.choice(_REFUSALS)
+        if kind == "time":
             when = rng.uniform(0.0, 4.0)
+            what = f"{number.name} after {when:.3f} s"
             ended = trial.run(command, folder, **LIMITS, kill=(when, number))
-            allowed = [0, 1, 130] if number != signal.SIGKILL else [0, 1, -signal.SIGKILL]
-        elif kind == 1:
+            allowed = [0, 1, 130]
+        elif kind == "size":
             limit = int(10 ** rng.uniform(3.7, 6))
+            what = f"files of at most {limit} bytes"
             ended = trial.run(command, folder, **LIMITS, before=_limited(limit))
             allowed = [0, 1, 3]
         else:
-            number = rng.choice((signal.SIGKILL, signal.SIGTERM, signal.SIGINT))
-            step = int(STEPS ** rng.random())
-            act = _killing(number) if kind == 2 else _refusing(rng.choice(_REFUSALS), world)
-            writes = kind == 3
+            writes = kind == "refusal"
+            steps, share = self._count(command, folder, writes=writes), rng.random()
+            step = int(steps**share if rng.random() < 0.5 else 1 + steps * share)
+            act = _killing(number) if kind == "step" else _refusing(refusal, world)
+            what = f"{number.name if kind == 'step' else os.strerror(refusal)} at step {step}"
             ended = trial.run(command, folder, **LIMITS, before=lambda: at_step(step, act, writes))
-            allowed = [0, 1, 3] if kind == 3 else [0, 1, 130, -number]
+            allowed = [0, 1, 3] if writes else [0, 1, 130]
         found = []
         if ended.status not in (-signal.SIGKILL, -signal.SIGTERM):  # the latter before it listens
             found = trial.faults(ended, allowed=allowed, **LIMITS)
-        if ended.status != -signal.SIGKILL and kind != 3:  # a disk may refuse the tidying too
+        if ended.status != -signal.SIGKILL and kind != "refusal":  # which tidying may meet too
             found += _left(folder)
         whole = digest(world)
         if command[0] == "build" and whole != older and not _is_whole(world):
             found.append(f"lost: {command[0]} ended {ended.status}")
         # What an export or a validation has left half done, the same command makes good.
-        for after in dict.fromkeys((command, ("build", "recipe.yaml", "-o", "world"))):
+        for after in dict.fromkeys((command, BUILD)):
             again = trial.run(after, folder, **LIMITS)
             faults = [*trial.faults(again, allowed=(0, 1), **LIMITS), *_left(folder)]
             found += [f"{after[0]} after {command[0]}: {fault}" for fault in faults]
-        return found
+        return found, f"{' '.join(command)}: {what}\n{ended.stderr}"
+
+    def _lay_out(self, folder: Path, *, seed: int) -> None:
+        shutil.copytree(self._world, folder / "world", symlinks=True)
+        samples.write_recipe({**samples.of_rocks(samples.STONES), "seed": seed}, folder)
+
+    def _count(self, command: Sequence[str], folder: Path, *, writes: bool) -> int:
+        """How many steps, or writing ones, a command takes in the file system; found out once."""
+        name = f"{command[0]} {writes}"
+        if name not in self._steps:
+            place, log = folder.with_name("counted"), folder.with_name("steps")
+            place.mkdir()
+            self._lay_out(place, seed=1)
+            handle = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+            count = partial(at_step, 1, lambda _: os.write(handle, b"."), writes)
+            trial.run(command, place, **LIMITS, before=count)
+            os.close(handle)
+            self._steps[name] = log.stat().st_size
+            shutil.rmtree(place)
+            log.unlink()
+        return self._steps[name]
 
 
 def digest(folder: Path) -> str:
@@ -113,7 +139,7 @@ def _left(folder: Path) -> list[str]:
     return []
 
 
-def at_step(step: int, act: Callable[[str], None], writes: bool = False) -> None:
+def at_step(step: int, act: Callable[[str], object], writes: bool = False) -> None:
     """Act from the n-th step of this process in the file system on, or of its writing steps."""
     seen = 0
 

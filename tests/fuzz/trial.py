@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import re
@@ -19,7 +20,9 @@ from pathlib import Path
 from tests.helpers import command_line
 
 SECONDS = 20.0
-"""How long a command may take that builds nothing [s]."""
+"""Processor time that a command may take that builds nothing [s]."""
+HANGS = 10.0
+"""It hangs after so many times that: a machine with other work to do is slow."""
 MEMORY = 3e9
 """What it may take of memory [bytes]."""
 BUILD_SECONDS, BUILD_MEMORY = 90.0, 6e9
@@ -36,7 +39,7 @@ class Ended:
     status: int | None
     """Its exit status, negative for a signal; None if it was killed for the time that it took."""
     seconds: float
-    """How long it took [s]."""
+    """Processor time that it took [s]."""
     memory: float
     """Its largest memory [bytes]."""
     stdout: str
@@ -75,7 +78,7 @@ def run(
     Args:
         arguments: The command line.
         folder: The working folder.
-        seconds: When it is killed as hanging.
+        seconds: Processor time that it should take.
         memory: What it may allocate [bytes].
         before: Called in its process before it begins.
         kill: When it gets a signal, seconds after its begin, and which.
@@ -91,9 +94,11 @@ def run(
     try:
         if kill is not None and not select.select([handle], [], [], kill[0])[0]:
             os.kill(number, kill[1])
-        left = max(seconds - (time.monotonic() - begin), 0.0)
+        left = max(HANGS * seconds - (time.monotonic() - begin), 0.0)
         hangs = not select.select([handle], [], [], left)[0]
         if hangs:
+            os.kill(number, signal.SIGABRT)  # it says where its threads are
+            select.select([handle], [], [], 5.0)
             os.killpg(number, signal.SIGKILL)
         _, status, usage = os.wait4(number, 0)
     finally:
@@ -103,7 +108,7 @@ def run(
         log.unlink()
     return Ended(
         status=None if hangs else os.waitstatus_to_exitcode(status),
-        seconds=time.monotonic() - begin,
+        seconds=usage.ru_utime + usage.ru_stime,
         memory=usage.ru_maxrss * 1024.0,
         stdout=out,
         stderr=err,
@@ -129,6 +134,7 @@ def _be_command(
         )
         resource.setrlimit(resource.RLIMIT_DATA, (int(1.3 * memory), int(1.3 * memory)))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        faulthandler.enable(2)
         warnings.resetwarnings()
         for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
             warnings.simplefilter("ignore", kind)
@@ -155,7 +161,8 @@ def faults(
     found = []
     lines = [line for line in ended.stderr.split("\n") if line and not _OURS.match(line)]
     if ended.status is None or ended.seconds > seconds:
-        found.append(f"hang: over {seconds:g} s")
+        how = "hangs" if ended.status is None else f"slow: over {seconds:g} s"
+        found.append(how)
     if ended.memory > memory:
         found.append(f"memory: over {memory / 1e9:g} GB")
     if "Traceback (most recent call last)" in ended.stderr:

@@ -32,7 +32,7 @@ def run(*arguments: object) -> Done:
     from terrain_forge.cli import main  # the one that is imported now, see plugins.fresh
 
     out, err = io.StringIO(), io.StringIO()
-    with _process_as_it_was(), redirect_stdout(out), redirect_stderr(err):
+    with process_as_it_was(), redirect_stdout(out), redirect_stderr(err):
         told = logging.StreamHandler(err)  # pytest has handlers, so basicConfig adds none
         told.setLevel(logging.WARNING)
         logging.getLogger().addHandler(told)
@@ -44,7 +44,8 @@ def run(*arguments: object) -> Done:
 
 
 @contextmanager
-def _process_as_it_was() -> Iterator[None]:
+def process_as_it_was() -> Iterator[None]:
+    """Undo what a command does to its process: signals, garbage collection."""
     handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     thresholds = gc.get_threshold()
     try:

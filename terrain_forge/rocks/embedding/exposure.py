@@ -10,14 +10,13 @@ sampled so closely that 96 % of all diameters are exact, and the others off by 0
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel
+from terrain_forge.base import Array, inner, kernel, worker_threads
 from terrain_forge.model import RockPrototype
 from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter, mean_width
 
@@ -56,7 +55,7 @@ class Exposure(NamedTuple):
 
 def exposure(prototypes: Sequence[RockPrototype]) -> Exposure:
     """What decides the exposed diameters of prototypes, of which there may be none."""
-    with ThreadPoolExecutor(get_num_threads()) as pool:
+    with worker_threads(get_num_threads()) as pool:
         found = list(pool.map(_outermost, prototypes))
     vertices = [np.empty((0, 3)), *(rows for points, _ in found for rows in points)]
     crossings = [np.empty((0, 6)), *(rows for _, lines in found for rows in lines)]

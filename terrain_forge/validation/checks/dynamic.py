@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, SimulationError
+from terrain_forge.base import Array, SimulationError, worker_threads
 from terrain_forge.driving import load_scene
 from terrain_forge.model import Check, World, at_least, failed
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
@@ -87,7 +86,7 @@ def watch(world: World, scene: Path) -> Stay:
     bodies = np.array([body[rock] for rock in rocks.id.tolist()])
     watched = np.unique(np.linspace(0, len(rocks) - 1, MOST_WATCHED).round().astype(np.intp))
     parts = np.array_split(watched, min(get_num_threads(), len(watched)))
-    with ThreadPoolExecutor(len(parts)) as pool:
+    with worker_threads(len(parts)) as pool:
         moved = list(pool.map(lambda part: _let_be(model, bodies, part, scene), parts))
     shift, turn = np.concatenate(moved, axis=1)
     return Stay(id=rocks.id[watched], shift=shift / rocks.diameter[watched], turn=turn)

@@ -12,6 +12,7 @@ from terrain_forge.paths import NamedShape
 from terrain_forge.paths.named_shape import shortening
 from terrain_forge.terminal import run_command
 from terrain_forge.terrain import CraterProduction
+from tests.helpers.command_line import process_as_it_was
 
 FOREIGN = """
 from dataclasses import dataclass
@@ -21,6 +22,12 @@ from terrain_forge.paths import NamedShape
 class Mine(NamedShape):
     kind: Literal["spline"] = "spline"
 """
+
+
+@pytest.fixture(autouse=True)
+def _process():
+    with process_as_it_was():
+        yield
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ import pytest
 import rasterio
 
 from terrain_forge import World, load_recipe, plan, realise
+from terrain_forge.base import ask_for_interrupt, listen_for_interrupts
 from terrain_forge.model import Window
 from terrain_forge.recipe import RecipeFile
 from terrain_forge.truth import rock_rasters
@@ -264,7 +265,6 @@ def test_interruption_leaves_nothing_half(tmp_path, number):
 
 def test_a_dropped_interrupt_is_told_at_the_next_stage(monkeypatch):
     """Python drops what a finaliser raises."""
-    from terrain_forge.terminal import Interrupt
 
     class Finalised:
         def __del__(self):
@@ -274,14 +274,13 @@ def test_a_dropped_interrupt_is_told_at_the_next_stage(monkeypatch):
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     dropped = []
     monkeypatch.setattr(sys, "unraisablehook", dropped.append)
-    interrupt = Interrupt()
-    interrupt.listen()
     try:
-        interrupt.ask()
-        Finalised()
-        assert len(dropped) == 1
-        with pytest.raises(KeyboardInterrupt):
-            interrupt.ask()
+        with listen_for_interrupts():
+            ask_for_interrupt()
+            Finalised()
+            assert len(dropped) == 1
+            with pytest.raises(KeyboardInterrupt):
+                ask_for_interrupt()
     finally:
         signal.signal(signal.SIGTERM, before[0])
         signal.signal(signal.SIGINT, before[1])

@@ -506,6 +506,29 @@ def test_an_update_is_killed_at_every_step(changed):
     assert mixed > 5
 
 
+@pytest.mark.parametrize("stride", [7, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("act", [write, change])
+def test_interrupted_at_steps(changed, act, stride):
+    """The tidying itself is not interrupted."""
+    step, statuses = 1 - stride, []
+    while 0 not in statuses:
+        step += stride
+        with child() as status:
+            if not status:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+                at_step(step, lambda: os.kill(os.getpid(), signal.SIGINT))
+                try:
+                    act(changed, number=step)
+                except KeyboardInterrupt as error:
+                    os._exit(131 if str(error) == f"{changed} is complete" else 130)
+        statuses += status
+        assert (names(changed.parent), ".terrain-forge" in names(changed)) == (["out"], False)
+        done = (changed / "sub" / "world.txt").read_text() == f"world {step}\n"
+        assert not altered_files(changed, read_manifest(changed))
+        assert done == (status[0] in (0, 131))
+    assert {*statuses} == {0, 130, 131}
+
+
 @pytest.mark.parametrize("name", ["notes.txt", "report.html", "sub/world.txt", "sub/mine.txt"])
 def test_what_a_user_puts_into_a_half_updated_world_stays(changed, name):
     with child() as status:

@@ -5,6 +5,13 @@ import json
 import pytest
 
 from terrain_forge.cli import main
+from tests.helpers.command_line import process_as_it_was
+
+
+@pytest.fixture(autouse=True)
+def _process():
+    with process_as_it_was():
+        yield
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What a disk's limits raise, as one error."""
+"""What a disk refuses."""
 
 from __future__ import annotations
 
@@ -14,6 +14,11 @@ from terrain_forge.base import StorageError, TerrainForgeError
 
 _FULL = 2**16
 """Bytes below which a disk is full."""
+_REFUSALS = {
+    *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
+    *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
+    *(errno.ENOENT, errno.EEXIST),
+}
 
 
 @contextmanager
@@ -47,10 +52,3 @@ def _fault(error: BaseException | None, folder: Path) -> str:
     if largest != resource.RLIM_INFINITY and any(size >= largest for size in sizes):
         return os.strerror(errno.EFBIG)
     return ""
-
-
-_REFUSALS = {
-    *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
-    *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
-    *(errno.ENOENT, errno.EEXIST),
-}
