@@ -5,5 +5,5 @@ from .order import Order as Order
 from .record import RECORDING as RECORDING
 from .record import Recorded as Recorded
 from .record import record_dataset as record_dataset
-from .setting import instruments_of as instruments_of
+from .setting import find_instrument as find_instrument
 from .setting import open_setting as open_setting

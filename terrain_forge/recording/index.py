@@ -72,10 +72,10 @@ def write_index(
     Returns:
         How many measurements there are, by the folders' names.
     """
-    done = [one for one in folders if one.instrument.sensor.name in spans]
+    done = [one for one in folders if one.sensor.name in spans]
     told = []
     for folder in done:
-        mine = spans[folder.instrument.sensor.name]
+        mine = spans[folder.sensor.name]
         write = _write_table if folder.is_table else _write_files
         times = write(store, folder, mine)
         store.put(f"{MAV}/{folder.name}/sensor.yaml", _calibration(folder, body_of(folders)))
@@ -115,16 +115,13 @@ def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
 
 def _calibration(folder: Folder, body: Folder | None) -> bytes:
     """A sensor's sensor.yaml: EuRoC's keys first, then what its kind tells."""
-    told = folder.instrument.calibration()
-    if folder.prefix:
-        told = told[folder.prefix.rstrip("/")]
     return yaml_text(
         {
             "sensor_type": folder.sensor.kind,
             "comment": folder.sensor.name,
             "T_BS": matrix(from_body(folder, body)),
             "rate_hz": folder.sensor.rate_hz,
-            **told,
+            **folder.instrument.calibration(),
         },
         "T_BS: from the sensor's frame to the body's; SI units",
     )

@@ -32,13 +32,13 @@ from terrain_forge.recording.plan import PLAN, differences, plan_of, plan_text, 
 from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.setting import (
     checked,
-    instruments_of,
     open_setting,
+    tell_unmeasured,
     with_path,
     with_rig,
 )
 from terrain_forge.recording.store import Store
-from terrain_forge.sensors import Frames, Instrument
+from terrain_forge.sensors import Frames, check_mounts, instruments_of
 
 RECORDING = ("load", "scene", "recording", "tables")
 """Stages of a recording."""
@@ -69,24 +69,20 @@ class Recorded:
 class Task(NamedTuple):
     """A measurement that is to be made."""
 
-    folders: tuple[Folder, ...]
-    """Where its files go; they have one instrument."""
+    folder: Folder
+    """Where its files go."""
     number: int
 
     @property
     def instrument(self) -> Frames:
         """What makes it."""
-        return cast(Frames, self.folders[0].instrument)
+        return cast(Frames, self.folder.instrument)
 
     @property
     def names(self) -> dict[str, str]:
-        """Its files by the names of the instrument's streams."""
+        """Its files by the names of their streams."""
         at = int(self.instrument.times[self.number])
-        return {
-            f"{one.prefix}{stream}": file_name(one, stream, at)
-            for one in self.folders
-            for stream in one.streams
-        }
+        return {stream: file_name(self.folder, stream, at) for stream in self.folder.streams}
 
 
 def record_dataset(
@@ -117,18 +113,18 @@ def record_dataset(
     with holding(out):
         watch("scene")
         with open_setting(world, spec) as setting, Store(folder) as store:
-            instruments = tuple(instruments_of(setting).values())
-            chosen = order.chosen(instruments)
+            tell_unmeasured(setting)
+            folders = folders_of(instruments_of(setting))
+            chosen = order.chosen(folders, world.rover.sensors)
+            check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
             for one in chosen:
-                one.check()
-            end = setting.motion.end
-            order.require_some(chosen, end=end, path=setting.motion.path)
-            folders = folders_of(instruments)
+                one.instrument.check()
+            order.require_some(chosen, setting.motion)
             if not (folder / PLAN).exists() and store.size:
                 differing = [f"no {PLAN}"]
                 require_same(folder, [] if order.force else differing)
             anew = bool(differing)
-            tasks = _missing(folders, chosen, order, None if anew else store)
+            tasks = _missing(chosen, order, None if anew else store)
             watch("recording: first measurements")
             _require_room(store, tasks, chosen, order, gained=store.size if anew else 0)
             if anew:
@@ -148,54 +144,45 @@ def _with(spans: Spans, order: Order) -> Spans:
     return joined((*spans, order.span))
 
 
-def _missing(
-    folders: Sequence[Folder], chosen: Sequence[Instrument], order: Order, store: Store | None
-) -> list[Task]:
+def _missing(folders: Sequence[Folder], order: Order, store: Store | None) -> list[Task]:
     """The measurements that are asked for and are not there, in the order of their times."""
-    rows = [
-        _tasks(tuple(one for one in folders if one.instrument is instrument), order, store)
-        for instrument in chosen
-        if isinstance(instrument, Frames)
-    ]
-    merged = heapq.merge(*rows, key=lambda pair: pair[0])
-    return [task for _, task in merged]
+    rows = [_tasks(one, order, store) for one in folders if not one.is_table]
+    return [task for _, task in heapq.merge(*rows, key=lambda pair: pair[0])]
 
 
-def _tasks(
-    folders: tuple[Folder, ...], order: Order, store: Store | None
-) -> Iterator[tuple[int, Task]]:
+def _tasks(folder: Folder, order: Order, store: Store | None) -> Iterator[tuple[int, Task]]:
     """Of one instrument, with their times [ns]."""
-    times = folders[0].instrument.times
+    times = folder.instrument.times
     for number in np.flatnonzero(within(times, (order.span,))).tolist():
-        task = Task(folders, number)
+        task = Task(folder, number)
         if store is None or not all(map(store.holds, task.names.values())):
             yield int(times[number]), task
 
 
 def _require_room(
-    store: Store, tasks: Sequence[Task], chosen: Sequence[Instrument], order: Order, *, gained: int
+    store: Store, tasks: Sequence[Task], chosen: Sequence[Folder], order: Order, *, gained: int
 ) -> None:
     """Refuse a disk that is too small, by a first measurement of each instrument.
 
     Args:
         store: The recording's folder.
         tasks: What is to be made.
-        chosen: All instruments that measure.
+        chosen: The folders of all that measure.
         order: When they do.
         gained: Bytes that go before.
 
     Raises:
         StorageError: says what is needed.
     """
-    sizes: dict[int, int] = {}
+    sizes: dict[str, int] = {}
     for task in tasks:
-        if id(task.folders) not in sizes:
+        if task.folder.name not in sizes:
             files = task.instrument.measure(task.number)
-            sizes[id(task.folders)] = sum(map(len, files.values()))
-    needed = sum(sizes[id(task.folders)] for task in tasks)
+            sizes[task.folder.name] = sum(map(len, files.values()))
+    needed = sum(sizes[task.folder.name] for task in tasks)
     for one in chosen:
-        if not isinstance(one, Frames):
-            rows = int(within(one.times, (order.span,)).sum())
+        if one.is_table:
+            rows = int(within(one.instrument.times, (order.span,)).sum())
             needed += round(rows * measurement_cost(one.sensor)[1])
     place = next(above for above in (store.folder, *store.folder.parents) if above.exists())
     free = shutil.disk_usage(place).free + gained

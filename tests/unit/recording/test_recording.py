@@ -17,9 +17,9 @@ import terrain_forge as tf
 from terrain_forge.base import RecipeError, StorageError, mix
 from terrain_forge.model import sensor_kinds
 from terrain_forge.recording import record as record_file
-from terrain_forge.recording import setting as setting_file
 from terrain_forge.rovers import find_rover
 from terrain_forge.sensors import Frames, Series, Stream
+from terrain_forge.sensors import instrument as instrument_file
 from tests.helpers import worlds
 
 EPOCH = 1_600_000_000_000_000_000
@@ -82,8 +82,7 @@ KINDS = {kind.kind: kind for kind in (Picture, Sweep, Rates)}
 
 @pytest.fixture(autouse=True)
 def _fakes(monkeypatch):
-    for module in (setting_file,):
-        monkeypatch.setattr(module, "instrument_kinds", lambda: KINDS)
+    monkeypatch.setattr(instrument_file, "instrument_kinds", lambda: KINDS)
     monkeypatch.setattr(Picture, "made", count())
 
 
@@ -101,7 +100,7 @@ def world():
 def whole(world, tmp_path_factory):
     """The recording of it all."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(setting_file, "instrument_kinds", lambda: KINDS)
+        patch.setattr(instrument_file, "instrument_kinds", lambda: KINDS)
         out = tmp_path_factory.mktemp("whole")
         result = tf.record(world, out, workers=1)
     return out / "dataset", result
@@ -145,10 +144,10 @@ def test_the_folder_is_laid_out_as_readers_expect(whole, world):
 def test_the_truth_is_that_of_the_motion_at_each_sensor_s_own_times(whole, world):
     folder, _ = whole
     with tf.open_setting(world) as setting:
-        instruments = tf.instruments_of(setting)
         for name, place in (("eye", "cam0"), ("lidar", "lidar0"), ("imu", "imu0")):
             rows = np.loadtxt(folder / "truth" / f"{place}.tum")
-            state = instruments[name].state(instruments[name].times / 1e9)
+            instrument = tf.find_instrument(setting, name)
+            state = instrument.state(instrument.times / 1e9)
             assert rows[:, 1:4] == pytest.approx(state.position, abs=1e-12)
             x, y, z, w = rows[:, 4:].T
             ahead = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], 1)
@@ -213,7 +212,7 @@ def test_a_part_has_the_bytes_of_the_whole_and_parts_add_up(whole, world, tmp_pa
     assert set(rows) <= set(wanted["mav0/imu0/data.csv"].splitlines())
     assert len(rows) == 301
     with tf.open_setting(world) as setting:
-        alone = tf.instruments_of(setting)["eye"].measure(9)
+        alone = tf.find_instrument(setting, "eye").measure(9)
     assert alone["data"] == wanted[f"mav0/cam0/data/{EPOCH + 4_500_000_000}.bin"]
     tf.record(world, tmp_path, begin=0.0, end=4.0, only=("lidar", "imu"))
     tf.record(world, tmp_path)
