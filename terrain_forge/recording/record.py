@@ -21,6 +21,7 @@ from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import measurement_cost, seconds_of
+from terrain_forge.recording.formats import formats_of, write_formats
 from terrain_forge.recording.index import (
     dataset_folder,
     file_name,
@@ -40,7 +41,7 @@ from terrain_forge.recording.setting import (
 from terrain_forge.recording.store import Store
 from terrain_forge.sensors import Frames, check_mounts, instruments_of
 
-RECORDING = ("load", "scene", "recording", "tables")
+RECORDING = ("load", "scene", "recording", "tables", "formats")
 """Stages of a recording."""
 _SPARE = 2**24
 """Bytes of a disk that are left free."""
@@ -60,6 +61,8 @@ class Recorded:
     """Measurements that are there, by the sensors' folders."""
     size: int
     """Bytes of it all."""
+    losses: dict[str, tuple[str, ...]]
+    """What further formats that were written now cannot say."""
 
     def __repr__(self) -> str:
         streams = ", ".join(f"{name} {count:,}" for name, count in self.streams.items())
@@ -105,6 +108,7 @@ def record_dataset(
     """
     order.require()
     spec = with_path(world, checked(spec))
+    formats = formats_of(spec)
     folder = dataset_folder(out)
     plan = plan_of(with_rig(world, spec), spec)
     differing = differences(folder, plan)
@@ -137,7 +141,10 @@ def record_dataset(
             for one in chosen:
                 spans[one.sensor.name] = _with(spans.get(one.sensor.name, ()), order)
             streams = write_index(store, setting, folders, spec=spec, spans=spans)
-            return Recorded(folder=folder, made=len(tasks), streams=streams, size=store.size)
+            losses = write_formats(store, formats, watch)
+            return Recorded(
+                folder=folder, made=len(tasks), streams=streams, size=store.size, losses=losses
+            )
 
 
 def _with(spans: Spans, order: Order) -> Spans:
