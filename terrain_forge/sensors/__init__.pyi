@@ -1,11 +1,14 @@
 """What a rover sees and feels: its motion, and instruments that measure it."""
 
+from .instrument import NANOSECONDS as NANOSECONDS
 from .instrument import Frames as Frames
 from .instrument import Instrument as Instrument
 from .instrument import Series as Series
 from .instrument import Setting as Setting
 from .instrument import Stream as Stream
 from .instrument import instrument_kinds as instrument_kinds
+from .instrument import instruments_of as instruments_of
+from .lens import OPTICAL as OPTICAL
 from .links import RoverLinks as RoverLinks
 from .links import rolled as rolled
 from .motion import Curve as Curve
