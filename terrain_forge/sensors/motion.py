@@ -138,6 +138,8 @@ class Motion(Record):
     wheels: Array | None = field(default=None, metadata=shaped("looks", "wheels"))
     """Angles of the wheels about their axles [rad], forwards positive, at the samples of `base`, in
     the order of the rover's wheels; None where nothing was simulated."""
+    ended: str = ""
+    """Why it ends before the path does; empty where it does not."""
 
     @property
     def end(self) -> float:
