@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from terrain_forge.base import Progress, RecipeError, hint_at, read_text
@@ -65,13 +66,17 @@ def write_formats(
             name,
             store.folder / name,
             options,
-            progress=lambda _, share, name=name: progress(f"formats: {name}", share),
+            progress=partial(_tell, progress, name),
         )
         store.adopt(name)
         losses[name] = tuple(report.losses)
         made[name] = told
         store.put(_MADE, (json.dumps(made, indent=1) + "\n").encode())
     return losses
+
+
+def _tell(progress: Progress, name: str, _: str, share: float) -> None:
+    progress(f"formats: {name}", share)
 
 
 def _made(store: Store) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError, hint_at
-from terrain_forge.model import Sensor, Trajectory, World, options_adapter
+from terrain_forge.model import Sensor, World, options_adapter
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.driven import motion_of_drive
 from terrain_forge.sensors import (

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import threading
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from ruamel.yaml import YAML
 
 import terrain_forge as tf
 from terrain_forge.base import RecipeError, StorageError, mix
+from terrain_forge.datasets import DatasetWriter
+from terrain_forge.datasets import writer as writer_file
 from terrain_forge.model import sensor_kinds
+from terrain_forge.recording import formats as formats_file
 from terrain_forge.recording import record as record_file
 from terrain_forge.rovers import find_rover
 from terrain_forge.sensors import Frames, Series, Stream
@@ -298,6 +302,53 @@ def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
 def _interrupting(stage, share):
     if re.match(r"recording: 5 of", stage):
         raise KeyboardInterrupt
+
+
+class Counting(DatasetWriter):
+    """Writes how many measurements each sensor has."""
+
+    kind, title = "counts", "numbers"
+
+    @dataclass(frozen=True, kw_only=True)
+    class Options(tf.Spec):
+        """None but a greeting."""
+
+        greeting: str = ""
+        """What it begins with."""
+
+    def write(self, recording, folder, options, progress):
+        assert recording.body_poses.stamps[0] == EPOCH
+        assert len(recording.truth_of(recording.sensor("eye"))) == len(recording.cameras[0].stamps)
+        numbers = [str(len(one.stamps)) for one in recording.sensors]
+        (folder / "sub").mkdir()
+        (folder / "sub" / "numbers.txt").write_text(options.greeting + " ".join(numbers))
+        return ("All else.",)
+
+
+def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_path, monkeypatch):
+    for module in (writer_file, formats_file):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: {"counts": Counting})
+    with pytest.raises(RecipeError, match=r"'count' \(did you mean 'counts'\?\), .*euroc, counts"):
+        tf.record(world, tmp_path, formats=("count",))
+    with pytest.raises(RecipeError, match="greetings: Unexpected keyword"):
+        tf.record(world, tmp_path, formats={"counts": {"greetings": "hi"}})
+    first = tf.record(world, tmp_path, formats=("euroc", "counts"), end=4.0)
+    text = first.folder / "counts" / "sub" / "numbers.txt"
+    assert text.read_text() == "8 4 400"
+    assert first.losses == {"counts": ("All else.",)}
+    assert tf.record(world, tmp_path, formats=("counts",), end=4.0).losses == {}
+    text.unlink()
+    assert tf.record(world, tmp_path, formats=("counts",), end=4.0).losses.keys() == {"counts"}
+    tf.record(world, tmp_path, formats={"counts": {"greeting": "hi "}}, end=5.0)
+    assert text.read_text() == "hi 10 5 500"
+    with (first.folder / "written.csv").open("a") as file:
+        file.write("0,counts/\n")  # killed before the folder was taken note of
+    tf.record(world, tmp_path, formats=("counts",), end=5.0)
+    assert text.read_text() == "10 5 500"
+    (first.folder / "counts" / "mine.txt").write_text("precious")
+    with pytest.raises(tf.OutputError, match="counts exists: remove it"):
+        tf.record(world, tmp_path, formats=("counts",), end=6.0)
+    assert (first.folder / "counts" / "mine.txt").read_text() == "precious"
 
 
 def test_another_process_that_writes_is_respected(world, tmp_path):
