@@ -36,9 +36,7 @@ class Store:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._list:
-            self._list.close()
-            self._list = None
+        self._close()
         (self.folder / _FRESH).unlink(missing_ok=True)
 
     @property
@@ -121,14 +119,26 @@ class Store:
             with suppress(OSError):  # those that hold something stay
                 (self.folder / place).rmdir()
 
+    def settle(self) -> None:
+        """Write the list anew, in order, so that equal recordings have equal lists."""
+        self._close()
+        kept = {n: s for n, s in self._sizes.items() if n.endswith("/") or self.holds(n)}
+        lines = [_HEADER, *(f"{size},{name}" for name, size in sorted(kept.items()))]
+        fresh = self.folder / _FRESH
+        fresh.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        fresh.replace(self.folder / WRITTEN)
+
+    def _close(self) -> None:
+        if self._list:
+            self._list.close()
+            self._list = None
+
     def clear(self) -> None:
         """Remove all files of ours, and folders that they leave empty."""
         for name in [name for name in self._sizes if name.endswith("/")]:
             self.free_folder(name[:-1])
         self._remove([name for name in self._sizes if not name.endswith("/")])
-        if self._list:
-            self._list.close()
-            self._list = None
+        self._close()
         (self.folder / WRITTEN).unlink(missing_ok=True)
         self._sizes = {}
 

@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 
 import terrain_forge as tf
 from terrain_forge.base import RecipeError, StorageError, mix
-from terrain_forge.datasets import DatasetWriter
+from terrain_forge.datasets import DatasetWriter, open_recording
 from terrain_forge.datasets import writer as writer_file
 from terrain_forge.model import sensor_kinds
 from terrain_forge.recording import formats as formats_file
@@ -111,9 +111,9 @@ def whole(world, tmp_path_factory):
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """All of a recording but the list, whose order tells of how it was made."""
+    """All of a recording."""
     paths = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    return {name: p.read_bytes() for name, p in paths.items() if name != "written.csv"}
+    return {name: p.read_bytes() for name, p in paths.items()}
 
 
 def table(path: Path) -> list[list[str]]:
@@ -349,6 +349,22 @@ def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_p
     with pytest.raises(tf.OutputError, match="counts exists: remove it"):
         tf.record(world, tmp_path, formats=("counts",), end=6.0)
     assert (first.folder / "counts" / "mine.txt").read_text() == "precious"
+
+
+def test_a_quick_look_is_every_few_of_the_same_measurements(world, tmp_path):
+    rover = world.rover
+    often = world.replace(
+        rover=rover.replace(sensors=(rover.sensors[0].replace(rate_hz=12.0), *rover.sensors[1:]))
+    )
+    quick = tf.record(often, tmp_path / "quick", profile="quick", end=2.0, only=("eye", "imu"))
+    full = tf.record(often, tmp_path / "full", end=2.0, only=("eye",))
+    assert quick.streams == {"cam0": 8, "imu0": 200}
+    few, many = files(quick.folder), files(full.folder)
+    pictures = [name for name in few if name.startswith("mav0/cam0/data/")]
+    assert all(few[name] == many[name] for name in pictures)
+    about = open_recording(quick.folder)
+    assert (about.cameras[0].rate, about.imus[0].rate) == (4.0, 100.0)
+    assert set(np.diff(about.cameras[0].stamps)) == {250_000_000}
 
 
 def test_another_process_that_writes_is_respected(world, tmp_path):
