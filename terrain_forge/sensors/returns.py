@@ -68,8 +68,6 @@ class Course(NamedTuple):
 class Surfaces(NamedTuple):
     """What the things that rays meet reflect."""
 
-    elevation: NDArray[np.float32]
-    """Heights of the ground's nodes [m], shape [rows, columns]."""
     reflectance: NDArray[np.float32]
     """Of the ground's nodes, shape [rows, columns]."""
     corner: tuple[float, float]
@@ -246,43 +244,31 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 @inner
 def _ground(surfaces, x, y):  # type: ignore[no-untyped-def]
-    """Reflectance and upward normal of the ground.
-
-    The normal is smooth, since the ground's triangles are larger than the spot of a beam.
-    """
-    z, shade, spacing = surfaces.elevation, surfaces.reflectance, surfaces.spacing
-    rows, columns = z.shape
-    column, row = (x - surfaces.corner[0]) / spacing, (y - surfaces.corner[1]) / spacing
+    """Reflectance of the ground at a place."""
+    shade = surfaces.reflectance
+    rows, columns = shade.shape
+    column = (x - surfaces.corner[0]) / surfaces.spacing
+    row = (y - surfaces.corner[1]) / surfaces.spacing
     i = min(max(np.int64(np.floor(column)), 0), columns - 2)
     j = min(max(np.int64(np.floor(row)), 0), rows - 2)
     u, v = min(max(column - i, 0.0), 1.0), min(max(row - j, 0.0), 1.0)
-    along_x, along_y, reflectance = 0.0, 0.0, 0.0
-    for corner in range(4):
-        a, b = corner & 1, corner >> 1
-        weight = (u if a else 1.0 - u) * (v if b else 1.0 - v)
-        west, east = max(i + a - 1, 0), min(i + a + 1, columns - 1)
-        south, north = max(j + b - 1, 0), min(j + b + 1, rows - 1)
-        along_x += weight * (z[j + b, east] - z[j + b, west]) / (east - west)
-        along_y += weight * (z[north, i + a] - z[south, i + a]) / (north - south)
-        reflectance += weight * shade[j + b, i + a]
-    along_x, along_y = along_x / spacing, along_y / spacing
-    length = np.sqrt(1.0 + along_x * along_x + along_y * along_y)
-    return reflectance, (-along_x / length, -along_y / length, 1.0 / length)
+    south = shade[j, i] + u * (shade[j, i + 1] - shade[j, i])
+    north = shade[j + 1, i] + u * (shade[j + 1, i + 1] - shade[j + 1, i])
+    return south + v * (north - south)
 
 
 @inner
 def _reflected(ray, word, lane, hit, x, y, towards, surfaces):  # type: ignore[no-untyped-def]
     """Reflectance times the cosine of incidence where a lane's ray landed."""
     if hit == -1:
-        reflectance, normal = _ground(surfaces, x, y)
+        reflectance = _ground(surfaces, x, y)
+    elif hit >= 0:
+        reflectance = surfaces.rocks[hit]
+    elif hit == -4:
+        reflectance = surfaces.rover[word[COPY, lane]]
     else:
-        normal = hit_normal(ray, lane, hit, surfaces.turns)
-        if hit >= 0:
-            reflectance = surfaces.rocks[hit]
-        elif hit == -4:
-            reflectance = surfaces.rover[word[COPY, lane]]
-        else:
-            reflectance = surfaces.beyond
+        reflectance = surfaces.beyond
+    normal = hit_normal(ray, lane, hit, surfaces.turns)
     return max(-reflectance * _dot(normal, towards), _DARKEST)
 
 

@@ -204,7 +204,6 @@ def _surfaces(setting: Setting) -> Surfaces:
     sides = (reflectance[0], reflectance[-1], reflectance[:, 0], reflectance[:, -1])
     west, south = subject.ground.origin
     found = Surfaces(
-        elevation=subject.ground.elevation,
         reflectance=reflectance,
         corner=(west - float(scene.origin[0]), south - float(scene.origin[1])),
         spacing=subject.ground.spacing,
