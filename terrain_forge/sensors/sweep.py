@@ -208,10 +208,10 @@ def _surfaces(setting: Setting) -> Surfaces:
         corner=(west - float(scene.origin[0]), south - float(scene.origin[1])),
         spacing=subject.ground.spacing,
         beyond=float(np.concatenate(sides).mean(dtype=np.float64)),
-        rocks=np.ascontiguousarray(subject.instances.rgb[:, _RED]),
+        rocks=subject.instances.rgb[:, _RED].copy(),
         ids=merge(world.field, world.neighbours).id,
         turns=subject.instances.rotation,
-        rover=np.ascontiguousarray(setting.scenery.rover_parts.rgb[:, _RED]),
+        rover=setting.scenery.rover_parts.rgb[:, _RED].copy(),
     )
     _KNOWN[setting] = found
     return found
