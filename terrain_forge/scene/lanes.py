@@ -56,23 +56,24 @@ from terrain_forge.scene.stage import (
 
 (
     OWNER, AIM_X, AIM_Y, AIM_Z, RANGE, STEP, HIT_X, HIT_Y, HIT_Z, FLAT_X, FLAT_Y, FLAT_Z, SMOOTH_X,
-    SMOOTH_Y, SMOOTH_Z, BENT_X, BENT_Y, BENT_Z, LIFT, OPEN, ABOVE, WIDE, CLEAR, BACK,
+    SMOOTH_Y, SMOOTH_Z, BENT_X, BENT_Y, BENT_Z, LIFT, OPEN, ABOVE, WIDE, CLEAR, BACK, DARK,
     OWN_X, OWN_Y, OWN_Z, SOIL_RGB, _, _, RGB, _, _, DIRECT, _, _, REST, _, _,
-) = (LANES * (RELIEF_ROWS + row) for row in range(39))  # fmt: skip
+) = (LANES * (RELIEF_ROWS + row) for row in range(40))  # fmt: skip
 """Rows of the workspace behind those of the relief: what a lane sees (a rock's row, -1 the ground,
 -2 nothing, -3 the land beyond, -4 the rover), its unit direction, the distance [m], the angle of a
 pixel [rad], the place in the scene's frame [m], the normals of triangle, smooth surface and grain,
 the height of the smooth surface over the triangle, the open share of the sky, height above the
-ground, a rock's size, clearness of the air, part of the sunlight that comes back, the place in a
+ground, a rock's size, clearness of the air, part of the sunlight that comes back, and
+that small stones keep off, the place in a
 rock's own frame; albedo of the ground there and of the surface; radiance by the Sun and without."""
-WORKSPACE = LANES * (RELIEF_ROWS + 39)
+WORKSPACE = LANES * (RELIEF_ROWS + 40)
 
 _0, _HALF, _1, _2, _EPS = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-12))
 _GRAZING, _TALL = np.float32(0.04), np.float32(0.35)
 _ROUGH, _LEAST_MU, _SURGE, _SURGE_WIDTH, _TINY = (
     np.float32(n) for n in (0.05 * 0.05, 0.1, 0.5, 0.08, 1e-6)
 )
-_SHADE, _FAR_TINT = np.float32(0.7), np.float32(0.35)
+_SHADE = np.float32(0.7)
 _TREAD, _TREAD_PHASE, _FULL_TURN = np.float32(0.09), np.float32(0.25), np.float32(2.0 * np.pi)
 
 
@@ -115,23 +116,47 @@ def _set_unit(space, first, lane, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _meet_ground(space, lane, ray, stage, owner):  # type: ignore[no-untyped-def]
-    x, y, z = ray[NORMAL_X, lane], ray[NORMAL_Y, lane], ray[NORMAL_Z, lane]
-    if z < _0:
-        x, y, z = -x, -y, -z
-    _set_unit(space, FLAT_X, lane, x, y, z)
+def _meet_ground(space, lane, ray, stage):  # type: ignore[no-untyped-def]
     slope_x, slope_y, lift = _ground_below(space, lane, stage)
-    channels = stage.nodes.shape[2] - GROUND_RGB
-    if owner == -1:
-        _set_unit(space, SMOOTH_X, lane, -slope_x, -slope_y, _1)
-        space[LIFT + lane] = lift
-        for channel in range(channels):
-            space[RGB + LANES * channel + lane] = space[SOIL_RGB + LANES * channel + lane]
-        return
-    _set_unit(space, SMOOTH_X, lane, x, y, z)
+    _set_unit(space, SMOOTH_X, lane, -slope_x, -slope_y, _1)
+    space[LIFT + lane] = lift
+    for channel in range(stage.nodes.shape[2] - GROUND_RGB):
+        space[RGB + LANES * channel + lane] = space[SOIL_RGB + LANES * channel + lane]
+
+
+@inner
+def _meet_land(space, lane, ray, word, stage):  # type: ignore[no-untyped-def]
+    a, b, c = _corners(word, lane, stage, stage.land_face)
+    u, v = ray[U, lane], ray[V, lane]
+    _smooth(space, lane, stage, a, b, c, u, v)
     space[OPEN + lane] = _1 if stage.haze < np.inf else _0
-    for channel in range(channels):
-        space[RGB + LANES * channel + lane] = stage.land[channel]
+    first, land = stage.land_corner, stage.land
+    for channel in range(land.shape[1]):
+        space[RGB + LANES * channel + lane] = (
+            (_1 - u - v) * land[a - first, channel]
+            + u * land[b - first, channel]
+            + v * land[c - first, channel]
+        )
+
+
+@inner
+def _corners(word, lane, stage, first):  # type: ignore[no-untyped-def]
+    """Corners of the triangle that a lane hit, whose shape begins at a face."""
+    corners = stage.faces[first + np.int64(word[TRIANGLE, lane])]
+    return corners[0], corners[1], corners[2]
+
+
+@inner
+def _smooth(space, lane, stage, a, b, c, u, v):  # type: ignore[no-untyped-def]
+    """Set the normal between those at a triangle's corners, in the shape's own frame."""
+    for axis in range(3):
+        space[SMOOTH_X + LANES * axis + lane] = (
+            (_1 - u - v) * stage.normals[a, axis]
+            + u * stage.normals[b, axis]
+            + v * stage.normals[c, axis]
+        )
+    x, y, z = space[SMOOTH_X + lane], space[SMOOTH_Y + lane], space[SMOOTH_Z + lane]
+    _set_unit(space, SMOOTH_X, lane, x, y, z)
 
 
 @inner
@@ -152,12 +177,8 @@ def _meet_rock(space, lane, ray, word, stage, rock):  # type: ignore[no-untyped-
             record[TURN + axis] * x + record[TURN + 3 + axis] * y + record[TURN + 6 + axis] * z
         )
     _ground_below(space, lane, stage)
-    u, v = ray[U, lane], ray[V, lane]
-    corners = stage.faces[stage.first_face[rock] + np.int64(word[TRIANGLE, lane])]
-    a, b, c = stage.normals[corners[0]], stage.normals[corners[1]], stage.normals[corners[2]]
-    rest = _1 - u - v
-    for axis in range(3):  # in the rock's own frame until `_carve` turns it
-        space[SMOOTH_X + LANES * axis + lane] = rest * a[axis] + u * b[axis] + v * c[axis]
+    a, b, c = _corners(word, lane, stage, stage.first_face[rock])
+    _smooth(space, lane, stage, a, b, c, ray[U, lane], ray[V, lane])
     space[WIDE + lane], space[COARSEST + lane] = record[SIZE], _TALL * record[SIZE]
     space[STONE + lane] = np.float32((rock * 7919 + 101) & 0xFFFFFF)
     for channel in range(len(record) - ROCK_RGB):
@@ -183,10 +204,20 @@ def _turn_smooth(space, lane, record):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _meet_body(space, lane, word, stage, parts):  # type: ignore[no-untyped-def]
+    for axis in range(3):
+        space[SMOOTH_X + LANES * axis + lane] = space[FLAT_X + LANES * axis + lane]
+    share = _HALF * (_1 + space[SMOOTH_Z + lane])
+    space[OPEN + lane] = share if stage.haze < np.inf else _0
+    for channel in range(parts.shape[1]):
+        space[RGB + LANES * channel + lane] = parts[np.int64(word[COPY, lane]), channel]
+
+
+@inner
 def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[no-untyped-def]
     """Fill in what a lane sees: its place, normals, colours; its direction and angle are set."""
     space[OWNER + lane], space[COARSEST + lane], space[LIFT + lane] = np.float32(owner), _0, _0
-    space[SHADOWED + lane] = _0
+    space[DARK + lane] = _0
     if owner == -2:
         space[RANGE + lane], space[FOOTPRINT + lane] = _0, np.float32(np.inf)
         return
@@ -197,18 +228,17 @@ def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[n
     space[HIT_Z + lane] = origin[2] + far * space[AIM_Z + lane]
     if owner >= 0:
         _meet_rock(space, lane, ray, word, stage, owner)
-    elif owner == -4:
-        x, y, z = ray[NORMAL_X, lane], ray[NORMAL_Y, lane], ray[NORMAL_Z, lane]
-        _set_unit(space, FLAT_X, lane, x, y, z)
-        _set_unit(space, SMOOTH_X, lane, x, y, z)
-        part = parts[np.int64(word[COPY, lane])]
-        space[OPEN + lane] = _HALF * (_1 + space[SMOOTH_Z + lane])
-        if stage.haze == np.inf:
-            space[OPEN + lane] = _0
-        for channel in range(len(part)):
-            space[RGB + LANES * channel + lane] = part[channel]
     else:
-        _meet_ground(space, lane, ray, stage, owner)
+        x, y, z = ray[NORMAL_X, lane], ray[NORMAL_Y, lane], ray[NORMAL_Z, lane]
+        if z < _0 and owner != -4:
+            x, y, z = -x, -y, -z
+        _set_unit(space, FLAT_X, lane, x, y, z)
+        if owner == -1:
+            _meet_ground(space, lane, ray, stage)
+        elif owner == -3:
+            _meet_land(space, lane, ray, word, stage)
+        else:
+            _meet_body(space, lane, word, stage, parts)
     facing = -(
         space[FLAT_X + lane] * space[AIM_X + lane]
         + space[FLAT_Y + lane] * space[AIM_Y + lane]
@@ -263,49 +293,32 @@ def _pressed(space, lane, wheels, sideways, along, cos, sin):  # type: ignore[no
     return depth, tread * cos - edge * sin, tread * sin + edge * cos
 
 
+_GROUND, _LAND = np.float32(-1.0), np.float32(-3.0)
 _KEPT, _DARKER = np.float32(0.45), np.float32(0.3)
 
 
 @inner
-def _grow_ground(space, stage, relief, wheels, behind, anchor):  # type: ignore[no-untyped-def]
-    """Soil, small stones and tracks of the lanes that see the ground."""
+def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anchor):  # type: ignore[no-untyped-def]
+    """Soil, small stones and tracks of the lanes that see the ground or the land beyond."""
     for lane in range(LANES):
         space[PLACE_X + lane] = space[HIT_X + lane] - anchor[0]
         space[PLACE_Y + lane] = space[HIT_Y + lane] - anchor[1]
-    soil_lanes(space, relief.soil, relief.soil_keys)
+    soil_lanes(space, octaves, keys)
     clast_lanes(space, relief)
-    channels = stage.nodes.shape[2] - GROUND_RGB
     for lane in range(LANES):
-        if space[OWNER + lane] != -_1:
-            space[SHADOWED + lane] = _0
+        if space[OWNER + lane] != owner:
             continue
-        depth, track_x, track_y = _imprint(space, lane, stage, wheels, behind)
+        depth, track_x, track_y = _0, _0, _0
+        if owner == _GROUND:
+            depth, track_x, track_y = _imprint(space, lane, stage, wheels, behind)
         kept, steep = _1 - _KEPT * depth, _1 / max(space[SMOOTH_Z + lane], _TINY)
         rise_x = space[RISE_X + lane] * kept + track_x
         rise_y = space[RISE_Y + lane] * kept + track_y
         x, y = space[SMOOTH_X + lane] * steep, space[SMOOTH_Y + lane] * steep
         _set_unit(space, BENT_X, lane, x - rise_x, y - rise_y, _1)
-        space[SHADOWED + lane] *= _1 - depth
-        for channel in range(channels):
+        space[DARK + lane] = space[SHADOWED + lane] * (_1 - depth)
+        for channel in range(stage.nodes.shape[2] - GROUND_RGB):
             space[RGB + LANES * channel + lane] *= space[VALUE + lane] * (_1 - _DARKER * depth)
-
-
-@inner
-def _grow_land(space, stage, relief, anchor):  # type: ignore[no-untyped-def]
-    """Soil of the lanes that see land beyond the site."""
-    for lane in range(LANES):
-        space[PLACE_X + lane] = space[HIT_X + lane] - anchor[0]
-        space[PLACE_Y + lane] = space[HIT_Y + lane] - anchor[1]
-    soil_lanes(space, relief.far, relief.far_keys)
-    channels = stage.nodes.shape[2] - GROUND_RGB
-    for lane in range(LANES):
-        if space[OWNER + lane] == np.float32(-3.0):
-            steep = _1 / max(space[SMOOTH_Z + lane], _TINY)
-            x = space[SMOOTH_X + lane] * steep - space[RISE_X + lane]
-            y = space[SMOOTH_Y + lane] * steep - space[RISE_Y + lane]
-            _set_unit(space, BENT_X, lane, x, y, _1)
-            for channel in range(channels):
-                space[RGB + LANES * channel + lane] *= _1 + _FAR_TINT * space[VALUE + lane]
 
 
 _LOW_0, _LOW_1, _UP, _UP_VALUE, _LOW_DUST, _SPOTS, _SOILED = (
@@ -352,14 +365,18 @@ def shine(space, stage, relief, wheels, behind, anchor):  # type: ignore[no-unty
     for lane in range(LANES):
         owner = space[OWNER + lane]
         ground, land, rocks = (
-            ground or owner == -_1, land or owner == np.float32(-3.0), rocks or owner >= _0
+            ground or owner == _GROUND, land or owner == _LAND, rocks or owner >= _0
         )  # fmt: skip
     if rocks:  # first, since what follows uses the same rows
         _grow_faces(space, stage, relief)
     if land:
-        _grow_land(space, stage, relief, anchor)
+        _grow_ground(
+            space, stage, relief, relief.far, relief.far_keys, _LAND, wheels, behind, anchor
+        )
     if ground:
-        _grow_ground(space, stage, relief, wheels, behind, anchor)
+        _grow_ground(
+            space, stage, relief, relief.soil, relief.soil_keys, _GROUND, wheels, behind, anchor
+        )
     _reflect(space, stage)
     for lane in range(LANES):
         space[CLEAR + lane] = np.exp(-space[RANGE + lane] / stage.haze)
@@ -398,6 +415,6 @@ def _reflect(space, stage):  # type: ignore[no-untyped-def]
         half = np.sqrt(max(_0, _1 - phase) / (_1 + phase + _TINY))
         surge = _1 + _SURGE / (_1 + half / _SURGE_WIDTH)
         back = surge * (lunar * _2 * mu0 / (mu0 + mu) + (_1 - lunar) * mu0)
-        space[BACK + lane] = back * (_1 - _SHADE * space[SHADOWED + lane])
+        space[BACK + lane] = back * (_1 - _SHADE * space[DARK + lane])
         # Ground that grain tilts sees less of the sky.
         space[OPEN + lane] *= min(_1, (_1 + z) / (_1 + space[SMOOTH_Z + lane]))

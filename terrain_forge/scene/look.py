@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel, over_chunks, stage_key
+from terrain_forge.base.portable import norm, product
+from terrain_forge.scene.bodies import Bodies, meet8, shade8
 from terrain_forge.scene.embree import COHERENT
 from terrain_forge.scene.grain import CLAST_SHARE
 from terrain_forge.scene.lanes import (
@@ -40,8 +42,10 @@ from terrain_forge.scene.lanes import (
 )
 from terrain_forge.scene.packets import (
     ACTIVE,
+    DIRECTION_X,
     FAR,
     LANES,
+    ORIGIN_X,
     ROWS,
     hit_rock,
     intersect8,
@@ -51,10 +55,10 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.relief import relief_about
 from terrain_forge.scene.render import borrow
 from terrain_forge.scene.scene import RayScene
-from terrain_forge.scene.stage import Stage, Wheels
+from terrain_forge.scene.stage import Stage, Wheels, bands
 
 _COLUMNS, _BAND = 4, 2
-_0, _HALF, _1 = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_0, _1, _FAR_AWAY = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
 _NEAR_LIFT, _FAR_LIFT = np.float32(5e-4), np.float32(2e-4)
 _SAME = np.float32(0.03)
 """Part of the distance within which a ray sees the surface that its pixel's middle does."""
@@ -87,6 +91,30 @@ class View(NamedTuple):
     """Wheels have been so far along their path [m]."""
 
 
+class Rover(NamedTuple):
+    """Moving bodies in the picture."""
+
+    bodies: Bodies
+    """The bodies, in a frame of their own."""
+    poses: NDArray[np.float64]
+    """That frame in the scene's own, at all rows or each, shape [1 or height, 3, 4]."""
+    rgb: NDArray[np.float64]
+    """Linear albedo of the bodies' parts, shape [parts, 3]."""
+
+
+class _Passing(NamedTuple):
+    """Moving bodies as kernels need them."""
+
+    handle: int
+    rotation: NDArray[np.float64]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    poses: NDArray[np.float64]
+    parts: NDArray[np.float32]
+    ball: tuple[np.float32, np.float32, np.float32, np.float32]
+    """Middle and radius of a ball around them in the scene's frame [m]."""
+
+
 class Seen(NamedTuple):
     """What a look finds, in arrays to be filled; `Exposure` tells what they hold."""
 
@@ -108,6 +136,7 @@ def look(
     rotation: Array,
     wheels: Wheels,
     behind: float = -np.inf,
+    rover: Rover | None = None,
 ) -> Seen:
     """Look at a scene; the result depends on no number of threads.
 
@@ -119,6 +148,7 @@ def look(
         rotation: From the optical frame to the world's of each row, shape [height, 3, 3].
         wheels: Tracks.
         behind: How far along their path the wheels have been [m].
+        rover: Moving bodies.
     """
     height, width = rays.shape[:2]
     channels = stage.colours.shape[1]
@@ -148,8 +178,7 @@ def look(
         normal=np.empty((height, width, 3), np.float32),
         sunlit=np.empty((height, width), np.bool_),
     )
-    parts = np.zeros((1, channels), np.float32)
-    given = scene.handle, COHERENT, stage, relief, wheels, parts, view, seen
+    given = (scene.handle, COHERENT), stage, relief, wheels, _passing(rover, channels), view, seen
     over_chunks(_look_bands, -(-height // _BAND), *given)
     state = np.empty((height, width), np.uint8)
     over_chunks(_find_edges, height, seen, state)
@@ -159,6 +188,77 @@ def look(
         more = np.empty(8 * len(pixels), np.int64)
         pixels = more[: _spread(state, pixels, more)]
     return seen
+
+
+def _passing(rover: Rover | None, channels: int) -> _Passing:
+    """Bodies and a ball around them for all of their poses."""
+    if rover is None:
+        nowhere = (0.0, 0.0, 0.0)
+        bodies = Bodies(0, np.zeros((0, 3, 3)), nowhere, nowhere)
+        rover = Rover(bodies, np.zeros((1, 3, 4)), np.zeros((0, 3)))
+    low, high = np.array(rover.bodies.low), np.array(rover.bodies.high)
+    middles = product(rover.poses[:, :, :3], 0.5 * (low + high)) + rover.poses[:, :, 3]
+    middle = 0.5 * (middles.min(axis=0) + middles.max(axis=0))
+    radius = 0.5 * norm(high - low) + norm(middles - middle).max() + 1e-3
+    return _Passing(
+        handle=rover.bodies.handle,
+        rotation=rover.bodies.rotation,
+        low=rover.bodies.low,
+        high=rover.bodies.high,
+        poses=np.ascontiguousarray(rover.poses),
+        parts=bands(rover.rgb, channels),
+        ball=(*(np.float32(m) for m in middle), np.float32(radius)),
+    )
+
+
+@inner
+def _passes_ball(ray, ball):  # type: ignore[no-untyped-def]
+    """Whether a ray of the packet may come through the ball."""
+    nearest = _FAR_AWAY
+    for lane in range(LANES):
+        x, y, z = (
+            ball[0] - ray[ORIGIN_X, lane], ball[1] - ray[ORIGIN_X + 1, lane],
+            ball[2] - ray[ORIGIN_X + 2, lane],
+        )  # fmt: skip
+        a, b, c = (
+            ray[DIRECTION_X, lane], ray[DIRECTION_X + 1, lane], ray[DIRECTION_X + 2, lane]
+        )  # fmt: skip
+        along = max(x * a + y * b + z * c, _0)
+        x, y, z = x - along * a, y - along * b, z - along * c
+        nearest = min(nearest, x * x + y * y + z * z)
+    return nearest <= ball[3] * ball[3]
+
+
+@inner
+def _meet_all(world, passing, pose, ray, own):  # type: ignore[no-untyped-def]
+    """What the packet's rays meet first."""
+    if passing.handle != 0 and _passes_ball(ray, passing.ball):
+        meet8(world[0], passing, pose, world[1], ray, own)
+    else:
+        intersect8(ray.ctypes.data + 4 * ACTIVE * LANES, world[0], ray.ctypes.data, world[1])
+
+
+@inner
+def _lit_lanes(world, passing, pose, ray, own, lit):  # type: ignore[no-untyped-def]
+    """Which of some lanes' rays meet nothing, as bits."""
+    if lit == 0:
+        return lit
+    if passing.handle != 0 and _passes_ball(ray, passing.ball):
+        shade8(world[0], passing, pose, world[1], ray, own)
+    else:
+        occluded8(ray.ctypes.data + 4 * ACTIVE * LANES, world[0], ray.ctypes.data, world[1])
+    for lane in range(LANES):
+        lit &= ~((ray[FAR, lane] < _0) << lane)
+    return lit
+
+
+@inner
+def _pose_at(passing, pose, lane, row):  # type: ignore[no-untyped-def]
+    """Note the bodies' pose of a lane in a row; where all rows have one it is noted already."""
+    if len(passing.poses) > 1:
+        for i in range(3):
+            for j in range(4):
+                pose[lane, i, j] = passing.poses[row, i, j]
 
 
 @inner
@@ -228,26 +328,25 @@ def _ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-de
 
 
 @inner
-def _look_packet(scene, query, stage, relief, wheels, parts, view, ray, space, left, top, seen):  # type: ignore[no-untyped-def]
+def _look_packet(world, stage, relief, wheels, passing, view, room, space, left, top, seen):  # type: ignore[no-untyped-def]
     """Look through 4 × 2 pixels; those beyond the picture's edge repeat the last ones."""
-    word, address = ray.view(np.uint32), ray.ctypes.data
+    ray, own, pose = room
+    word = ray.view(np.uint32)
     height, width = seen.depth.shape
     for lane in range(LANES):
         row = min(top + lane // _COLUMNS, height - 1)
         column = min(left + lane % _COLUMNS, width - 1)
         _aim(space, lane, view, row, column, _0, _0)
         _send(space, lane, ray, word, view, row)
-    intersect8(address + 4 * ACTIVE * LANES, scene, address, query)
+        _pose_at(passing, pose, lane, row)
+    _meet_all(world, passing, pose, ray, own)
     lit = 0
     for lane in range(LANES):
         place = view.places[min(top + lane // _COLUMNS, height - 1)]
         origin = (place[0], place[1], place[2])
-        meet(space, lane, ray, word, hit_rock(word, lane), origin, stage, parts)
+        meet(space, lane, ray, word, hit_rock(word, lane), origin, stage, passing.parts)
         lit |= _ask_sun(space, lane, ray, word, stage, _0, _0) << lane
-    if lit:
-        occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
-        for lane in range(LANES):
-            lit &= ~((ray[FAR, lane] < _0) << lane)
+    lit = _lit_lanes(world, passing, pose, ray, own, lit)
     shine(space, stage, relief, wheels, view.behind, view.anchor)
     for lane in range(LANES):
         row, column = top + lane // _COLUMNS, left + lane % _COLUMNS
@@ -276,18 +375,20 @@ def _note(space, lane, view, sunlit, row, column, seen):  # type: ignore[no-unty
 
 @kernel
 def _look_bands(  # type: ignore[no-untyped-def]
-    begin, end, scene, query, stage, relief, wheels, parts, view, seen
+    begin, end, world, stage, relief, wheels, passing, view, seen
 ):
     """Look through bands of two rows."""
-    memory, workspace = _room(1), np.zeros(WORKSPACE, np.float32)
+    memory, workspace, poses = _room(2), np.zeros(WORKSPACE, np.float32), np.empty((LANES, 3, 4))
+    for lane in range(LANES):
+        poses[lane] = passing.poses[0]
     stage, relief, wheels = borrow(stage), borrow(relief), borrow(wheels)
-    view, seen = borrow(view), borrow(seen)
-    ray, space, colours = borrow((memory[0], workspace, parts))
+    view, seen, passing = borrow(view), borrow(seen), borrow(passing)
+    space, room = borrow((workspace,))[0], borrow((memory[0], memory[1], poses))
     for band in range(begin, end):
         for left in range(0, seen.depth.shape[1], _COLUMNS):
             _look_packet(
-                scene, query, stage, relief, wheels, colours, view, ray, space, left,
-                band * _BAND, seen,
+                world, stage, relief, wheels, passing, view, room, space, left, band * _BAND,
+                seen,
             )  # fmt: skip
 
 
@@ -317,15 +418,17 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
 
 @inner
 def _refine_pixel(  # type: ignore[no-untyped-def]
-    scene, query, stage, relief, wheels, parts, view, ray, space, row, column, samples, seen
+    world, stage, relief, wheels, passing, view, room, space, row, column, samples, seen
 ):
     """Expose a pixel by eight rays; returns whether the Sun lights a surface in part."""
-    word, address = ray.view(np.uint32), ray.ctypes.data
+    ray, own_ray, pose = room
+    word = ray.view(np.uint32)
     mine, middle = seen.instance[row, column], seen.distance[row, column]
     for lane in range(LANES):
         _aim(space, lane, view, row, column, samples[lane, 0], samples[lane, 1])
         _send(space, lane, ray, word, view, row)
-    intersect8(address + 4 * ACTIVE * LANES, scene, address, query)
+        _pose_at(passing, pose, lane, row)
+    _meet_all(world, passing, pose, ray, own_ray)
     place = view.places[row]
     origin, own, lit, hits = (place[0], place[1], place[2]), 0, 0, 0
     for lane in range(LANES):
@@ -334,13 +437,10 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
         beside = owner == -2 or abs(far - middle) < _SAME * middle
         own |= (owner == mine and beside) << lane
         hits |= (owner != -2) << lane
-        meet(space, lane, ray, word, owner, origin, stage, parts)
+        meet(space, lane, ray, word, owner, origin, stage, passing.parts)
         a, b = samples[lane, 2], samples[lane, 3]
         lit |= _ask_sun(space, lane, ray, word, stage, a, b) << lane
-    if lit:
-        occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
-        for lane in range(LANES):
-            lit &= ~((ray[FAR, lane] < _0) << lane)
+    lit = _lit_lanes(world, passing, pose, ray, own_ray, lit)
     everything = (1 << LANES) - 1
     if own != everything:
         shine(space, stage, relief, wheels, view.behind, view.anchor)
@@ -365,19 +465,21 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
 
 @kernel
 def _refine(  # type: ignore[no-untyped-def]
-    begin, end, scene, query, stage, relief, wheels, parts, view, seen, state, pixels
+    begin, end, world, stage, relief, wheels, passing, view, seen, state, pixels
 ):
     """Expose some pixels anew and mark those that the Sun lights in part."""
-    memory, workspace = _room(1), np.zeros(WORKSPACE, np.float32)
+    memory, workspace, poses = _room(2), np.zeros(WORKSPACE, np.float32), np.empty((LANES, 3, 4))
+    for lane in range(LANES):
+        poses[lane] = passing.poses[0]
     stage, relief, wheels = borrow(stage), borrow(relief), borrow(wheels)
-    view, seen = borrow(view), borrow(seen)
-    ray, space, colours = borrow((memory[0], workspace, parts))
+    view, seen, passing = borrow(view), borrow(seen), borrow(passing)
+    space, room = borrow((workspace,))[0], borrow((memory[0], memory[1], poses))
     width = state.shape[1]
     for n in range(begin, end):
         row, column = pixels[n] // width, pixels[n] % width
         mixed = _refine_pixel(
-            scene, query, stage, relief, wheels, colours, view, ray, space, row, column,
-            _SAMPLES, seen,
+            world, stage, relief, wheels, passing, view, room, space, row, column, _SAMPLES,
+            seen,
         )  # fmt: skip
         state[row, column] = _PARTLY if mixed else _EDGE
 

@@ -51,7 +51,7 @@ class Relief(NamedTuple):
     soil_keys: NDArray[np.uint32]
     """Key and the anchor's cell of each octave, shape [octaves, 3]."""
     far: NDArray[np.float32]
-    """As `soil`, of the land beyond the site, whose waves begin longer."""
+    """As `soil`, of the land beyond the site, whose heights hold no waves so short."""
     far_keys: NDArray[np.uint32]
     """As `soil_keys`."""
     clasts: NDArray[np.float32]
@@ -72,7 +72,7 @@ def relief_about(
     """The fine texture about a place of the world [m] of a ground with a spacing of nodes [m]."""
     seed = int(key)
     soil, soil_keys = _octaves(anchor, seed, min(SOIL_COARSEST, 1.5 * spacing))
-    far, far_keys = _octaves(anchor, seed + 1, 80.0)
+    far, far_keys = _octaves(anchor, seed + 1, SOIL_COARSEST)
     cells = [_lattice(complex(*anchor) / cell) for cell in _CLAST_CELLS]
     return Relief(
         soil=soil,

@@ -49,7 +49,11 @@ class Stage(NamedTuple):
     colours: NDArray[np.float32]
     """The light's colours, shape [PLAIN + 1, channels]."""
     land: NDArray[np.float32]
-    """Albedo of what lies beyond the site, shape [channels]."""
+    """Albedo at the corners of what lies beyond the site, shape [vertices, channels]."""
+    land_face: int
+    """Where its triangles begin in `faces`."""
+    land_corner: int
+    """Where its corners begin in `normals`."""
     sun: tuple[np.float32, np.float32, np.float32]
     """Unit vector to the Sun's middle."""
     sun_up: tuple[np.float32, np.float32, np.float32]
@@ -60,8 +64,6 @@ class Stage(NamedTuple):
     """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
     haze: np.float32
     """Distance after which 1/e of the contrast is left [m]; infinite without air."""
-    edge: np.float32
-    """Mean height of the site's border in the scene's frame [m]."""
 
 
 class Wheels(NamedTuple):
@@ -89,13 +91,16 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
     for column, axis in ((SLOPE_X, 1), (SLOPE_Y, 0)):
         nodes[..., column] = np.gradient(z, ground.spacing, axis=axis)
     nodes[..., SKY] = sky_shares(scene) if light.airy else 0.0
-    nodes[..., GROUND_RGB:] = _bands(albedo, channels)
+    nodes[..., GROUND_RGB:] = bands(albedo, channels)
     rocks = np.empty((len(stones.size), ROCK_RGB + channels), np.float32)
     rocks[:, CENTRE:TURN], rocks[:, SIZE] = stones.centre, stones.size
     rocks[:, TURN:SIZE] = stones.rotation.reshape(-1, 9)
-    rocks[:, ROCK_RGB:] = _bands(stones.rgb, channels)
+    rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
     colours = (light.sun, light.sky, light.bounce, light.horizon, light.zenith, light.plain)
-    border = np.concatenate([z[0], z[-1], z[:, 0], z[:, -1]])
+    faces, normals, land = stones.faces, stones.normals, np.empty((0, 3))
+    if (apron := subject.apron) is not None:
+        faces = np.concatenate([faces, apron.mesh.faces + len(normals)])
+        normals, land = np.concatenate([normals, apron.normals]), apron.rgb
     return Stage(
         nodes=nodes,
         corner_x=np.float32(ground.origin[0] - scene.origin[0]),
@@ -103,17 +108,18 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
         spacing=np.float32(ground.spacing),
         rocks=rocks,
         first_face=stones.first_face,
-        faces=stones.faces,
-        normals=stones.normals.astype(np.float32),
+        faces=np.ascontiguousarray(faces, np.int64),
+        normals=normals.astype(np.float32),
         dust=np.float32(stones.dust),
-        colours=_bands(np.array(colours), channels),
-        land=_bands(albedo[::16, ::16].mean(axis=(0, 1)), channels),
+        colours=bands(np.array(colours), channels),
+        land=bands(land, channels),
+        land_face=len(stones.faces),
+        land_corner=len(stones.normals),
         sun=_triple(light.towards_sun),
         sun_up=_triple(light.upwards),
         sun_side=_triple(light.sideways),
         lunar=np.float32(light.lunar),
         haze=np.float32(light.haze),
-        edge=np.float32(border.mean(dtype=np.float64)),
     )
 
 
@@ -133,7 +139,7 @@ def prepare_wheels(scene: RayScene, plan: Array) -> Wheels:
     )
 
 
-def _bands(rgb: Array, channels: int) -> NDArray[np.float32]:
+def bands(rgb: Array, channels: int) -> NDArray[np.float32]:
     """Linear colours as a picture's channels."""
     return np.asarray(rgb if channels == 3 else rgb.mean(axis=-1, keepdims=True), np.float32)
 

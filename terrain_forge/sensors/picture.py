@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.scene import Stage, Wheels, look, prepare_stage, prepare_wheels
+from terrain_forge.scene import Rover, Stage, Wheels, look, prepare_stage, prepare_wheels
 from terrain_forge.sensors.instrument import Setting
 from terrain_forge.sensors.motion import Motion
 from terrain_forge.sensors.scenery import Scenery
@@ -49,7 +49,7 @@ def take_exposure(
     rays: NDArray[np.float32],
     position: ArrayLike,
     rotation: ArrayLike,
-    time: float,
+    time: ArrayLike,
     colour: bool = False,
     tracks_behind: float | None = None,
 ) -> Exposure:
@@ -67,13 +67,14 @@ def take_exposure(
         position: Origin of the optical frame in the world [m], shape [3], or of each row (rolling
             shutter), shape [height, 3].
         rotation: From the optical frame to the world, shape [3, 3] or [height, 3, 3].
-        time: When the rover's links stand as they are seen [s].
+        time: When the rover stands as it is seen [s], all of it or for each row, shape [height].
         colour: Linear red, green, blue rather than one channel.
         tracks_behind: Wheels have left tracks so far along the motion [m] (`travelled`); None for
             no tracks.
     """
-    height = len(rays)
+    height, times = len(rays), np.atleast_1d(np.asarray(time, np.float64))
     scenery, lighting = setting.scenery, setting.world.lighting
+    placed = scenery.rover_at(float(times[len(times) // 2]))  # held as long as rays are cast
     seen = look(
         scenery.scene,
         _stage(scenery, 3 if colour else 1),
@@ -82,6 +83,7 @@ def take_exposure(
         rotation=np.broadcast_to(np.asarray(rotation, np.float64), (height, 3, 3)),
         wheels=_wheels(scenery),
         behind=-np.inf if tracks_behind is None else tracks_behind,
+        rover=Rover(placed.bodies, scenery.poses_at(times), scenery.rover_parts.rgb),
     )
     white = lighting.irradiance * max(float(lighting.towards_sun[2]), _LEAST_SINE) / np.pi
     return Exposure(
