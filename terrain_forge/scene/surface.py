@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inner, mix
-from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
+from terrain_forge.scene.grain import SOIL_COARSEST, cell_hash, face, ground_grain, part
 
 (
     X, Y, Z, FLAT_X, FLAT_Y, FLAT_Z, BENT_X, BENT_Y, BENT_Z, RED, GREEN, BLUE, RANGE, SHADE, LIFT,
@@ -184,8 +184,8 @@ def see_apron(point, land, triangle, u, v, footprint):  # type: ignore[no-untype
     corners = land.apron_faces[triangle]
     east, north = point[X] + land.shift[0], point[Y] + land.shift[1]
     bright, shade, rise_x, rise_y = ground_grain(
-        land.key, land.clast_share, *land.shadow, east, north, land.spacing, footprint
-    )
+        land.key, land.clast_share, *land.shadow, east, north, SOIL_COARSEST, footprint
+    )  # with the waves too that the ground's grid holds within the edge
     x, y, z, parts = 0.0, 0.0, 0.0, (1.0 - u - v, u, v)
     for channel in range(3):
         point[RED + channel] = 0.0

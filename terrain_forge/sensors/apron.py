@@ -200,8 +200,7 @@ class WorldEdge:
             start += len(last.points)
             here, share = dtm[start : start + count], weight[start : start + count]
             state = np.column_stack([states[-1], below])
-            smooth = 0.25 * (np.roll(state, 1, axis=0) + np.roll(state, -1, axis=0)) + 0.5 * state
-            state = smooth[ring.kept]
+            state = _smoothed(_smoothed(state))[ring.kept]
             slope = state[:, 1] / (1.0 + step / runout)
             level = (1.0 - share) / (1.0 + min(self._sides) / step)
             found = state[:, 0] + slope * step + share * (here - state[:, 5])
@@ -250,6 +249,11 @@ def _plane(
     t = (u[:, 0] * p[:, 1] - u[:, 1] * p[:, 0]) / area
     inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1.0 + 1e-9)
     return a[:, 2] + s * u[:, 2] + t * v[:, 2], inside
+
+
+def _smoothed(values: Array) -> Array:
+    """Values along a closed ring, their shortest waves gone."""
+    return 0.25 * (np.roll(values, 1, axis=0) + np.roll(values, -1, axis=0)) + 0.5 * values
 
 
 def _border(grid: NDArray[Any]) -> NDArray[Any]:
