@@ -17,9 +17,20 @@ from terrain_forge.base import Array, inner
 from terrain_forge.scene.grain import SOIL_COARSEST, SOIL_ROUGHER, SOIL_STEEP
 from terrain_forge.scene.packets import LANES
 
-PLACE_X, PLACE_Y, PLACE_Z, FOOTPRINT, VALUE, RISE_X, RISE_Y, RISE_Z, COVER, COARSEST, SHADOWED, STONE = (
-    LANES * row for row in range(12)
-)
+(
+    PLACE_X,
+    PLACE_Y,
+    PLACE_Z,
+    FOOTPRINT,
+    VALUE,
+    RISE_X,
+    RISE_Y,
+    RISE_Z,
+    COVER,
+    COARSEST,
+    SHADOWED,
+    STONE,
+) = (LANES * row for row in range(12))
 """Where the lanes' numbers begin in a workspace: a place [m], the size of a pixel there [m], the
 albedo's noise, the rise per metre, and of small stones how much of the pixel they cover, their
 longest wave [m], the part of sunlight that they keep off, and a rock's key, 0 to 2²⁴."""
@@ -283,8 +294,11 @@ def _corner(key, i, j, k, x, y, z, f, df, g, dg, h, dh):  # type: ignore[no-unty
     word = _mixed(np.uint32(np.uint32(word ^ np.uint32(np.uint32(k) * _K)) ^ key))
     p, q, o = _low(word), _high(word), _low(np.uint32(word * _MIX_1))
     at = p * x + q * y + o * z
-    return f * g * h * at, g * h * (df * at + f * p), f * h * (dg * at + g * q), f * g * (
-        dh * at + h * o
+    return (
+        f * g * h * at,
+        g * h * (df * at + f * p),
+        f * h * (dg * at + g * q),
+        f * g * (dh * at + h * o),
     )
 
 

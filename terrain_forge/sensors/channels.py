@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Mask
+from terrain_forge.scene import BODY, MISSED
 from terrain_forge.sensors.labels import CLASSES, Labels
 from terrain_forge.sensors.lens import Lens, project, rays_of
+from terrain_forge.sensors.picture import Exposure
+from terrain_forge.sensors.scenery import Scenery
 from terrain_forge.writers import encode_png
-
-if TYPE_CHECKING:
-    from terrain_forge.sensors.picture import Exposure
-    from terrain_forge.sensors.scenery import Scenery
 
 _MOST = 65535
 DISPARITY_FACTOR = 256.0
 """Values of a disparity image for a pixel, as in KITTI."""
 FLOW_FACTOR, FLOW_ZERO = 64.0, 32768.0
 """Values of a flow image for a pixel, and for no motion, as in KITTI."""
-ROVER, SKY = -4, -2
 _LIFT, _NEAR = 2e-4, 1e-3
 """What an occluder must be nearer than the point by: of the distance, and at least [m]."""
 
@@ -52,7 +50,7 @@ def normals_file(exposure: Exposure, rotation: Array) -> bytes:
     """
     own = np.einsum("hwi,hij->hwj", exposure.normal.astype(np.float64), rotation)
     values = np.clip(own * 32767.0 + 32768.5, 1.0, _MOST).astype(np.uint16)
-    values[exposure.instance == SKY] = 0
+    values[exposure.instance == MISSED] = 0
     return encode_png(values)
 
 
@@ -80,7 +78,7 @@ def class_file(exposure: Exposure, points: Array, labels: Labels, behind: float)
 
 def shadow_file(exposure: Exposure) -> bytes:
     """255 where a surface gets no light from the Sun, else 0."""
-    dark = ~exposure.sunlit & (exposure.instance != SKY)
+    dark = ~exposure.sunlit & (exposure.instance != MISSED)
     return encode_png(np.where(dark, 255, 0).astype(np.uint8))
 
 
@@ -157,7 +155,7 @@ def flow_file(
         row = np.clip(np.rint(down), 0, height - 1).astype(np.int64)
     now = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
     values = (pixels - now) * FLOW_FACTOR + FLOW_ZERO + 0.5
-    known = seen & (exposure.instance.reshape(-1) != ROVER)
+    known = seen & (exposure.instance.reshape(-1) != BODY)
     known &= (values >= 1.0).all(axis=1) & (values < _MOST + 1).all(axis=1)
     image = np.zeros((height * width, 3), dtype=np.uint16)
     image[known, :2] = values[known]

@@ -10,6 +10,7 @@ import numpy as np
 
 from terrain_forge.base import Array, RecipeError, portable
 from terrain_forge.model import CameraSensor, mix
+from terrain_forge.scene import MISSED
 from terrain_forge.sensors import channels
 from terrain_forge.sensors.exposure import Chip, Image, Picture, Shutter
 from terrain_forge.sensors.flare import SunSeen, add_sun, visible_part
@@ -17,7 +18,7 @@ from terrain_forge.sensors.instrument import NANOSECONDS, Frames, Setting, Strea
 from terrain_forge.sensors.labels import Labels, labels_of
 from terrain_forge.sensors.lens import OPTICAL, Lens, calibration_of, lens_of, rays_of, unproject
 from terrain_forge.sensors.metering import LOOK, Meter
-from terrain_forge.sensors.picture import Exposure, take_exposure
+from terrain_forge.sensors.picture import Exposure, take_exposure, travelled
 from terrain_forge.writers import encode_png
 
 _PICTURE, _PATTERN, _FLARE = 1, 2, 3
@@ -29,6 +30,8 @@ class Eye(NamedTuple):
 
     time: float
     """Time of the middle row [s]."""
+    times: Array
+    """Time of each row [s], within the motion, shape [height]."""
     position: Array
     """Its place in the world [m], shape [height, 3]."""
     rotation: Array
@@ -140,18 +143,16 @@ class CameraFrames(Frames):
     def eye(self, time: float) -> Eye:
         """Where the camera is when the picture of a time [s] is exposed, row by row."""
         height, readout = self.sensor.height_px, self.sensor.rolling_shutter_s
-        end = self.setting.motion.end
-        if readout == 0.0:
-            state = self.state(np.array([min(max(time, 0.0), end)]))
-            turn = portable.product(state.rotation[0], OPTICAL)
-            return Eye(
-                time,
-                np.broadcast_to(state.position[0], (height, 3)),
-                np.broadcast_to(turn, (height, 3, 3)),
-            )
-        late = (np.arange(height) - 0.5 * (height - 1)) / max(height - 1, 1)
-        state = self.state(np.clip(time + readout * late, 0.0, end))
-        return Eye(time, state.position, portable.product(state.rotation, OPTICAL))
+        late = (np.arange(height) - 0.5 * (height - 1)) / (height - 1) if readout else np.zeros(1)
+        times = np.clip(time + readout * late, 0.0, self.setting.motion.end)
+        state = self.state(times)
+        turn = portable.product(state.rotation, OPTICAL)
+        return Eye(
+            float(np.clip(time, 0.0, self.setting.motion.end)),
+            np.broadcast_to(times, height),
+            np.broadcast_to(state.position, (height, 3)),
+            np.broadcast_to(turn, (height, 3, 3)),
+        )
 
     def picture(self, number: int, *, style: str = "") -> Image:
         """The values of a picture, raw or rectified; as those of `data` by default.
@@ -179,13 +180,12 @@ class CameraFrames(Frames):
         return self._see(rays_of(self.lens(style)), eye)
 
     def _see(self, rays: Picture, eye: Eye) -> Exposure:
-        still = self.sensor.rolling_shutter_s == 0.0
         return take_exposure(
             self.setting,
             rays=rays,
-            position=eye.position[0] if still else eye.position,
-            rotation=eye.rotation[0] if still else eye.rotation,
-            time=min(max(eye.time, 0.0), self.setting.motion.end),
+            position=eye.position,
+            rotation=eye.rotation,
+            time=eye.times,
             colour=self.sensor.colour,
             tracks_behind=self._driven(eye.time),
         )
@@ -226,11 +226,11 @@ class CameraFrames(Frames):
             position,
             light.towards_sun,
             radius=radius,
-            time=min(max(time, 0.0), self.setting.motion.end),
+            time=eye.time,
         )
         sun = SunSeen(towards, radius, light.irradiance, part)
         radiance = np.array(exposure.radiance)
-        sky = exposure.instance == channels.SKY
+        sky = exposure.instance == MISSED
         key = self._key(_FLARE)
         add_sun(radiance, sky, self.lens(style), sun, self.sensor.flare, key)
         return radiance
@@ -317,21 +317,9 @@ class CameraFrames(Frames):
         time = float(self.times[number]) / NANOSECONDS
         eye = self.eye(time)
         position, rotation = eye.middle
-        few = Eye(time, position[None], rotation[None])
-        still = (
-            np.broadcast_to(few.position, (rows, 3)),
-            np.broadcast_to(few.rotation, (rows, 3, 3)),
-        )
-        return self._see(rays, Eye(time, *still)).radiance
+        still = np.tile(position, (rows, 1)), np.tile(rotation, (rows, 1, 1))
+        return self._see(rays, Eye(eye.time, np.full(rows, eye.time), *still)).radiance
 
     def _driven(self, time: float) -> float:
-        """How far along its path the rover has driven [m]."""
-        return float(np.interp(time, *self._way))
-
-    @cached_property
-    def _way(self) -> tuple[Array, Array]:
-        """Times and distances along the path."""
-        base = self.setting.motion.base
-        times = np.linspace(base.begin, base.end, max(2, int(10.0 * (base.end - base.begin)) + 1))
-        state = base.at(times)
-        return times, self._labels.distance_at(state.position[:, :2])
+        """How far along its motion the rover has come [m]."""
+        return float(travelled(self.setting.motion, time))
