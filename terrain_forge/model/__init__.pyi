@@ -68,6 +68,7 @@ from .sensor import figures_lost as figures_lost
 from .sensor import sensor_kinds as sensor_kinds
 from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
+from .sensors.imu import ImuSensor as ImuSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
