@@ -19,10 +19,10 @@ from terrain_forge.base import (
     Array,
     linear_from_srgb,
     matrix_from_quaternion,
-    quaternion_from_rpy,
 )
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.model import Link, Mesh, Rover, Shape, World
+from terrain_forge.geometry import rover_looks
+from terrain_forge.model import Rover, World
 from terrain_forge.scene import (
     Instances,
     RayScene,
@@ -50,7 +50,6 @@ _LENGTH = 1.2
 """Length of a rover that is seen well from there [m]; the camera stands off more for longer
 ones."""
 _FIELD_OF_VIEW = math.radians(62.0)
-_SIDES = 20
 _SMOOTH = 1e-6
 """Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
@@ -159,9 +158,7 @@ def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
 def rover_parts(world: World, result: DriveResult, pose: int) -> Instances:
     """The rover's visible shapes at a pose of a drive, one instance for each link and colour."""
     poses = link_poses(world.rover, result, pose)
-    parts = [
-        (*poses[link.name], mesh, rgb) for link in world.rover.links for mesh, rgb in _looks(link)
-    ]
+    parts = [(*poses[link], mesh, rgb) for link, mesh, rgb in rover_looks(world.rover)]
     positions, rotations, meshes, colours = zip(*parts, strict=True)
     count = len(parts)
     number = np.arange(count, dtype=np.int32)
@@ -194,37 +191,3 @@ def link_poses(rover: Rover, result: DriveResult, pose: int) -> dict[str, tuple[
         turn = matrix_from_quaternion(np.array([math.cos(half), *(math.sin(half) * link.axis)]))
         places[link.name] = origin + rotation @ link.origin, rotation @ turn
     return places
-
-
-def _looks(link: Link) -> list[tuple[Mesh, tuple[float, float, float]]]:
-    """The link's visible shapes, one mesh in its frame for each colour."""
-    meshes = dict[tuple[float, float, float], list[Array]]()
-    for shape in link.shapes:
-        if shape.visible:
-            meshes.setdefault(shape.rgb, []).append(_triangles(shape))
-    looks = []
-    for rgb, parts in meshes.items():
-        corners = np.concatenate(parts).reshape(-1, 3)
-        # Faces that share no vertex are shaded with sharp edges.
-        faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-        looks.append((Mesh(vertices=corners, faces=faces), rgb))
-    return looks
-
-
-def _triangles(shape: Shape) -> Array:
-    """Corners of a shape's triangles in its link's frame [m], shape [triangles, 3, 3]."""
-    import trimesh
-
-    if shape.kind == "mesh" and shape.mesh is not None:
-        corners = shape.mesh.vertices[shape.mesh.faces]
-    else:
-        made = {
-            "box": lambda: trimesh.creation.box(shape.size),
-            "cylinder": lambda: trimesh.creation.cylinder(
-                radius=shape.size[0], height=shape.size[1], sections=_SIDES
-            ),
-            "sphere": lambda: trimesh.creation.icosphere(2, shape.size[0]),
-        }[shape.kind]()
-        corners = np.asarray(made.triangles)
-    rotation = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
-    return np.asarray(corners @ rotation.T + shape.position)

@@ -31,5 +31,7 @@ from .rock_properties import mean_rock_colour as mean_rock_colour
 from .rock_properties import mean_rock_srgb as mean_rock_srgb
 from .rock_properties import principal_axes as principal_axes
 from .rock_properties import rock_texture as rock_texture
+from .rover_meshes import rover_looks as rover_looks
 from .rover_meshes import rover_mesh as rover_mesh
+from .rover_meshes import shape_triangles as shape_triangles
 from .rover_meshes import write_rover_meshes as write_rover_meshes

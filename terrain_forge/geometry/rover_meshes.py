@@ -1,11 +1,17 @@
-"""The mesh files of a rover, which all formats that can name one share."""
+"""A rover as triangles: what rays meet, and the mesh files that all formats share."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
-from terrain_forge.model import Rover
+import numpy as np
+
+from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.model import Mesh, Rover, Shape
 from terrain_forge.writers import write_obj
+
+_SIDES = 20
 
 
 def rover_mesh(link: int, shape: int) -> str:
@@ -24,3 +30,48 @@ def write_rover_meshes(rover: Rover, folder: Path) -> list[str]:
             names.append(rover_mesh(number, part))
             write_obj(folder / names[-1], vertices=shape.mesh.vertices, faces=shape.mesh.faces)
     return names
+
+
+class RoverLook(NamedTuple):
+    """The visible shapes of one colour on a link."""
+
+    link: str
+    """Name of the link."""
+    mesh: Mesh
+    """In the link's frame; faces share no vertex, so that they are shaded with sharp edges."""
+    rgb: tuple[float, float, float]
+    """sRGB colour, 0 to 1."""
+
+
+def rover_looks(rover: Rover) -> list[RoverLook]:
+    """A rover's visible shapes, one mesh for each link and colour."""
+    looks = []
+    for link in rover.links:
+        meshes = dict[tuple[float, float, float], list[Array]]()
+        for shape in link.shapes:
+            if shape.visible:
+                meshes.setdefault(shape.rgb, []).append(shape_triangles(shape))
+        for rgb, parts in meshes.items():
+            corners = np.concatenate(parts).reshape(-1, 3)
+            faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+            looks.append(RoverLook(link.name, Mesh(vertices=corners, faces=faces), rgb))
+    return looks
+
+
+def shape_triangles(shape: Shape) -> Array:
+    """Corners of a shape's triangles in its link's frame [m], shape [triangles, 3, 3]."""
+    import trimesh
+
+    if shape.kind == "mesh" and shape.mesh is not None:
+        corners = shape.mesh.vertices[shape.mesh.faces]
+    else:
+        made = {
+            "box": lambda: trimesh.creation.box(shape.size),
+            "cylinder": lambda: trimesh.creation.cylinder(
+                radius=shape.size[0], height=shape.size[1], sections=_SIDES
+            ),
+            "sphere": lambda: trimesh.creation.icosphere(2, shape.size[0]),
+        }[shape.kind]()
+        corners = np.asarray(made.triangles)
+    rotation = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
+    return np.asarray(corners @ rotation.T + shape.position)

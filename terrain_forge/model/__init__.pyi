@@ -16,10 +16,16 @@ from .body import ProductionFunction as ProductionFunction
 from .body import Soil as Soil
 from .body import SurfaceFriction as SurfaceFriction
 from .body import sheared as sheared
+from .camera_parts import AutoExposure as AutoExposure
+from .camera_parts import FixedExposure as FixedExposure
+from .camera_parts import LensFlare as LensFlare
 from .check import Check as Check
 from .check import at_least as at_least
 from .check import at_most as at_most
 from .check import failed as failed
+from .distortion import Distortion as Distortion
+from .distortion import Equidistant as Equidistant
+from .distortion import RadialTangential as RadialTangential
 from .exporting import Export as Export
 from .exporting import Exporter as Exporter
 from .exporting import ExportReport as ExportReport
@@ -68,7 +74,10 @@ from .sensor import figures_lost as figures_lost
 from .sensor import sensor_kinds as sensor_kinds
 from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
+from .sensors.camera import CameraSensor as CameraSensor
 from .sensors.imu import ImuSensor as ImuSensor
+from .sensors.lidar import LidarSensor as LidarSensor
+from .sensors.stereo import StereoSensor as StereoSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness

@@ -18,13 +18,15 @@ from terrain_forge.scene.surface import Land, Stones, Tracks
 from terrain_forge.writers import vertex_normals
 
 _PATH_STEP = 0.1
+_NOTHING, _NOWHERE = np.empty((0, 3), np.int64), np.empty((0, 3))
+_NOWHERE.setflags(write=False)  # as the arrays of records are: one kernel serves both
 _ZENITH = np.array([0.50, 0.45, 0.42])
 
 
 def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
     """The ground under some light."""
     subject, sun = scene.subject, lighting.towards_sun
-    ground = subject.ground
+    ground, apron = subject.ground, subject.apron
     east, north, middle = triple(scene.origin)
     lean = 1.0 / max(float(sun[2]), 0.3)
     z = ground.elevation
@@ -40,6 +42,9 @@ def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
         key=stage_key(subject.seed, "grain"),
         clast_share=CLAST_SHARE,
         shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
+        apron_faces=_NOTHING if apron is None else apron.mesh.faces.astype(np.int64),
+        apron_normals=_NOWHERE if apron is None else apron.normals,
+        apron_rgb=_NOWHERE if apron is None else apron.rgb,
     )
 
 

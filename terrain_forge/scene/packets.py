@@ -19,6 +19,8 @@ ROWS = 24
 PACKET_BYTES = 4 * ROWS * LANES
 NOTHING = np.uint32(0xFFFFFFFF)
 """Embree's index where there is none; also an active lane's mask."""
+BODY = np.uint32(0xFFFFFFFE)
+"""Stands for the geometry of a hit on a moving body (`bodies.meet8`), whose normal is final."""
 CHUNKS = 64
 """Parts that a job is divided into, whatever the number of threads."""
 
@@ -50,11 +52,14 @@ def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-u
 
 @inner
 def hit_rock(word, lane):  # type: ignore[no-untyped-def]
-    """Row of the rock that a lane hit, -1 for the ground, -2 for nothing."""
-    if word[GEOMETRY, lane] == NOTHING:
+    """Row of the rock that a lane hit, or -1 ground, -2 nothing, -3 apron, -4 a moving body."""
+    geometry = word[GEOMETRY, lane]
+    if geometry == NOTHING:
         return -2
+    if geometry == BODY:
+        return -4
     if word[INSTANCE, lane] == NOTHING:
-        return -1
+        return -1 if geometry == 0 else -3
     return np.int64(word[COPY, lane])
 
 
@@ -71,7 +76,7 @@ def hit_normal(ray, lane, rock, rotation):  # type: ignore[no-untyped-def]
             turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
             turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
         )
-    elif z < 0.0:
+    elif z < 0.0 and rock != -4:
         x, y, z = -x, -y, -z
     length = np.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length

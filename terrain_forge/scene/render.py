@@ -45,6 +45,7 @@ from terrain_forge.scene.surface import (
     Y,
     Z,
     hemisphere,
+    see_apron,
     see_ground,
     see_rock,
 )
@@ -111,10 +112,12 @@ def _shade(ray, word, lane, view, towards, land, tracks, stones, point):  # type
     step = view.step * (point[RANGE] if view.pinhole else 1.0)
     footprint = step / np.sqrt(max(facing, 0.04))
     rock = np.int64(point[OWNER])
-    if rock < 0:
+    u, v = np.float64(ray[U, lane]), np.float64(ray[V, lane])
+    if rock == -1:
         see_ground(point, land, tracks, footprint)
+    elif rock < 0:
+        see_apron(point, land, np.int64(word[TRIANGLE, lane]), u, v, footprint)
     else:
-        u, v = np.float64(ray[U, lane]), np.float64(ray[V, lane])
         see_rock(point, land, stones, rock, np.int64(word[TRIANGLE, lane]), u, v, footprint)
 
 

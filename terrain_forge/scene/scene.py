@@ -21,6 +21,10 @@ GROUND = -1
 """What `Hits.rock` holds where a ray met the ground."""
 MISSED = -2
 """What `Hits.rock` holds where a ray met nothing."""
+APRON = -3
+"""What `Hits.rock` holds where a ray met what lies beyond the ground's edge."""
+BODY = -4
+"""What `Hits.rock` holds where a ray met a moving body, such as the rover."""
 
 _FIRST = Lock()  # two threads that make the first scene must not get a device each
 
@@ -34,7 +38,7 @@ class Hits:
     normal: NDArray[np.float32]
     """Outward unit normal of the surface in the world frame; zero where missed, shape [rays, 3]."""
     rock: NDArray[np.int32]
-    """Row of the subject's instances, or GROUND, or MISSED, shape [rays]."""
+    """Row of the subject's instances, or GROUND, MISSED, APRON or BODY, shape [rays]."""
 
 
 class RayScene:
@@ -45,8 +49,7 @@ class RayScene:
     """
 
     def __init__(self, subject: Subject) -> None:
-        with _FIRST:
-            _check_engine()
+        check_engine()
         self.subject = subject
         """What the rays are cast at."""
         ground, copies = subject.ground, subject.instances
@@ -58,11 +61,14 @@ class RayScene:
         self._whole = empty_scene()
         self._whole.add_grid(_vertices(ground, self.origin))
         if len(copies):
-            self._shapes = [_shape(mesh.vertices, mesh.faces) for mesh in copies.meshes]
+            self._shapes = [committed(mesh.vertices, mesh.faces) for mesh in copies.meshes]
             transforms = np.empty((len(copies), 3, 4), dtype=np.float32)
             transforms[:, :, :3] = copies.rotation * copies.scale[:, None, None]
             transforms[:, :, 3] = copies.position - self.origin
             self._whole.add_instances(self._shapes, which=copies.mesh, transforms=transforms)
+        if subject.apron is not None:
+            apron = subject.apron.mesh
+            self._whole.add_triangles(apron.vertices - self.origin, apron.faces)
         self._whole.commit()
 
     @property
@@ -134,18 +140,29 @@ def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:
     return vertices
 
 
-def _shape(vertices: Array, faces: NDArray[np.int32]) -> EngineScene:
+def committed(vertices: Array, faces: NDArray[np.int32]) -> EngineScene:
+    """A mesh as an engine's scene, to be copied into others."""
     scene = empty_scene()
     scene.add_triangles(vertices, faces)
     scene.commit()
     return scene
 
 
+def check_engine() -> None:
+    """See once that the engine works.
+
+    Raises:
+        TerrainForgeError: where Embree is missing or of another version.
+    """
+    with _FIRST:
+        _check_engine()
+
+
 @cache
 def _check_engine() -> None:
     """Cast one ray at a copy of a triangle, so that a foreign memory layout cannot go unnoticed."""
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    triangle = _shape(corners, np.array([[0, 1, 2]], dtype=np.int32))
+    triangle = committed(corners, np.array([[0, 1, 2]], dtype=np.int32))
     whole = empty_scene()
     lifts = np.array(
         [[[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0]], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2]]]

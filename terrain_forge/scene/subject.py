@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,18 @@ class Instances(Rows):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Apron(Record):
+    """The ground beyond a subject's edge."""
+
+    mesh: Mesh
+    """Its triangles in the world frame [m]."""
+    normals: Array = field(metadata=shaped("vertices", 3))
+    """Unit normals at its vertices, at the edge those of the ground, shape [vertices, 3]."""
+    rgb: Array = field(metadata=shaped("vertices", 3))
+    """Linear albedo at its vertices, shape [vertices, 3]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Subject(Record):
     """Everything that a picture shows."""
 
@@ -58,6 +71,8 @@ class Subject(Record):
     """Sideways distance of the wheels from the paths [m]."""
     wheel_width: float = 0.2
     """Width of the wheels [m]."""
+    apron: Apron | None = None
+    """What lies beyond the ground's edge; None for nothing that rays could meet."""
 
     def __post_init__(self) -> None:
         if self.ground_rgb.flags.writeable or not self.ground_rgb.flags.c_contiguous:
@@ -67,7 +82,7 @@ class Subject(Record):
 def subject_of(world: World) -> Subject:
     """A world for the renderer: the instances are its rocks and those that reach into it, by id."""
     rocks, rover = merge(world.field, world.neighbours), world.rover
-    wheels = dict[str, float]()
+    wheels: dict[str, Any] = {}
     if rover.wheels:
         wheels = {
             "half_gauge": float(np.abs(rover.wheel_centres[:, 1]).max()),

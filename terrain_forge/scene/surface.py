@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inner, mix
-from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
+from terrain_forge.scene.grain import SOIL_COARSEST, cell_hash, face, ground_grain, part
 
 (
     X, Y, Z, FLAT_X, FLAT_Y, FLAT_Z, BENT_X, BENT_Y, BENT_Z, RED, GREEN, BLUE, RANGE, SHADE, LIFT,
@@ -21,7 +21,7 @@ from terrain_forge.scene.grain import cell_hash, face, ground_grain, part
 distance from the camera, the part of sunlight that small stones keep off, the height of the smooth
 surface over the triangle, and what it belongs to: a rock's row, -1 for the ground."""
 COLUMNS = 16
-NOBODY = -3.0
+NOBODY = -9.0
 """Owner of a point that is not yet shaded."""
 
 
@@ -48,6 +48,12 @@ class Land(NamedTuple):
     """Share of cells that hold a small stone."""
     shadow: tuple[float, float]
     """From the end of the shadow of a thing of unit height to its foot, east and north."""
+    apron_faces: NDArray[np.int64]
+    """Corners of the triangles beyond the edge, rows of the arrays below, shape [faces, 3]."""
+    apron_normals: NDArray[np.float64]
+    """Unit normals at their corners, shape [vertices, 3]."""
+    apron_rgb: NDArray[np.float64]
+    """Linear albedo at their corners, shape [vertices, 3]."""
 
 
 class Tracks(NamedTuple):
@@ -170,6 +176,26 @@ def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     bright *= 1.0 - 0.3 * depth
     for channel in range(3):
         point[RED + channel] = _colour(land, i, j, u, v, channel) * bright
+
+
+@inner
+def see_apron(point, land, triangle, u, v, footprint):  # type: ignore[no-untyped-def]
+    """Fill in normal and albedo of a point beyond the ground's edge; its place is set already."""
+    corners = land.apron_faces[triangle]
+    east, north = point[X] + land.shift[0], point[Y] + land.shift[1]
+    bright, shade, rise_x, rise_y = ground_grain(
+        land.key, land.clast_share, *land.shadow, east, north, SOIL_COARSEST, footprint
+    )  # with the waves too that the ground's grid holds within the edge
+    x, y, z, parts = 0.0, 0.0, 0.0, (1.0 - u - v, u, v)
+    for channel in range(3):
+        point[RED + channel] = 0.0
+    for k in range(3):
+        normal, rgb = land.apron_normals[corners[k]], land.apron_rgb[corners[k]]
+        x, y, z = x + parts[k] * normal[0], y + parts[k] * normal[1], z + parts[k] * normal[2]
+        for channel in range(3):
+            point[RED + channel] += parts[k] * rgb[channel] * bright
+    _set_normal(point, x / z - rise_x, y / z - rise_y, 1.0)
+    point[SHADE], point[LIFT] = shade, 0.0
 
 
 @inner

@@ -217,14 +217,14 @@ def register() -> None:
 def _intersect(valid: Any, scene: Any, rays: Any, query: Any) -> None:  # noqa: ARG001
     """What `rtcIntersect8` does: the first hit of each active lane of a packet."""
     active, ray = carray(valid, (LANES,)), carray(rays, (ROWS, LANES))
-    word, stack, hit = ray.view(np.int32), np.empty(_STACK, np.int64), np.empty(9)
+    word, stack, hit = ray.view(np.int32), np.empty(_STACK, np.int64), np.empty(10)
     for lane in range(LANES):
         if active[lane] and _trace(scene, ray, lane, stack, hit, False):
             ray[FAR, lane] = hit[0]
             for k in range(3):
                 ray[NORMAL_X + k, lane] = hit[1 + k]
             ray[U, lane], ray[V, lane] = hit[4], hit[5]
-            word[TRIANGLE, lane], word[GEOMETRY, lane] = np.int32(hit[6]), 0
+            word[TRIANGLE, lane], word[GEOMETRY, lane] = np.int32(hit[6]), np.int32(hit[9])
             word[COPY, lane] = np.int32(hit[7])
             word[INSTANCE, lane] = -1 if hit[7] < 0.0 else 0
 
@@ -232,7 +232,7 @@ def _intersect(valid: Any, scene: Any, rays: Any, query: Any) -> None:  # noqa: 
 def _occluded(valid: Any, scene: Any, rays: Any, query: Any) -> None:  # noqa: ARG001
     """What `rtcOccluded8` does: whether anything lies on the rays of the active lanes."""
     active, ray = carray(valid, (LANES,)), carray(rays, (ROWS, LANES))
-    stack, hit = np.empty(_STACK, np.int64), np.empty(9)
+    stack, hit = np.empty(_STACK, np.int64), np.empty(10)
     for lane in range(LANES):
         if active[lane] and _trace(scene, ray, lane, stack, hit, True):
             ray[FAR, lane] = -np.inf
@@ -242,7 +242,8 @@ def _occluded(valid: Any, scene: Any, rays: Any, query: Any) -> None:  # noqa: A
 def _trace(scene, ray, lane, stack, hit, first):  # type: ignore[no-untyped-def]
     """Find the nearest hit of a lane's ray, or the first that is found.
 
-    `hit` gets distance, normal, u, v, triangle and copy (-1 for none).
+    `hit` gets distance, normal, u, v, triangle, copy (-1 for none), the copy that is searched, and
+    1 for a triangle of the scene itself, else 0.
     """
     floats = carray(scene, (2**31 - 1,))
     words = floats.view(np.int32)
@@ -294,11 +295,11 @@ def _trace(scene, ray, lane, stack, hit, first):  # type: ignore[no-untyped-def]
             if _meets(
                 floats, start + 3 * a, start + 3 * b, start + 3 * c, origin, towards, near, hit
             ):
-                found, hit[6], hit[7] = True, number - blocks, hit[8]
+                found, hit[6], hit[7], hit[9] = True, number - blocks, hit[8], hit[8] < 0.0
         elif number >= 0:
             row, column = number // grid[1] * _BLOCK, number % grid[1] * _BLOCK
             if _meets_block(floats, words, base, row, column, origin, towards, near, hit):
-                found, hit[6], hit[7] = True, 0.0, hit[8]
+                found, hit[6], hit[7], hit[9] = True, 0.0, hit[8], 0.0
         if found and first:
             break
     return found

@@ -2,23 +2,141 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from functools import cached_property
+from threading import Lock
 from typing import Self
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from terrain_forge.base import Array, linear_from_srgb
+from terrain_forge.geometry import rover_looks
 from terrain_forge.model import World
-from terrain_forge.scene import RayScene, open_scene
+from terrain_forge.scene import (
+    BodyShapes,
+    Hits,
+    Instances,
+    PlacedBodies,
+    RayScene,
+    cast_with_bodies,
+    subject_of,
+)
+from terrain_forge.sensors.apron import WorldEdge
+from terrain_forge.sensors.links import RoverLinks
 from terrain_forge.sensors.motion import Motion
+
+_KEPT = 8
+_SMOOTH = 1e-6
+"""Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
 
 class Scenery:
-    """The ray scenes of a recording. Use it in a `with` block, or close it."""
+    """The ray scenes of a recording. Use it in a `with` block, or close it.
+
+    Kernels that trace for themselves take four things: `scene.handle`, `rover_at(time).bodies`,
+    `poses_at(times)` and room for a second packet; then `scene.meet8` does what `intersect8` does
+    and `scene.shade8` what `occluded8` does, with the rover in the world:
+
+        rover = scenery.rover_at(middle)      # hold it as long as the kernel runs
+        poses = scenery.poses_at(times)       # one a column, or one for all
+        ...
+        meet8(scene.handle, rover.bodies, pose_of_lane, INCOHERENT, ray, own)
+
+    where `pose_of_lane` has the shape [8, 3, 4], rays start in the scene's own frame (world less
+    `scene.origin`) and have unit directions. `hit_rock` then tells a row of the rocks, or GROUND
+    (-1), MISSED (-2), APRON (-3), BODY (-4): the rover, whose part is in the word COPY: a row of
+    `rover_parts`.
+    """
 
     def __init__(self, world: World, motion: Motion) -> None:
         self.world, self.motion = world, motion
-        self.scene: RayScene = open_scene(world)
-        """The ground, its rocks, and what lies beyond the site."""
+        self.edge = WorldEdge(world)
+        """What lies beyond the world, and its heights; rocks are only within."""
+        self.scene = RayScene(subject_of(world).replace(apron=self.edge.apron))
+        """The ground, its rocks, and what lies beyond."""
+        self._looks = rover_looks(world.rover)
+        self._links = RoverLinks(world.rover, motion)
+        self._placed = OrderedDict[float, PlacedBodies]()
+        self._lock = Lock()
+
+    @cached_property
+    def rover_parts(self) -> Instances:
+        """The rover's visible shapes, one for each link and colour; at rest, in base_link's frame.
+
+        `rgb` is their linear albedo.
+        """
+        looks, origins = self._looks, self.world.rover.origins
+        count = len(looks)
+        colours = np.array([look.rgb for look in looks]).reshape(-1, 3)
+        return Instances(
+            meshes=tuple(look.mesh for look in looks),
+            mesh=np.arange(count, dtype=np.int32),
+            position=np.array([origins[look.link] for look in looks]).reshape(-1, 3),
+            rotation=np.tile(np.eye(3), (count, 1, 1)),
+            scale=np.ones(count),
+            grain=np.full(count, _SMOOTH),
+            rgb=linear_from_srgb(np.round(255.0 * colours) / 255.0),
+        )
+
+    @cached_property
+    def _shapes(self) -> BodyShapes:
+        return BodyShapes(self.rover_parts)
+
+    def rover_at(self, time: float) -> PlacedBodies:
+        """The rover's shapes in base_link's frame as they stand at a time [s].
+
+        For a sweep or a rolling shutter its middle serves: links move little against base_link
+        meanwhile, and base_link's own motion is in `poses_at`.
+        """
+        with self._lock:
+            if time not in self._placed:
+                places = self._links.at(time)
+                parts = [places[look.link] for look in self._looks]
+                self._placed[time] = self._shapes.placed(
+                    np.array([place for place, _ in parts]).reshape(-1, 3),
+                    np.array([turn for _, turn in parts]).reshape(-1, 3, 3),
+                )
+                while len(self._placed) > _KEPT:
+                    self._placed.popitem(last=False)
+            return self._placed[time]
+
+    def poses_at(self, times: ArrayLike) -> Array:
+        """base_link in the frame of `scene` at times [s]: [turn | place], shape [times, 3, 4]."""
+        state = self.motion.base.at(times)
+        place = state.position - self.scene.origin
+        return np.concatenate([state.rotation, place[:, :, None]], axis=2)
+
+    def height_at(self, east: ArrayLike, north: ArrayLike) -> Array:
+        """Height of the ground or of what lies beyond it [m], as rays meet it.
+
+        Raises:
+            ValueError: for a point beyond the horizon.
+        """
+        x, y = np.broadcast_arrays(*(np.asarray(c, np.float64) for c in (east, north)))
+        within, heights = self.world.ground.covers(x, y), np.empty(x.shape)
+        heights[within] = self.world.ground.height_at(x[within], y[within])
+        heights[~within] = self.edge.heights_at(x[~within], y[~within])
+        return heights
+
+    def cast(self, origins: Array, directions: Array, times: ArrayLike) -> Hits:
+        """What rays in the world meet first, the rover among it.
+
+        Args:
+            origins: Start points [m], shape [rays, 3].
+            directions: Unit vectors, shape [rays, 3].
+            times: When each ray is cast, or when all are [s].
+        """
+        moments = np.atleast_1d(np.asarray(times, np.float64))
+        rover = self.rover_at(float(moments[len(moments) // 2]))
+        poses = self.poses_at(moments)
+        return cast_with_bodies(self.scene, rover.bodies, poses, origins, directions)
 
     def close(self) -> None:
         """Give the memory back."""
+        self._placed.clear()
+        if "_shapes" in self.__dict__:
+            self._shapes.close()
         self.scene.close()
 
     def __enter__(self) -> Self:
