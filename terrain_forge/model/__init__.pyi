@@ -65,14 +65,17 @@ from .rover import Rover as Rover
 from .rover import Shape as Shape
 from .rover import Wheel as Wheel
 from .rover import moments as moments
+from .sensor import Form as Form
 from .sensor import Sdf as Sdf
 from .sensor import Sensor as Sensor
 from .sensor import Topic as Topic
 from .sensor import View as View
+from .sensor import figures_lost as figures_lost
 from .sensor import sensor_kinds as sensor_kinds
 from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
 from .sensors.camera import CameraSensor as CameraSensor
+from .sensors.imu import ImuSensor as ImuSensor
 from .sensors.lidar import LidarSensor as LidarSensor
 from .sensors.stereo import StereoSensor as StereoSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT

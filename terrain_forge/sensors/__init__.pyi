@@ -1,5 +1,6 @@
 """What a rover sees and feels: its motion, and instruments that measure it."""
 
+from .allan import allan_deviation as allan_deviation
 from .instrument import NANOSECONDS as NANOSECONDS
 from .instrument import Frames as Frames
 from .instrument import Instrument as Instrument
