@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, over_chunks, stage_key
+from terrain_forge.base import Array, inner, kernel, merged, over_chunks, stage_key
 from terrain_forge.base.portable import norm, product
 from terrain_forge.scene.bodies import Bodies, meet8, shade8
 from terrain_forge.scene.embree import COHERENT
@@ -211,7 +211,7 @@ def _passing(rover: Rover | None, channels: int) -> _Passing:
     )
 
 
-@inner
+@merged
 def _passes_ball(ray, ball):  # type: ignore[no-untyped-def]
     """Whether a ray of the packet may come through the ball."""
     nearest = _FAR_AWAY
@@ -229,7 +229,7 @@ def _passes_ball(ray, ball):  # type: ignore[no-untyped-def]
     return nearest <= ball[3] * ball[3]
 
 
-@inner
+@merged
 def _meet_all(world, passing, pose, ray, own):  # type: ignore[no-untyped-def]
     """What the packet's rays meet first."""
     if passing.handle != 0 and _passes_ball(ray, passing.ball):
@@ -238,7 +238,7 @@ def _meet_all(world, passing, pose, ray, own):  # type: ignore[no-untyped-def]
         intersect8(ray.ctypes.data + 4 * ACTIVE * LANES, world[0], ray.ctypes.data, world[1])
 
 
-@inner
+@merged
 def _lit_lanes(world, passing, pose, ray, own, lit):  # type: ignore[no-untyped-def]
     """Which of some lanes' rays meet nothing, as bits."""
     if lit == 0:
@@ -252,7 +252,7 @@ def _lit_lanes(world, passing, pose, ray, own, lit):  # type: ignore[no-untyped-
     return lit
 
 
-@inner
+@merged
 def _pose_at(passing, pose, lane, row):  # type: ignore[no-untyped-def]
     """Note the bodies' pose of a lane in a row; where all rows have one it is noted already."""
     if len(passing.poses) > 1:
@@ -269,7 +269,7 @@ def _room(count):  # type: ignore[no-untyped-def]
     return raw[start : start + count * ROWS * LANES].reshape(count, ROWS, LANES)
 
 
-@inner
+@merged
 def _aim(space, lane, view, row, column, right, down):  # type: ignore[no-untyped-def]
     """Direction and angle of a place in a pixel, `right` and `down` of its middle [pixels]."""
     rays, turn = view.rays, view.turns[row]
@@ -294,14 +294,14 @@ def _aim(space, lane, view, row, column, right, down):  # type: ignore[no-untype
         space[AIM_X + LANES * axis + lane] = scale * turned
 
 
-@inner
+@merged
 def _send(space, lane, ray, word, view, row):  # type: ignore[no-untyped-def]
     place = view.places[row]
     towards = (space[AIM_X + lane], space[AIM_Y + lane], space[AIM_Z + lane])
     set_ray(ray, word, lane, (place[0], place[1], place[2]), towards, _0, np.inf)
 
 
-@inner
+@merged
 def _ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-def]
     """Aim a lane from its surface at a place of the Sun; returns whether it may see it."""
     sun, up, side = stage.sun, stage.sun_up, stage.sun_side
@@ -327,7 +327,7 @@ def _ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-de
     return True
 
 
-@inner
+@merged
 def _look_packet(world, stage, relief, wheels, passing, view, room, space, left, top, seen):  # type: ignore[no-untyped-def]
     """Look through 4 × 2 pixels; those beyond the picture's edge repeat the last ones."""
     ray, own, pose = room
@@ -354,7 +354,7 @@ def _look_packet(world, stage, relief, wheels, passing, view, room, space, left,
             _note(space, lane, view, (lit >> lane) & 1, row, column, seen)
 
 
-@inner
+@merged
 def _note(space, lane, view, sunlit, row, column, seen):  # type: ignore[no-untyped-def]
     owner = np.int32(space[OWNER + lane])
     missed = owner == -2
@@ -416,7 +416,7 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
             state[row, column] = _EDGE if found else _UNSEEN
 
 
-@inner
+@merged
 def _refine_pixel(  # type: ignore[no-untyped-def]
     world, stage, relief, wheels, passing, view, room, space, row, column, samples, seen
 ):
