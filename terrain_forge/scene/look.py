@@ -62,9 +62,11 @@ _0, _1, _FAR_AWAY = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
 _NEAR_LIFT, _FAR_LIFT = np.float32(5e-4), np.float32(2e-4)
 _SAME = np.float32(0.03)
 """Part of the distance within which a ray sees the surface that its pixel's middle does."""
-_BENT = np.float32(0.03)
+_BENT = np.float32(0.1)
 """Change of the slope of nearness, over nearness, that tells an edge within one surface."""
-_UNSEEN, _EDGE, _PARTLY = np.uint8(0), np.uint8(1), np.uint8(2)
+_CALM, _DARK_EDGE, _LIT_EDGE, _LIGHT, _PARTLY = (np.uint8(n) for n in range(5))
+"""States of a pixel: nothing changes about it; surfaces change in the dark, in the Sun; the light
+changes; and, once that is refined, the Sun lights a surface in part."""
 
 # Eight rooks that do not see each other, symmetric to the middle of the board.
 _ROOKS = (np.stack([np.arange(8), [3, 6, 0, 5, 2, 7, 1, 4]], axis=1) + 0.5) / 8.0 - 0.5
@@ -402,10 +404,12 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
         north, south = max(row - 1, 0), min(row + 1, height - 1)
         for column in range(width):
             west, east = max(column - 1, 0), min(column + 1, width - 1)
-            mine, light, found = owner[row, column], sunlit[row, column], False
+            mine, found, lit, dark = owner[row, column], False, False, False
             for j in (north, row, south):
                 for i in (west, column, east):
-                    found = found or owner[j, i] != mine or sunlit[j, i] != light
+                    found = found or owner[j, i] != mine
+                    if owner[j, i] != -2:
+                        lit, dark = lit or sunlit[j, i], dark or not sunlit[j, i]
             if not found and mine != -2:
                 near = _1 / distance[row, column]
                 for one, other in (
@@ -413,12 +417,18 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
                     (distance[north, column], distance[south, column]),
                 ):
                     found = found or abs(_1 / one + _1 / other - near - near) > _BENT * near
-            state[row, column] = _EDGE if found else _UNSEEN
+            if lit and dark:
+                state[row, column] = _LIGHT
+            elif found:
+                state[row, column] = _LIT_EDGE if lit else _DARK_EDGE
+            else:
+                state[row, column] = _CALM
 
 
 @merged
 def _refine_pixel(  # type: ignore[no-untyped-def]
-    world, stage, relief, wheels, passing, view, room, space, row, column, samples, seen
+    world, stage, relief, wheels, passing, view, room, space, row, column, samples,
+    state, seen
 ):
     """Expose a pixel by eight rays; returns whether the Sun lights a surface in part."""
     ray, own_ray, pose = room
@@ -440,7 +450,10 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
         meet(space, lane, ray, word, owner, origin, stage, passing.parts)
         a, b = samples[lane, 2], samples[lane, 3]
         lit |= _ask_sun(space, lane, ray, word, stage, a, b) << lane
-    lit = _lit_lanes(world, passing, pose, ray, own_ray, lit)
+    if state == _LIGHT:
+        lit = _lit_lanes(world, passing, pose, ray, own_ray, lit)
+    elif state == _DARK_EDGE:
+        lit = 0
     everything = (1 << LANES) - 1
     if own != everything:
         shine(space, stage, relief, wheels, view.behind, view.anchor)
@@ -479,9 +492,10 @@ def _refine(  # type: ignore[no-untyped-def]
         row, column = pixels[n] // width, pixels[n] % width
         mixed = _refine_pixel(
             world, stage, relief, wheels, passing, view, room, space, row, column, _SAMPLES,
-            seen,
+            state[row, column], seen,
         )  # fmt: skip
-        state[row, column] = _PARTLY if mixed else _EDGE
+        if mixed and state[row, column] == _LIGHT:
+            state[row, column] = _PARTLY
 
 
 @kernel
@@ -494,8 +508,8 @@ def _spread(state, pixels, more):  # type: ignore[no-untyped-def]
         if state[row, column] == _PARTLY:
             for j in range(max(row - 1, 0), min(row + 2, height)):
                 for i in range(max(column - 1, 0), min(column + 2, width)):
-                    if state[j, i] == _UNSEEN:
-                        state[j, i] = _EDGE
+                    if state[j, i] == _CALM:
+                        state[j, i] = _LIGHT
                         more[count] = j * width + i
                         count += 1
     return count
