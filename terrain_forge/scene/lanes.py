@@ -116,7 +116,7 @@ def _set_unit(space, first, lane, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @merged
-def _meet_ground(space, lane, ray, stage):  # type: ignore[no-untyped-def]
+def _meet_ground(space, lane, stage):  # type: ignore[no-untyped-def]
     slope_x, slope_y, lift = _ground_below(space, lane, stage)
     _set_unit(space, SMOOTH_X, lane, -slope_x, -slope_y, _1)
     space[LIFT + lane] = lift
@@ -234,7 +234,7 @@ def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[n
             x, y, z = -x, -y, -z
         _set_unit(space, FLAT_X, lane, x, y, z)
         if owner == -1:
-            _meet_ground(space, lane, ray, stage)
+            _meet_ground(space, lane, stage)
         elif owner == -3:
             _meet_land(space, lane, ray, word, stage)
         else:
@@ -256,7 +256,7 @@ def _imprint(space, lane, stage, wheels, behind):  # type: ignore[no-untyped-def
     rows, columns = stage.nodes.shape[:2]
     i = np.int64(np.floor((x - stage.corner_x) / stage.spacing + _HALF))
     j = np.int64(np.floor((y - stage.corner_y) / stage.spacing + _HALF))
-    i, j = min(max(i, 0), columns - 1), min(max(j, 0), rows - 1)
+    i, j = min(max(i, np.int64(0)), columns - 1), min(max(j, np.int64(0)), rows - 1)
     for one in (1, 0):
         at = wheels.nearest[j, i, one]
         if at < 0:

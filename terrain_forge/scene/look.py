@@ -9,7 +9,7 @@ the search goes on to those beside them, until penumbrae of any width are done.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.relief import relief_about
 from terrain_forge.scene.render import borrow
 from terrain_forge.scene.scene import RayScene
-from terrain_forge.scene.stage import Stage, Wheels, bands
+from terrain_forge.scene.stage import Stage, Wheels, bands, prepare_wheels, triple32
 
 _COLUMNS, _BAND = 4, 2
 _0, _1, _FAR_AWAY = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
@@ -136,7 +136,7 @@ def look(
     rays: NDArray[np.float32],
     position: Array,
     rotation: Array,
-    wheels: Wheels,
+    wheels: Wheels | None = None,
     behind: float = -np.inf,
     rover: Rover | None = None,
 ) -> Seen:
@@ -148,9 +148,9 @@ def look(
         rays: Unit directions in the optical frame (right, down, ahead), shape [height, width, 3].
         position: Where the rays of each row begin in the world [m], shape [height, 3].
         rotation: From the optical frame to the world's of each row, shape [height, 3, 3].
-        wheels: Tracks.
+        wheels: Tracks, if there are any.
         behind: How far along their path the wheels have been [m].
-        rover: Moving bodies.
+        rover: Moving bodies, if there are any.
     """
     height, width = rays.shape[:2]
     channels = stage.colours.shape[1]
@@ -165,7 +165,7 @@ def look(
         shadow=(lean * float(stage.sun[0]), lean * float(stage.sun[1])),
     )
     view = View(
-        rays=np.ascontiguousarray(rays, np.float32),
+        rays=_fixed(np.ascontiguousarray(rays, np.float32)),
         places=places,
         turns=np.ascontiguousarray(rotation, np.float32).reshape(height, 9),
         anchor=(middle[0], middle[1]),
@@ -180,6 +180,7 @@ def look(
         normal=np.empty((height, width, 3), np.float32),
         sunlit=np.empty((height, width), np.bool_),
     )
+    wheels = wheels or prepare_wheels(scene, scene.origin[None, :2])
     given = (scene.handle, COHERENT), stage, relief, wheels, _passing(rover, channels), view, seen
     over_chunks(_look_bands, -(-height // _BAND), *given)
     state = np.empty((height, width), np.uint8)
@@ -192,11 +193,18 @@ def look(
     return seen
 
 
+def _fixed(array: NDArray[Any]) -> NDArray[Any]:
+    """An array that nobody may write to: for kernels that is another type, so they get no other."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 def _passing(rover: Rover | None, channels: int) -> _Passing:
     """Bodies and a ball around them for all of their poses."""
     if rover is None:
         nowhere = (0.0, 0.0, 0.0)
-        bodies = Bodies(0, np.zeros((0, 3, 3)), nowhere, nowhere)
+        bodies = Bodies(0, _fixed(np.zeros((0, 3, 3))), nowhere, nowhere)
         rover = Rover(bodies, np.zeros((1, 3, 4)), np.zeros((0, 3)))
     low, high = np.array(rover.bodies.low), np.array(rover.bodies.high)
     middles = product(rover.poses[:, :, :3], 0.5 * (low + high)) + rover.poses[:, :, 3]
@@ -209,7 +217,7 @@ def _passing(rover: Rover | None, channels: int) -> _Passing:
         high=rover.bodies.high,
         poses=np.ascontiguousarray(rover.poses),
         parts=bands(rover.rgb, channels),
-        ball=(*(np.float32(m) for m in middle), np.float32(radius)),
+        ball=(*triple32(middle), np.float32(radius)),
     )
 
 
@@ -427,8 +435,7 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
 
 @merged
 def _refine_pixel(  # type: ignore[no-untyped-def]
-    world, stage, relief, wheels, passing, view, room, space, row, column, samples,
-    state, seen
+    world, stage, relief, wheels, passing, view, room, space, row, column, samples, state, seen
 ):
     """Expose a pixel by eight rays; returns whether the Sun lights a surface in part."""
     ray, own_ray, pose = room
@@ -454,8 +461,8 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
         lit = _lit_lanes(world, passing, pose, ray, own_ray, lit)
     elif state == _DARK_EDGE:
         lit = 0
-    everything = (1 << LANES) - 1
-    if own != everything:
+    alone = own == (1 << LANES) - 1
+    if not alone:
         shine(space, stage, relief, wheels, view.behind, view.anchor)
     for channel in range(seen.radiance.shape[2]):
         direct, total = seen.direct[row, column, channel], _0
@@ -463,12 +470,10 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
         if seen.sunlit[row, column]:
             rest -= direct
         for lane in range(LANES):
-            sunny = np.float32((lit >> lane) & 1)
-            if (own >> lane) & 1:
-                total += rest + sunny * direct
-            else:
-                total += space[REST + LANES * channel + lane]
-                total += sunny * space[DIRECT + LANES * channel + lane]
+            if not alone:
+                rest = space[REST + LANES * channel + lane]
+                direct = space[DIRECT + LANES * channel + lane]
+            total += rest + np.float32((lit >> lane) & 1) * direct
         seen.radiance[row, column, channel] = total / np.float32(LANES)
     mixed = False
     for part in (own & hits, ~own & hits):
@@ -500,7 +505,7 @@ def _refine(  # type: ignore[no-untyped-def]
 
 @kernel
 def _spread(state, pixels, more):  # type: ignore[no-untyped-def]
-    """Mark and list the pixels not yet refined that are beside partly lit ones; returns how many."""
+    """List the pixels beside partly lit ones that are yet to be refined; returns how many."""
     height, width = state.shape
     count = 0
     for pixel in pixels:

@@ -17,9 +17,20 @@ from terrain_forge.base import Array, inner
 from terrain_forge.scene.grain import SOIL_COARSEST, SOIL_ROUGHER, SOIL_STEEP
 from terrain_forge.scene.packets import LANES
 
-PLACE_X, PLACE_Y, PLACE_Z, FOOTPRINT, VALUE, RISE_X, RISE_Y, RISE_Z, COVER, COARSEST, SHADOWED, STONE = (
-    LANES * row for row in range(12)
-)
+(
+    PLACE_X,
+    PLACE_Y,
+    PLACE_Z,
+    FOOTPRINT,
+    VALUE,
+    RISE_X,
+    RISE_Y,
+    RISE_Z,
+    COVER,
+    COARSEST,
+    SHADOWED,
+    STONE,
+) = (LANES * row for row in range(12))
 """Where the lanes' numbers begin in a workspace: a place [m], the size of a pixel there [m], the
 albedo's noise, the rise per metre, and of small stones how much of the pixel they cover, their
 longest wave [m], the part of sunlight that they keep off, and a rock's key, 0 to 2²⁴."""
@@ -283,8 +294,11 @@ def _corner(key, i, j, k, x, y, z, f, df, g, dg, h, dh):  # type: ignore[no-unty
     word = _mixed(np.uint32(np.uint32(word ^ np.uint32(np.uint32(k) * _K)) ^ key))
     p, q, o = _low(word), _high(word), _low(np.uint32(word * _MIX_1))
     at = p * x + q * y + o * z
-    return f * g * h * at, g * h * (df * at + f * p), f * h * (dg * at + g * q), f * g * (
-        dh * at + h * o
+    return (
+        f * g * h * at,
+        g * h * (df * at + f * p),
+        f * h * (dg * at + g * q),
+        f * g * (dh * at + h * o),
     )
 
 
@@ -320,16 +334,16 @@ def face_lanes(space, whole):  # type: ignore[no-untyped-def]
             r, s, t = u - np.float32(i), v - np.float32(j), w - np.float32(k)
             p, q, o = _fade(r), _fade(s), _fade(t)
             dp, dq, do = _fading(r), _fading(s), _fading(t)
-            l, m, n = _1 - p, _1 - q, _1 - o
+            p_, q_, o_ = _1 - p, _1 - q, _1 - o
             i_, j_, k_ = np.int32(i + _ONE), np.int32(j + _ONE), np.int32(k + _ONE)
             r_, s_, t_ = r - _1, s - _1, t - _1
-            a = _corner(key, i, j, k, r, s, t, l, -dp, m, -dq, n, -do)
-            b = _corner(key, i_, j, k, r_, s, t, p, dp, m, -dq, n, -do)
-            c = _corner(key, i, j_, k, r, s_, t, l, -dp, q, dq, n, -do)
-            d = _corner(key, i_, j_, k, r_, s_, t, p, dp, q, dq, n, -do)
-            e = _corner(key, i, j, k_, r, s, t_, l, -dp, m, -dq, o, do)
-            f = _corner(key, i_, j, k_, r_, s, t_, p, dp, m, -dq, o, do)
-            g = _corner(key, i, j_, k_, r, s_, t_, l, -dp, q, dq, o, do)
+            a = _corner(key, i, j, k, r, s, t, p_, -dp, q_, -dq, o_, -do)
+            b = _corner(key, i_, j, k, r_, s, t, p, dp, q_, -dq, o_, -do)
+            c = _corner(key, i, j_, k, r, s_, t, p_, -dp, q, dq, o_, -do)
+            d = _corner(key, i_, j_, k, r_, s_, t, p, dp, q, dq, o_, -do)
+            e = _corner(key, i, j, k_, r, s, t_, p_, -dp, q_, -dq, o, do)
+            f = _corner(key, i_, j, k_, r_, s, t_, p, dp, q_, -dq, o, do)
+            g = _corner(key, i, j_, k_, r, s_, t_, p_, -dp, q, dq, o, do)
             h = _corner(key, i_, j_, k_, r_, s_, t_, p, dp, q, dq, o, do)
             height = a[0] + b[0] + c[0] + d[0] + e[0] + f[0] + g[0] + h[0]
             rise_u = a[1] + b[1] + c[1] + d[1] + e[1] + f[1] + g[1] + h[1]
