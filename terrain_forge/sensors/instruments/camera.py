@@ -239,9 +239,7 @@ class CameraFrames(Frames):
         """The files of the channels."""
         time, lens = float(self.times[number]) / NANOSECONDS, self.lens(self.truth_style)
         eye = self.eye(time)
-        rays = np.einsum("hij,hwj->hwi", eye.rotation, rays_of(lens).astype(np.float64))
-        met = np.where(np.isfinite(exposure.depth), exposure.distance, 0.0).astype(np.float64)
-        points = eye.position[:, None] + met[:, :, None] * rays
+        points = channels.points_of(exposure, lens, eye.position, eye.rotation)
         return {name: self._channel(name, number, exposure, eye, points) for name in self.channels}
 
     def _channel(
