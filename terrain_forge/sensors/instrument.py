@@ -37,6 +37,8 @@ class Setting:
     """What stands and hangs is pulled by [m/s²]."""
     seed: int
     """Root of the sensors' noise."""
+    tracks: bool = True
+    """Whether the wheels leave tracks behind the rover."""
 
     def key(self, sensor: Sensor) -> np.uint64:
         """What the chance of a sensor hangs on; elements add their own addresses (`base.mix`)."""
@@ -92,6 +94,11 @@ class Instrument:
         if (curve := motion.by_link.get(link)) is None:
             return base.at_mount(self.setting.world.rover.origins[link] + place, turn)
         return on_moving_link(base, curve.at(time)).at_mount(place, turn)
+
+    @cached_property
+    def parts(self) -> tuple[Instrument, ...]:
+        """The instruments that a recording has folders of: itself, or those that it consists of."""
+        return (self,)
 
     def streams(self) -> tuple[Stream, ...]:
         """What it writes."""
@@ -149,6 +156,20 @@ def on_moving_link(base: State, link: State) -> State:
         rate=own + link.rate,
         rate_change=into(back, change) + np.cross(own, link.rate) + link.rate_change,
     )
+
+
+def instruments_of(setting: Setting) -> tuple[Instrument, ...]:
+    """The instruments of the rover's sensors that can be recorded, in the order of its rig.
+
+    A stereo pair is two, whose sensors are `simple` ones: NAME_left and NAME_right.
+    """
+    kinds = instrument_kinds()
+    wholes = [
+        kinds[sensor.kind](sensor, setting)
+        for sensor in setting.world.rover.sensors
+        if sensor.kind in kinds
+    ]
+    return tuple(part for whole in wholes for part in whole.parts)
 
 
 @cache
