@@ -150,7 +150,7 @@ def blur(picture: Picture, width: float) -> Picture:
     """
     if width == 0.0:
         return np.ascontiguousarray(picture, np.float32)
-    rows, columns, channels = picture.shape
+    rows, _, channels = picture.shape
     weights = _gaussian(width)
     across = np.empty_like(picture, dtype=np.float32)
     flat = np.ascontiguousarray(picture, np.float32).reshape(rows, -1)
