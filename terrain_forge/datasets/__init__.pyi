@@ -9,6 +9,7 @@ from .streams import RecordedLidar as RecordedLidar
 from .streams import RecordedSensor as RecordedSensor
 from .streams import RecordedSeries as RecordedSeries
 from .writer import DatasetWriter as DatasetWriter
+from .writer import checked_options as checked_options
 from .writer import dataset_kind as dataset_kind
 from .writer import dataset_kinds as dataset_kinds
 from .writer import write_dataset as write_dataset

@@ -127,10 +127,9 @@ def _low_passed(values: Array, step: float, before: int) -> Array:
     gauss = portable.exp(-0.5 * (np.arange(-half, half + 1) * step / _WIDTH) ** 2)
     gauss /= gauss.sum()
     taps = 2.0 * np.pad(gauss, half) - np.convolve(gauss, gauss)
-    first, last = values[:1], values[-1:]
-    padded = np.concatenate(
-        [np.repeat(first, before + 2 * half, axis=0), values, np.repeat(last, 2 * half, axis=0)]
-    )
+    ahead = np.arange(1, 2 * half + 1)[:, None]
+    after = values[-1:] + ahead * (values[-1:] - values[-2:-1])  # it ends in motion
+    padded = np.concatenate([np.repeat(values[:1], before + 2 * half, axis=0), values, after])
     result = np.zeros((before + len(values), values.shape[1]))
     for number, tap in enumerate(taps.tolist()):
         result += tap * padded[number : number + len(result)]

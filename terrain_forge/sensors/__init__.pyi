@@ -18,3 +18,6 @@ from .motion import State as State
 from .motion import motion_of_path as motion_of_path
 from .mounts import check_mounts as check_mounts
 from .scenery import Scenery as Scenery
+from .sweep import Sweep as Sweep
+from .sweep import deskewed_points as deskewed_points
+from .sweep import take_sweep as take_sweep

@@ -56,7 +56,9 @@ class Chip:
         self.dark = np.empty(shape, dtype=np.float32)
         """Electrons that a pixel always has [e]."""
         bright = vignetting(sensor, lens)[:, :, None]
-        _draw(np.uint64(mix(key, _PRNU)), _table(), np.float32(noise.prnu), self.response.reshape(-1))
+        _draw(
+            np.uint64(mix(key, _PRNU)), _table(), np.float32(noise.prnu), self.response.reshape(-1)
+        )
         self.response = np.maximum(bright * (1.0 + self.response), 0.0).astype(np.float32)
         _draw(np.uint64(mix(key, _DSNU)), _table(), np.float32(noise.dsnu_e), self.dark.reshape(-1))
 
@@ -148,7 +150,7 @@ def blur(picture: Picture, width: float) -> Picture:
     """
     if width == 0.0:
         return np.ascontiguousarray(picture, np.float32)
-    rows, columns, channels = picture.shape
+    rows, _, channels = picture.shape
     weights = _gaussian(width)
     across = np.empty_like(picture, dtype=np.float32)
     flat = np.ascontiguousarray(picture, np.float32).reshape(rows, -1)

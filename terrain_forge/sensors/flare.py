@@ -76,7 +76,7 @@ def add_sun(
         return
     pixels, seen = project(lens, sun.towards[None])
     disc = sun.irradiance / (math.pi * sun.radius**2)
-    spots, astray = np.zeros((0, 7)), np.zeros(2)
+    spots, astray = np.zeros((0, 6)), np.zeros(2)
     place = pixels[0] if seen[0] else np.full(2, np.inf)
     if flare is not None:
         light = sun.irradiance * sun.part * axial
@@ -85,6 +85,7 @@ def add_sun(
             spots = _ghosts(lens, flare, place, key)
             spots[:, 3:6] *= light * _within(lens, place)
     rays = flare.blades * (1 + flare.blades % 2) if flare else 1
+    turn = float(uniform(mix(key, 0)))
     over_chunks(
         _shine,
         len(radiance),
@@ -95,7 +96,7 @@ def add_sun(
         (float(sun.towards[0]), float(sun.towards[1]), float(sun.towards[2])),
         (disc, sun.radius, 1.0 / lens.focal[0]),
         (float(astray[0]), float(astray[1])),
-        (rays, flare.blades if flare else 3),
+        (rays, flare.blades if flare else 3, turn),
         spots,
     )
 
@@ -116,12 +117,8 @@ def _within(lens: Lens, place: Array) -> float:
 
 
 def _ghosts(lens: Lens, flare: LensFlare, place: Array, key: np.uint64) -> Array:
-    """Column, row, radius [pixels], radiance of three colours per irradiance, turn of the corners.
-
-    Shape [ghosts, 7].
-    """
-    spots = np.zeros((flare.ghosts, 7))
-    turn = float(uniform(mix(key, 0)))
+    """Column, row, radius [pixels], radiance of three colours per irradiance, shape [ghosts, 6]."""
+    spots = np.zeros((flare.ghosts, 6))
     drawn = uniform(mix(mix(key, np.arange(1, 1 + flare.ghosts)[:, None]), np.arange(6)))
     for spot, (at, size, strength, *tints) in zip(spots, drawn, strict=True):
         along = _FARTHEST + at * (_NEAREST - _FARTHEST)
@@ -132,7 +129,6 @@ def _ghosts(lens: Lens, flare: LensFlare, place: Array, key: np.uint64) -> Array
         spot[2] = radius
         spot[3:6] = flare.ghost_strength * (0.3 + 1.4 * strength) / solid
         spot[3:6] *= 0.6 + 0.4 * np.array(tints)
-        spot[6] = turn
     return spots
 
 
@@ -144,7 +140,7 @@ def _shine(  # type: ignore[no-untyped-def]
     focal, column, row = frame
     glow, radius, pixel = disc
     veil, star = astray
-    points, blades = corners
+    points, blades, twist = corners
     channels = radiance.shape[2]
     for j in range(first, last):
         for i in range(radiance.shape[1]):
@@ -160,7 +156,7 @@ def _shine(  # type: ignore[no-untyped-def]
             away = np.sqrt(x * x + y * y)
             if star > 0.0 and 0.0 < away < 8.0 * _RAY_LENGTH:
                 step = 2.0 * np.pi / points
-                turn = np.arctan2(y, x) / step
+                turn = np.arctan2(y, x) / step + twist
                 aside = step * (turn - np.floor(turn + 0.5))
                 across = away * np.sin(aside) / _RAY_WIDTH
                 if np.abs(across) < 6.0:
@@ -178,7 +174,7 @@ def _shine(  # type: ignore[no-untyped-def]
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):
                 x, y = i - spots[n, 0], j - spots[n, 1]
-                turn = np.arctan2(y, x) / step + spots[n, 6]
+                turn = np.arctan2(y, x) / step + twist
                 side = np.cos(step * (turn - np.floor(turn + 0.5)))
                 out = np.sqrt(x * x + y * y) * side
                 cover = min(max((size - out) / (0.06 * size + 1.0) + 0.5, 0.0), 1.0)
