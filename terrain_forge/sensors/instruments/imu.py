@@ -69,9 +69,9 @@ class Imu(Series):
         motion = self.setting.motion
         if motion.source == "drive" and self.sensor.rate_hz * motion.base.step > 1.0 + 1e-9:
             raise RecipeError(
-                f"{self.sensor.rate_hz:g} Hz is more than the drive is logged at, "
-                f"{1.0 / motion.base.step:g} Hz",
-                key=("rate_hz",),
+                f"{self.sensor.name!r}: rate_hz {self.sensor.rate_hz:g} is more than the drive is "
+                f"logged at, {1.0 / motion.base.step:g} Hz",
+                key=("sensors",),
             )
 
     def samples(self) -> dict[str, Array]:

@@ -236,3 +236,20 @@ def test_what_a_format_cannot_say_is_a_loss_with_its_field(tmp_path):
     assert prim.GetAttribute("omni:lensdistortion:model").Get() == "opencvFisheye"
     bias = ET.parse(tmp_path / "o" / "morpheus.sdf").getroot().find(".//imu//x/noise/bias_stddev")
     assert float(bias.text) == pytest.approx(np.radians(4 / 3600))
+
+
+def test_an_inclinometer_is_a_frame_of_mujocos(tmp_path):
+    rover = rig([
+        {"name": "tilt", "kind": "inclinometer", "rpy_deg": [0, 20, 0]},
+        {"name": "wheels", "kind": "odometry"},
+        {"name": "sun", "kind": "sun_sensor"},
+    ])  # fmt: skip
+    losses = exported(rover, tmp_path / "o").losses
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "o" / "morpheus.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    half = np.radians(10)
+    told = data.sensor("tilt_framequat").data
+    np.testing.assert_allclose(told, [np.cos(half), 0, np.sin(half), 0], atol=1e-12)
+    assert "A Sun sensor is a bare site in MJCF; its figures are not part of the model." in losses
+    assert "SDF has no sensor for the rover's wheel odometry: it is left out." in losses
