@@ -95,7 +95,7 @@ from .recipe import ValidateSpec as ValidateSpec
 from .recipe import json_schema as json_schema
 from .recipe import load_recipe as load_recipe
 from .recipe import save_recipe as save_recipe
-from .recording import instruments_of as instruments_of
+from .recording import find_instrument as find_instrument
 from .recording import open_setting as open_setting
 from .rocks import AroundCraters as AroundCraters
 from .rocks import Clustered as Clustered

@@ -148,7 +148,7 @@ def _sensors(rover: Rover) -> list[Lines]:
     told = [
         *((kind, name, {"objtype": "xbody", "objname": root}) for kind, name in true.items()),
         *(
-            (tag, f"{s.name}_{tag}", {"site": s.name})
+            (tag, f"{s.name}_{tag}", _site(tag, s.name))
             for s in simple_sensors(rover.sensors)
             for tag in s.mjcf
         ),
@@ -160,6 +160,11 @@ def _sensors(rover: Rover) -> list[Lines]:
         ),
     ]
     return [element(tag, name=name, **what) for tag, name, what in told]
+
+
+def _site(tag: str, name: str) -> dict[str, str]:
+    """Where a sensor of MuJoCo's is: frames are told of any kind of object."""
+    return {"objtype": "site", "objname": name} if tag.startswith("frame") else {"site": name}
 
 
 def rig_losses(rover: Rover, where: str = "") -> list[str]:

@@ -130,13 +130,15 @@ def define_rig(stage: Usd.Stage, base: str, rover: Rover) -> None:
 
 
 def _held(told: Any) -> Any:
-    """Plain data as custom data holds it: lists are arrays of numbers, or mappings from 0 on."""
+    """Plain data as custom data holds it: lists are arrays of one kind, or mappings from 0 on."""
     if isinstance(told, dict):
         return {name: _held(value) for name, value in told.items()}
     if not isinstance(told, list):
         return told
     if all(isinstance(value, int | float) for value in told):
         return Vt.DoubleArray(told)
+    if all(isinstance(value, str) for value in told):
+        return Vt.StringArray(told)
     return {str(number): _held(value) for number, value in enumerate(told)}
 
 

@@ -37,6 +37,7 @@ from .heap import heap_push as heap_push
 from .kernels import inlined as inlined
 from .kernels import inner as inner
 from .kernels import kernel as kernel
+from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
 from .mujoco_files import load_model as load_model
 from .power_pieces import PowerPieces as PowerPieces
@@ -55,6 +56,8 @@ from .registry import plugins as plugins
 from .registry import skip_plugin as skip_plugin
 from .registry import values as values
 from .seeds import mix as mix
+from .seeds import normal as normal
+from .seeds import normals as normals
 from .seeds import poisson as poisson
 from .seeds import stage_key as stage_key
 from .seeds import uniform as uniform

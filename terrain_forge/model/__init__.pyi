@@ -75,8 +75,12 @@ from .sensor import sensor_kinds as sensor_kinds
 from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
 from .sensors.camera import CameraSensor as CameraSensor
+from .sensors.imu import ImuSensor as ImuSensor
+from .sensors.inclinometer import InclinometerSensor as InclinometerSensor
 from .sensors.lidar import LidarSensor as LidarSensor
+from .sensors.odometry import OdometrySensor as OdometrySensor
 from .sensors.stereo import StereoSensor as StereoSensor
+from .sensors.sun_sensor import SunSensor as SunSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError, hint_at
-from terrain_forge.sensors import NANOSECONDS, Frames, Instrument
+from terrain_forge.model import Sensor
+from terrain_forge.recording.rig import Folder
+from terrain_forge.sensors import NANOSECONDS, Motion
 
 Spans = tuple[tuple[int, int], ...]
 """Times [ns], each from one up to but without another, ascending and apart."""
@@ -50,49 +52,47 @@ class Order:
         if self.workers is not None and self.workers < 1:
             raise OutputError(f"--workers {self.workers}: at least 1")
 
-    def chosen(self, instruments: Sequence[Instrument]) -> tuple[Instrument, ...]:
-        """The instruments of the sensors that are asked for.
+    def chosen(self, folders: Sequence[Folder], rig: Sequence[Sensor]) -> tuple[Folder, ...]:
+        """The folders of the sensors that are asked for; a stereo pair's name stands for both.
 
         Raises:
             OutputError: for the name of no sensor that can be recorded.
         """
-        names = [one.sensor.name for one in instruments]
+        parts = {one.sensor.name: (one.sensor.name,) for one in folders}
+        pairs = {s.name: tuple(part.name for part in s.simple if part.name in parts) for s in rig}
+        known = {name: of for name, of in {**parts, **pairs}.items() if of}
         for name in self.only:
-            if name not in names:
-                known = ", ".join(names) or "none"
+            if name not in known:
                 raise OutputError(
-                    f"--only {name}: no sensor is called so{hint_at(name, names)}, there are: "
-                    f"{known}"
+                    f"--only {name}: no sensor that is recorded is called so"
+                    f"{hint_at(name, known)}, there are: {', '.join(known) or 'none'}"
                 )
-        return tuple(one for one in instruments if not self.only or one.sensor.name in self.only)
+        wanted = {part for name in self.only or known for part in known[name]}
+        return tuple(one for one in folders if one.sensor.name in wanted)
 
-    def require_some(self, instruments: Sequence[Instrument], *, end: float, path: str) -> None:
-        """Refuse a time in which a sensor measures nothing.
-
-        Args:
-            instruments: Those that are asked for.
-            end: How long the motion lasts [s].
-            path: The path's name.
+    def require_some(self, folders: Sequence[Folder], motion: Motion) -> None:
+        """Refuse a time in which there is no motion, or a sensor measures nothing.
 
         Raises:
-            OutputError: if the recording would end before it begins, or an instrument stays idle.
+            OutputError: says which.
         """
-        if self.begin > end:
+        begin, end = self.begin, motion.end
+        if begin > end:
             raise OutputError(
-                f"--from {self.begin:g}: the recording of path {path!r} ends at {end:.6g} s"
+                f"--from {begin:g}: the motion along {motion.path!r} ends at {end:.6g} s"
             )
-        for one in instruments:
-            step = 1.0 / one.sensor.rate_hz
-            if isinstance(one, Frames) and end < step:
+        for one in folders:
+            name, step = one.sensor.name, 1.0 / one.rate
+            if not one.is_table and end < step:
                 raise OutputError(
-                    f"path {path!r}: its recording lasts {end:.3g} s, sensor {one.sensor.name!r} "
-                    f"takes {step:.3g} s for one measurement"
+                    f"path {motion.path!r}: its recording lasts {end:.3g} s, sensor {name!r} takes "
+                    f"{step:.3g} s for one measurement"
                 )
             if not within(one.times, (self.span,)).any():
+                last = end if self.end is None else min(self.end, end)
                 raise OutputError(
-                    f"sensor {one.sensor.name!r} measures nothing between {self.begin:g} and "
-                    f"{end if self.end is None else min(self.end, end):.6g} s: it does every "
-                    f"{step:.3g} s"
+                    f"sensor {name!r} measures nothing between {begin:g} and {last:.6g} s: it does "
+                    f"every {step:.3g} s"
                 )
 
 

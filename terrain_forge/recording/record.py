@@ -21,6 +21,7 @@ from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import measurement_cost, seconds_of
+from terrain_forge.recording.formats import formats_of, write_formats
 from terrain_forge.recording.index import (
     dataset_folder,
     file_name,
@@ -32,15 +33,15 @@ from terrain_forge.recording.plan import PLAN, differences, plan_of, plan_text, 
 from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.setting import (
     checked,
-    instruments_of,
     open_setting,
+    tell_unmeasured,
     with_path,
     with_rig,
 )
 from terrain_forge.recording.store import Store
-from terrain_forge.sensors import Frames, Instrument
+from terrain_forge.sensors import Frames, check_mounts, instruments_of
 
-RECORDING = ("load", "scene", "recording", "tables")
+RECORDING = ("load", "scene", "recording", "tables", "formats")
 """Stages of a recording."""
 _SPARE = 2**24
 """Bytes of a disk that are left free."""
@@ -60,6 +61,8 @@ class Recorded:
     """Measurements that are there, by the sensors' folders."""
     size: int
     """Bytes of it all."""
+    losses: dict[str, tuple[str, ...]]
+    """What further formats that were written now cannot say."""
 
     def __repr__(self) -> str:
         streams = ", ".join(f"{name} {count:,}" for name, count in self.streams.items())
@@ -69,24 +72,25 @@ class Recorded:
 class Task(NamedTuple):
     """A measurement that is to be made."""
 
-    folders: tuple[Folder, ...]
-    """Where its files go; they have one instrument."""
+    folder: Folder
+    """Where its files go."""
     number: int
+    """Of the folder's measurements."""
 
     @property
     def instrument(self) -> Frames:
         """What makes it."""
-        return cast(Frames, self.folders[0].instrument)
+        return cast(Frames, self.folder.instrument)
+
+    def measure(self) -> dict[str, bytes]:
+        """Its files' contents by the names of their streams."""
+        return self.instrument.measure(self.number * self.folder.every)
 
     @property
     def names(self) -> dict[str, str]:
-        """Its files by the names of the instrument's streams."""
-        at = int(self.instrument.times[self.number])
-        return {
-            f"{one.prefix}{stream}": file_name(one, stream, at)
-            for one in self.folders
-            for stream in one.streams
-        }
+        """Its files by the names of their streams."""
+        at = int(self.folder.times[self.number])
+        return {stream: file_name(self.folder, stream, at) for stream in self.folder.streams}
 
 
 def record_dataset(
@@ -109,6 +113,7 @@ def record_dataset(
     """
     order.require()
     spec = with_path(world, checked(spec))
+    formats = formats_of(spec)
     folder = dataset_folder(out)
     plan = plan_of(with_rig(world, spec), spec)
     differing = differences(folder, plan)
@@ -117,18 +122,18 @@ def record_dataset(
     with holding(out):
         watch("scene")
         with open_setting(world, spec) as setting, Store(folder) as store:
-            instruments = tuple(instruments_of(setting).values())
-            chosen = order.chosen(instruments)
+            tell_unmeasured(setting)
+            folders = folders_of(instruments_of(setting), quick=spec.profile == "quick")
+            chosen = order.chosen(folders, world.rover.sensors)
+            check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
             for one in chosen:
-                one.check()
-            end = setting.motion.end
-            order.require_some(chosen, end=end, path=setting.motion.path)
-            folders = folders_of(instruments)
+                one.instrument.check()
+            order.require_some(chosen, setting.motion)
             if not (folder / PLAN).exists() and store.size:
                 differing = [f"no {PLAN}"]
                 require_same(folder, [] if order.force else differing)
             anew = bool(differing)
-            tasks = _missing(folders, chosen, order, None if anew else store)
+            tasks = _missing(chosen, order, None if anew else store)
             watch("recording: first measurements")
             _require_room(store, tasks, chosen, order, gained=store.size if anew else 0)
             if anew:
@@ -141,60 +146,55 @@ def record_dataset(
             for one in chosen:
                 spans[one.sensor.name] = _with(spans.get(one.sensor.name, ()), order)
             streams = write_index(store, setting, folders, spec=spec, spans=spans)
-            return Recorded(folder=folder, made=len(tasks), streams=streams, size=store.size)
+            losses = write_formats(store, formats, watch)
+            store.settle()
+            return Recorded(
+                folder=folder, made=len(tasks), streams=streams, size=store.size, losses=losses
+            )
 
 
 def _with(spans: Spans, order: Order) -> Spans:
     return joined((*spans, order.span))
 
 
-def _missing(
-    folders: Sequence[Folder], chosen: Sequence[Instrument], order: Order, store: Store | None
-) -> list[Task]:
+def _missing(folders: Sequence[Folder], order: Order, store: Store | None) -> list[Task]:
     """The measurements that are asked for and are not there, in the order of their times."""
-    rows = [
-        _tasks(tuple(one for one in folders if one.instrument is instrument), order, store)
-        for instrument in chosen
-        if isinstance(instrument, Frames)
-    ]
-    merged = heapq.merge(*rows, key=lambda pair: pair[0])
-    return [task for _, task in merged]
+    rows = [_tasks(one, order, store) for one in folders if not one.is_table]
+    return [task for _, task in heapq.merge(*rows, key=lambda pair: pair[0])]
 
 
-def _tasks(
-    folders: tuple[Folder, ...], order: Order, store: Store | None
-) -> Iterator[tuple[int, Task]]:
+def _tasks(folder: Folder, order: Order, store: Store | None) -> Iterator[tuple[int, Task]]:
     """Of one instrument, with their times [ns]."""
-    times = folders[0].instrument.times
+    times = folder.times
     for number in np.flatnonzero(within(times, (order.span,))).tolist():
-        task = Task(folders, number)
+        task = Task(folder, number)
         if store is None or not all(map(store.holds, task.names.values())):
             yield int(times[number]), task
 
 
 def _require_room(
-    store: Store, tasks: Sequence[Task], chosen: Sequence[Instrument], order: Order, *, gained: int
+    store: Store, tasks: Sequence[Task], chosen: Sequence[Folder], order: Order, *, gained: int
 ) -> None:
     """Refuse a disk that is too small, by a first measurement of each instrument.
 
     Args:
         store: The recording's folder.
         tasks: What is to be made.
-        chosen: All instruments that measure.
+        chosen: The folders of all that measure.
         order: When they do.
         gained: Bytes that go before.
 
     Raises:
         StorageError: says what is needed.
     """
-    sizes: dict[int, int] = {}
+    sizes: dict[str, int] = {}
     for task in tasks:
-        if id(task.folders) not in sizes:
-            files = task.instrument.measure(task.number)
-            sizes[id(task.folders)] = sum(map(len, files.values()))
-    needed = sum(sizes[id(task.folders)] for task in tasks)
+        if task.folder.name not in sizes:
+            files = task.measure()
+            sizes[task.folder.name] = sum(map(len, files.values()))
+    needed = sum(sizes[task.folder.name] for task in tasks)
     for one in chosen:
-        if not isinstance(one, Frames):
+        if one.is_table:
             rows = int(within(one.times, (order.span,)).sum())
             needed += round(rows * measurement_cost(one.sensor)[1])
     place = next(above for above in (store.folder, *store.folder.parents) if above.exists())
@@ -238,7 +238,7 @@ def _measured(tasks: Sequence[Task], workers: int) -> Generator[tuple[Task, dict
     with ThreadPoolExecutor(workers) as pool:
         try:
             for task in tasks:
-                waiting.append((task, pool.submit(task.instrument.measure, task.number)))
+                waiting.append((task, pool.submit(task.measure)))
                 if len(waiting) >= _AHEAD * workers:
                     first, future = waiting.popleft()
                     yield first, future.result()

@@ -6,32 +6,46 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, portable
 from terrain_forge.model import Sensor
-from terrain_forge.sensors import Frames, Instrument, State, Stream
+from terrain_forge.sensors import OPTICAL, Frames, Instrument, State, Stream
 
-OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""From a camera's optical frame (x right, y down, z forward) to its own (x forward, z up)."""
+QUICK = 5.0
+"""Measurements of a look at a recording per second [Hz]."""
 _CAMERAS = "cam"
 """Folders of those whose poses are told in the optical frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Folder:
-    """A folder of a recording: what one sensor, as formats know it, measures."""
+    """A folder of a recording: what one instrument measures."""
 
     name: str
     """Below `mav0`: `cam0`, `lidar0`, …"""
-    sensor: Sensor
-    """The sensor; of a stereo pair one of the two."""
     instrument: Instrument
-    """What measures for it."""
-    prefix: str = ""
-    """What the names of its streams begin with, where the instrument measures for several."""
+    """What measures."""
+    every: int = 1
+    """Of its measurements every such one is recorded, from the first on."""
+
+    @cached_property
+    def times(self) -> NDArray[np.int64]:
+        """When it measures what is recorded, from 0 [ns], ascending."""
+        return self.instrument.times[:: self.every]
+
+    @property
+    def rate(self) -> float:
+        """Measurements that are recorded per second [Hz]."""
+        return self.sensor.rate_hz / self.every
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor; of a stereo pair one of the two."""
+        return self.instrument.sensor
 
     @property
     def optical(self) -> bool:
@@ -46,22 +60,12 @@ class Folder:
     @cached_property
     def streams(self) -> dict[str, Stream]:
         """Its streams by the names of their folders."""
-        found = {stream.name: stream for stream in self.instrument.streams()}
-        return {
-            name.removeprefix(self.prefix): stream
-            for name, stream in found.items()
-            if name.startswith(self.prefix)
-        }
-
-    @cached_property
-    def _seen(self) -> Instrument:
-        """An instrument whose frame is the sensor's."""
-        return Instrument(self.sensor, self.instrument.setting)
+        return {stream.name: stream for stream in self.instrument.streams()}
 
     @cached_property
     def at_rest(self) -> Array:
         """From its frame to that of base_link where the rover stands, shape [4, 4]."""
-        (place, turn), rover = self._seen.mount, self.instrument.setting.world.rover
+        (place, turn), rover = self.instrument.mount, self.instrument.setting.world.rover
         found = np.eye(4)
         found[:3, :3] = portable.product(turn, OPTICAL) if self.optical else turn
         found[:3, 3] = rover.origins[self.sensor.link] + place
@@ -69,22 +73,25 @@ class Folder:
 
     def state(self, times: NDArray[np.int64]) -> State:
         """How its frame stands and moves in the world at times from 0 [ns]."""
-        state = self._seen.state(times / 1e9)
+        state = self.instrument.state(times / 1e9)
         return state.at_mount(np.zeros(3), OPTICAL) if self.optical else state
 
 
-def folders_of(instruments: Sequence[Instrument]) -> tuple[Folder, ...]:
-    """The folders of some instruments, numbered in their order."""
+def folders_of(instruments: Sequence[Instrument], *, quick: bool) -> tuple[Folder, ...]:
+    """The folders of some instruments, numbered in their order.
+
+    Args:
+        instruments: The instruments.
+        quick: Whether those that measure files of their own do so at `QUICK` at most.
+    """
     numbers: Counter[str] = Counter()
     found = []
     for instrument in instruments:
-        parts = instrument.sensor.simple
-        for part in parts:
-            side = part.name.removeprefix(f"{instrument.sensor.name}_")
-            name = f"{instrument.folder}{numbers[instrument.folder]}"
-            numbers[instrument.folder] += 1
-            prefix = f"{side}/" if len(parts) > 1 else ""
-            found.append(Folder(name=name, sensor=part, instrument=instrument, prefix=prefix))
+        name = f"{instrument.folder}{numbers[instrument.folder]}"
+        numbers[instrument.folder] += 1
+        few = quick and isinstance(instrument, Frames)
+        every = max(ceil(instrument.sensor.rate_hz / QUICK - 1e-9), 1) if few else 1
+        found.append(Folder(name=name, instrument=instrument, every=every))
     return tuple(found)
 
 

@@ -10,14 +10,15 @@ from dataclasses import asdict, replace
 from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError, hint_at
-from terrain_forge.model import Sensor, Trajectory, World, options_adapter
+from terrain_forge.model import Sensor, World, options_adapter
 from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recording.driven import motion_of_drive
 from terrain_forge.sensors import (
     Instrument,
     Motion,
     Scenery,
     Setting,
-    instrument_kinds,
+    instruments_of,
     motion_of_path,
 )
 
@@ -70,7 +71,7 @@ def open_setting(
     """What the instruments measure in, until the end of the block.
 
         with open_setting(world, path="short") as setting:
-            png = instruments_of(setting)["camera"].measure(100)
+            files = find_instrument(setting, "camera_left").measure(100)
 
     Args:
         world: The world.
@@ -90,6 +91,7 @@ def open_setting(
             scenery=scenery,
             gravity=spec.gravity(world.site.body.gravity),
             seed=world.site.seed,
+            tracks=spec.tracks == "behind",
         )
 
 
@@ -106,27 +108,32 @@ def as_recorded(sensors: Iterable[Sensor], spec: DatasetSpec) -> tuple[Sensor, .
 
 def motion_of(world: World, spec: DatasetSpec) -> Motion:
     """How the rover moves along the path of a recording."""
-    path = trajectory_of(world, spec)
+    assert spec.path is not None
+    if spec.motion == "drive":
+        return motion_of_drive(world, spec.path, still=spec.still_s)
+    path = next(one for one in world.trajectories if one.name == spec.path)
     return motion_of_path(path, still=spec.still_s, ramp=spec.ramp_s)
 
 
-def trajectory_of(world: World, spec: DatasetSpec) -> Trajectory:
-    """The path of a recording."""
-    return next(one for one in world.trajectories if one.name == spec.path)
+def find_instrument(setting: Setting, name: str) -> Instrument:
+    """What measures for the sensor of a name, of a stereo pair NAME_left or NAME_right.
+
+    Raises:
+        RecipeError: if there is none; suggests the nearest name and lists all.
+    """
+    known = {one.sensor.name: one for one in instruments_of(setting)}
+    if name not in known:
+        there = ", ".join(known) or "none"
+        raise RecipeError(
+            f"no sensor that is recorded is called {name!r}{hint_at(name, known)}, "
+            f"there are: {there}"
+        )
+    return known[name]
 
 
-def recorded_sensors(world: World) -> tuple[Sensor, ...]:
-    """The rover's sensors that something measures for; tells of the others."""
-    kinds = instrument_kinds()
-    for sensor in world.rover.sensors:
-        if sensor.kind not in kinds:
-            _log.warning(
-                "sensor %r is left out: no instrument of kind %r", sensor.name, sensor.kind
-            )
-    return tuple(sensor for sensor in world.rover.sensors if sensor.kind in kinds)
-
-
-def instruments_of(setting: Setting) -> dict[str, Instrument]:
-    """The instruments of the rover's sensors by the sensors' names, in the rig's order."""
-    kinds = instrument_kinds()
-    return {s.name: kinds[s.kind](s, setting) for s in recorded_sensors(setting.world)}
+def tell_unmeasured(setting: Setting) -> None:
+    """Warn of sensors that nothing measures for."""
+    measured = {one.sensor.name for one in instruments_of(setting)}
+    for sensor in setting.world.rover.sensors:
+        if measured.isdisjoint(part.name for part in sensor.simple):
+            _log.warning("sensor %r is left out: nothing measures %r", sensor.name, sensor.kind)

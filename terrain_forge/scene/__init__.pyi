@@ -13,6 +13,8 @@ from .engine import before_compiling as before_compiling
 from .engine import engine_name as engine_name
 from .grain import CLAST_SHARE as CLAST_SHARE
 from .grain import ground_grain as ground_grain
+from .look import Rover as Rover
+from .look import look as look
 from .packets import ACTIVE as ACTIVE
 from .packets import COPY as COPY
 from .packets import FAR as FAR
@@ -25,6 +27,7 @@ from .preview import render_from_above as render_from_above
 from .preview import render_preview as render_preview
 from .preview import take_picture as take_picture
 from .preview import write_preview as write_preview
+from .render import borrow as borrow
 from .scene import APRON as APRON
 from .scene import BODY as BODY
 from .scene import GROUND as GROUND
@@ -32,6 +35,10 @@ from .scene import MISSED as MISSED
 from .scene import Hits as Hits
 from .scene import RayScene as RayScene
 from .scene import open_scene as open_scene
+from .stage import Stage as Stage
+from .stage import Wheels as Wheels
+from .stage import prepare_stage as prepare_stage
+from .stage import prepare_wheels as prepare_wheels
 from .subject import Apron as Apron
 from .subject import Instances as Instances
 from .subject import Subject as Subject

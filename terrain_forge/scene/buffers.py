@@ -69,7 +69,7 @@ def prepare_tracks(scene: RayScene) -> Tracks:
     """The wheel tracks."""
     subject = scene.subject
     ground, half_gauge, width = subject.ground, subject.half_gauge, subject.wheel_width
-    paths = [_resampled(track - scene.origin[:2]) for track in subject.tracks]
+    paths = [resampled(track - scene.origin[:2]) for track in subject.tracks]
     points = np.concatenate(paths) if paths else np.empty((0, 5))
     nearest = np.full(ground.shape, -1, dtype=np.int32)
     corner = np.array(ground.origin) - scene.origin[:2]
@@ -121,7 +121,7 @@ def _shapes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.int64], Array, NDArray[n
     return np.concatenate(faces), normals, first
 
 
-def _resampled(plan: Array) -> Array:
+def resampled(plan: Array) -> Array:
     """A path at equal steps: place, cosine and sine of its heading, distance, shape [points, 5]."""
     steps = np.hypot(*np.diff(plan, axis=0).T)
     distance = np.concatenate([[0.0], np.cumsum(steps)])

@@ -30,8 +30,11 @@ def write_png(path: Path, image: NDArray[Any]) -> None:
     Path(path).write_bytes(encode_png(image))
 
 
-def encode_png(image: NDArray[Any]) -> bytes:
-    """The PNG file of an image; see `write_png`."""
+def encode_png(image: NDArray[Any], *, noisy: bool = False) -> bytes:
+    """The PNG file of an image; see `write_png`.
+
+    Of a noisy one, as cameras take, only runs are looked for: that is twice as fast, and no larger.
+    """
     pixels = image[:, :, None] if image.ndim == 2 else image
     known = pixels.ndim == 3 and pixels.shape[2] in _COLOUR_TYPE and pixels.size > 0
     if not known or pixels.dtype not in (np.uint8, np.uint16):
@@ -39,7 +42,9 @@ def encode_png(image: NDArray[Any]) -> bytes:
     rows, columns, channels = pixels.shape
     depth = 8 * pixels.dtype.itemsize
     header = struct.pack(">IIBBBBB", columns, rows, depth, _COLOUR_TYPE[channels], 0, 0, 0)
-    body = zlib.compress(_filtered(pixels), _LEVEL)
+    strategy = zlib.Z_RLE if noisy else zlib.Z_DEFAULT_STRATEGY
+    packer = zlib.compressobj(_LEVEL, strategy=strategy)
+    body = packer.compress(_filtered(pixels)) + packer.flush()
     chunks = _chunk(b"IHDR", header), _chunk(b"IDAT", body), _chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 

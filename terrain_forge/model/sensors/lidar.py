@@ -86,9 +86,10 @@ class LidarSensor(Sensor):
     """Echoes of a beam that are nearer to each other than this merge into one between them [m]."""
     returns: Literal["strongest", "first", "last"] = "strongest"
     """Which echo of a beam is returned."""
-    intensity: Literal["power", "reflectivity"] = "power"
-    """What is 100 for a white surface that faces the lidar: `power` falls with the square of the
-    range and is 100 at 10 m, `reflectivity` makes up for the range."""
+    intensity: Literal["reflectivity", "power"] = "reflectivity"
+    """What a white surface that faces the lidar has 100 of: `reflectivity` is reflectance times the
+    cosine of incidence, the range made up for as in the devices themselves; `power` is that over
+    the square of the range, 100 at 10 m."""
     sees_rover: bool = True
     """Whether points on the rover itself are kept; else beams that it blocks return nothing."""
 
@@ -127,6 +128,22 @@ class LidarSensor(Sensor):
             return 1e-9 * round(1e3 * self.firing_period_us)
         return 1.0 / (self.rate_hz * self.horizontal_samples)
 
+    def unsaid(self, form: Form) -> tuple[str, ...]:
+        """What a format does not say; SDF has a scan of even steps."""
+        if form != "sdf":
+            return super().unsaid(form)
+        lost = {
+            "a rosette of prisms": self.prism_rpm is not None,
+            "unevenly spread beams": not _even(self.elevations),
+            "azimuth offsets": any(self.azimuth_offsets_deg),
+            "firing times": not self.snapshot,
+            "a beam origin beside the axis": self.beam_origin_m > 0.0,
+            "steps of the range": self.quantum_m > 0.0,
+            "lost returns": any((self.range_at_tenth_m, self.dropout, self.sun_blinding_deg)),
+            "divergent beams": self.divergence_mrad > 0.0,
+        }
+        return tuple(what for what, is_lost in lost.items() if is_lost)
+
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """A scan of a full turn by evenly spread beams, its last column a step short of the first.
 
@@ -147,13 +164,6 @@ class LidarSensor(Sensor):
         span = {"min": self.range_min_m, "max": self.range_max_m}
         kind, tag = ("ray", "ray") if classic else ("gpu_lidar", "lidar")
         return kind, {tag: {"scan": scan, "range": span} | white_noise(self.noise_m)}
-
-    def said(self, form: Form) -> set[str]:
-        """A scan of even steps."""
-        scan = {"channels", "vertical_fov_deg", "horizontal_samples"}
-        told = scan | {"rate_hz", "range_min_m", "range_max_m", "noise_m"}
-        told |= {"elevations_deg"} if _even(self.elevations) else set()
-        return told if form == "sdf" else set()
 
 
 def _even(angles: Array) -> bool:

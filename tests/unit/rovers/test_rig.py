@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import fields
 
 import mujoco
 import numpy as np
@@ -12,8 +13,7 @@ from pydantic import TypeAdapter
 from terrain_forge.exporters.rover import Options, export
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import View, sensor_kinds, simple_sensors
-from terrain_forge.model.sensors.camera import CameraSensor
+from terrain_forge.model import CameraSensor, sensor_kinds, simple_sensors
 from terrain_forge.recipe import load_recipe
 from terrain_forge.rovers import SensorsChoice, with_sensors
 from tests.helpers import rovers, worlds
@@ -99,7 +99,7 @@ def test_all_that_a_kind_says_it_says_in_a_format_is_a_field_of_its():
     for kind in sensor_kinds().values():
         own = TypeAdapter(kind).validate_python({"name": "a"})
         for form in ("sdf", "mjcf", "usd"):
-            assert set(own.said(form)) <= set(own.figures) | {"distortion"}
+            assert set(own.said(form)) <= {field.name for field in fields(own)}
 
 
 def test_a_rover_of_yours_carries_sensors_in_every_format(tmp_path):
@@ -134,41 +134,49 @@ def exported(rover, folder):
     return export(worlds.world().replace(rover=rover), folder, options=Options())
 
 
-_VIEW = View(
-    640, 480, 1.2, aspect=1.02, offset_px=(13.0, -7.0), lens="radtan",
-    coefficients=(-0.17, 0.02, 1e-3, -2e-3, 0.01),
-)  # fmt: skip
+_BENDS = [-0.17, 0.02, 1e-3, -2e-3, 0.01]
+_FOCAL = (468.0, 477.0)
+# The first pixel's centre is at 0: the axis is 333 px from the left edge, 233 from the upper one.
+_LENS = {
+    "width_px": 640, "height_px": 480, "focal_px": _FOCAL, "centre_px": [332.5, 232.5],
+    "distortion": {"kind": "radtan", "k": _BENDS},
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def bent(tmp_path_factory):
     """The export of a rover whose camera has a lens that bends, its axis off the middle."""
     folder = tmp_path_factory.mktemp("bent") / "o"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(CameraSensor, "view", _VIEW)
-        exported(rig([_NOSE]), folder)
+    exported(rig([_NOSE | _LENS]), folder)
     return folder
 
 
 def test_usd_holds_all_figures_as_custom_data(tmp_path, monkeypatch):
-    held = {"table": [1.5, -2.0], "firing": {"order": ["a", "b"], "dual": True}, "none": []}
+    held = {
+        "table": [1.5, -2.0],
+        "firing": {"order": ["a", "b"], "dual": True},
+        "none": [],
+        "parts": [{"a": 1}, {"a": 2}],
+    }
     monkeypatch.setattr(CameraSensor, "figures", held)
     exported(rig([_NOSE]), tmp_path / "o")
     stage = Usd.Stage.Open(str(tmp_path / "o" / "morpheus.usda"))
     told = stage.GetPrimAtPath("/morpheus/base_link/nose").GetCustomDataByKey("figures")
     assert list(told["table"]) == held["table"]
-    assert told["firing"] == {"order": {"0": "a", "1": "b"}, "dual": True}
+    assert list(told["firing"]["order"]) == ["a", "b"]
+    assert told["firing"]["dual"] is True
+    assert told["parts"] == {"0": {"a": 1}, "1": {"a": 2}}
     assert len(told["none"]) == 0
 
 
 def test_sdf_holds_intrinsics_and_distortion(bent):
     camera = ET.parse(bent / "morpheus.sdf").getroot().find(".//sensor/camera")
     told = {name: float(camera.findtext(f"lens/intrinsics/{name}")) for name in ("fx", "fy")}
-    assert told["fx"] == pytest.approx(320 / np.tan(0.6))
-    assert told["fy"] == pytest.approx(1.02 * told["fx"])
-    assert [float(camera.findtext(f"lens/intrinsics/{c}")) for c in ("cx", "cy")] == [333, 233]
+    assert list(told.values()) == pytest.approx(_FOCAL)
+    middle = [float(camera.findtext(f"lens/intrinsics/{c}")) for c in ("cx", "cy")]
+    assert middle == pytest.approx([333, 233])
     bends = [float(camera.findtext(f"distortion/{n}")) for n in ("k1", "k2", "p1", "p2", "k3")]
-    assert bends == list(_VIEW.coefficients)
+    assert bends == _BENDS
     middle = [float(number) for number in camera.findtext("distortion/center").split()]
     assert middle == pytest.approx([333 / 640, 233 / 480])
 
@@ -188,16 +196,60 @@ def test_mujoco_and_usd_see_the_axis_off_the_middle(bent):
     fx, fy = (480 if n else 640 for n in range(2))
     fx *= eye.frustum_near / (2 * eye.frustum_width)
     fy *= eye.frustum_near / (eye.frustum_top - eye.frustum_bottom)
-    assert (fx, fy) == pytest.approx(_VIEW.focal_px, rel=1e-5)
+    assert (fx, fy) == pytest.approx(_FOCAL, rel=1e-5)
     stage = Usd.Stage.Open(str(bent / "morpheus.usda"))
     prim = stage.GetPrimAtPath("/morpheus/base_link/nose/camera")
     window = UsdGeom.Camera(prim).GetCamera(Usd.TimeCode(0)).frustum.window
     size = window.GetSize()
     shown = -window.GetMin()[0] / size[0], window.GetMax()[1] / size[1]
     assert shown == pytest.approx((333 / 640, 233 / 480), rel=1e-5)
-    assert (640 / size[0], 480 / size[1]) == pytest.approx(_VIEW.focal_px, rel=1e-5)
+    assert (640 / size[0], 480 / size[1]) == pytest.approx(_FOCAL, rel=1e-5)
     space = "omni:lensdistortion:opencvPinhole"
     assert prim.GetAttribute(f"{space}:k1").Get() == pytest.approx(-0.17)
     assert prim.GetAttribute(f"{space}:imageSize").Get() == Gf.Vec2i(640, 480)
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert not UsdValidation.ValidationContext(validators).Validate(stage)
+
+
+def test_what_a_format_cannot_say_is_a_loss_with_its_field(tmp_path):
+    fisheye = {"kind": "equidistant"}
+    rover = rig([
+        _NOSE | {"distortion": fisheye, "rolling_shutter_s": 0.01, "horizontal_fov_deg": 120},
+        {"name": "top", "kind": "lidar", "preset": "os1-64"},
+        {"name": "imu", "kind": "imu", "preset": "stim300"},
+    ])  # fmt: skip
+    losses = exported(rover, tmp_path / "o").losses
+
+    def lost(start):
+        return next(loss for loss in losses if loss.startswith(start)).removeprefix(start)
+
+    of_camera = lost("SDF does not say of the rover's camera: ")
+    assert {"distortion", "rolling_shutter_s", "noise"} <= set(of_camera[:-1].split(", "))
+    assert "width_px" not in of_camera
+    assert "azimuth offsets" in lost("SDF does not say of the rover's lidar: ")
+    of_imu = lost("SDF does not say of the rover's IMU: ")[:-1].split(", ")
+    assert "gyro_range" in of_imu
+    assert "gyro_bias" not in of_imu
+    assert "distortion" not in lost("USD does not say of the rover's camera: ")
+    stage = Usd.Stage.Open(str(tmp_path / "o" / "morpheus.usda"))
+    prim = stage.GetPrimAtPath("/morpheus/base_link/nose/camera")
+    assert prim.GetAttribute("omni:lensdistortion:model").Get() == "opencvFisheye"
+    bias = ET.parse(tmp_path / "o" / "morpheus.sdf").getroot().find(".//imu//x/noise/bias_stddev")
+    assert float(bias.text) == pytest.approx(np.radians(4 / 3600))
+
+
+def test_an_inclinometer_is_a_frame_of_mujocos(tmp_path):
+    rover = rig([
+        {"name": "tilt", "kind": "inclinometer", "rpy_deg": [0, 20, 0]},
+        {"name": "wheels", "kind": "odometry"},
+        {"name": "sun", "kind": "sun_sensor"},
+    ])  # fmt: skip
+    losses = exported(rover, tmp_path / "o").losses
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "o" / "morpheus.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    half = np.radians(10)
+    told = data.sensor("tilt_framequat").data
+    np.testing.assert_allclose(told, [np.cos(half), 0, np.sin(half), 0], atol=1e-12)
+    assert "A Sun sensor is a bare site in MJCF; its figures are not part of the model." in losses
+    assert "SDF has no sensor for the rover's wheel odometry: it is left out." in losses

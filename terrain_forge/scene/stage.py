@@ -1,0 +1,174 @@
+"""Ground, rocks and tracks as the kernels of `look.py` need them: records in 32 bits."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, kernel, linear_from_srgb
+from terrain_forge.model import Lighting
+from terrain_forge.scene.buffers import prepare_light, prepare_stones, resampled
+from terrain_forge.scene.scene import RayScene
+from terrain_forge.scene.skylight import sky_shares
+
+HEIGHT, SLOPE_X, SLOPE_Y, SKY, GROUND_RGB = range(5)
+"""Columns of a node: its height in the scene's frame [m], the ground's rise along x and y, the
+share of the sky that it sees, and from here on its albedo."""
+CENTRE, TURN, SIZE, ROCK_RGB = 0, 3, 12, 13
+"""Columns of a rock: its place in the scene's frame [m], its rotation row by row, its diameter [m],
+and from here on its albedo."""
+SUN, AMBIENT, BOUNCE, HORIZON, ZENITH, PLAIN = range(6)
+"""Rows of the light's colours, as in `Light`."""
+_MEET_AGAIN = 1.0
+"""How much farther along its path a rover is that comes to a place anew [m]."""
+
+
+class Stage(NamedTuple):
+    """What a scene shows, in the colours of a picture."""
+
+    nodes: NDArray[np.float32]
+    """The ground's nodes, shape [rows, columns, GROUND_RGB + channels]."""
+    corner_x: np.float32
+    """Place of node [0, 0] in the scene's frame [m]."""
+    corner_y: np.float32
+    """As `corner_x`."""
+    spacing: np.float32
+    """Distance of the nodes [m]."""
+    rocks: NDArray[np.float32]
+    """Rocks and other instances, shape [rocks, ROCK_RGB + channels]."""
+    first_face: NDArray[np.int64]
+    """Where each rock's shape begins in `faces`, shape [rocks]."""
+    faces: NDArray[np.int64]
+    """Corners of all shapes, rows of `normals`, shape [faces, 3]."""
+    normals: NDArray[np.float32]
+    """Unit normals at all shapes' vertices, shape [vertices, 3]."""
+    dust: np.float32
+    """How much of the ground's colour lies on faces that look up, 0 to 1."""
+    colours: NDArray[np.float32]
+    """The light's colours, shape [PLAIN + 1, channels]."""
+    land: NDArray[np.float32]
+    """Albedo at the corners of what lies beyond the site, shape [vertices, channels]."""
+    land_face: int
+    """Where its triangles begin in `faces`."""
+    land_corner: int
+    """Where its corners begin in `normals`."""
+    sun: tuple[np.float32, np.float32, np.float32]
+    """Unit vector to the Sun's middle."""
+    sun_up: tuple[np.float32, np.float32, np.float32]
+    """From the Sun's middle to its upper limb, over its distance."""
+    sun_side: tuple[np.float32, np.float32, np.float32]
+    """From the Sun's middle to its limb beside, over its distance."""
+    lunar: np.float32
+    """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
+    haze: np.float32
+    """Distance after which 1/e of the contrast is left [m]; infinite without air."""
+
+
+class Wheels(NamedTuple):
+    """The tracks of a drive."""
+
+    nearest: NDArray[np.int32]
+    """Nearest point of the path to each node, on the first pass and of all, -1 where none is near,
+    shape [rows, columns, 2]."""
+    points: NDArray[np.float32]
+    """East, north (scene's frame), cosine, sine of the heading, distance, shape [points, 5]."""
+    half_gauge: np.float32
+    """Sideways distance of a wheel from the path [m]."""
+    width: np.float32
+    """Width of a wheel [m]."""
+
+
+def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
+    """A scene in some light; with one channel colours are the mean of three."""
+    subject, ground = scene.subject, scene.subject.ground
+    light, stones = prepare_light(subject, lighting, facing=0.35), prepare_stones(scene)
+    albedo = linear_from_srgb(np.arange(256) / 255.0)[subject.ground_rgb]
+    z = (ground.elevation - scene.origin[2]).astype(np.float32)
+    nodes = np.empty((*ground.shape, GROUND_RGB + channels), np.float32)
+    nodes[..., HEIGHT] = z
+    for column, axis in ((SLOPE_X, 1), (SLOPE_Y, 0)):
+        nodes[..., column] = np.gradient(z, ground.spacing, axis=axis)
+    nodes[..., SKY] = sky_shares(scene) if light.airy else 0.0
+    nodes[..., GROUND_RGB:] = bands(albedo, channels)
+    rocks = np.empty((len(stones.size), ROCK_RGB + channels), np.float32)
+    rocks[:, CENTRE:TURN], rocks[:, SIZE] = stones.centre, stones.size
+    rocks[:, TURN:SIZE] = stones.rotation.reshape(-1, 9)
+    rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
+    colours = (light.sun, light.sky, light.bounce, light.horizon, light.zenith, light.plain)
+    faces, normals, land = stones.faces, stones.normals, np.empty((0, 3))
+    if (apron := subject.apron) is not None:
+        faces = np.concatenate([faces, apron.mesh.faces + len(normals)])
+        normals, land = np.concatenate([normals, apron.normals]), apron.rgb
+    return Stage(
+        nodes=nodes,
+        corner_x=np.float32(ground.origin[0] - scene.origin[0]),
+        corner_y=np.float32(ground.origin[1] - scene.origin[1]),
+        spacing=np.float32(ground.spacing),
+        rocks=rocks,
+        first_face=stones.first_face,
+        faces=np.ascontiguousarray(faces, np.int64),
+        normals=normals.astype(np.float32),
+        dust=np.float32(stones.dust),
+        colours=bands(np.array(colours), channels),
+        land=bands(land, channels),
+        land_face=len(stones.faces),
+        land_corner=len(stones.normals),
+        sun=triple32(light.towards_sun),
+        sun_up=triple32(light.upwards),
+        sun_side=triple32(light.sideways),
+        lunar=np.float32(light.lunar),
+        haze=np.float32(light.haze),
+    )
+
+
+def prepare_wheels(scene: RayScene, plan: Array) -> Wheels:
+    """The tracks of a rover whose path is given by its places [m], shape [places, 2]."""
+    subject, ground = scene.subject, scene.subject.ground
+    points = resampled(plan - scene.origin[:2])
+    nearest = np.full((*ground.shape, 2), -1, np.int32)
+    corner = np.array(ground.origin) - scene.origin[:2]
+    reach = subject.half_gauge + subject.wheel_width + ground.spacing
+    _stamp_passes(points, corner, ground.spacing, reach, nearest)
+    return Wheels(
+        nearest=nearest,
+        points=points.astype(np.float32),
+        half_gauge=np.float32(subject.half_gauge),
+        width=np.float32(subject.wheel_width),
+    )
+
+
+def bands(rgb: Array, channels: int) -> NDArray[np.float32]:
+    """Linear colours as a picture's channels."""
+    return np.asarray(rgb if channels == 3 else rgb.mean(axis=-1, keepdims=True), np.float32)
+
+
+def triple32(vector: Any) -> tuple[np.float32, np.float32, np.float32]:
+    """Three plain numbers of 32 bits."""
+    return np.float32(vector[0]), np.float32(vector[1]), np.float32(vector[2])
+
+
+@kernel
+def _stamp_passes(points, corner, spacing, reach, nearest):  # type: ignore[no-untyped-def]
+    """Note at each node within `reach` of a path its nearest point, on the first pass and of all.
+
+    A rover that crosses its path sees its first track until it has made the second.
+    """
+    rows, columns = nearest.shape[:2]
+    best = np.full((rows, columns, 2), np.inf)
+    for n in range(len(points)):
+        west = max(0, int(np.ceil((points[n, 0] - reach - corner[0]) / spacing)))
+        east = min(columns - 1, int(np.floor((points[n, 0] + reach - corner[0]) / spacing)))
+        south = max(0, int(np.ceil((points[n, 1] - reach - corner[1]) / spacing)))
+        north = min(rows - 1, int(np.floor((points[n, 1] + reach - corner[1]) / spacing)))
+        for j in range(south, north + 1):
+            for i in range(west, east + 1):
+                away = (corner[0] + i * spacing - points[n, 0]) ** 2
+                away += (corner[1] + j * spacing - points[n, 1]) ** 2
+                first = nearest[j, i, 0]
+                again = first >= 0 and points[n, 4] - points[first, 4] > _MEET_AGAIN + 2.0 * reach
+                if away < best[j, i, 0] and not again:
+                    best[j, i, 0], nearest[j, i, 0] = away, n
+                if away < best[j, i, 1]:
+                    best[j, i, 1], nearest[j, i, 1] = away, n

@@ -1,0 +1,75 @@
+"""The shutter of each picture of a camera: fixed, or by what the camera saw a moment ago."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+
+from terrain_forge.model import AutoExposure, FixedExposure
+from terrain_forge.sensors.exposure import Picture, Shutter
+
+LOOK = 32, 18
+"""Columns and rows of the small pictures that are metered."""
+_BRIGHTEST = 0.9
+_LAGS = 4.0
+"""Time constants that are looked back."""
+_LOOKS = 6.0
+"""Looks in a time constant, at most."""
+_STEPS = 64
+"""Exposures of a factor 2."""
+
+
+class Meter:
+    """Meters every few pictures; what it says of a picture hangs on its number alone."""
+
+    def __init__(
+        self,
+        spec: FixedExposure | AutoExposure,
+        *,
+        rate: float,
+        enough: float,
+        look: Callable[[int], Picture],
+    ) -> None:
+        """Begin to meter.
+
+        Args:
+            spec: How pictures are exposed.
+            rate: Of the pictures [Hz].
+            enough: Radiance times time that fills a pixel [W s/(m² sr)].
+            look: A small picture's radiance at the time of a picture's number.
+        """
+        self._spec, self._rate, self._enough = spec, rate, enough
+        self._look = look
+        self._wanted = lru_cache(maxsize=256)(self._logarithm)
+
+    def shutter(self, number: int) -> Shutter:
+        """The shutter of a picture."""
+        spec = self._spec
+        if isinstance(spec, FixedExposure):
+            return Shutter(spec.time_s, spec.gain)
+        stride = max(1, math.floor(spec.lag_s * self._rate / _LOOKS))
+        newest = number - number % stride
+        count = math.floor(_LAGS * spec.lag_s * self._rate / stride) + 1
+        numbers = [n for n in range(newest, newest - count * stride, -stride) if n >= 0]
+        fade = 1.0 / (self._rate * spec.lag_s) if spec.lag_s else 0.0
+        weights = [math.exp(-fade * (number - n)) for n in numbers]
+        # What was before the first picture was like it.
+        if len(numbers) < count and spec.lag_s:
+            weights[-1] = weights[-1] / -math.expm1(-fade * stride)
+        total = math.fsum(weights)
+        mean = math.fsum(w * self._wanted(n) for w, n in zip(weights, numbers, strict=True)) / total
+        # In whole steps, as cameras do, so that nothing hangs on the last bit of a mean.
+        wanted = 2.0 ** (round(mean * _STEPS) / _STEPS)
+        time = min(max(wanted, spec.shortest_s), spec.longest_s)
+        return Shutter(time, min(max(wanted / time, 1.0), spec.most_gain))
+
+    def _logarithm(self, number: int) -> float:
+        """Logarithm to the base of 2 of the time that a look wants [s], at a gain of 1."""
+        spec = self._spec
+        assert isinstance(spec, AutoExposure)
+        values = sorted(self._look(number).ravel().tolist())
+        bright = values[int(_BRIGHTEST * (len(values) - 1))]
+        least = self._enough / (spec.most_gain * spec.longest_s)
+        most = self._enough / spec.shortest_s
+        return math.log2(spec.level * self._enough / min(max(bright, 1e-3 * least), 1e3 * most))
