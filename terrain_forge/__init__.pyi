@@ -74,8 +74,10 @@ from .pipeline import build as build
 from .pipeline import check as check
 from .pipeline import export as export
 from .pipeline import realise as realise
+from .pipeline import record as record
 from .pipeline import validate as validate
 from .pipeline import write_world as write_world
+from .recipe import DatasetSpec as DatasetSpec
 from .recipe import DriveSpec as DriveSpec
 from .recipe import Recipe as Recipe
 from .recipe import RecipeFile as RecipeFile
@@ -86,6 +88,8 @@ from .recipe import ValidateSpec as ValidateSpec
 from .recipe import json_schema as json_schema
 from .recipe import load_recipe as load_recipe
 from .recipe import save_recipe as save_recipe
+from .recording import find_instrument as find_instrument
+from .recording import open_setting as open_setting
 from .rocks import AroundCraters as AroundCraters
 from .rocks import Clustered as Clustered
 from .rocks import Counts as Counts

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Progress, Stopwatch, compile_ahead
+from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead
 from terrain_forge.building import (
     BuildResult,
     FolderState,
@@ -40,6 +40,7 @@ from terrain_forge.building import (
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
+    DatasetSpec,
     ExportOrder,
     Recipe,
     ValidateSpec,
@@ -47,7 +48,8 @@ from terrain_forge.recipe import (
     input_paths,
     require_exports,
 )
-from terrain_forge.rovers import resolve_rover
+from terrain_forge.recording import RECORDING, Order, Recorded, record_dataset, recording_lines
+from terrain_forge.rovers import resolve_rover, with_sensors
 from terrain_forge.terminal import watched
 from terrain_forge.validation import failed_checks
 
@@ -272,6 +274,51 @@ def validate(
             )
 
 
+def record(
+    world: World | Path | str,
+    out: Path | str | None = None,
+    *,
+    begin: float = 0.0,
+    end: float | None = None,
+    only: tuple[str, ...] = (),
+    workers: int | None = None,
+    force: bool = False,
+    progress: Progress | bool = False,
+    **changes: Any,
+) -> Recorded:
+    """Record what a world's rover measures along a path, or what of it is missing.
+
+    Args:
+        world: The world, or the folder in which it was built.
+        out: Folder in which `dataset` is made; by default that of the built world.
+        begin: From when [s].
+        end: Until when [s], which is not part of it; by default to the end.
+        only: Names of the sensors; by default all.
+        workers: How many measurements are made at once; no number changes a byte.
+        force: Whether another recording of ours in the folder is replaced.
+        progress: Called with what is being done; True shows it.
+        changes: Fields of the recipe's `dataset` that differ, such as `path="short"`.
+
+    Raises:
+        RecipeError, DataError: if it cannot be recorded.
+        OutputError: if the folder holds another recording, or another process writes there.
+        StorageError: if the disk does not take it.
+    """
+    order = Order(begin=begin, end=end, only=only, workers=workers, force=force)
+    with watched(progress, RECORDING) as watch:
+        if not isinstance(world, World):
+            place = Path(world).resolve()
+            out = out or place
+            finish(place)
+            read_manifest(place)
+            watch("load")
+            world = World.load(place)
+        if out is None:
+            raise OutputError("a world in memory is recorded into a folder: name one as `out`")
+        spec = replace(world.site.recipe.dataset or DatasetSpec(), **changes)
+        return record_dataset(world, Path(out).resolve(), spec, order, watch)
+
+
 def _assess(
     world: World,
     directory: Path,
@@ -346,5 +393,7 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     yield from missing or dtm_lines(recipe, Path(folder))
     if missing:
         return
-    orders = export_orders(recipe)
-    yield from site_lines(plan(recipe, folder=folder), orders)
+    site, orders = plan(recipe, folder=folder), export_orders(recipe)
+    yield from site_lines(site, orders)
+    rover = with_sensors(resolve_rover(recipe.rover, Path(folder)).rover, recipe.sensors)
+    yield from recording_lines(site, rover.sensors)

@@ -7,19 +7,17 @@ the staging folder, which ends with its process, tells a live build's from what 
 from __future__ import annotations
 
 import ctypes
-import errno
 import fcntl
 import json
 import logging
 import os
-import resource
 import shutil
 import time
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from terrain_forge.base import OutputError, StorageError, TerrainForgeError
+from terrain_forge.base import OutputError, StorageError
 from terrain_forge.building.manifest import (
     LOCK,
     MARK,
@@ -35,6 +33,7 @@ from terrain_forge.building.manifest import (
     read_manifest,
     suspect_files,
 )
+from terrain_forge.building.storing import storing
 
 _log = logging.getLogger(__name__)
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -44,8 +43,6 @@ _NAMED = 5
 """Files that a message names."""
 _LONGEST, _DEEPEST = 255, 3500
 """Bytes of a name, and of the path of a world, whose files' paths are longer."""
-_FULL = 2**16
-"""Bytes below which a disk is full."""
 
 
 def require_apart(out: Path, inputs: Iterable[Path]) -> None:
@@ -185,6 +182,18 @@ def finish(out: Path) -> None:
 
 
 @contextmanager
+def holding(out: Path) -> Iterator[None]:
+    """Within it no other process of ours writes a folder, which is made where there is none.
+
+    Raises:
+        OutputError: if another one does.
+        StorageError: if the disk does not take what is written.
+    """
+    with storing(out, out), _staging(out / STAGING, out):
+        yield
+
+
+@contextmanager
 def updating(out: Path, *, anew: Iterable[str] = (), foreign: Iterable[str] = ()) -> Iterator[Path]:
     """A copy of a world to be changed, by links, whose files take the world's places in the end.
 
@@ -256,46 +265,6 @@ def _take_places(whole: Path, out: Path, *, kept: Collection[str] = ()) -> None:
             (out / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).replace(out / name)
     whole.rename(whole.with_name(_NEXT))  # what is left of it
-
-
-@contextmanager
-def storing(target: Path, folder: Path) -> Iterator[None]:
-    """Turns what a disk's limits raise, in whatever library, into one error.
-
-    Raises:
-        StorageError: says why the target cannot be written.
-    """
-    try:
-        yield
-    except TerrainForgeError:
-        raise
-    except Exception as error:
-        if why := _fault(error, folder):
-            raise StorageError(f"{target} cannot be written: {why}") from error
-        raise
-
-
-def _fault(error: BaseException | None, folder: Path) -> str:
-    """Why the disk refused; empty if it is not the disk's fault."""
-    while error is not None:
-        if isinstance(error, OSError) and error.errno in _REFUSALS:
-            return os.strerror(error.errno)
-        error = error.__cause__ or error.__context__
-    place = next(above for above in (folder, *folder.parents) if above.exists())
-    if shutil.disk_usage(place).free < _FULL:
-        return os.strerror(errno.ENOSPC)
-    largest = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    sizes = (path.lstat().st_size for path in place.rglob("*"))
-    if largest != resource.RLIM_INFINITY and any(size >= largest for size in sizes):
-        return os.strerror(errno.EFBIG)
-    return ""
-
-
-_REFUSALS = {
-    *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
-    *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
-    *(errno.ENOENT, errno.EEXIST),
-}
 
 
 @contextmanager

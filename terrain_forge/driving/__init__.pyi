@@ -8,6 +8,8 @@ from .files import write_starts_table as write_starts_table
 from .files import write_tables as write_tables
 from .film import write_end as write_end
 from .film import write_film as write_film
+from .log import DriveLog as DriveLog
+from .log import Logger as Logger
 from .result import DriveResult as DriveResult
 from .simulation import ARRIVAL as ARRIVAL
 from .simulation import drive as drive

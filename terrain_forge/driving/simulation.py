@@ -26,6 +26,7 @@ from terrain_forge.model import Rover, Trajectory
 from terrain_forge.recipe import DriveSpec
 
 if TYPE_CHECKING:
+    from terrain_forge.driving.log import Logger
     from terrain_forge.driving.vehicle import Vehicle
 
 
@@ -61,6 +62,7 @@ def drive(
     rover: Rover,
     spec: DriveSpec,
     progress: Callable[[float], None] | None = None,
+    logger: Logger | None = None,
 ) -> DriveResult:
     """Set the rover on the start of a path and follow it to its end, or until a watchdog stops it.
 
@@ -70,6 +72,7 @@ def drive(
         rover: The rover in the scene.
         spec: Limits; the drive goes on beyond them as long as it makes sense.
         progress: Told the share of the path that is done, 0 to 1, now and then.
+        logger: Keeps the motion at hundreds of looks a second.
 
     Raises:
         SimulationError: if the scene cannot be loaded, lacks the rover, or its start is not free.
@@ -79,6 +82,9 @@ def drive(
     model = load_scene(scene) if isinstance(scene, Path) else scene
     vehicle = Vehicle(model, rover)
     vehicle.set_down(trajectory.position[0], quaternion_from_rpy(trajectory.rpy[0]))
+    if logger is not None:
+        vehicle.logger = logger
+        logger.begin(vehicle)
     pursuit = PurePursuit(PlanarPath.of(trajectory), lookahead=lookahead_of(rover))
     skid = SkidGain()
     steps = max(round(1.0 / CONTROL_RATE / model.opt.timestep), 1)

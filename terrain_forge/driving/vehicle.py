@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, SimulationError, portable
+from terrain_forge.driving.log import Logger
 from terrain_forge.driving.result import EnergyBalance, longitudinal_slip
 from terrain_forge.model import Rover
 
@@ -93,27 +94,36 @@ class Vehicle:
         self._body = self._find(body, rover.links[0].name)
         self._qpos = int(model.jnt_qposadr[model.body_jntadr[self._body]])
         names = [wheel.link for wheel in rover.wheels]
-        self._motors = np.array([self._find(actuator, name) for name in names])
+        self.motors = np.array([self._find(actuator, name) for name in names])
+        """The wheels' actuators."""
         self._wheel_bodies = np.array([self._find(body, name) for name in names])
         self._axles = np.array([self._find(joint, name) for name in names])
-        self._dofs = model.jnt_dofadr[self._axles]
+        self.axle_rates = model.jnt_dofadr[self._axles]
+        """Where `qvel` holds the wheels' rates."""
         self._radii = rover.wheel_radii
         self.joints = tuple(link.name for link in rover.links if link.joint == "passive")
         """Names of the passive joints."""
         found = [self._find(joint, name) for name in self.joints]
         self._angles = model.jnt_qposadr[np.array(found, dtype=np.int64)]
+        self.coordinates = np.concatenate(
+            [self._qpos + np.arange(7), model.jnt_qposadr[self._axles], self._angles]
+        )
+        """Where `qpos` holds base_link's pose, the wheels' angles and those of passive joints."""
+        self.logger: Logger | None = None
+        """Told of each time step."""
         axes = {link.name: link.axis for link in rover.links}
         # Forwards is a turn about the left; an axle may point to either side.
-        self._sides = np.array([1.0 if axes[name][1] > 0.0 else -1.0 for name in names])
-        self._torque_limits = model.actuator_forcerange[self._motors, 1]
-        self._reach = self._torque_limits / model.actuator_gainprm[self._motors, 0]
-        self._activations = model.actuator_actadr[self._motors]
+        self.sides = np.array([1.0 if axes[name][1] > 0.0 else -1.0 for name in names])
+        """1 for wheels whose axle points left, -1 for the others."""
+        self._torque_limits = model.actuator_forcerange[self.motors, 1]
+        self._reach = self._torque_limits / model.actuator_gainprm[self.motors, 0]
+        self._activations = model.actuator_actadr[self.motors]
         if (self._activations < 0).any():
             raise SimulationError(
                 "the rover's motors are those of an older export: export it again"
             )
-        self._damping = -model.actuator_biasprm[self._motors, 2]
-        self._lag = self._damping / model.actuator_gainprm[self._motors, 0]
+        self._damping = -model.actuator_biasprm[self.motors, 2]
+        self._lag = self._damping / model.actuator_gainprm[self.motors, 0]
         self._mark_geoms()
         # Stepping only what is awake, where MuJoCo can: rocks then cost next to nothing.
         for flag in ("mjENBL_ENERGY", "mjENBL_SLEEP"):
@@ -157,7 +167,7 @@ class Vehicle:
                     f"the rover's start at {_place(position)} is not free: it lies in {inside}"
                 )
             mujoco.mj_forward(self.model, data)
-        data.ctrl[self._motors] = 0.0
+        data.ctrl[self.motors] = 0.0
         mujoco.mj_step(self.model, data, round(_SETTLE_TIME / self.model.opt.timestep))
         if not portable.norm(self.position - position) < _FARTHEST_SETTLING:
             raise SimulationError(f"the rover does not stand at its start, {_place(position)}")
@@ -181,22 +191,24 @@ class Vehicle:
 
         The command is reached by even changes over these steps.
         """
-        data, model, motors = self.data, self.model, self._motors
+        data, model, motors = self.data, self.model, self.motors
         control, velocity, force = data.ctrl, data.actuator_velocity, data.actuator_force
-        before, after = control[motors], self._sides * wheel_rates
+        before, after = control[motors], self.sides * wheel_rates
         parts = np.arange(1, count + 1)[:, None] * (1.0 / count)
         commands = np.empty((count, len(control)))
         commands[:] = control
         commands[:, motors] = before + parts * (after - before)
         rates, forces = np.empty((2, count + 1, len(control)))
         rates[0], forces[0] = self._rates, self._forces
-        step = mujoco.mj_step
+        step, logger = mujoco.mj_step, self.logger
         for n, command in enumerate(commands, 1):
             control[:] = command
             step(model, data)
             # MuJoCo now shows rates and forces as they were when the step began.
             rates[n] = velocity
             forces[n] = force
+            if logger is not None:
+                logger.note(self)
         self._rates, self._forces = rates[-1], forces[-1]
         self._audit(forces[:-1, motors], rates[:, motors])
         # The angles that the servos follow run ahead of wheels that are held, which would spin to
@@ -250,7 +262,7 @@ class Vehicle:
     @property
     def wheel_rates(self) -> Array:
         """Rates of the wheels about their axles, forwards positive [rad/s], shape [wheels]."""
-        return np.asarray(self._sides * self.data.qvel[self._dofs])
+        return np.asarray(self.sides * self.data.qvel[self.axle_rates])
 
     def wheel_states(self) -> dict[str, NDArray[Any]]:
         """What the wheels do now, as `DriveResult` names it, each of shape [wheels]."""
@@ -258,12 +270,12 @@ class Vehicle:
         turning = data.cvel[self._wheel_bodies, :3]
         arm = data.xpos[self._wheel_bodies] - data.subtree_com[self._body]
         moving = data.cvel[self._wheel_bodies, 3:] + _cross(turning, arm)
-        left = data.xaxis[self._axles] * self._sides[:, None]
+        left = data.xaxis[self._axles] * self.sides[:, None]
         forward = _cross(left, self.rotation[None, :, 2])
         forward /= np.linalg.norm(forward, axis=1, keepdims=True)
         rim = (turning * left).sum(1) * self._radii
         slip, moves = longitudinal_slip(rim, (moving * forward).sum(1))
-        torque = self._sides * data.actuator_force[self._motors]
+        torque = self.sides * data.actuator_force[self.motors]
         return {
             "wheel_rate": self.wheel_rates,
             "wheel_torque": torque,

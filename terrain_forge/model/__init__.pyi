@@ -73,6 +73,7 @@ from .sensor import sensor_kinds as sensor_kinds
 from .sensor import simple_sensors as simple_sensors
 from .sensor import titles as titles
 from .sensors.camera import CameraSensor as CameraSensor
+from .sensors.lidar import LidarSensor as LidarSensor
 from .sensors.stereo import StereoSensor as StereoSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
 from .site import ExclusionZone as ExclusionZone

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Interval, MinLen
@@ -118,6 +118,11 @@ class Sensor(Record, Spec):
     def simple(self) -> tuple[Sensor, ...]:
         """The sensors that formats know it by: itself, or its parts."""
         return (self,)
+
+    @property
+    def quick(self) -> Self:
+        """What stands for it in a recording for a first look."""
+        return self
 
     @property
     def view(self) -> View | None:

@@ -41,12 +41,14 @@ def require_paths(recipe: Recipe) -> None:
             )
         if isinstance(path.route, Planned):
             _require_plannable(recipe, path, path.route, key)
-    driven = recipe.driven_path
-    if driven is not None and driven not in paths:
-        known = ", ".join(paths) or "none"
-        raise RecipeError(
-            f"no path is called {driven!r}, there are: {known}", key=("validate", "drive")
-        )
+    recorded = recipe.dataset and recipe.dataset.path
+    for named, part in (
+        (recipe.driven_path, ("validate", "drive")),
+        (recorded, ("dataset", "path")),
+    ):
+        if named is not None and named not in paths:
+            known = ", ".join(paths) or "none"
+            raise RecipeError(f"no path is called {named!r}, there are: {known}", key=part)
 
 
 def _require_plannable(

@@ -30,6 +30,7 @@ from terrain_forge.model import (
     plot_area,
 )
 from terrain_forge.paths import PathSpec, sketch_route
+from terrain_forge.recipe.dataset import DatasetSpec
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice, SensorsChoice
 from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
@@ -161,6 +162,8 @@ class Recipe(Spec):
     options."""
     validate: ValidateSpec | None = None
     """What the finished world is tested by; without it, only what needs no drive."""
+    dataset: DatasetSpec | None = None
+    """What `terrain-forge record` records in the finished world; without it, its defaults."""
 
     def __repr__(self) -> str:
         size = self.dtm.size_m

@@ -41,8 +41,8 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.scene import Hits, RayScene, check_engine, committed
 from terrain_forge.scene.subject import Instances
 
-_SKIN = 1e-3
-"""A ray meets a body from here on [m], so that it may start on one."""
+_SKIN = 5e-3
+"""A ray meets a body from here on [m]: a sensor may sit on one, or a millimetre deep in it."""
 
 
 class Bodies(NamedTuple):

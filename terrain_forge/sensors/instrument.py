@@ -37,6 +37,8 @@ class Setting:
     """What stands and hangs is pulled by [m/s²]."""
     seed: int
     """Root of the sensors' noise."""
+    tracks: bool = True
+    """Whether the wheels leave tracks behind the rover."""
 
     def key(self, sensor: Sensor) -> np.uint64:
         """What the chance of a sensor hangs on; elements add their own addresses (`base.mix`)."""

@@ -136,8 +136,10 @@ class Motion(Record):
     links: tuple[tuple[str, Curve], ...] = ()
     """Other links that move, by their names, in base_link's frame (wheels, rockers, a mast)."""
     wheels: Array | None = field(default=None, metadata=shaped("looks", "wheels"))
-    """Angles of the wheels about their axles [rad], at the samples of `base`, in the order of the
-    rover's wheels; None where nothing was simulated."""
+    """Angles of the wheels about their axles [rad], forwards positive, at the samples of `base`, in
+    the order of the rover's wheels; None where nothing was simulated."""
+    ended: str = ""
+    """Why it ends before the path does; empty where it does not."""
 
     @property
     def end(self) -> float:

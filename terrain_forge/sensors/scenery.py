@@ -23,6 +23,7 @@ from terrain_forge.scene import (
     subject_of,
 )
 from terrain_forge.sensors.apron import WorldEdge
+from terrain_forge.sensors.links import RoverLinks
 from terrain_forge.sensors.motion import Motion
 
 _KEPT = 8
@@ -54,6 +55,8 @@ class Scenery:
         """What lies beyond the world, and its heights; rocks are only within."""
         self.scene = RayScene(subject_of(world).replace(apron=self.edge.apron))
         """The ground, its rocks, and what lies beyond."""
+        self._looks = rover_looks(world.rover)
+        self._links = RoverLinks(world.rover, motion)
         self._placed = OrderedDict[float, PlacedBodies]()
         self._lock = Lock()
 
@@ -63,7 +66,7 @@ class Scenery:
 
         `rgb` is their linear albedo.
         """
-        looks, origins = rover_looks(self.world.rover), self.world.rover.origins
+        looks, origins = self._looks, self.world.rover.origins
         count = len(looks)
         colours = np.array([look.rgb for look in looks]).reshape(-1, 3)
         return Instances(
@@ -88,8 +91,11 @@ class Scenery:
         """
         with self._lock:
             if time not in self._placed:
+                places = self._links.at(time)
+                parts = [places[look.link] for look in self._looks]
                 self._placed[time] = self._shapes.placed(
-                    self.rover_parts.position, self.rover_parts.rotation
+                    np.array([place for place, _ in parts]).reshape(-1, 3),
+                    np.array([turn for _, turn in parts]).reshape(-1, 3, 3),
                 )
                 while len(self._placed) > _KEPT:
                     self._placed.popitem(last=False)
@@ -100,6 +106,18 @@ class Scenery:
         state = self.motion.base.at(times)
         place = state.position - self.scene.origin
         return np.concatenate([state.rotation, place[:, :, None]], axis=2)
+
+    def height_at(self, east: ArrayLike, north: ArrayLike) -> Array:
+        """Height of the ground or of what lies beyond it [m], as rays meet it.
+
+        Raises:
+            ValueError: for a point beyond the horizon.
+        """
+        x, y = np.broadcast_arrays(*(np.asarray(c, np.float64) for c in (east, north)))
+        within, heights = self.world.ground.covers(x, y), np.empty(x.shape)
+        heights[within] = self.world.ground.height_at(x[within], y[within])
+        heights[~within] = self.edge.heights_at(x[~within], y[~within])
+        return heights
 
     def cast(self, origins: Array, directions: Array, times: ArrayLike) -> Hits:
         """What rays in the world meet first, the rover among it.

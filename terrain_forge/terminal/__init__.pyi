@@ -17,6 +17,7 @@ from .outcome import require_preview as require_preview
 from .outcome import tell_build as tell_build
 from .outcome import tell_exports as tell_exports
 from .outcome import tell_preview as tell_preview
+from .outcome import tell_recording as tell_recording
 from .outcome import tell_validation as tell_validation
 from .running import INTERRUPT as INTERRUPT
 from .running import Interrupt as Interrupt

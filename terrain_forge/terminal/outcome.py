@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -15,6 +16,9 @@ from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
 from terrain_forge.validation import checks_of, failed_checks, report_text
+
+if TYPE_CHECKING:
+    from terrain_forge.recording import Recorded
 
 _MOST_TOLD = 10
 """Failed checks that the terminal shows."""
@@ -90,6 +94,14 @@ def tell_preview(world: World, picture: Path) -> None:
     for path in world.trajectories:
         say(f"  path      {path.name}: {path.length:.1f} m, {path.time[-1]:.0f} s")
     say(f"  picture   {picture}")
+
+
+def tell_recording(result: Recorded, seconds: float) -> None:
+    """Say what was recorded, and what of it is new."""
+    streams = ", ".join(f"{name} {count:,}" for name, count in result.streams.items())
+    say(f"{result.folder}: {streams}")
+    made = _count(result.made, "new measurement")
+    say(f"  {size_text(result.size)}, {made} in {time_text(seconds)}")
 
 
 def tell_openings(out: Path, exports: Sequence[Export]) -> None:

@@ -1,52 +1,173 @@
-"""A lidar whose beams turn about its z axis."""
+"""A lidar, whose beams turn about its z axis or are steered by two prisms."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Interval
+import numpy as np
+from annotated_types import Interval, Len
 
-from terrain_forge.base import NotNegative
-from terrain_forge.model.sensor import Sdf, Sensor, Topic, white_noise
+from terrain_forge.base import Array, Fraction, NotNegative
+from terrain_forge.model.lidar_presets import LIDAR_PRESETS
+from terrain_forge.model.sensor import Angle, Sdf, Sensor, Topic, white_noise
+
+Elevation = Annotated[float, Interval(ge=-90, le=90)]
+Speed = Annotated[float, Interval(ge=-1e6, le=1e6)]
+Deviation = Annotated[float, Interval(ge=0, le=85)]
+_MOST = 4_000_000
+"""Points of a sweep."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LidarSensor(Sensor):
-    """A lidar of evenly spread beams; its default figures are nominal."""
+    """A lidar; by default one of evenly spread beams, its figures nominal.
+
+    Seen from above it turns clockwise and begins behind the sensor (-x), so that the seam of a
+    sweep does not lie ahead. Beam n of its table is ring n.
+    """
 
     title: ClassVar[str] = "lidar"
     topics: ClassVar[tuple[Topic, ...]] = (Topic("points", "PointCloudPacked", "PointCloud2"),)
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = LIDAR_PRESETS
 
     kind: Literal["lidar"] = "lidar"
     """A lidar."""
     rate_hz: Annotated[float, Interval(ge=0.1, le=100)] = 10.0
-    """Turns per second [Hz]."""
+    """Sweeps per second, for a lidar that turns its turns [Hz]."""
     channels: Annotated[int, Interval(ge=1, le=1024)] = 16
-    """Beams above each other."""
+    """Beams above each other, evenly spread, where no elevations are given."""
     vertical_fov_deg: Annotated[float, Interval(ge=0, le=180)] = 30.0
-    """Angle between the lowest and the highest beam [degrees]."""
-    horizontal_samples: Annotated[int, Interval(ge=4, le=100_000)] = 1800
-    """Columns of a full turn."""
+    """Angle between the lowest and the highest beam [degrees], where no elevations are given."""
+    elevations_deg: Annotated[tuple[Elevation, ...], Len(0, 1024)] = ()
+    """Each beam's angle above the xy plane [degrees]; none: `channels` beams, evenly spread from
+    the lowest up."""
+    azimuth_offsets_deg: tuple[Angle, ...] = ()
+    """How far each beam points clockwise of its column, seen from above [degrees]; none: not."""
+    firing_times_us: tuple[NotNegative, ...] = ()
+    """When each beam fires after the first of its column [µs]; none: all at once."""
+    horizontal_samples: Annotated[int, Interval(ge=1, le=100_000)] = 1800
+    """Columns of a sweep, where no firing period is given."""
+    firing_period_us: NotNegative = 0.0
+    """Time from column to column [µs], in whole nanoseconds; 0: a sweep has
+    `horizontal_samples`. Where a sweep is no whole number of periods, each begins with the first
+    firing in it."""
+    prism_rpm: tuple[Speed, Speed] | None = None
+    """Turns per minute of two prisms that steer the beams about the x axis along a rosette that
+    never closes; none: the lidar turns."""
+    prism_deviations_deg: tuple[Deviation, Deviation] = (0.0, 0.0)
+    """How far each prism bends the beams [degrees]."""
+    beam_origin_m: NotNegative = 0.0
+    """Distance from the axis at which the beams begin, in the direction of their column [m]; it is
+    a part of the range."""
+    snapshot: bool = False
+    """Whether all points of a sweep are measured at one time, as simulators do."""
     range_min_m: NotNegative = 0.5
     """Nearest point [m]."""
     range_max_m: Annotated[float, Interval(ge=0.1, le=10_000)] = 100.0
     """Farthest point [m]."""
+    range_at_tenth_m: NotNegative = 0.0
+    """Range from which half of the returns of a surface that reflects a tenth and faces the lidar
+    are too weak [m]; 0: no return is too weak."""
+    dropout: Fraction = 0.0
+    """Share of all other returns that are lost by chance."""
+    sun_blinding_deg: Annotated[float, Interval(ge=0, le=180)] = 0.0
+    """Beams within this angle of the Sun return nothing [degrees]."""
     noise_m: NotNegative = 0.01
     """Standard deviation of a range [m]."""
+    quantum_m: NotNegative = 0.0
+    """Step of a range [m]; 0: none."""
+    divergence_mrad: Annotated[float, Interval(ge=0, le=200)] = 0.0
+    """Angle of a beam's cone, within which a Gaussian one has 86 % of its power [mrad]; 0: beams
+    are lines. A VLP-16 has 3; seven rays a beam take seven times as long."""
+    echo_separation_m: NotNegative = 0.5
+    """Echoes of a beam that are nearer to each other than this merge into one between them [m]."""
+    returns: Literal["strongest", "first", "last"] = "strongest"
+    """Which echo of a beam is returned."""
+    intensity: Literal["power", "reflectivity"] = "power"
+    """What is 100 for a white surface that faces the lidar: `power` falls with the square of the
+    range and is 100 at 10 m, `reflectivity` makes up for the range."""
+    sees_rover: bool = True
+    """Whether points on the rover itself are kept; else beams that it blocks return nothing."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        beams = len(self.elevations_deg) or self.channels
+        for name in ("azimuth_offsets_deg", "firing_times_us"):
+            if getattr(self, name) and len(getattr(self, name)) != beams:
+                raise ValueError(f"{name} has {len(getattr(self, name))} numbers, not {beams}")
+        if self.range_min_m >= self.range_max_m:
+            raise ValueError("range_min_m must be below range_max_m")
+        period = self.firing_period_us
+        if period and not 0.05 <= period <= 1e6 / self.rate_hz:
+            raise ValueError("firing_period_us must be 0.05 at least, and 1 / rate_hz at most")
+        if not self.snapshot and max(self.firing_times_us, default=0.0) >= 1e6 * self.column_s:
+            raise ValueError(
+                f"firing_times_us must end before the next column, {1e6 * self.column_s:.6g} µs"
+            )
+        if beams / self.column_s / self.rate_hz > _MOST:
+            raise ValueError(f"a sweep has more than {_MOST} points")
+        if self.prism_rpm is None and any(self.prism_deviations_deg):
+            raise ValueError("prism_deviations_deg has no effect without prism_rpm")
+
+    @property
+    def elevations(self) -> Array:
+        """The beams' angles above the xy plane [rad], shape [beams]."""
+        if self.elevations_deg:
+            return np.radians(self.elevations_deg)
+        half = 0.5 * math.radians(self.vertical_fov_deg)
+        return np.asarray(np.linspace(-half, half, self.channels))
+
+    @property
+    def column_s(self) -> float:
+        """Time from column to column [s]."""
+        if self.firing_period_us:
+            return 1e-9 * round(1e3 * self.firing_period_us)
+        return 1.0 / (self.rate_hz * self.horizontal_samples)
+
+    @property
+    def sdf_loss(self) -> str:
+        """What `sdf` does not say; empty if that is nothing."""
+        lost = {
+            "a rosette of prisms": self.prism_rpm is not None,
+            "unevenly spread beams": not _even(self.elevations),
+            "azimuth offsets": any(self.azimuth_offsets_deg),
+            "firing times": not self.snapshot,
+            "a beam origin beside the axis": self.beam_origin_m > 0.0,
+            "steps of the range": self.quantum_m > 0.0,
+            "lost returns": any((self.range_at_tenth_m, self.dropout, self.sun_blinding_deg)),
+            "divergent beams": self.divergence_mrad > 0.0,
+        }
+        return ", ".join(what for what, is_lost in lost.items() if is_lost)
 
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
-        """A scan of a full turn: its last column is one step short of the first."""
-        half = math.radians(self.vertical_fov_deg) / 2
-        last = math.pi - 2 * math.pi / self.horizontal_samples
+        """A scan of a full turn by evenly spread beams, its last column a step short of the first.
+
+        That of prisms is the rectangle around their rosette, of as many points.
+        """
+        low, high = float(self.elevations.min()), float(self.elevations.max())
+        beams, columns = len(self.elevations), max(1, round(1.0 / (self.rate_hz * self.column_s)))
+        right, left = -math.pi, math.pi - 2 * math.pi / columns
+        if self.prism_rpm is not None:
+            reach = math.radians(sum(self.prism_deviations_deg))
+            points, low, high = beams * columns, low - reach, high + reach
+            beams = max(1, round(math.sqrt(points * (high - low) / max(2 * reach, 1e-3))))
+            columns, right, left = max(1, round(points / beams)), -reach, reach
         scan = {
-            "horizontal": _angles(self.horizontal_samples, -math.pi, last),
-            "vertical": _angles(self.channels, -half, half),
+            "horizontal": _angles(columns, right, left),
+            "vertical": _angles(beams, low, high),
         }
         span = {"min": self.range_min_m, "max": self.range_max_m}
         kind, tag = ("ray", "ray") if classic else ("gpu_lidar", "lidar")
         return kind, {tag: {"scan": scan, "range": span} | white_noise(self.noise_m)}
+
+
+def _even(angles: Array) -> bool:
+    """Whether angles are evenly spread, to a thousandth of a degree."""
+    line = np.linspace(angles.min(), angles.max(), len(angles))
+    return bool(np.abs(np.sort(angles) - line).max() < math.radians(1e-3))
 
 
 def _angles(samples: int, low: float, high: float) -> dict[str, float]:

@@ -40,6 +40,8 @@ def scene(make, *, copies, seed=0):
         transforms[:, :, 3] = rng.uniform((-14, -9, -1), (14, 9, 1), (copies, 3))
         which = np.arange(copies, 0, -1) % 2
         whole.add_instances(shapes, which=which.astype(np.int32), transforms=transforms)
+    plate = np.array([[15.9, -10, 0], [40, -10, 1], [40, 10, 0], [15.9, 10, -1]])
+    whole.add_triangles(plate, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
     whole.commit()
     return whole, shapes
 
@@ -89,6 +91,16 @@ def test_rays_meet_what_they_meet_in_embree(engines, copies):
     (theirs, ours), names = found, [f.view(np.uint32) for f in found]
     for row in (packets.GEOMETRY, packets.INSTANCE):  # their numbers are Embree's own
         assert np.array_equal(*(name[row] == packets.NOTHING for name in names))
+    ground, beyond = (
+        [
+            (name[packets.INSTANCE] == packets.NOTHING) & test(name[packets.GEOMETRY])
+            for name in names
+        ]
+        for test in (lambda n: n == 0, lambda n: (n != 0) & (n != packets.NOTHING))
+    )
+    assert np.array_equal(*beyond)
+    assert np.array_equal(*ground)
+    assert beyond[0].any()
     hit = names[0][packets.GEOMETRY] != packets.NOTHING
     assert 0.1 < hit.mean() < 0.9
     assert not hit[:3].any()

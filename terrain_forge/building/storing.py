@@ -1,0 +1,56 @@
+"""What a disk's limits raise, as one error."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from terrain_forge.base import StorageError, TerrainForgeError
+
+_FULL = 2**16
+"""Bytes below which a disk is full."""
+
+
+@contextmanager
+def storing(target: Path, folder: Path) -> Iterator[None]:
+    """Turns what a disk's limits raise, in whatever library, into one error.
+
+    Raises:
+        StorageError: says why the target cannot be written.
+    """
+    try:
+        yield
+    except TerrainForgeError:
+        raise
+    except Exception as error:
+        if why := _fault(error, folder):
+            raise StorageError(f"{target} cannot be written: {why}") from error
+        raise
+
+
+def _fault(error: BaseException | None, folder: Path) -> str:
+    """Why the disk refused; empty if it is not the disk's fault."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _REFUSALS:
+            return os.strerror(error.errno)
+        error = error.__cause__ or error.__context__
+    place = next(above for above in (folder, *folder.parents) if above.exists())
+    if shutil.disk_usage(place).free < _FULL:
+        return os.strerror(errno.ENOSPC)
+    largest = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    sizes = (path.lstat().st_size for path in place.rglob("*"))
+    if largest != resource.RLIM_INFINITY and any(size >= largest for size in sizes):
+        return os.strerror(errno.EFBIG)
+    return ""
+
+
+_REFUSALS = {
+    *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
+    *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
+    *(errno.ENOENT, errno.EEXIST),
+}

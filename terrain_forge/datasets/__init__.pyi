@@ -1,0 +1,14 @@
+"""Recorded datasets: reading the master recording, and writing other formats from it."""
+
+from .poses import Poses as Poses
+from .reader import Recording as Recording
+from .reader import StereoPair as StereoPair
+from .reader import open_recording as open_recording
+from .streams import RecordedCamera as RecordedCamera
+from .streams import RecordedLidar as RecordedLidar
+from .streams import RecordedSensor as RecordedSensor
+from .streams import RecordedSeries as RecordedSeries
+from .writer import DatasetWriter as DatasetWriter
+from .writer import dataset_kind as dataset_kind
+from .writer import dataset_kinds as dataset_kinds
+from .writer import write_dataset as write_dataset

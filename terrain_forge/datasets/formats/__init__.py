@@ -1,0 +1,1 @@
+"""Formats of datasets, a module each; `terrain_forge.datasets.dataset_kinds()` finds them."""

@@ -1,0 +1,117 @@
+"""Point clouds: sweeps as files, or all of them as one map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from terrain_forge.base import ExportError, FileName, Progress, RecipeError, Spec
+from terrain_forge.datasets.clouds import in_world, moved, places
+from terrain_forge.datasets.point_files import Encoding, PointFile, points_of
+from terrain_forge.datasets.poses import inverse_pose, tum_text
+from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.streams import RecordedLidar
+from terrain_forge.datasets.writer import DatasetWriter, needed, one_of
+
+_HEAD = "# timestamp tx ty tz qx qy qz qw, of the lidar in the world at each sweep's first firing\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of point clouds."""
+
+    encoding: Encoding = "ply"
+    """`ply` and `pcd`, both binary; `laz`, in steps of 0.1 mm; `bin`, as KITTI's: place and
+    intensity alone."""
+    map: bool = False
+    """Write all sweeps as one map in the world's frame, instead of a file for each."""
+    deskew: bool = False
+    """Move the points of each sweep to where the lidar sees them at its first firing, by the true
+    motion; a map is always made so."""
+    lidar: FileName | None = None
+    """The lidar, by its name or folder; all by default."""
+
+    def __post_init__(self) -> None:
+        if self.map and self.deskew:
+            raise RecipeError("has no effect: a map is always deskewed", key=("deskew",))
+
+
+class Clouds(DatasetWriter):
+    """Writes LIDAR/STAMP.ply or .pcd, .laz, .bin with LIDAR.tum; or LIDAR.ply, the map."""
+
+    kind: ClassVar[str] = "clouds"
+    title: ClassVar[str] = "point clouds"
+    Options: ClassVar[type[Spec]] = Options
+
+    def check(self, recording: Recording, options: Any) -> None:
+        """Refuse a recording without a lidar, and LAZ without its library."""
+        one_of(recording.lidars, options.lidar or "", "lidar", self.kind)
+        if options.encoding == "laz":
+            needed("laspy", "LAZ")
+            needed("lazrs", "LAZ")
+
+    def write(
+        self, recording: Recording, folder: Path, options: Any, progress: Progress
+    ) -> tuple[str, ...]:
+        """Write the clouds."""
+        wanted = recording.lidars
+        if options.lidar:
+            wanted = (one_of(wanted, options.lidar, "lidar", self.kind),)
+        losses = ["Pictures, IMU and odometry are lost."]
+        for lidar in wanted:
+            write = _write_map if options.map else _write_sweeps
+            left_out = write(recording, lidar, folder, options, progress)
+            if left_out:
+                losses.append(
+                    f"{left_out} sweeps of {lidar.name} are left out: they outlast the truth."
+                )
+        if options.encoding == "bin":
+            losses.append("Rings, times and instances of points are lost.")
+        return tuple(losses)
+
+
+def _covered(recording: Recording, lidar: RecordedLidar) -> list[int]:
+    """Sweeps during which the truth is known."""
+    length = round(1e9 / lidar.rate)
+    stamps = lidar.stamps.tolist()
+    return [n for n, t in enumerate(stamps) if recording.body_poses.covers(t, t + length)]
+
+
+def _write_map(
+    recording: Recording, lidar: RecordedLidar, folder: Path, options: Options, progress: Progress
+) -> int:
+    poses = recording.body_poses.carrying(lidar.body_pose)
+    numbers = _covered(recording, lidar)
+    if not numbers:
+        raise ExportError(f"clouds: the truth covers no sweep of {lidar.name}")
+    with PointFile(folder / f"{lidar.key}.{options.encoding}", options.encoding, wide=True) as file:
+        for done, number in enumerate(numbers):
+            progress("writing clouds", done / len(numbers))
+            begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
+            file.add(points_of(sweep, in_world(sweep, begin, poses), begin * 1e-9))
+    return len(lidar.stamps) - len(numbers)
+
+
+def _write_sweeps(
+    recording: Recording, lidar: RecordedLidar, folder: Path, options: Options, progress: Progress
+) -> int:
+    truth = recording.truth_of(lidar)
+    (folder / f"{lidar.key}.tum").write_text(_HEAD + tum_text(truth))
+    place = folder / lidar.key
+    place.mkdir()
+    numbers = list(range(len(lidar.stamps)))
+    if options.deskew:
+        poses, numbers = recording.body_poses.carrying(lidar.body_pose), _covered(recording, lidar)
+    for done, number in enumerate(numbers):
+        progress("writing clouds", done / len(numbers))
+        begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
+        at = places(sweep)
+        if options.deskew:
+            back = inverse_pose(poses.at(np.array([begin])).matrices[0])
+            at = moved(in_world(sweep, begin, poses), back)
+        with PointFile(place / f"{begin}.{options.encoding}", options.encoding, wide=False) as file:
+            file.add(points_of(sweep, at, 0.0))
+    return len(lidar.stamps) - len(numbers)

@@ -1,0 +1,149 @@
+"""KITTI odometry: rectified pairs, scans and poses of the left camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from annotated_types import Len, Predicate
+
+from terrain_forge.base import Array, FileName, Progress, Spec, portable
+from terrain_forge.datasets.clouds import in_world, moved
+from terrain_forge.datasets.pictures import rectified_pair, straight_stream, write_picture
+from terrain_forge.datasets.poses import Poses, inverse_pose
+from terrain_forge.datasets.reader import Recording, StereoPair
+from terrain_forge.datasets.streams import RecordedLidar
+from terrain_forge.datasets.writer import DatasetWriter, one_of
+
+Number = Annotated[str, Len(2, 2), Predicate(str.isdecimal)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of KITTI's odometry layout."""
+
+    sequence: Number = "00"
+    """Number of the sequence, two digits; readers expect poses up to 10."""
+    camera: FileName | None = None
+    """The left camera of the pair, by its name or folder; the first pair by default."""
+    lidar: FileName | None = None
+    """The lidar, by its name or folder; the first one by default, if there is any."""
+    scans: bool = True
+    """Write scans of the lidar."""
+
+
+class Kitti(DatasetWriter):
+    """Writes sequences/NN and poses/NN.txt."""
+
+    kind: ClassVar[str] = "kitti"
+    title: ClassVar[str] = "KITTI odometry"
+    Options: ClassVar[type[Spec]] = Options
+
+    def check(self, recording: Recording, options: Any) -> None:
+        """Refuse a recording without a rectified stereo pair, or without a lidar of that name."""
+        rectified_pair(recording, options.camera or "", self.kind)
+        if options.scans and options.lidar:
+            one_of(recording.lidars, options.lidar, "lidar", self.kind)
+
+    def write(
+        self, recording: Recording, folder: Path, options: Any, progress: Progress
+    ) -> tuple[str, ...]:
+        """Write the sequence."""
+        pair = rectified_pair(recording, options.camera or "", self.kind)
+        place = folder / "sequences" / options.sequence
+        place.mkdir(parents=True)
+        stamps = pair.left.stamps
+        seconds = (stamps - stamps[0]).tolist() if len(stamps) else []
+        times = "".join(f"{t // 10**9}.{t % 10**9:09d}\n" for t in seconds)
+        (place / "times.txt").write_text(times)
+        truth = recording.truth_of(pair.left)
+        _write_poses(folder / "poses" / f"{options.sequence}.txt", truth)
+        lidar = None
+        if options.scans and recording.lidars:
+            lidar = one_of(recording.lidars, options.lidar or "", "lidar", self.kind)
+        (place / "calib.txt").write_text(_calibration(pair, lidar))
+        coloured = _write_pictures(place, pair, progress)
+        losses = [
+            "KITTI has no IMU, no odometry, no stamps but seconds from the first picture.",
+            "Depth, labels and other truth of pixels are lost.",
+        ]
+        if coloured:
+            losses.append("image_0 and image_1 are the grey of image_2 and image_3.")
+        if lidar is not None:
+            losses += _write_scans(place / "velodyne", recording, pair, lidar)
+        return tuple(losses)
+
+
+def _write_poses(path: Path, truth: Poses) -> None:
+    """The left camera's poses in the frame of its first."""
+    path.parent.mkdir(parents=True)
+    poses = portable.product(inverse_pose(truth.matrices[0]), truth.matrices)
+    rows = poses[:, :3].reshape(len(poses), 12).tolist()
+    path.write_text("".join(" ".join(f"{v:.12e}" for v in row) + "\n" for row in rows))
+
+
+def _calibration(pair: StereoPair, lidar: RecordedLidar | None) -> str:
+    """P0 to P3, and Tr from the lidar's frame to the left camera's."""
+    left = np.hstack([pair.left.matrix, np.zeros((3, 1))])
+    right = left.copy()
+    right[0, 3] = -left[0, 0] * pair.baseline
+    rows = {"P0": left, "P1": right, "P2": left, "P3": right}
+    if lidar is not None:
+        rows["Tr"] = _camera_from_lidar(pair, lidar)[:3]
+    return "".join(
+        f"{name}: " + " ".join(f"{v:.12e}" for v in values.ravel().tolist()) + "\n"
+        for name, values in rows.items()
+    )
+
+
+def _camera_from_lidar(pair: StereoPair, lidar: RecordedLidar) -> Array:
+    return portable.product(inverse_pose(pair.left.body_pose), lidar.body_pose)
+
+
+def _write_pictures(place: Path, pair: StereoPair, progress: Progress) -> bool:
+    """Grey pictures as image_0 and image_1; if there are colours, these as image_2 and image_3."""
+    coloured, count = False, len(pair.left.stamps)
+    for number in range(count):
+        progress("writing kitti", number / count)
+        for side, camera in enumerate((pair.left, pair.right)):
+            stream, name = straight_stream(camera), f"{number:06d}.png"
+            for folder, to_grey in ((f"image_{side}", True), (f"image_{side + 2}", False)):
+                (place / folder).mkdir(exist_ok=True)
+                path = place / folder / name
+                coloured = write_picture(path, camera, number, stream, to_grey=to_grey)
+                if not coloured:
+                    break
+    return coloured
+
+
+def _write_scans(
+    folder: Path, recording: Recording, pair: StereoPair, lidar: RecordedLidar
+) -> list[str]:
+    """For each picture the nearest sweep, its points where the lidar sees them at that time."""
+    folder.mkdir()
+    poses = recording.body_poses.carrying(lidar.body_pose)
+    begins = lidar.stamps
+    length = round(1e9 / lidar.rate)
+    whole = [n for n, t in enumerate(begins.tolist()) if poses.covers(t, t + length)]
+    missing = 0
+    for number, stamp in enumerate(pair.left.stamps.tolist()):
+        path = folder / f"{number:06d}.bin"
+        if not whole or not poses.covers(stamp, stamp):
+            missing += 1
+            path.write_bytes(b"")
+            continue
+        nearest = whole[int(np.argmin(np.abs(begins[whole] + length // 2 - stamp)))]
+        points = lidar.sweep(nearest)
+        back = inverse_pose(poses.at(np.array([stamp])).matrices[0])
+        seen = moved(in_world(points, int(begins[nearest]), poses), back)
+        rows = np.hstack([seen, points["intensity"][:, None].astype(np.float64) / 100.0])
+        path.write_bytes(rows.astype("<f4").tobytes())
+    losses = [
+        "Each scan is the sweep nearest to its picture, moved by the true motion to the picture's "
+        "time as KITTI's are: rings, times of points and the sweeps' own rate are lost.",
+    ]
+    if missing:
+        losses.append(f"{missing} scans are empty: the truth does not reach as far as a sweep.")
+    return losses

@@ -1,0 +1,138 @@
+"""Poses over time: matrices, quaternions, and where a frame is between two samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, DataError, matrix_from_quaternion, portable
+
+Stamps = NDArray[np.int64]
+
+
+def pose_matrix(position: Array, rotation: Array) -> Array:
+    """Homogeneous matrices, shape [..., 4, 4], of places [m] and rotations."""
+    found = np.zeros((*position.shape[:-1], 4, 4))
+    found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = rotation, position, 1.0
+    return found
+
+
+def inverse_pose(pose: Array) -> Array:
+    """The inverse of rigid transforms, shape [..., 4, 4]."""
+    back = np.swapaxes(pose[..., :3, :3], -1, -2)
+    place = -portable.product(back, pose[..., :3, 3:])[..., 0]
+    return pose_matrix(place, back)
+
+
+def quaternion_from_matrix(rotation: Array) -> Array:
+    """Unit quaternions (w, x, y, z), w not negative, shape [..., 4], of rotations.
+
+    Of the four squares that the trace gives, the largest is the one that is divided by
+    (Shepperd 1978, doi:10.2514/3.55767b).
+    """
+    r = np.asarray(rotation, np.float64)
+    d0, d1, d2 = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    squares = np.stack([1 + d0 + d1 + d2, 1 + d0 - d1 - d2, 1 - d0 + d1 - d2, 1 - d0 - d1 + d2], -1)
+    x, y, z = (r[..., i, j] - r[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
+    xy, xz, yz = (r[..., i, j] + r[..., j, i] for i, j in ((1, 0), (0, 2), (2, 1)))
+    rows = np.stack(
+        [
+            np.stack([squares[..., 0], x, y, z], -1),
+            np.stack([x, squares[..., 1], xy, xz], -1),
+            np.stack([y, xy, squares[..., 2], yz], -1),
+            np.stack([z, xz, yz, squares[..., 3]], -1),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(squares, axis=-1)[..., None, None]
+    row = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
+    unit = row / portable.norm(row)[..., None]
+    return np.asarray(np.where(unit[..., :1] < 0.0, -unit, unit))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Poses:
+    """Where a frame is at some times."""
+
+    stamps: Stamps
+    """Times [ns], ascending, shape [times]."""
+    position: Array
+    """Of its origin [m], shape [times, 3]."""
+    quaternion: Array
+    """Its rotation (w, x, y, z), shape [times, 4]."""
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def __getitem__(self, which: slice) -> Poses:
+        return Poses(
+            stamps=self.stamps[which],
+            position=self.position[which],
+            quaternion=self.quaternion[which],
+        )
+
+    @cached_property
+    def matrices(self) -> Array:
+        """From the frame to the one that its place is told in, shape [times, 4, 4]."""
+        return pose_matrix(self.position, matrix_from_quaternion(self.quaternion))
+
+    def carrying(self, frame: Array) -> Poses:
+        """The poses of a frame that is fixed to this one, at a pose of shape [4, 4] in it."""
+        moved = portable.product(self.matrices, frame)
+        turns = quaternion_from_matrix(moved[:, :3, :3])
+        return Poses(stamps=self.stamps, position=moved[:, :3, 3], quaternion=turns)
+
+    @cached_property
+    def _runs(self) -> NDArray[np.int64]:
+        """Which samples follow each other without a gap: numbers of the runs, shape [times]."""
+        steps = np.diff(self.stamps)
+        return np.concatenate([[0], np.cumsum(steps > 2.5 * np.median(steps))])
+
+    def covers(self, first: int, last: int) -> bool:
+        """Whether it has samples without a gap from one time to another [ns]."""
+        if len(self) < 4 or first < self.stamps[0] or last > self.stamps[-1]:
+            return False
+        before = np.searchsorted(self.stamps, first, side="right") - 1
+        after = np.searchsorted(self.stamps, last, side="left")
+        return bool(self._runs[before] == self._runs[after])
+
+    def at(self, stamps: Stamps) -> Poses:
+        """The poses at other times, by the cubic through the four samples around each.
+
+        Raises:
+            DataError: for times that it does not cover.
+        """
+        own, wanted = self.stamps, np.asarray(stamps, np.int64)
+        if wanted.size and not self.covers(int(wanted.min()), int(wanted.max())):
+            raise DataError(
+                f"poses are needed from {wanted.min()} to {wanted.max()} ns, and the truth does "
+                f"not tell all of them: it lasts from {own[0]} to {own[-1]} ns"
+            )
+        first = np.clip(np.searchsorted(own, wanted, side="right") - 2, 0, len(own) - 4)
+        around = first[:, None] + np.arange(4)
+        times = (own[around] - wanted[:, None]) * 1e-9
+        turns = self.quaternion[around]
+        same = (turns * turns[:, :1]).sum(axis=-1, keepdims=True) >= 0.0
+        values = np.concatenate([self.position[around], np.where(same, turns, -turns)], axis=-1)
+        found = np.zeros((len(wanted), 7))
+        for one in range(4):
+            weight = np.ones(len(wanted))
+            for other in range(4):
+                if other != one:
+                    weight *= times[:, other] / (times[:, other] - times[:, one])
+            found += weight[:, None] * values[:, one]
+        turn = found[:, 3:] / portable.norm(found[:, 3:])[:, None]
+        return Poses(stamps=wanted, position=found[:, :3], quaternion=turn)
+
+
+def tum_text(poses: Poses) -> str:
+    """Poses as TUM's trajectories have them: seconds, place, quaternion x, y, z, w."""
+    turns = np.roll(poses.quaternion, -1, axis=1)
+    rows = np.hstack([poses.position, turns]).tolist()
+    return "".join(
+        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(map(repr, row)) + "\n"
+        for stamp, row in zip(poses.stamps.tolist(), rows, strict=True)
+    )

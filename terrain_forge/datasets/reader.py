@@ -1,0 +1,262 @@
+"""Reading a recording: what is there, checked, each measurement when it is asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import Array, DataError, portable, read_text, reading, require_file
+from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
+from terrain_forge.datasets.streams import (
+    RecordedCamera,
+    RecordedLidar,
+    RecordedSensor,
+    RecordedSeries,
+    ascending,
+)
+
+VERSION = 1
+"""Of the layout of a recording, as its dataset.json says."""
+INDEX = "dataset.json"
+TRUTH = "state_groundtruth_estimate0"
+_LARGEST_TEXT = 2**24
+_PARALLEL = 1e-9
+"""How far the second camera of a pair may be off the first one's x axis, for its distance."""
+_KINDS: dict[str, type[RecordedSensor]] = {"camera": RecordedCamera, "lidar": RecordedLidar}
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoPair:
+    """Two cameras side by side that take their pictures at once."""
+
+    left: RecordedCamera
+    """The left one."""
+    right: RecordedCamera
+    """The right one."""
+    baseline: float
+    """Their distance [m]."""
+
+    @property
+    def rectified(self) -> bool:
+        """Whether both pictures are those of one pinhole, moved along its rows."""
+        same = np.array_equal(self.left.intrinsics, self.right.intrinsics)
+        return self.left.straight and self.right.straight and same
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A recorded dataset on disk."""
+
+    folder: Path
+    """The folder that holds dataset.json."""
+    about: Mapping[str, Any]
+    """What dataset.json says."""
+    sensors: tuple[RecordedSensor, ...]
+    """What was recorded, in the order of dataset.json."""
+
+    @property
+    def cameras(self) -> tuple[RecordedCamera, ...]:
+        """Its cameras."""
+        return tuple(s for s in self.sensors if isinstance(s, RecordedCamera))
+
+    @property
+    def lidars(self) -> tuple[RecordedLidar, ...]:
+        """Its lidars."""
+        return tuple(s for s in self.sensors if isinstance(s, RecordedLidar))
+
+    def series(self, word: str) -> tuple[RecordedSeries, ...]:
+        """Its tables whose folders begin with a word: `imu`, `odometry`, `sun`, …."""
+        found = (s for s in self.sensors if isinstance(s, RecordedSeries))
+        return tuple(one for one in found if one.key.rstrip("0123456789") == word)
+
+    @property
+    def imus(self) -> tuple[RecordedSeries, ...]:
+        """Its IMUs."""
+        return self.series("imu")
+
+    def sensor(self, name: str) -> RecordedSensor:
+        """The sensor of a name, or of a folder such as `cam0`.
+
+        Raises:
+            DataError: if there is none; lists what there is.
+        """
+        for one in self.sensors:
+            if name in (one.key, one.name):
+                return one
+        known = ", ".join(f"{one.key} ({one.name})" for one in self.sensors)
+        raise DataError(f"no sensor {name!r} was recorded, there are: {known}")
+
+    @property
+    def name(self) -> str:
+        """Name of the world."""
+        return str(self.about["world"]["name"])
+
+    @property
+    def gravity(self) -> float:
+        """What its IMUs feel at rest [m/s²]."""
+        return float(self.about["gravity_m_s2"])
+
+    @property
+    def body_name(self) -> str:
+        """The frame that T_BS and the truth are of: the first IMU's folder, or `base_link`."""
+        return str(self.about["body"])
+
+    @cached_property
+    def base_from_body(self) -> Array:
+        """From the body's frame to base_link's, shape [4, 4]."""
+        if self.body_name == "base_link":
+            return np.eye(4)
+        told = self.about["transforms"].get(self.body_name)
+        with reading(f"transforms of {INDEX}"):
+            return np.array(told, np.float64).reshape(4, 4)
+
+    @cached_property
+    def pairs(self) -> tuple[StereoPair, ...]:
+        """Its stereo pairs: cameras of one size, parallel, beside each other, at equal stamps."""
+        found = []
+        for left in self.cameras:
+            for right in self.cameras:
+                offset = portable.product(inverse_pose(left.body_pose), right.body_pose)
+                baseline = float(offset[0, 3])
+                flat = offset - np.eye(4)
+                flat[0, 3] = 0.0
+                beside = baseline > 0.0 and np.abs(flat).max() <= max(baseline, 1.0) * _PARALLEL
+                if beside and left.size == right.size and _at_once(left, right):
+                    found.append(StereoPair(left=left, right=right, baseline=baseline))
+        return tuple(found)
+
+    @cached_property
+    def body_poses(self) -> Poses:
+        """The truth: where the body is in the world, at the rate of its IMU."""
+        kept = [(stamps, values[:, :7].copy()) for stamps, values in self._truth_blocks()]
+        if not kept:
+            raise DataError(f"{TRUTH}/data.csv has no rows")
+        stamps, values = (np.concatenate(part) for part in zip(*kept, strict=True))
+        return Poses(stamps=stamps, position=values[:, :3], quaternion=values[:, 3:])
+
+    def body_pieces(self) -> Iterator[tuple[Poses, Array, slice]]:
+        """The truth in pieces: poses of the body, its velocity in the world [m/s], its own rows.
+
+        Beside its own rows may lie the one before and the one after.
+        """
+        before: tuple[Stamps, Array] | None = None
+        blocks = self._truth_blocks()
+        block = next(blocks, None)
+        while block is not None:
+            after = next(blocks, None)
+            first = [] if before is None else [(before[0][-1:], before[1][-1:])]
+            last = [] if after is None else [(after[0][:1], after[1][:1])]
+            stamps, v = (np.concatenate(c) for c in zip(*first, block, *last, strict=True))
+            poses = Poses(stamps=stamps, position=v[:, :3], quaternion=v[:, 3:7])
+            yield poses, v[:, 7:10], slice(len(first), len(first) + len(block[0]))
+            before, block = block, after
+
+    def _truth_blocks(self) -> Iterator[tuple[Stamps, Array]]:
+        for stamps, values in self.truth.blocks():
+            if values.shape[1] < 10:
+                columns = values.shape[1] + 1
+                raise DataError(f"{TRUTH}/data.csv has {columns} columns, EuRoC's has 17")
+            yield stamps, values
+
+    @cached_property
+    def span(self) -> tuple[int, int]:
+        """The first and the last stamp of all sensors and of the truth [ns]."""
+        first, last = zip(*(one.span for one in (*self.sensors, self.truth)), strict=True)
+        return min(first), max(last)
+
+    @cached_property
+    def truth(self) -> RecordedSeries:
+        """EuRoC's table of the truth."""
+        folder = self.folder / "mav0" / TRUTH
+        return RecordedSeries(folder=folder, name="truth", about={}, channels={"data": {}})
+
+    def truth_of(self, sensor: RecordedSensor) -> Poses:
+        """Exact poses of a sensor's own frame in the world, at its own stamps."""
+        poses = self._truth_file(sensor.key)
+        if len(poses) != len(sensor.stamps) or np.abs(poses.stamps - sensor.stamps).max() > 1000:
+            raise DataError(f"truth/{sensor.key}.tum is not at the stamps of {sensor.key}")
+        return Poses(stamps=sensor.stamps, position=poses.position, quaternion=poses.quaternion)
+
+    @property
+    def base_poses(self) -> Poses:
+        """Where base_link is in the world."""
+        return self._truth_file("base_link")
+
+    def _truth_file(self, name: str) -> Poses:
+        path, where = self.folder / "truth" / f"{name}.tum", f"truth/{name}.tum"
+        require_file(path, where, most=2**34)
+        with reading(where), path.open(encoding="utf-8") as file:
+            rows = np.loadtxt((line.replace(".", " ", 1) for line in file), _TUM, ndmin=1)
+            values = rows["values"]
+            if not np.isfinite(values).all():
+                raise DataError(f"{where}: a value is no number")
+        stamps = rows["second"] * 10**9 + rows["fraction"]
+        ascending(stamps, where)
+        turns = np.roll(values[:, 3:], 1, axis=1)
+        return Poses(stamps=stamps, position=values[:, :3], quaternion=turns)
+
+
+_TUM = np.dtype([("second", "i8"), ("fraction", "i8"), ("values", "f8", (7,))])
+
+
+def _at_once(one: RecordedSensor, other: RecordedSensor) -> bool:
+    return np.array_equal(one.stamps, other.stamps)
+
+
+def open_recording(folder: Path | str) -> Recording:
+    """A recorded dataset; pictures, sweeps and tables are read when they are asked for.
+
+    Args:
+        folder: The folder `dataset` of a built world, or the world's own.
+
+    Raises:
+        DataError: if there is none, or a file of it is broken; names the file.
+    """
+    place = Path(folder)
+    if not (place / INDEX).exists() and (place / "dataset" / INDEX).exists():
+        place = place / "dataset"
+    text = read_text(place / INDEX, f"{place / INDEX}", most=_LARGEST_TEXT)
+    with reading(INDEX):
+        about = json.loads(text)
+    _check(about)
+    return Recording(
+        folder=place,
+        about=about,
+        sensors=tuple(_sensor(place, stream) for stream in about["streams"]),
+    )
+
+
+def _check(about: Any) -> None:
+    if not isinstance(about, dict) or about.get("version") != VERSION:
+        found = about.get("version") if isinstance(about, dict) else type(about).__name__
+        raise DataError(f"{INDEX} is of version {found!r}, this terrain-forge reads {VERSION}")
+    wanted = {"world": dict, "gravity_m_s2": (int, float), "streams": list, "body": str}
+    for key, kind in {**wanted, "transforms": dict, "classes": dict}.items():
+        if not isinstance(about.get(key), kind):  # type: ignore[arg-type]
+            raise DataError(f"{INDEX} has no {key!r} of the kind that it must be")
+    for number, stream in enumerate(about["streams"]):
+        if not isinstance(stream, dict) or not {"folder", "name", "kind"} <= set(stream):
+            raise DataError(f"{INDEX}: stream {number} has no folder, name and kind")
+
+
+def _sensor(place: Path, stream: Mapping[str, Any]) -> RecordedSensor:
+    from ruamel.yaml import YAML
+
+    folder = place / str(stream["folder"])
+    if not folder.resolve().is_relative_to(place.resolve()):
+        raise DataError(f"{INDEX}: the stream {stream['folder']!r} lies outside of the dataset")
+    where = f"{folder.name}/sensor.yaml"
+    text = read_text(folder / "sensor.yaml", where, most=_LARGEST_TEXT)
+    with reading(where):
+        about = YAML(typ="safe", pure=True).load(text)
+        if not isinstance(about, dict):
+            raise DataError(f"{where} is no table of keys")
+    kind = _KINDS.get(str(stream["kind"]), RecordedSeries)
+    channels = stream.get("channels") or {"data": {}}
+    return kind(folder=folder, name=str(stream["name"]), about=about, channels=channels)

@@ -1,0 +1,354 @@
+"""ROS messages of a recording, in the order of their stamps; the same for ROS 1 and ROS 2."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from terrain_forge.base import Array, FileName, Progress, Spec, portable, xyzw
+from terrain_forge.datasets.clouds import Layout, layout_of, packed
+from terrain_forge.datasets.poses import Poses, inverse_pose, quaternion_from_matrix
+from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.streams import (
+    RecordedCamera,
+    RecordedLidar,
+    RecordedSensor,
+    RecordedSeries,
+)
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+WORLD, BASE = "map", "base_link"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRUTH_TOPIC = "/ground_truth/odometry"
+_MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
+_DATATYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosOptions(Spec):
+    """Options of both kinds of bags."""
+
+    sensors: tuple[FileName, ...] = ()
+    """Names or folders (`cam0`) of the sensors to write; all by default."""
+    cloud: Literal["lidar", "velodyne", "ouster"] = "lidar"
+    """Layout of point clouds: that of the lidar's own driver, or one of the two."""
+    ring_bits: Literal[8, 16] = 8
+    """Bits of `ring` in Ouster's layout: 8 in older drivers and FAST-LIO, 16 in newer ones."""
+    truth: Literal["odometry", "tf", "both", "none"] = "odometry"
+    """Where the true pose of base_link goes: `odometry`, to /ground_truth/odometry; `tf`, to /tf,
+    where a system's own answer would be a second parent of base_link."""
+    depth: bool = False
+    """Write the cameras' true depth as images of 32-bit metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """A message of a bag."""
+
+    stamp: int
+    """Of its header and of the bag [ns]."""
+    order: int
+    """Of its topic in the bag."""
+    value: Any
+    """The message."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """A topic of a bag."""
+
+    name: str
+    """With a leading slash."""
+    kind: str
+    """Type of its messages."""
+    messages: Callable[[int], Iterator[Message]]
+    """Its messages, given its place in the bag."""
+    latched: bool = False
+    """Whether who comes late still gets its last message."""
+
+
+class RosMessages:
+    """Makes the messages of a recording.
+
+    Args:
+        recording: The recording.
+        store: The types of a version of ROS.
+        options: What is written and how.
+    """
+
+    def __init__(self, recording: Recording, store: Typestore, options: RosOptions) -> None:
+        self.recording, self.options, self.types = recording, options, store.types
+        self._is_first = "seq" in self.types["std_msgs/msg/Header"].__annotations__
+        named = {recording.sensor(name).key for name in options.sensors}
+        self.sensors = [s for s in recording.sensors if not named or s.key in named]
+
+    def topics(self) -> list[Topic]:
+        """All topics, `/tf_static` first."""
+        found = [self._topic("/tf_static", TRANSFORMS, self._static, latched=True)]
+        clouds = 0
+        for sensor in self.sensors:
+            if isinstance(sensor, RecordedCamera):
+                found += self._camera_topics(sensor)
+            elif isinstance(sensor, RecordedLidar):
+                found.append(self._cloud_topic(sensor, clouds))
+                clouds += 1
+            elif sensor in self.recording.imus:
+                found.append(
+                    self._topic(f"/{sensor.key}", "sensor_msgs/msg/Imu", self._imu(sensor))
+                )
+        truth = self.options.truth
+        if truth in ("odometry", "both"):
+            found.append(self._topic(TRUTH_TOPIC, "nav_msgs/msg/Odometry", self._odometry))
+        if truth in ("tf", "both"):
+            found.append(self._topic("/tf", TRANSFORMS, self._tf))
+        return found
+
+    def untold(self) -> list[str]:
+        """Folders of sensors that no message is written for."""
+        written = (RecordedCamera, RecordedLidar)
+        imus = self.recording.imus
+        return [s.key for s in self.sensors if not isinstance(s, written) and s not in imus]
+
+    def _topic(
+        self, name: str, kind: str, pairs: Callable[[], Iterator[tuple[int, Any]]], **more: Any
+    ) -> Topic:
+        def messages(order: int) -> Iterator[Message]:
+            return (Message(stamp=t, order=order, value=value) for t, value in pairs())
+
+        return Topic(name=name, kind=kind, messages=messages, **more)
+
+    def make(self, kind: str, *values: Any) -> Any:
+        """A message or a part of one, its fields in their order."""
+        return self.types[kind](*values)
+
+    def _header(self, stamp: int, frame: str) -> Any:
+        time = self.make("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
+        first = (0,) if self._is_first else ()
+        return self.make("std_msgs/msg/Header", *first, time, frame)
+
+    def _vector(self, values: Array) -> Any:
+        return self.make("geometry_msgs/msg/Vector3", *map(float, values))
+
+    def _turn(self, quaternion: Array) -> Any:
+        return self.make("geometry_msgs/msg/Quaternion", *map(float, xyzw(quaternion)))
+
+    def _transform(self, stamp: int, parent: str, child: str, place: Array, turn: Array) -> Any:
+        moved = self.make("geometry_msgs/msg/Transform", self._vector(place), self._turn(turn))
+        header = self._header(stamp, parent)
+        return self.make("geometry_msgs/msg/TransformStamped", header, child, moved)
+
+    def _static(self) -> Iterator[tuple[int, Any]]:
+        begin = self.recording.span[0]
+        transforms = []
+        for sensor in self.recording.sensors:
+            if "T_BS" not in sensor.about:
+                continue
+            pose = portable.product(self.recording.base_from_body, sensor.body_pose)
+            turn = quaternion_from_matrix(pose[:3, :3])
+            transforms.append(self._transform(begin, BASE, frame_of(sensor), pose[:3, 3], turn))
+        yield begin, self.make(TRANSFORMS, transforms)
+
+    def _camera_topics(self, camera: RecordedCamera) -> list[Topic]:
+        frame = frame_of(camera)
+
+        def infos() -> Iterator[tuple[int, Any]]:
+            for stamp in camera.stamps.tolist():
+                yield stamp, self.camera_info(camera, stamp)
+
+        def images() -> Iterator[tuple[int, Any]]:
+            for number, stamp in enumerate(camera.stamps.tolist()):
+                picture = camera.image(number)
+                encoding = "rgb8" if picture.ndim == 3 else "mono8"
+                yield stamp, self._image(stamp, frame, picture[..., :3], encoding)
+
+        def depths() -> Iterator[tuple[int, Any]]:
+            for number, stamp in enumerate(camera.stamps.tolist()):
+                metres = camera.depth(number).astype(np.float32)
+                metres[metres == 0.0] = np.nan  # REP 118
+                yield stamp, self._image(stamp, frame, metres, "32FC1")
+
+        kind, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+        found = [
+            self._topic(f"/{camera.key}/camera_info", info, infos),
+            self._topic(f"/{camera.key}/image_raw", kind, images),
+        ]
+        if self.options.depth and "depth" in camera.channels:
+            found.append(self._topic(f"/{camera.key}/depth/image_raw", kind, depths))
+        return found
+
+    def _image(self, stamp: int, frame: str, picture: Any, encoding: str) -> Any:
+        rows, columns = picture.shape[:2]
+        pixels = np.ascontiguousarray(picture)
+        data = pixels.view(np.uint8).ravel()
+        header = self._header(stamp, frame)
+        step = data.size // rows
+        return self.make("sensor_msgs/msg/Image", header, rows, columns, encoding, 0, step, data)
+
+    def camera_info(self, camera: RecordedCamera, stamp: int) -> Any:
+        """Calibration of a camera; P[3] of the right one of a pair is −f·baseline."""
+        model, given = camera.distortion
+        count = 4 if model == "equidistant" else 5
+        coefficients = np.zeros(count)
+        coefficients[: len(given)] = given
+        projection = projection_of(self.recording, camera)
+        region = self.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+        width, height = camera.size
+        return self.make(
+            "sensor_msgs/msg/CameraInfo",
+            *(self._header(stamp, frame_of(camera)), height, width, _MODELS[model]),
+            *(coefficients, camera.matrix.ravel(), np.eye(3).ravel(), projection.ravel()),
+            *(0, 0, region),
+        )
+
+    def _cloud_topic(self, lidar: RecordedLidar, number: int) -> Topic:
+        own = self.options.cloud
+        layout: Layout = layout_of(lidar) if own == "lidar" else own
+
+        def clouds() -> Iterator[tuple[int, Any]]:
+            for index, stamp in enumerate(lidar.stamps.tolist()):
+                points = packed(lidar.sweep(index), layout, self.options.ring_bits)
+                yield stamp, self._cloud(stamp, frame_of(lidar), points)
+
+        name = "/velodyne_points" if layout == "velodyne" else "/ouster/points"
+        name = f"/{lidar.key}{name}" if number else name
+        return self._topic(name, "sensor_msgs/msg/PointCloud2", clouds)
+
+    def _cloud(self, stamp: int, frame: str, points: Any) -> Any:
+        fields = [
+            self.make("sensor_msgs/msg/PointField", name, offset, _DATATYPES[kind.str[1:]], 1)
+            for name, (kind, offset) in points.dtype.fields.items()
+        ]
+        step, count = points.dtype.itemsize, len(points)
+        data = np.frombuffer(points.tobytes(), np.uint8)
+        return self.make(
+            "sensor_msgs/msg/PointCloud2",
+            *(self._header(stamp, frame), 1, count, fields),
+            *(False, step, step * count, data, True),
+        )
+
+    def _imu(self, imu: RecordedSensor) -> Callable[[], Iterator[tuple[int, Any]]]:
+        unknown, turning, pushing = np.zeros(9), np.zeros(9), np.zeros(9)
+        unknown[0] = -1.0  # sensor_msgs/Imu: no orientation
+        for matrix, name in ((turning, "gyroscope"), (pushing, "accelerometer")):
+            density = float(imu.numbers(f"{name}_noise_density", (1,))[0])
+            matrix[::4] = density * density * imu.rate
+        level = np.array([1.0, 0.0, 0.0, 0.0])
+
+        def samples() -> Iterator[tuple[int, Any]]:
+            assert isinstance(imu, RecordedSeries)
+            for stamps, values in imu.blocks():
+                for stamp, row in zip(stamps.tolist(), values, strict=True):
+                    yield (
+                        stamp,
+                        self.make(
+                            "sensor_msgs/msg/Imu",
+                            *(self._header(stamp, frame_of(imu)), self._turn(level), unknown),
+                            *(self._vector(row[:3]), turning, self._vector(row[3:6]), pushing),
+                        ),
+                    )
+
+        return samples
+
+    def _base_states(self) -> Iterator[tuple[Poses, Array, Array]]:
+        """True poses of base_link, its velocity and rate in its own frame, in pieces."""
+        body = inverse_pose(self.recording.base_from_body)
+        for poses, velocity, kept in self.recording.body_pieces():
+            rate = _rates(poses)
+            turn = np.swapaxes(poses.matrices[:, :3, :3], -1, -2)
+            own = (turn * velocity[:, None, :]).sum(axis=-1) + np.cross(rate, body[:3, 3])
+            into = body[:3, :3]  # rows of vectors, from the body's frame to base_link's
+            base = poses.carrying(body)[kept]
+            yield base, portable.product(own, into)[kept], portable.product(rate, into)[kept]
+
+    def _odometry(self) -> Iterator[tuple[int, Any]]:
+        none = np.zeros(36)
+        for poses, velocity, rate in self._base_states():
+            for number, stamp in enumerate(poses.stamps.tolist()):
+                point = self.make("geometry_msgs/msg/Point", *map(float, poses.position[number]))
+                pose = self.make(
+                    "geometry_msgs/msg/Pose", point, self._turn(poses.quaternion[number])
+                )
+                parts = self._vector(velocity[number]), self._vector(rate[number])
+                twist = self.make("geometry_msgs/msg/Twist", *parts)
+                yield (
+                    stamp,
+                    self.make(
+                        "nav_msgs/msg/Odometry",
+                        *(self._header(stamp, WORLD), BASE),
+                        self.make("geometry_msgs/msg/PoseWithCovariance", pose, none),
+                        self.make("geometry_msgs/msg/TwistWithCovariance", twist, none),
+                    ),
+                )
+
+    def _tf(self) -> Iterator[tuple[int, Any]]:
+        for poses, _, _ in self._base_states():
+            for number, stamp in enumerate(poses.stamps.tolist()):
+                at = poses.position[number], poses.quaternion[number]
+                yield stamp, self.make(TRANSFORMS, [self._transform(stamp, WORLD, BASE, *at)])
+
+
+def frame_of(sensor: RecordedSensor) -> str:
+    """The name of a sensor's frame; a camera's is optical: x right, y down, z forward."""
+    return f"{sensor.name}_optical" if isinstance(sensor, RecordedCamera) else sensor.name
+
+
+def projection_of(recording: Recording, camera: RecordedCamera) -> Array:
+    """The projection matrix, shape [3, 4]: of undistorted pictures of the same focal length."""
+    found = np.hstack([camera.matrix, np.zeros((3, 1))])
+    for pair in recording.pairs:
+        if pair.right is camera:
+            found[:, :3] = pair.left.matrix
+            found[0, 3] = -found[0, 0] * pair.baseline
+    return found
+
+
+def _rates(poses: Poses) -> Array:
+    """Angular rates in the frame itself [rad/s], of the poses before and after each."""
+    turns, stamps = poses.quaternion, poses.stamps
+    after = np.minimum(np.arange(len(turns)) + 1, len(turns) - 1)
+    before = np.maximum(np.arange(len(turns)) - 1, 0)
+    (w1, x1, y1, z1), (w2, x2, y2, z2) = turns[before].T, turns[after].T
+    step = np.maximum(stamps[after] - stamps[before], 1) * 1e-9
+    turned = np.stack(  # vector part of the quaternion from one to the other
+        [
+            w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
+            w1 * y2 + x1 * z2 - y1 * w2 - z1 * x2,
+            w1 * z2 - x1 * y2 + y1 * x2 - z1 * w2,
+        ],
+        axis=-1,
+    )
+    sign = np.where((turns[before] * turns[after]).sum(axis=-1) < 0.0, -1.0, 1.0)
+    return np.asarray(2.0 * sign[:, None] * turned / step[:, None])
+
+
+def in_order(topics: list[Topic], span: tuple[int, int], progress: Progress) -> Iterator[Message]:
+    """Messages of all topics by their stamps, the latched ones first; one of each is held."""
+    streams = [topic.messages(number) for number, topic in enumerate(topics)]
+    for number, topic in enumerate(topics):
+        if topic.latched:
+            yield from streams[number]
+    begin, end = span
+    told = 0.0
+    live = [s for s, topic in zip(streams, topics, strict=True) if not topic.latched]
+    for message in heapq.merge(*live, key=attrgetter("stamp", "order")):
+        share = (message.stamp - begin) / max(end - begin, 1)
+        if share >= told + 0.01:
+            progress("writing a bag", told := share)
+        yield message
+
+
+def losses(messages: RosMessages) -> tuple[str, ...]:
+    """What a bag does not say of a recording."""
+    found = ["Instances, classes, normals, flow and shadows of pictures are not in the bag."]
+    if untold := messages.untold():
+        found.append(f"No message of ROS is written for {', '.join(untold)}.")
+    if any(sensor.key.startswith("lidar") for sensor in messages.sensors):
+        found.append("Point clouds say nothing of what each point is on.")
+    return tuple(found)

@@ -1,0 +1,196 @@
+"""What formats of datasets are, how they are found, and how one is written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from terrain_forge.base import (
+    ExportError,
+    OutputError,
+    Progress,
+    RecipeError,
+    Spec,
+    StorageError,
+    hint_at,
+    parts,
+    silent,
+)
+from terrain_forge.datasets.reader import Recording, open_recording
+from terrain_forge.datasets.streams import RecordedSensor
+from terrain_forge.model import ExportReport, options_adapter
+
+GROUP = "terrain_forge.datasets"
+"""Entry points that name modules of other packages with formats."""
+_Sensor = TypeVar("_Sensor", bound=RecordedSensor)
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
+
+
+class DatasetWriter:
+    """Writes a recording in one format; a format is a subclass with its `kind`.
+
+    It writes what it reads one measurement at a time, so that its memory does not grow with the
+    recording, and the same bytes each time.
+    """
+
+    kind: ClassVar[str]
+    """The format's name."""
+    title: ClassVar[str]
+    """What it is, in a few words."""
+    Options: ClassVar[type[Spec]]
+    """Frozen dataclass of the format's options, each with a default and documented."""
+
+    def check(self, recording: Recording, options: Any) -> None:
+        """Refuse a recording that lacks what the format needs, before anything is written.
+
+        Raises:
+            ExportError: says what is missing.
+        """
+
+    def write(
+        self, recording: Recording, folder: Path, options: Any, progress: Progress
+    ) -> tuple[str, ...]:
+        """Write the recording into an existing, empty folder.
+
+        Returns:
+            What the format cannot say, a sentence each.
+        """
+        raise NotImplementedError
+
+
+@cache
+def dataset_kinds() -> dict[str, type[DatasetWriter]]:
+    """All installed formats by their names."""
+    found = parts(DatasetWriter, "terrain_forge.datasets.formats", GROUP)
+    return {one.kind: one for one in found}
+
+
+def dataset_kind(name: str) -> type[DatasetWriter]:
+    """The format of a name.
+
+    Raises:
+        RecipeError: if none has it; lists those that are installed.
+    """
+    known = dataset_kinds()
+    if name not in known:
+        installed = f"installed: {', '.join(sorted(known))}"
+        raise RecipeError(f"unknown dataset format {name!r}{hint_at(name, known)}, {installed}")
+    return known[name]
+
+
+def write_dataset(
+    recording: Recording | Path | str,
+    kind: str,
+    folder: Path | str,
+    options: Spec | Mapping[str, Any] | None = None,
+    *,
+    progress: Progress = silent,
+) -> ExportReport:
+    """Write a recording in a format; the folder is there whole or not at all.
+
+    Args:
+        recording: The recording, or its folder.
+        kind: The format.
+        folder: Where it is written; it must not exist, or be empty.
+        options: The format's options, as its `Options` or by their names.
+        progress: Told of the share that is written.
+
+    Raises:
+        RecipeError: if there is no such format, or it has no such option.
+        ExportError: if the recording lacks what the format needs.
+        DataError: if a file of the recording is broken.
+        OutputError: if the folder holds something.
+        StorageError: if the disk does not take it.
+    """
+    writer = dataset_kind(kind)()
+    chosen = _options(writer, options)
+    if not isinstance(recording, Recording):
+        recording = open_recording(recording)
+    writer.check(recording, chosen)
+    target = Path(folder).resolve()
+    _require_free(target, recording)
+    around = target.with_name(f".{target.name}.part")
+    fresh = around / target.name
+    try:
+        shutil.rmtree(around, ignore_errors=True)  # what a killed process left
+        fresh.mkdir(parents=True)
+        losses = writer.write(recording, fresh, chosen, progress)
+        files = tuple(sorted(p.relative_to(fresh) for p in fresh.rglob("*") if p.is_file()))
+        with suppress(FileNotFoundError):
+            target.rmdir()
+        fresh.rename(target)
+    except Exception as error:
+        if why := _refusal(error, around):
+            raise StorageError(f"{target} cannot be written: {why}") from error
+        raise
+    finally:
+        shutil.rmtree(around, ignore_errors=True)
+    return ExportReport(files=files, losses=losses)
+
+
+def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) -> Any:
+    if isinstance(options, Spec):
+        return options
+    try:
+        return options_adapter(writer.Options).validate_python(dict(options or {}))
+    except ValueError as error:
+        why = "; ".join(
+            f"{'.'.join(map(str, one['loc']))}: {one['msg']}"
+            for one in getattr(error, "errors", list)()
+        )
+        raise RecipeError(f"dataset format {writer.kind!r}: {why or error}") from None
+
+
+def _require_free(target: Path, recording: Recording) -> None:
+    if target.is_relative_to(recording.folder.resolve() / "mav0"):
+        raise OutputError(f"{target} lies in the recording itself: choose another folder")
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise OutputError(f"{target} exists: remove it, or choose another folder")
+
+
+def _refusal(error: BaseException | None, folder: Path) -> str:
+    """Why the disk refused, whatever a library made of it; empty if it did not."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _FULL:
+            return os.strerror(error.errno)
+        error = error.__cause__ or error.__context__
+    place = next(above for above in (folder, *folder.parents) if above.exists())
+    return os.strerror(errno.ENOSPC) if shutil.disk_usage(place).free < 2**16 else ""
+
+
+def needed(module: str, what: str) -> Any:
+    """A module of an extra, imported.
+
+    Raises:
+        ExportError: if it is not installed; says how it is.
+    """
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError:
+        package = module.partition(".")[0]
+        raise ExportError(
+            f"{what} needs {package}: pip install 'terrain-forge[datasets]'"
+        ) from None
+
+
+def one_of(found: tuple[_Sensor, ...], name: str, what: str, kind: str) -> _Sensor:
+    """Of some recorded sensors the one of a name or folder, or the first.
+
+    Raises:
+        ExportError: if there is none.
+    """
+    for one in found:
+        if name in ("", one.key, one.name):
+            return one
+    if found and name:
+        known = ", ".join(one.key for one in found)
+        raise ExportError(f"{kind}: no {what} {name!r} was recorded, there are: {known}")
+    raise ExportError(f"{kind} needs a {what}, and the recording has none")

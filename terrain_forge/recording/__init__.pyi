@@ -1,0 +1,10 @@
+"""Recordings: what the sensors of a rover measure along a path, as a dataset on the disk."""
+
+from .cost import recording_lines as recording_lines
+from .driven import motion_of_drive as motion_of_drive
+from .order import Order as Order
+from .record import RECORDING as RECORDING
+from .record import Recorded as Recorded
+from .record import record_dataset as record_dataset
+from .setting import find_instrument as find_instrument
+from .setting import open_setting as open_setting

@@ -1,0 +1,195 @@
+"""What tells of a recording's measurements: lists of files, calibration, truth, dataset.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge import __version__
+from terrain_forge.base import read_text, to_plain
+from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recording.order import Spans, joined, within
+from terrain_forge.recording.rig import Folder, body_of, from_body
+from terrain_forge.recording.store import Store
+from terrain_forge.recording.texts import files_text, matrix, table_text, yaml_text
+from terrain_forge.recording.truth import EPOCH, body_table, body_times, sensor_poses
+from terrain_forge.sensors import Series, Setting
+
+INDEX = "dataset.json"
+VERSION = 1
+"""Of the layout, as dataset.json says."""
+MAV = "mav0"
+_TRUTH = f"{MAV}/state_groundtruth_estimate0"
+_MOST = 2**24
+
+
+def file_name(folder: Folder, stream: str, time: int) -> str:
+    """The file of a measurement at a time from 0 [ns]."""
+    suffix = folder.streams[stream].suffix
+    return f"{MAV}/{folder.name}/{stream}/{time + EPOCH}{suffix}"
+
+
+def recorded_spans(store: Store) -> dict[str, Spans]:
+    """What a recording that lies there holds of each sensor, by the sensors' names."""
+    if not store.holds(INDEX):
+        return {}
+    text = read_text(store.folder / INDEX, INDEX, most=_MOST)
+    return {name: joined(tuple(map(tuple, s))) for name, s in json.loads(text)["spans_ns"].items()}
+
+
+def whole_times(folder: Folder, store: Store) -> NDArray[np.int64]:
+    """When files of a sensor were measured that are there, from 0 [ns]."""
+    times = folder.instrument.times
+    there = [
+        all(store.holds(file_name(folder, stream, time)) for stream in folder.streams)
+        for time in times.tolist()
+    ]
+    return times[np.array(there, np.bool_)] if there else times
+
+
+def write_index(
+    store: Store,
+    setting: Setting,
+    folders: Sequence[Folder],
+    *,
+    spec: DatasetSpec,
+    spans: dict[str, Spans],
+) -> dict[str, int]:
+    """Write all that tells of the measurements which are there; dataset.json last.
+
+    Args:
+        store: The recording's folder.
+        setting: In what was measured.
+        folders: Those of the whole rig.
+        spec: How it was recorded.
+        spans: What of each sensor was recorded, by the sensors' names.
+
+    Returns:
+        How many measurements there are, by the folders' names.
+    """
+    done = [one for one in folders if one.sensor.name in spans]
+    told = []
+    for folder in done:
+        mine = spans[folder.sensor.name]
+        write = _write_table if folder.is_table else _write_files
+        times = write(store, folder, mine)
+        store.put(f"{MAV}/{folder.name}/sensor.yaml", _calibration(folder, body_of(folders)))
+        store.put(f"truth/{folder.name}.tum", sensor_poses(folder, times))
+        told.append(_stream(folder, times))
+    times = body_times(setting, folders)
+    union = joined(tuple(span for each in spans.values() for span in each))
+    body, base = body_table(setting, folders, times[within(times, union)])
+    store.put(f"{_TRUTH}/data.csv", body)
+    store.put(f"{_TRUTH}/sensor.yaml", _truth_yaml())
+    store.put("truth/base_link.tum", base)
+    about = _about(setting, folders, spec, told) | {"spans_ns": spans}
+    store.put(INDEX, (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode())
+    return {folder.name: stream["count"] for folder, stream in zip(done, told, strict=True)}
+
+
+def _write_table(store: Store, folder: Folder, spans: Spans) -> NDArray[np.int64]:
+    """Write a table's rows within spans; returns their times."""
+    instrument = folder.instrument
+    assert isinstance(instrument, Series)
+    times = instrument.times
+    chosen = within(times, spans)
+    columns = {name: column[chosen] for name, column in instrument.samples().items()}
+    name = f"{MAV}/{folder.name}/data.csv"
+    store.put(name, table_text(columns, times[chosen] + EPOCH))
+    return np.asarray(times[chosen])
+
+
+def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
+    """List the files that are there, whenever they were made; returns their times."""
+    times = whole_times(folder, store)
+    suffix = folder.streams["data"].suffix
+    name = f"{MAV}/{folder.name}/data.csv"
+    store.put(name, files_text((times + EPOCH).tolist(), suffix))
+    return times
+
+
+def _calibration(folder: Folder, body: Folder | None) -> bytes:
+    """A sensor's sensor.yaml: EuRoC's keys first, then what its kind tells."""
+    return yaml_text(
+        {
+            "sensor_type": folder.sensor.kind,
+            "comment": folder.sensor.name,
+            "T_BS": matrix(from_body(folder, body)),
+            "rate_hz": folder.sensor.rate_hz,
+            **folder.instrument.calibration(),
+        },
+        "T_BS: from the sensor's frame to the body's; SI units",
+    )
+
+
+def _truth_yaml() -> bytes:
+    exact = {"sensor_type": "visual-inertial", "comment": "exact", "T_BS": matrix(np.eye(4))}
+    return yaml_text(exact, "The body's own state: exact, not estimated")
+
+
+def _stream(folder: Folder, times: NDArray[np.int64]) -> dict[str, Any]:
+    stamps = (times + EPOCH).tolist()
+    return {
+        "folder": f"{MAV}/{folder.name}",
+        "name": folder.sensor.name,
+        "kind": folder.sensor.kind,
+        "rate_hz": folder.sensor.rate_hz,
+        "count": len(stamps),
+        "first_ns": stamps[0] if stamps else None,
+        "last_ns": stamps[-1] if stamps else None,
+        "channels": {
+            name: {"suffix": stream.suffix, **stream.figures}
+            for name, stream in folder.streams.items()
+        },
+    }
+
+
+def _about(
+    setting: Setting, folders: Sequence[Folder], spec: DatasetSpec, streams: list[dict[str, Any]]
+) -> dict[str, Any]:
+    world, body = setting.world, body_of(folders)
+    return {
+        "version": VERSION,
+        "terrain_forge": __version__,
+        "world": {
+            "name": world.site.name,
+            "seed": world.site.seed,
+            "body": world.site.body.name,
+            "rover": world.rover.name,
+        },
+        "gravity_m_s2": setting.gravity,
+        "motion": {
+            "path": setting.motion.path,
+            "source": setting.motion.source,
+            "still_s": spec.still_s,
+            "ramp_s": spec.ramp_s,
+            "duration_s": setting.motion.end,
+            "tracks": spec.tracks,
+        },
+        "profile": spec.profile,
+        "epoch_ns": EPOCH,
+        "body": body.name if body else "base_link",
+        "transforms": {one.name: one.at_rest.ravel().tolist() for one in folders},
+        "moving_links": [name for name, _ in setting.motion.links],
+        "classes": _classes(streams),
+        "sensors": [to_plain(sensor, {}) for sensor in world.rover.sensors],
+        "streams": streams,
+    }
+
+
+def _classes(streams: list[dict[str, Any]]) -> dict[str, str]:
+    """Names of the classes by their numbers, as the streams that have them say."""
+    found: dict[str, str] = {}
+    for figures in (one for stream in streams for one in stream["channels"].values()):
+        found |= {str(number): name for number, name in figures.get("classes", {}).items()}
+    return found
+
+
+def dataset_folder(out: Path) -> Path:
+    """Where a world's recording lies."""
+    return out / "dataset"

@@ -1,0 +1,88 @@
+"""The folders of a recording: which sensor's each is, and where that sensor sits."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, portable
+from terrain_forge.model import Sensor
+from terrain_forge.sensors import OPTICAL, Frames, Instrument, State, Stream
+
+_CAMERAS = "cam"
+"""Folders of those whose poses are told in the optical frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Folder:
+    """A folder of a recording: what one instrument measures."""
+
+    name: str
+    """Below `mav0`: `cam0`, `lidar0`, …"""
+    instrument: Instrument
+    """What measures."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor; of a stereo pair one of the two."""
+        return self.instrument.sensor
+
+    @property
+    def optical(self) -> bool:
+        """Whether its frame is the optical one of a camera."""
+        return self.instrument.folder == _CAMERAS
+
+    @property
+    def is_table(self) -> bool:
+        """Whether it is one table, not files of their own."""
+        return not isinstance(self.instrument, Frames)
+
+    @cached_property
+    def streams(self) -> dict[str, Stream]:
+        """Its streams by the names of their folders."""
+        return {stream.name: stream for stream in self.instrument.streams()}
+
+    @cached_property
+    def at_rest(self) -> Array:
+        """From its frame to that of base_link where the rover stands, shape [4, 4]."""
+        (place, turn), rover = self.instrument.mount, self.instrument.setting.world.rover
+        found = np.eye(4)
+        found[:3, :3] = portable.product(turn, OPTICAL) if self.optical else turn
+        found[:3, 3] = rover.origins[self.sensor.link] + place
+        return found
+
+    def state(self, times: NDArray[np.int64]) -> State:
+        """How its frame stands and moves in the world at times from 0 [ns]."""
+        state = self.instrument.state(times / 1e9)
+        return state.at_mount(np.zeros(3), OPTICAL) if self.optical else state
+
+
+def folders_of(instruments: Sequence[Instrument]) -> tuple[Folder, ...]:
+    """The folders of some instruments, numbered in their order."""
+    numbers: Counter[str] = Counter()
+    found = []
+    for instrument in instruments:
+        name = f"{instrument.folder}{numbers[instrument.folder]}"
+        numbers[instrument.folder] += 1
+        found.append(Folder(name=name, instrument=instrument))
+    return tuple(found)
+
+
+def body_of(folders: Sequence[Folder]) -> Folder | None:
+    """Whose frame is the body's: the first IMU's; None where there is none, and it is base_link."""
+    return next((one for one in folders if one.instrument.kind == "imu"), None)
+
+
+def from_body(folder: Folder, body: Folder | None) -> Array:
+    """From a folder's frame to the body's where the rover stands, shape [4, 4]."""
+    if body is None:
+        return folder.at_rest
+    turn, place = body.at_rest[:3, :3], body.at_rest[:3, 3]
+    back = np.eye(4)
+    back[:3, :3], back[:3, 3] = turn.T, -portable.product(turn.T, place[:, None])[:, 0]
+    return np.asarray(portable.product(back, folder.at_rest))

@@ -1,0 +1,140 @@
+"""Where a recording is made: the world, how its rover moves, the rays' scene, the instruments."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+
+from pydantic import ValidationError
+
+from terrain_forge.base import RecipeError, hint_at
+from terrain_forge.model import Sensor, Trajectory, World, options_adapter
+from terrain_forge.recipe import DatasetSpec
+from terrain_forge.sensors import (
+    Instrument,
+    Motion,
+    Scenery,
+    Setting,
+    instruments_of,
+    motion_of_path,
+)
+
+_log = logging.getLogger(__name__)
+
+
+def checked(spec: DatasetSpec) -> DatasetSpec:
+    """What is recorded, checked, whoever made it.
+
+    Raises:
+        RecipeError: for what the schema does not allow.
+    """
+    try:
+        found: DatasetSpec = options_adapter(DatasetSpec).validate_python(asdict(spec))
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(map(str, first["loc"]))
+        why = f"dataset.{field}: {first['msg']}, found {first['input']!r}"
+        raise RecipeError(why) from None
+    return found
+
+
+def spec_of(world: World, *, path: str | None = None) -> DatasetSpec:
+    """What a world's recipe says of its recording, with the path's name.
+
+    Raises:
+        RecipeError: if the world has no path, or none of that name.
+    """
+    return with_path(world, world.site.recipe.dataset or DatasetSpec(), path=path)
+
+
+def with_path(world: World, spec: DatasetSpec, *, path: str | None = None) -> DatasetSpec:
+    """What is recorded, with the name of a path that the world has.
+
+    Raises:
+        RecipeError: if the world has no path, or none of that name.
+    """
+    names = [one.name for one in world.trajectories]
+    named = path or spec.path or next(iter(names), "")
+    if named not in names:
+        what = f"no path is called {named!r}{hint_at(named, names)}, the world has"
+        raise RecipeError(f"{what}: {', '.join(names) or 'none'}", key=("dataset", "path"))
+    return replace(spec, path=named)
+
+
+@contextmanager
+def open_setting(
+    world: World, dataset: DatasetSpec | None = None, *, path: str | None = None
+) -> Iterator[Setting]:
+    """What the instruments measure in, until the end of the block.
+
+        with open_setting(world, path="short") as setting:
+            files = find_instrument(setting, "camera_left").measure(100)
+
+    Args:
+        world: The world.
+        dataset: What is recorded; by default what the world's recipe says.
+        path: Name of the path; by default the dataset's.
+
+    Raises:
+        RecipeError: if there is no such path, or it is too short.
+    """
+    spec = with_path(world, dataset, path=path) if dataset else spec_of(world, path=path)
+    world = with_rig(world, spec)
+    motion = motion_of(world, spec)
+    with Scenery(world, motion) as scenery:
+        yield Setting(
+            world=world,
+            motion=motion,
+            scenery=scenery,
+            gravity=spec.gravity(world.site.body.gravity),
+            seed=world.site.seed,
+            tracks=spec.tracks == "behind",
+        )
+
+
+def with_rig(world: World, spec: DatasetSpec) -> World:
+    """The world whose rover carries what is recorded."""
+    sensors = as_recorded(world.rover.sensors, spec)
+    return world.replace(rover=world.rover.replace(sensors=sensors))
+
+
+def as_recorded(sensors: Iterable[Sensor], spec: DatasetSpec) -> tuple[Sensor, ...]:
+    """Sensors as a recording's profile has them."""
+    return tuple(sensor.quick if spec.profile == "quick" else sensor for sensor in sensors)
+
+
+def motion_of(world: World, spec: DatasetSpec) -> Motion:
+    """How the rover moves along the path of a recording."""
+    path = trajectory_of(world, spec)
+    return motion_of_path(path, still=spec.still_s, ramp=spec.ramp_s)
+
+
+def trajectory_of(world: World, spec: DatasetSpec) -> Trajectory:
+    """The path of a recording."""
+    return next(one for one in world.trajectories if one.name == spec.path)
+
+
+def find_instrument(setting: Setting, name: str) -> Instrument:
+    """What measures for the sensor of a name, of a stereo pair NAME_left or NAME_right.
+
+    Raises:
+        RecipeError: if there is none; suggests the nearest name and lists all.
+    """
+    known = {one.sensor.name: one for one in instruments_of(setting)}
+    if name not in known:
+        there = ", ".join(known) or "none"
+        raise RecipeError(
+            f"no sensor that is recorded is called {name!r}{hint_at(name, known)}, "
+            f"there are: {there}"
+        )
+    return known[name]
+
+
+def tell_unmeasured(setting: Setting) -> None:
+    """Warn of sensors that nothing measures for."""
+    measured = {one.sensor.name for one in instruments_of(setting)}
+    for sensor in setting.world.rover.sensors:
+        if measured.isdisjoint(part.name for part in sensor.simple):
+            _log.warning("sensor %r is left out: nothing measures %r", sensor.name, sensor.kind)

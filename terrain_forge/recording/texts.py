@@ -1,0 +1,85 @@
+"""The texts of a recording: tables, YAML, trajectories; numbers read back as they were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array
+
+STAMP = "#timestamp [ns]"
+
+
+def table_text(columns: Mapping[str, NDArray[Any]], stamps: NDArray[np.int64]) -> bytes:
+    """A CSV of columns behind their stamps, as EuRoC's."""
+    rows = zip(stamps.tolist(), *(column.tolist() for column in columns.values()), strict=True)
+    lines = (",".join(map(str, row)) for row in rows)
+    return _joined([",".join([STAMP, *columns]), *lines])
+
+
+def files_text(stamps: Sequence[int], suffix: str) -> bytes:
+    """A CSV of files that are called by their stamps, as EuRoC's."""
+    return _joined([f"{STAMP},filename", *(f"{stamp},{stamp}{suffix}" for stamp in stamps)])
+
+
+def poses_text(stamps: NDArray[np.int64], position: Array, quaternion: Array) -> bytes:
+    """Poses in TUM's format: seconds, place, quaternion x, y, z, w; no second loses a digit."""
+    rows = zip(stamps.tolist(), position.tolist(), quaternion.tolist(), strict=True)
+    return _joined(
+        ["# timestamp [s] x y z [m] qx qy qz qw"]
+        + [
+            f"{stamp // 10**9}.{stamp % 10**9:09} "
+            + " ".join(map(repr, (*place, *turn[1:], turn[0])))
+            for stamp, place, turn in rows
+        ]
+    )
+
+
+def yaml_text(values: Mapping[str, Any], comment: str) -> bytes:
+    """Plain values as YAML that readers of 1.1 and 1.2 take alike; inner mappings are blocks."""
+    return _joined([f"# {comment}", *_block(values)])
+
+
+def matrix(values: Array) -> dict[str, Any]:
+    """A matrix as EuRoC's YAML has it."""
+    return {"cols": values.shape[1], "rows": values.shape[0], "data": values.ravel().tolist()}
+
+
+def _block(values: Mapping[str, Any], indent: str = "") -> Iterable[str]:
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield f"{indent}{key}:"
+            yield from _block(value, f"{indent}  ")
+        else:
+            yield f"{indent}{key}: {_flow(value)}"
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_flow(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, str):
+        plain = value.replace("_", "a").replace("-", "a").isalnum() and value[:1].isalpha()
+        return value if plain and value.lower() not in _WORDS else _quoted(value)
+    if value is None or isinstance(value, (bool, np.bool_)):
+        return "null" if value is None else str(bool(value)).lower()
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    text = repr(float(value))
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text  # 1.1's floats
+
+
+_WORDS = {"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"}
+
+
+def _quoted(text: str) -> str:
+    inside = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{inside}"'
+
+
+def _joined(lines: Iterable[str]) -> bytes:
+    return ("\n".join(lines) + "\n").encode()

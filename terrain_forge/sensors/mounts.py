@@ -1,0 +1,108 @@
+"""Whether sensors that see sit where they can see anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from terrain_forge.base import Array, RecipeError
+from terrain_forge.geometry import shape_triangles
+from terrain_forge.model import Sensor, simple_sensors
+from terrain_forge.sensors.instrument import Frames, Instrument, Setting, instrument_kinds
+from terrain_forge.sensors.links import RoverLinks
+
+_STEP = 0.1
+"""Time between the places that are looked at [s]."""
+_MOST = 20_000
+_MOMENTS = 16
+"""Moments at which a sensor is compared with the links that move against it."""
+_INSIDE = 0.75
+"""Part of all directions that a closed surface fills around a point within it: 1; on it: 0.5."""
+
+_SKIN = 1e-3
+"""How deep within a surface a sensor on it may be [m]."""
+
+
+def check_mounts(setting: Setting, sensors: Iterable[Sensor] | None = None) -> None:
+    """Refuse sensors that look from within the rover's own shapes or from below the ground.
+
+    Args:
+        setting: The recording.
+        sensors: Which; by default those of the rover that make pictures or sweeps.
+
+    Raises:
+        RecipeError: naming the sensor, and what to change.
+    """
+    if sensors is None:
+        kinds = instrument_kinds()
+        sensors = [
+            sensor
+            for sensor in setting.world.rover.sensors
+            if issubclass(kinds.get(sensor.kind, Instrument), Frames)
+        ]
+    for sensor in simple_sensors(sensors):
+        _require_outside(sensor, setting)
+        _require_above(sensor, setting)
+
+
+def _require_outside(sensor: Sensor, setting: Setting) -> None:
+    rover, motion = setting.world.rover, setting.motion
+    links = RoverLinks(rover, motion)
+    moments = np.linspace(0.0, motion.end, _MOMENTS) if motion.links else np.zeros(1)
+    for time in moments.tolist():
+        places = links.at(time)
+        origin, turn = places[sensor.link]
+        place = origin + (turn * sensor.position).sum(axis=-1)
+        for link in rover.links:
+            start, rotation = places[link.name]
+            within = ((place - start)[:, None] * rotation).sum(axis=0)
+            for shape in link.shapes:
+                if shape.visible and _holds(shape_triangles(shape), within):
+                    raise RecipeError(
+                        f"{sensor.name!r} sits inside a {shape.kind} of the rover's link "
+                        f"{link.name!r} and would see nothing else: move it out by its position_m, "
+                        f"now {_text(sensor.position)} m in {sensor.link!r}",
+                        key=("sensors",),
+                    )
+
+
+def _require_above(sensor: Sensor, setting: Setting) -> None:
+    motion, world = setting.motion, setting.world
+    count = min(int(motion.end / _STEP) + 2, _MOST)
+    times = np.linspace(0.0, motion.end, count)
+    places = Instrument(sensor, setting).state(times).position
+    ground = setting.scenery.height_at(places[:, 0], places[:, 1])
+    depth = ground - places[:, 2]
+    if (worst := int(np.argmax(depth))) >= 0 and depth[worst] > 0.0:
+        raise RecipeError(
+            f"{sensor.name!r} is {depth[worst]:.2g} m below the ground after {times[worst]:.1f} s "
+            f"of {motion.path!r}, at ({places[worst, 0]:.2f}, {places[worst, 1]:.2f}) m of "
+            f"{world.site.name!r}: raise it by its position_m, now {_text(sensor.position)} m in "
+            f"{sensor.link!r}",
+            key=("sensors",),
+        )
+
+
+def _holds(triangles: Array, point: Array) -> bool:
+    """Whether a surface goes round a point, also if that is moved a little."""
+    nudges = _SKIN * np.vstack([np.eye(3), -np.eye(3)])
+    return all(abs(_winding(triangles, point + nudge)) > _INSIDE for nudge in nudges)
+
+
+def _winding(triangles: Array, point: Array) -> float:
+    """How often a surface goes round a point: 1 within a closed one, 0 without.
+
+    The solid angles of its triangles, van Oosterom & Strackee 1983
+    (doi:10.1109/TBME.1983.325207), are added up.
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.sqrt((v * v).sum(axis=1)) for v in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    ab, bc, ca = ((u * v).sum(axis=1) for u, v in ((a, b), (b, c), (c, a)))
+    angle = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return float(angle.sum() / (2.0 * np.pi))
+
+
+def _text(position: Array) -> str:
+    return "[{:g}, {:g}, {:g}]".format(*position)

@@ -1,0 +1,308 @@
+"""A recording: resumed, cut, by many hands, with the same bytes; nothing of a user's touched."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import threading
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+import terrain_forge as tf
+from terrain_forge.base import RecipeError, StorageError, mix
+from terrain_forge.model import sensor_kinds
+from terrain_forge.recording import record as record_file
+from terrain_forge.rovers import find_rover
+from terrain_forge.sensors import Frames, Series, Stream
+from terrain_forge.sensors import instrument as instrument_file
+from tests.helpers import worlds
+
+EPOCH = 1_600_000_000_000_000_000
+CAMERA, LIDAR, IMU = (sensor_kinds()[kind] for kind in ("camera", "lidar", "imu"))
+
+
+class Picture(Frames):
+    """Bytes that hang on the setting, the sensor and the number alone."""
+
+    kind, folder = "camera", "cam"
+    made = count()
+
+    def streams(self):
+        return (
+            Stream(name="data", suffix=".bin", figures={"bits": 8}),
+            Stream(name="class", suffix=".bin", figures={"classes": {0: "sky", 1: "ground"}}),
+        )
+
+    def calibration(self):
+        return {"resolution": [4, 2], "intrinsics": [1e-5, 2.0, 1.5, 0.5]}
+
+    def measure(self, number):
+        next(self.made)
+        key = self.setting.key(self.sensor)
+        place = self.state(self.times[[number]] / 1e9).position.tobytes()
+        data = b"".join(int(mix(key, 1000 * number + n)).to_bytes(8, "little") for n in range(20))
+        return {"data": place + data, "class": data[:5]}
+
+
+class Sweep(Picture):
+    """The same for a lidar."""
+
+    kind, folder = "lidar", "lidar"
+
+    def streams(self):
+        return (Stream(name="data", suffix=".npy"),)
+
+    def measure(self, number):
+        return {"data": super().measure(number)["data"]}
+
+
+class Rates(Series):
+    """A table of what turns."""
+
+    kind, folder = "imu", "imu"
+
+    def streams(self):
+        return (Stream(name="data", suffix=".csv"),)
+
+    def calibration(self):
+        return {"gyroscope_noise_density": self.sensor.gyro_noise}
+
+    def samples(self):
+        state = self.state(self.times / 1e9)
+        return {"w_RS_S_z [rad s^-1]": state.rate[:, 2], "ticks []": np.arange(len(self.times))}
+
+
+KINDS = {kind.kind: kind for kind in (Picture, Sweep, Rates)}
+
+
+@pytest.fixture(autouse=True)
+def _fakes(monkeypatch):
+    monkeypatch.setattr(instrument_file, "instrument_kinds", lambda: KINDS)
+    monkeypatch.setattr(Picture, "made", count())
+
+
+@pytest.fixture(scope="module")
+def world():
+    sensors = (
+        CAMERA(name="eye", rate_hz=2, position_m=(0.3, 0, 0.8), rpy_deg=(0, 12, 0)),
+        LIDAR(name="lidar", rate_hz=1, position_m=(0, 0, 1)),
+        IMU(name="imu", rate_hz=100, position_m=(0.1, 0, 0.2), rpy_deg=(0, 0, 90)),
+    )
+    return worlds.world(rocks=3, rover=find_rover("skid4").replace(sensors=sensors))
+
+
+@pytest.fixture(scope="module")
+def whole(world, tmp_path_factory):
+    """The recording of it all."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(instrument_file, "instrument_kinds", lambda: KINDS)
+        out = tmp_path_factory.mktemp("whole")
+        result = tf.record(world, out, workers=1)
+    return out / "dataset", result
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """All of a recording but the list, whose order tells of how it was made."""
+    paths = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
+    return {name: p.read_bytes() for name, p in paths.items() if name != "written.csv"}
+
+
+def table(path: Path) -> list[list[str]]:
+    return [line.split(",") for line in path.read_text().splitlines()]
+
+
+def test_the_folder_is_laid_out_as_readers_expect(whole, world):
+    folder, result = whole
+    about = json.loads((folder / "dataset.json").read_text())
+    assert [s["folder"] for s in about["streams"]] == ["mav0/cam0", "mav0/lidar0", "mav0/imu0"]
+    assert result.streams == {s["folder"][5:]: s["count"] for s in about["streams"]}
+    assert (about["body"], about["gravity_m_s2"]) == ("imu0", pytest.approx(3.711, abs=0.02))
+    assert about["classes"] == {"0": "sky", "1": "ground"}
+    head, *rows = table(folder / "mav0/cam0/data.csv")
+    assert head == ["#timestamp [ns]", "filename"]
+    assert [int(row[0]) - EPOCH for row in rows] == [n * 500_000_000 for n in range(len(rows))]
+    assert all((folder / "mav0/cam0/data" / row[1]).is_file() for row in rows)
+    yaml = YAML(typ="safe").load((folder / "mav0/cam0/sensor.yaml").read_text())
+    assert yaml["intrinsics"] == [1e-5, 2.0, 1.5, 0.5]
+    assert yaml["rate_hz"] == 2.0
+    pose = np.reshape(yaml["T_BS"]["data"], (4, 4))
+    # The IMU is turned by 90°: its y axis is the rover's backward x.
+    assert pose[:3, 3] == pytest.approx([0.0, -0.2, 0.6])
+    ahead, right = pose[:3, 2], pose[:3, 0]
+    assert ahead == pytest.approx([0.0, -np.cos(np.radians(12)), -np.sin(np.radians(12))])
+    assert right == pytest.approx([-1.0, 0.0, 0.0])
+    gyro = table(folder / "mav0/imu0/data.csv")
+    assert gyro[0] == ["#timestamp [ns]", "w_RS_S_z [rad s^-1]", "ticks []"]
+    assert gyro[7][::2] == [str(EPOCH + 60_000_000), "6"]
+
+
+def test_the_truth_is_that_of_the_motion_at_each_sensor_s_own_times(whole, world):
+    folder, _ = whole
+    with tf.open_setting(world) as setting:
+        for name, place in (("eye", "cam0"), ("lidar", "lidar0"), ("imu", "imu0")):
+            rows = np.loadtxt(folder / "truth" / f"{place}.tum")
+            instrument = tf.find_instrument(setting, name)
+            state = instrument.state(instrument.times / 1e9)
+            assert rows[:, 1:4] == pytest.approx(state.position, abs=1e-12)
+            x, y, z, w = rows[:, 4:].T
+            ahead = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], 1)
+            if place == "cam0":  # the optical axis looks along the sensor's x
+                assert ahead == pytest.approx(state.rotation[:, :, 0], abs=1e-12)
+    head, *rows = table(folder / "mav0/state_groundtruth_estimate0/data.csv")
+    assert len(head) == 17
+    assert np.diff([int(row[0]) for row in rows]) == pytest.approx(5_000_000)  # 200 Hz
+    values = np.array([row[1:] for row in rows], float)
+    tum = np.loadtxt(folder / "truth/imu0.tum")
+    assert values[::2, :3] == pytest.approx(tum[:, 1:4], abs=1e-12)
+    speed = np.diff(values[:, :3], axis=0) / 0.005
+    assert speed == pytest.approx(0.5 * (values[1:, 7:10] + values[:-1, 7:10]), abs=1e-4)
+    first = (folder / "truth/cam0.tum").read_text().splitlines()[2]
+    assert first.startswith("1600000000.500000000 ")
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_any_number_of_hands_makes_the_same_bytes(whole, world, tmp_path, workers):
+    result = tf.record(world, tmp_path, workers=workers)
+    assert files(result.folder) == files(whole[0])
+
+
+@pytest.mark.parametrize("after", [1, 9, 40])
+def test_what_was_killed_goes_on_where_it_was(whole, world, tmp_path, monkeypatch, after):
+    folder, _ = whole
+    numbers = count()
+    put = record_file.Store.put
+
+    def killed(store, name, content):
+        if next(numbers) == after:
+            (store.folder / ".writing").write_bytes(content[:3])  # half of it
+            raise SystemError("killed")
+        put(store, name, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(record_file.Store, "put", killed)
+        with pytest.raises(SystemError):
+            tf.record(world, tmp_path, workers=2)
+    list_file = tmp_path / "dataset" / "written.csv"
+    with list_file.open("a") as file:
+        file.write("17,mav0/cam0/da")  # a line that was cut
+    there = sorted((tmp_path / "dataset" / "mav0").rglob("*.*"))
+    if there:
+        there[0].write_bytes(b"")  # the disk lost it
+    result = tf.record(world, tmp_path)
+    assert files(result.folder) == files(folder)
+    again = tf.record(world, tmp_path)
+    assert again.made == 0
+    assert files(result.folder) == files(folder)
+
+
+def test_a_part_has_the_bytes_of_the_whole_and_parts_add_up(whole, world, tmp_path):
+    folder, _ = whole
+    wanted = files(folder)
+    part = tf.record(world, tmp_path, begin=4.0, end=7.0)
+    found = files(part.folder)
+    stamps = [int(Path(name).stem) - EPOCH for name in found if name.startswith("mav0/cam0/data/")]
+    assert sorted(stamps) == [round(n * 5e8) for n in range(8, 14)]
+    assert all(content == wanted[n] for n, content in found.items() if n.endswith((".bin", ".npy")))
+    rows = found["mav0/imu0/data.csv"].splitlines()
+    assert set(rows) <= set(wanted["mav0/imu0/data.csv"].splitlines())
+    assert len(rows) == 301
+    with tf.open_setting(world) as setting:
+        alone = tf.find_instrument(setting, "eye").measure(9)
+    assert alone["data"] == wanted[f"mav0/cam0/data/{EPOCH + 4_500_000_000}.bin"]
+    tf.record(world, tmp_path, begin=0.0, end=4.0, only=("lidar", "imu"))
+    tf.record(world, tmp_path)
+    rest = files(part.folder)
+    assert rest.keys() == wanted.keys()
+    differing = {n for n in rest if rest[n] != wanted[n]}
+    assert differing == set()
+
+
+def test_another_recording_is_refused_and_replaced_on_demand(world, tmp_path):
+    first = tf.record(world, tmp_path, end=2.0)
+    mine = first.folder / "mav0" / "cam0" / "notes.txt"
+    mine.write_text("precious")
+    with pytest.raises(tf.OutputError, match=r"still_s 3\.0, not 1\.0; --force replaces it"):
+        tf.record(world, tmp_path, still_s=1.0)
+    slower = world.rover.sensors[0].replace(rate_hz=1.0)
+    rover = world.rover.replace(sensors=(slower, *world.rover.sensors[1:]))
+    other = world.replace(rover=rover)
+    with pytest.raises(tf.OutputError, match=r"sensors\.eye\.rate_hz 2, not 1\.0"):
+        tf.record(other, tmp_path)
+    tf.record(other, tmp_path, end=2.0, force=True)
+    assert mine.read_text() == "precious"
+    assert len(list((first.folder / "mav0/cam0/data").iterdir())) == 2
+    in_the_way = first.folder / "mav0/cam0/data" / f"{EPOCH + 3_000_000_000}.bin"
+    in_the_way.write_text("precious")
+    with pytest.raises(tf.OutputError, match=r"3000000000\.bin is in the way"):
+        tf.record(other, tmp_path)
+    assert in_the_way.read_text() == "precious"
+
+
+def test_bad_orders_are_refused_before_anything_is_written(world, tmp_path):
+    refused = (
+        ({"path": "ark"}, RecipeError, r"'ark' \(did you mean 'arc'\?\), the world has: arc"),
+        ({"only": ("ey",)}, tf.OutputError, r"--only ey: .*did you mean 'eye'"),
+        ({"begin": 99.0}, tf.OutputError, r"--from 99: .* ends at 2\d"),
+        ({"begin": 5.0, "end": 4.0}, tf.OutputError, "--to 4: it must be after --from 5"),
+        ({"begin": 0.1, "end": 0.2}, tf.OutputError, r"'eye' measures nothing between 0\.1 and"),
+        ({"workers": 0}, tf.OutputError, "--workers 0: at least 1"),
+        ({"still_s": -1.0}, RecipeError, r"dataset\.still_s: .*greater than or equal to 0"),
+    )
+    for changes, kind, told in refused:
+        with pytest.raises(kind, match=told):
+            tf.record(world, tmp_path, **changes)
+    arc = world.trajectories[0]
+    short = arc.replace(time=arc.time[:2], position=arc.position[:2], rpy=arc.rpy[:2])
+    with pytest.raises(tf.OutputError, match=r"lasts 0\.0833 s, sensor 'eye' takes 0\.5 s"):
+        tf.record(world.replace(trajectories=(short,)), tmp_path, still_s=0.0, ramp_s=0.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_too_small_is_refused_and_a_full_one_leaves_no_half(world, tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=2**24 + 5000))
+        with pytest.raises(StorageError, match=r"about [\d.]+ kB, the disk has 16\.8 MB free"):
+            tf.record(world, tmp_path)
+    assert not (tmp_path / "dataset").exists()
+    written = Path.write_bytes
+    numbers = count()
+
+    def full(path, content):
+        if next(numbers) == 12:
+            written(path, content[:7])
+            raise OSError(28, "No space left on device")
+        return written(path, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises(StorageError, match="cannot be written: No space left on device"):
+            tf.record(world, tmp_path)
+    whole = {len(p.read_bytes()) for p in (tmp_path / "dataset/mav0").rglob("*.bin")}
+    assert whole == {5, 184}
+    assert not (tmp_path / "dataset/.writing").exists()
+
+
+def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
+    with pytest.raises(KeyboardInterrupt, match=r"^\d+ of \d+ measurements are in .*goes on"):
+        tf.record(world, tmp_path, progress=_interrupting)
+    assert threading.active_count() < 20
+    assert list(tmp_path.glob(".terrain-forge*")) == []
+
+
+def _interrupting(stage, share):
+    if re.match(r"recording: 5 of", stage):
+        raise KeyboardInterrupt
+
+
+def test_another_process_that_writes_is_respected(world, tmp_path):
+    from terrain_forge.building import holding
+
+    with holding(tmp_path), pytest.raises(tf.OutputError, match="by another terrain-forge"):
+        tf.record(world, tmp_path)
+    assert list(tmp_path.iterdir()) == []
