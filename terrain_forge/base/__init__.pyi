@@ -37,6 +37,7 @@ from .heap import heap_push as heap_push
 from .kernels import inlined as inlined
 from .kernels import inner as inner
 from .kernels import kernel as kernel
+from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
 from .mujoco_files import load_model as load_model
 from .power_pieces import PowerPieces as PowerPieces

@@ -73,6 +73,16 @@ inner: Any = njit(
 """Compiles a function that only kernels call; it is kept within them. Python cannot call it, since
 its entry from there would often take longer to compile than itself."""
 
+merged: Any = njit(
+    error_model="numpy",
+    pipeline_class=_PartCompiler,
+    forceinline=True,
+    **_NOT_FROM_C,
+    **_NOT_FROM_PYTHON,
+)
+"""Makes an inner function a part of each kernel that calls it: one that takes many arrays costs
+more to call than to run."""
+
 inlined: Any = njit(error_model="numpy", inline="always")
 """Makes a function a part of the kernel that calls it, in one place: cheaper than `inner` for large
 ones and for those that take many arrays."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import inner
+from terrain_forge.base import merged
 from terrain_forge.scene.packets import (
     COPY,
     FAR,
@@ -77,7 +77,7 @@ _SHADE = np.float32(0.7)
 _TREAD, _TREAD_PHASE, _FULL_TURN = np.float32(0.09), np.float32(0.25), np.float32(2.0 * np.pi)
 
 
-@inner
+@merged
 def _ground_below(space, lane, stage):  # type: ignore[no-untyped-def]
     """Find the ground under a lane's place: colour, height, sky; returns its slope and lift."""
     nodes = stage.nodes
@@ -107,7 +107,7 @@ def _ground_below(space, lane, stage):  # type: ignore[no-untyped-def]
     return slope_x, slope_y, lift
 
 
-@inner
+@merged
 def _set_unit(space, first, lane, x, y, z):  # type: ignore[no-untyped-def]
     scale = _1 / np.sqrt(x * x + y * y + z * z + _EPS)
     space[first + lane] = x * scale
@@ -115,8 +115,8 @@ def _set_unit(space, first, lane, x, y, z):  # type: ignore[no-untyped-def]
     space[first + 2 * LANES + lane] = z * scale
 
 
-@inner
-def _meet_ground(space, lane, ray, stage):  # type: ignore[no-untyped-def]
+@merged
+def _meet_ground(space, lane, stage):  # type: ignore[no-untyped-def]
     slope_x, slope_y, lift = _ground_below(space, lane, stage)
     _set_unit(space, SMOOTH_X, lane, -slope_x, -slope_y, _1)
     space[LIFT + lane] = lift
@@ -124,7 +124,7 @@ def _meet_ground(space, lane, ray, stage):  # type: ignore[no-untyped-def]
         space[RGB + LANES * channel + lane] = space[SOIL_RGB + LANES * channel + lane]
 
 
-@inner
+@merged
 def _meet_land(space, lane, ray, word, stage):  # type: ignore[no-untyped-def]
     a, b, c = _corners(word, lane, stage, stage.land_face)
     u, v = ray[U, lane], ray[V, lane]
@@ -139,14 +139,14 @@ def _meet_land(space, lane, ray, word, stage):  # type: ignore[no-untyped-def]
         )
 
 
-@inner
+@merged
 def _corners(word, lane, stage, first):  # type: ignore[no-untyped-def]
     """Corners of the triangle that a lane hit, whose shape begins at a face."""
     corners = stage.faces[first + np.int64(word[TRIANGLE, lane])]
     return corners[0], corners[1], corners[2]
 
 
-@inner
+@merged
 def _smooth(space, lane, stage, a, b, c, u, v):  # type: ignore[no-untyped-def]
     """Set the normal between those at a triangle's corners, in the shape's own frame."""
     for axis in range(3):
@@ -159,7 +159,7 @@ def _smooth(space, lane, stage, a, b, c, u, v):  # type: ignore[no-untyped-def]
     _set_unit(space, SMOOTH_X, lane, x, y, z)
 
 
-@inner
+@merged
 def _meet_rock(space, lane, ray, word, stage, rock):  # type: ignore[no-untyped-def]
     record = stage.rocks[rock]
     x, y, z = ray[NORMAL_X, lane], ray[NORMAL_Y, lane], ray[NORMAL_Z, lane]
@@ -186,7 +186,7 @@ def _meet_rock(space, lane, ray, word, stage, rock):  # type: ignore[no-untyped-
     _turn_smooth(space, lane, record)
 
 
-@inner
+@merged
 def _turn_smooth(space, lane, record):  # type: ignore[no-untyped-def]
     x, y, z = space[SMOOTH_X + lane], space[SMOOTH_Y + lane], space[SMOOTH_Z + lane]
     _set_unit(
@@ -203,7 +203,7 @@ def _turn_smooth(space, lane, record):  # type: ignore[no-untyped-def]
     space[OPEN + lane] = share * _HALF * (_1 + space[SMOOTH_Z + lane])
 
 
-@inner
+@merged
 def _meet_body(space, lane, word, stage, parts):  # type: ignore[no-untyped-def]
     for axis in range(3):
         space[SMOOTH_X + LANES * axis + lane] = space[FLAT_X + LANES * axis + lane]
@@ -213,7 +213,7 @@ def _meet_body(space, lane, word, stage, parts):  # type: ignore[no-untyped-def]
         space[RGB + LANES * channel + lane] = parts[np.int64(word[COPY, lane]), channel]
 
 
-@inner
+@merged
 def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[no-untyped-def]
     """Fill in what a lane sees: its place, normals, colours; its direction and angle are set."""
     space[OWNER + lane], space[COARSEST + lane], space[LIFT + lane] = np.float32(owner), _0, _0
@@ -234,7 +234,7 @@ def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[n
             x, y, z = -x, -y, -z
         _set_unit(space, FLAT_X, lane, x, y, z)
         if owner == -1:
-            _meet_ground(space, lane, ray, stage)
+            _meet_ground(space, lane, stage)
         elif owner == -3:
             _meet_land(space, lane, ray, word, stage)
         else:
@@ -249,14 +249,14 @@ def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[n
         space[BENT_X + LANES * axis + lane] = space[SMOOTH_X + LANES * axis + lane]
 
 
-@inner
+@merged
 def _imprint(space, lane, stage, wheels, behind):  # type: ignore[no-untyped-def]
     """Depth (0 to 1) and rise per metre along x and y of the wheel tracks under a lane."""
     x, y = space[HIT_X + lane], space[HIT_Y + lane]
     rows, columns = stage.nodes.shape[:2]
     i = np.int64(np.floor((x - stage.corner_x) / stage.spacing + _HALF))
     j = np.int64(np.floor((y - stage.corner_y) / stage.spacing + _HALF))
-    i, j = min(max(i, 0), columns - 1), min(max(j, 0), rows - 1)
+    i, j = min(max(i, np.int64(0)), columns - 1), min(max(j, np.int64(0)), rows - 1)
     for one in (1, 0):
         at = wheels.nearest[j, i, one]
         if at < 0:
@@ -275,7 +275,7 @@ _RIM_IN, _RIM, _RIM_OUT, _RIM_FALL = (np.float32(n) for n in (0.8, 1.1, 1.35, -0
 _TRACK_FADE = np.float32(0.03)
 
 
-@inner
+@merged
 def _pressed(space, lane, wheels, sideways, along, cos, sin):  # type: ignore[no-untyped-def]
     ragged, footprint = space[VALUE + lane] - _1, space[FOOTPRINT + lane]
     inner_ = (abs(sideways) - wheels.half_gauge) / (_HALF * wheels.width) + _FRAY * ragged
@@ -297,7 +297,7 @@ _GROUND, _LAND = np.float32(-1.0), np.float32(-3.0)
 _KEPT, _DARKER = np.float32(0.45), np.float32(0.3)
 
 
-@inner
+@merged
 def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anchor):  # type: ignore[no-untyped-def]
     """Soil, small stones and tracks of the lanes that see the ground or the land beyond."""
     for lane in range(LANES):
@@ -326,7 +326,7 @@ _LOW_0, _LOW_1, _UP, _UP_VALUE, _LOW_DUST, _SPOTS, _SOILED = (
 )
 
 
-@inner
+@merged
 def _grow_faces(space, stage, relief):  # type: ignore[no-untyped-def]
     """Rough faces and dust of the lanes that see rocks."""
     for lane in range(LANES):
@@ -358,7 +358,7 @@ def _grow_faces(space, stage, relief):  # type: ignore[no-untyped-def]
             space[RGB + LANES * channel + lane] = bare + dust * (soiled - bare)
 
 
-@inner
+@merged
 def shine(space, stage, relief, wheels, behind, anchor):  # type: ignore[no-untyped-def]
     """The lanes' radiance: by the Sun, if nothing stands before it, and without."""
     ground, land, rocks = False, False, False
@@ -401,7 +401,7 @@ def shine(space, stage, relief, wheels, behind, anchor):  # type: ignore[no-unty
                 space[REST + row + lane] = horizon + blend * (zenith - horizon)
 
 
-@inner
+@merged
 def _reflect(space, stage):  # type: ignore[no-untyped-def]
     """Lunar-Lambert reflectance over albedo times the cosine of incidence (light.py)."""
     sun_x, sun_y, sun_z, lunar = stage.sun[0], stage.sun[1], stage.sun[2], stage.lunar

@@ -9,12 +9,12 @@ the search goes on to those beside them, until penumbrae of any width are done.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, over_chunks, stage_key
+from terrain_forge.base import Array, inner, kernel, merged, over_chunks, stage_key
 from terrain_forge.base.portable import norm, product
 from terrain_forge.scene.bodies import Bodies, meet8, shade8
 from terrain_forge.scene.embree import COHERENT
@@ -55,16 +55,18 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.relief import relief_about
 from terrain_forge.scene.render import borrow
 from terrain_forge.scene.scene import RayScene
-from terrain_forge.scene.stage import Stage, Wheels, bands
+from terrain_forge.scene.stage import Stage, Wheels, bands, prepare_wheels, triple32
 
 _COLUMNS, _BAND = 4, 2
 _0, _1, _FAR_AWAY = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
 _NEAR_LIFT, _FAR_LIFT = np.float32(5e-4), np.float32(2e-4)
 _SAME = np.float32(0.03)
 """Part of the distance within which a ray sees the surface that its pixel's middle does."""
-_BENT = np.float32(0.03)
+_BENT = np.float32(0.1)
 """Change of the slope of nearness, over nearness, that tells an edge within one surface."""
-_UNSEEN, _EDGE, _PARTLY = np.uint8(0), np.uint8(1), np.uint8(2)
+_CALM, _DARK_EDGE, _LIT_EDGE, _LIGHT, _PARTLY = (np.uint8(n) for n in range(5))
+"""States of a pixel: nothing changes about it; surfaces change in the dark, in the Sun; the light
+changes; and, once that is refined, the Sun lights a surface in part."""
 
 # Eight rooks that do not see each other, symmetric to the middle of the board.
 _ROOKS = (np.stack([np.arange(8), [3, 6, 0, 5, 2, 7, 1, 4]], axis=1) + 0.5) / 8.0 - 0.5
@@ -134,7 +136,7 @@ def look(
     rays: NDArray[np.float32],
     position: Array,
     rotation: Array,
-    wheels: Wheels,
+    wheels: Wheels | None = None,
     behind: float = -np.inf,
     rover: Rover | None = None,
 ) -> Seen:
@@ -146,9 +148,9 @@ def look(
         rays: Unit directions in the optical frame (right, down, ahead), shape [height, width, 3].
         position: Where the rays of each row begin in the world [m], shape [height, 3].
         rotation: From the optical frame to the world's of each row, shape [height, 3, 3].
-        wheels: Tracks.
+        wheels: Tracks, if there are any.
         behind: How far along their path the wheels have been [m].
-        rover: Moving bodies.
+        rover: Moving bodies, if there are any.
     """
     height, width = rays.shape[:2]
     channels = stage.colours.shape[1]
@@ -163,7 +165,7 @@ def look(
         shadow=(lean * float(stage.sun[0]), lean * float(stage.sun[1])),
     )
     view = View(
-        rays=np.ascontiguousarray(rays, np.float32),
+        rays=_fixed(np.ascontiguousarray(rays, np.float32)),
         places=places,
         turns=np.ascontiguousarray(rotation, np.float32).reshape(height, 9),
         anchor=(middle[0], middle[1]),
@@ -178,6 +180,7 @@ def look(
         normal=np.empty((height, width, 3), np.float32),
         sunlit=np.empty((height, width), np.bool_),
     )
+    wheels = wheels or prepare_wheels(scene, scene.origin[None, :2])
     given = (scene.handle, COHERENT), stage, relief, wheels, _passing(rover, channels), view, seen
     over_chunks(_look_bands, -(-height // _BAND), *given)
     state = np.empty((height, width), np.uint8)
@@ -190,11 +193,18 @@ def look(
     return seen
 
 
+def _fixed(array: NDArray[Any]) -> NDArray[Any]:
+    """An array that nobody may write to: for kernels that is another type, so they get no other."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 def _passing(rover: Rover | None, channels: int) -> _Passing:
     """Bodies and a ball around them for all of their poses."""
     if rover is None:
         nowhere = (0.0, 0.0, 0.0)
-        bodies = Bodies(0, np.zeros((0, 3, 3)), nowhere, nowhere)
+        bodies = Bodies(0, _fixed(np.zeros((0, 3, 3))), nowhere, nowhere)
         rover = Rover(bodies, np.zeros((1, 3, 4)), np.zeros((0, 3)))
     low, high = np.array(rover.bodies.low), np.array(rover.bodies.high)
     middles = product(rover.poses[:, :, :3], 0.5 * (low + high)) + rover.poses[:, :, 3]
@@ -207,11 +217,11 @@ def _passing(rover: Rover | None, channels: int) -> _Passing:
         high=rover.bodies.high,
         poses=np.ascontiguousarray(rover.poses),
         parts=bands(rover.rgb, channels),
-        ball=(*(np.float32(m) for m in middle), np.float32(radius)),
+        ball=(*triple32(middle), np.float32(radius)),
     )
 
 
-@inner
+@merged
 def _passes_ball(ray, ball):  # type: ignore[no-untyped-def]
     """Whether a ray of the packet may come through the ball."""
     nearest = _FAR_AWAY
@@ -229,7 +239,7 @@ def _passes_ball(ray, ball):  # type: ignore[no-untyped-def]
     return nearest <= ball[3] * ball[3]
 
 
-@inner
+@merged
 def _meet_all(world, passing, pose, ray, own):  # type: ignore[no-untyped-def]
     """What the packet's rays meet first."""
     if passing.handle != 0 and _passes_ball(ray, passing.ball):
@@ -238,7 +248,7 @@ def _meet_all(world, passing, pose, ray, own):  # type: ignore[no-untyped-def]
         intersect8(ray.ctypes.data + 4 * ACTIVE * LANES, world[0], ray.ctypes.data, world[1])
 
 
-@inner
+@merged
 def _lit_lanes(world, passing, pose, ray, own, lit):  # type: ignore[no-untyped-def]
     """Which of some lanes' rays meet nothing, as bits."""
     if lit == 0:
@@ -252,7 +262,7 @@ def _lit_lanes(world, passing, pose, ray, own, lit):  # type: ignore[no-untyped-
     return lit
 
 
-@inner
+@merged
 def _pose_at(passing, pose, lane, row):  # type: ignore[no-untyped-def]
     """Note the bodies' pose of a lane in a row; where all rows have one it is noted already."""
     if len(passing.poses) > 1:
@@ -269,7 +279,7 @@ def _room(count):  # type: ignore[no-untyped-def]
     return raw[start : start + count * ROWS * LANES].reshape(count, ROWS, LANES)
 
 
-@inner
+@merged
 def _aim(space, lane, view, row, column, right, down):  # type: ignore[no-untyped-def]
     """Direction and angle of a place in a pixel, `right` and `down` of its middle [pixels]."""
     rays, turn = view.rays, view.turns[row]
@@ -294,14 +304,14 @@ def _aim(space, lane, view, row, column, right, down):  # type: ignore[no-untype
         space[AIM_X + LANES * axis + lane] = scale * turned
 
 
-@inner
+@merged
 def _send(space, lane, ray, word, view, row):  # type: ignore[no-untyped-def]
     place = view.places[row]
     towards = (space[AIM_X + lane], space[AIM_Y + lane], space[AIM_Z + lane])
     set_ray(ray, word, lane, (place[0], place[1], place[2]), towards, _0, np.inf)
 
 
-@inner
+@merged
 def _ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-def]
     """Aim a lane from its surface at a place of the Sun; returns whether it may see it."""
     sun, up, side = stage.sun, stage.sun_up, stage.sun_side
@@ -327,7 +337,7 @@ def _ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-de
     return True
 
 
-@inner
+@merged
 def _look_packet(world, stage, relief, wheels, passing, view, room, space, left, top, seen):  # type: ignore[no-untyped-def]
     """Look through 4 × 2 pixels; those beyond the picture's edge repeat the last ones."""
     ray, own, pose = room
@@ -354,7 +364,7 @@ def _look_packet(world, stage, relief, wheels, passing, view, room, space, left,
             _note(space, lane, view, (lit >> lane) & 1, row, column, seen)
 
 
-@inner
+@merged
 def _note(space, lane, view, sunlit, row, column, seen):  # type: ignore[no-untyped-def]
     owner = np.int32(space[OWNER + lane])
     missed = owner == -2
@@ -402,10 +412,12 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
         north, south = max(row - 1, 0), min(row + 1, height - 1)
         for column in range(width):
             west, east = max(column - 1, 0), min(column + 1, width - 1)
-            mine, light, found = owner[row, column], sunlit[row, column], False
+            mine, found, lit, dark = owner[row, column], False, False, False
             for j in (north, row, south):
                 for i in (west, column, east):
-                    found = found or owner[j, i] != mine or sunlit[j, i] != light
+                    found = found or owner[j, i] != mine
+                    if owner[j, i] != -2:
+                        lit, dark = lit or sunlit[j, i], dark or not sunlit[j, i]
             if not found and mine != -2:
                 near = _1 / distance[row, column]
                 for one, other in (
@@ -413,12 +425,17 @@ def _find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
                     (distance[north, column], distance[south, column]),
                 ):
                     found = found or abs(_1 / one + _1 / other - near - near) > _BENT * near
-            state[row, column] = _EDGE if found else _UNSEEN
+            if lit and dark:
+                state[row, column] = _LIGHT
+            elif found:
+                state[row, column] = _LIT_EDGE if lit else _DARK_EDGE
+            else:
+                state[row, column] = _CALM
 
 
-@inner
+@merged
 def _refine_pixel(  # type: ignore[no-untyped-def]
-    world, stage, relief, wheels, passing, view, room, space, row, column, samples, seen
+    world, stage, relief, wheels, passing, view, room, space, row, column, samples, state, seen
 ):
     """Expose a pixel by eight rays; returns whether the Sun lights a surface in part."""
     ray, own_ray, pose = room
@@ -440,9 +457,12 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
         meet(space, lane, ray, word, owner, origin, stage, passing.parts)
         a, b = samples[lane, 2], samples[lane, 3]
         lit |= _ask_sun(space, lane, ray, word, stage, a, b) << lane
-    lit = _lit_lanes(world, passing, pose, ray, own_ray, lit)
-    everything = (1 << LANES) - 1
-    if own != everything:
+    if state == _LIGHT:
+        lit = _lit_lanes(world, passing, pose, ray, own_ray, lit)
+    elif state == _DARK_EDGE:
+        lit = 0
+    alone = own == (1 << LANES) - 1
+    if not alone:
         shine(space, stage, relief, wheels, view.behind, view.anchor)
     for channel in range(seen.radiance.shape[2]):
         direct, total = seen.direct[row, column, channel], _0
@@ -450,12 +470,10 @@ def _refine_pixel(  # type: ignore[no-untyped-def]
         if seen.sunlit[row, column]:
             rest -= direct
         for lane in range(LANES):
-            sunny = np.float32((lit >> lane) & 1)
-            if (own >> lane) & 1:
-                total += rest + sunny * direct
-            else:
-                total += space[REST + LANES * channel + lane]
-                total += sunny * space[DIRECT + LANES * channel + lane]
+            if not alone:
+                rest = space[REST + LANES * channel + lane]
+                direct = space[DIRECT + LANES * channel + lane]
+            total += rest + np.float32((lit >> lane) & 1) * direct
         seen.radiance[row, column, channel] = total / np.float32(LANES)
     mixed = False
     for part in (own & hits, ~own & hits):
@@ -479,14 +497,15 @@ def _refine(  # type: ignore[no-untyped-def]
         row, column = pixels[n] // width, pixels[n] % width
         mixed = _refine_pixel(
             world, stage, relief, wheels, passing, view, room, space, row, column, _SAMPLES,
-            seen,
+            state[row, column], seen,
         )  # fmt: skip
-        state[row, column] = _PARTLY if mixed else _EDGE
+        if mixed and state[row, column] == _LIGHT:
+            state[row, column] = _PARTLY
 
 
 @kernel
 def _spread(state, pixels, more):  # type: ignore[no-untyped-def]
-    """Mark and list the pixels not yet refined that are beside partly lit ones; returns how many."""
+    """List the pixels beside partly lit ones that are yet to be refined; returns how many."""
     height, width = state.shape
     count = 0
     for pixel in pixels:
@@ -494,8 +513,8 @@ def _spread(state, pixels, more):  # type: ignore[no-untyped-def]
         if state[row, column] == _PARTLY:
             for j in range(max(row - 1, 0), min(row + 2, height)):
                 for i in range(max(column - 1, 0), min(column + 2, width)):
-                    if state[j, i] == _UNSEEN:
-                        state[j, i] = _EDGE
+                    if state[j, i] == _CALM:
+                        state[j, i] = _LIGHT
                         more[count] = j * width + i
                         count += 1
     return count

@@ -115,9 +115,9 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
         land=bands(land, channels),
         land_face=len(stones.faces),
         land_corner=len(stones.normals),
-        sun=_triple(light.towards_sun),
-        sun_up=_triple(light.upwards),
-        sun_side=_triple(light.sideways),
+        sun=triple32(light.towards_sun),
+        sun_up=triple32(light.upwards),
+        sun_side=triple32(light.sideways),
         lunar=np.float32(light.lunar),
         haze=np.float32(light.haze),
     )
@@ -144,7 +144,8 @@ def bands(rgb: Array, channels: int) -> NDArray[np.float32]:
     return np.asarray(rgb if channels == 3 else rgb.mean(axis=-1, keepdims=True), np.float32)
 
 
-def _triple(vector: Any) -> tuple[np.float32, np.float32, np.float32]:
+def triple32(vector: Any) -> tuple[np.float32, np.float32, np.float32]:
+    """Three plain numbers of 32 bits."""
     return np.float32(vector[0]), np.float32(vector[1]), np.float32(vector[2])
 
 

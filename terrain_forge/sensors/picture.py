@@ -101,7 +101,9 @@ def travelled(motion: Motion, time: ArrayLike) -> Array:
     base = motion.base
     steps = np.hypot(*np.diff(base.samples[:, :2], axis=0).T)
     marks = base.begin + base.step * np.arange(len(base.samples))
-    return np.asarray(np.interp(time, marks, np.concatenate([[0.0], np.cumsum(steps)])))
+    return np.asarray(
+        np.interp(np.asarray(time, np.float64), marks, np.concatenate([[0.0], np.cumsum(steps)]))
+    )
 
 
 _LOCK = Lock()
