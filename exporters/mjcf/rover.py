@@ -9,7 +9,16 @@ import numpy as np
 
 from terrain_forge.base import matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import rover_mesh
-from terrain_forge.model import Link, Rover, Sensor, Shape, simple_sensors, titles
+from terrain_forge.model import (
+    Link,
+    Rover,
+    Sensor,
+    Shape,
+    View,
+    figures_lost,
+    simple_sensors,
+    titles,
+)
 from terrain_forge.writers import Lines, Value, element
 
 # The servos follow the angle that the commanded rate adds up to: wheels that shall stand do so on
@@ -25,6 +34,8 @@ _PARKING_DAMPING = 1500.0
 _REFERENCE = 50.0 * 0.14**2
 _UNSEEN_GROUP = 3
 _HULL_VERTICES = 64
+_PIXEL = 5e-6
+"""Size of a camera's pixel, where MuJoCo wants one [m]; any gives the same picture."""
 # MuJoCo's cameras look along -z with x to the right; ours along x with y to the left.
 _CAMERA_AXES = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -137,7 +148,7 @@ def _sensors(rover: Rover) -> list[Lines]:
     told = [
         *((kind, name, {"objtype": "xbody", "objname": root}) for kind, name in true.items()),
         *(
-            (tag, f"{s.name}_{tag}", {"site": s.name})
+            (tag, f"{s.name}_{tag}", _site(tag, s.name))
             for s in simple_sensors(rover.sensors)
             for tag in s.mjcf
         ),
@@ -151,14 +162,21 @@ def _sensors(rover: Rover) -> list[Lines]:
     return [element(tag, name=name, **what) for tag, name, what in told]
 
 
+def _site(tag: str, name: str) -> dict[str, str]:
+    """Where a sensor of MuJoCo's is: frames are told of any kind of object."""
+    return {"objtype": "site", "objname": name} if tag.startswith("frame") else {"site": name}
+
+
 def rig_losses(rover: Rover, where: str = "") -> list[str]:
     """What MJCF does not say of a rig; `where` is added where other formats are told of too."""
-    bare = titles(s for s in simple_sensors(rover.sensors) if not (s.view or s.mjcf))
-    return [
+    sensors = simple_sensors(rover.sensors)
+    bare = titles(s for s in sensors if not (s.view or s.mjcf))
+    sites = (
         f"A{'n' * (name[0] in 'aeiouAEIOU')} {name} is a bare site{where}; its figures are not "
         "part of the model."
         for name in bare
-    ]
+    )
+    return [*sites, *figures_lost((s for s in sensors if s.view or s.mjcf), "mjcf")]
 
 
 def _body(rover: Rover, number: int, **placement: np.ndarray) -> Lines:
@@ -222,12 +240,27 @@ def _sensor(sensor: Sensor) -> Lines:
         quaternion = quaternion_from_rpy(sensor.rpy)
         return element("site", name=sensor.name, pos=sensor.position, quat=quaternion, size=0.01)
     axes = portable.product(matrix_from_quaternion(quaternion_from_rpy(sensor.rpy)), _CAMERA_AXES)
-    width, height, across = sensor.view
     return element(
         "camera",
         name=sensor.name,
         pos=sensor.position,
         xyaxes=np.concatenate([axes[:, 0], axes[:, 1]]),
-        fovy=math.degrees(2 * math.atan(math.tan(across / 2) * height / width)),
-        resolution=(width, height),
+        resolution=(sensor.view.width_px, sensor.view.height_px),
+        **_lens(sensor.view),
     )
+
+
+def _lens(view: View) -> dict[str, Value]:
+    """The angle from top to bottom, or a sensor of pixels of some size where that is too little.
+
+    MuJoCo counts where the axis meets the picture to the left of its middle and up.
+    """
+    if view.centred:
+        half = math.tan(view.horizontal_fov / 2) * view.height_px / view.width_px
+        return {"fovy": math.degrees(2 * math.atan(half))}
+    pixels = {
+        "sensorsize": (view.width_px, view.height_px),
+        "focal": view.focal_px,
+        "principal": np.negative(view.offset_px),
+    }
+    return {name: np.multiply(_PIXEL, told) for name, told in pixels.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from terrain_forge.model import Rover, Sensor, Topic, simple_sensors, titles
+from terrain_forge.model import Rover, Sensor, Topic, figures_lost, simple_sensors, titles
 from terrain_forge.writers import Lines, element, identifier, leaves
 
 _FAR = 300.0
@@ -53,10 +53,14 @@ def rig_topics(rover: Rover, *, actor: str) -> list[Topic]:
 
 def rig_losses(rover: Rover) -> list[str]:
     """What SDF does not say of a rig."""
-    unknown = titles(
-        s for s in simple_sensors(rover.sensors) if s.sdf(classic=False, far=_FAR) is None
+    known: dict[bool, list[Sensor]] = {False: [], True: []}
+    for sensor in simple_sensors(rover.sensors):
+        known[sensor.sdf(classic=False, far=_FAR) is not None].append(sensor)
+    left_out = (
+        f"SDF has no sensor for the rover's {name}: it is left out."
+        for name in titles(known[False])
     )
-    return [f"SDF has no sensor for the rover's {name}: it is left out." for name in unknown]
+    return [*left_out, *figures_lost(known[True], "sdf")]
 
 
 def _topic(actor: str, sensor: Sensor) -> str:

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, Vt
 
 from terrain_forge.base import linear_from_srgb, portable, quaternion_from_rpy
-from terrain_forge.model import Rover, Shape, Trajectory, View, World, simple_sensors, titles
+from terrain_forge.model import (
+    Rover,
+    Shape,
+    Trajectory,
+    View,
+    World,
+    figures_lost,
+    simple_sensors,
+    titles,
+)
 from terrain_forge.paths import sample_times, straight_places
 from terrain_forge.writers import identifier
 
@@ -17,6 +27,11 @@ from .layer import ROOT, define_mesh, gf_quaternion, label, new_layer, save, set
 # A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)
 _CAMERA_AXES = np.array([0.5, 0.5, -0.5, -0.5])
 _SIDES = ("left", "right")
+_LENSES = {"radtan": "opencvPinhole", "equidistant": "opencvFisheye"}
+_COEFFICIENTS = {
+    "radtan": ("k1", "k2", "p1", "p2", "k3"),
+    "equidistant": ("k1", "k2", "k3", "k4"),
+}
 _CLIPPING = (0.05, 10000.0)
 """What cameras see [m]."""
 
@@ -109,9 +124,22 @@ def define_rig(stage: Usd.Stage, base: str, rover: Rover) -> None:
         place = rover.origins[sensor.link] + sensor.position
         frame.AddTranslateOp().Set(Gf.Vec3d(*place.tolist()))
         frame.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(sensor.rpy)))
-        frame.GetPrim().SetCustomData({"kind": sensor.kind, "figures": sensor.figures})
+        frame.GetPrim().SetCustomData({"kind": sensor.kind, "figures": _held(sensor.figures)})
         if sensor.view:
             _define_camera(stage, f"{path}/camera", sensor.view, sides.get(sensor.name, "mono"))
+
+
+def _held(told: Any) -> Any:
+    """Plain data as custom data holds it: lists are arrays of one kind, or mappings from 0 on."""
+    if isinstance(told, dict):
+        return {name: _held(value) for name, value in told.items()}
+    if not isinstance(told, list):
+        return told
+    if all(isinstance(value, int | float) for value in told):
+        return Vt.DoubleArray(told)
+    if all(isinstance(value, str) for value in told):
+        return Vt.StringArray(told)
+    return {str(number): _held(value) for number, value in enumerate(told)}
 
 
 def _define_camera(stage: Usd.Stage, path: str, view: View, side: str) -> None:
@@ -121,19 +149,51 @@ def _define_camera(stage: Usd.Stage, path: str, view: View, side: str) -> None:
     camera.CreateStereoRoleAttr(side)
     width = float(camera.GetHorizontalApertureAttr().Get())
     camera.CreateHorizontalApertureAttr(width)
-    camera.CreateVerticalApertureAttr(width * view.height_px / view.width_px)
+    # One focal length for both ways: pixels that are not square make the picture lower or higher.
+    height = width * view.height_px / view.width_px / view.aspect
+    camera.CreateVerticalApertureAttr(height)
     camera.CreateFocalLengthAttr(float(width / (2 * portable.tan(view.horizontal_fov / 2))))
+    if not view.centred:  # the window's middle, right of the axis and above it
+        right, down = view.offset_px
+        camera.CreateHorizontalApertureOffsetAttr(-width * right / view.width_px)
+        camera.CreateVerticalApertureOffsetAttr(height * down / view.height_px)
+    if view.lens:
+        _bend(camera.GetPrim(), view)
     name = identifier("_".join(path.split("/")[-3:-1]))
     product = UsdRender.Product.Define(stage, f"/Render/{name}")
     product.CreateCameraRel().SetTargets([path])
     product.CreateResolutionAttr(Gf.Vec2i(view.width_px, view.height_px))
 
 
+def _bend(prim: Usd.Prim, view: View) -> None:
+    """OpenCV's distortion by the schemas that Omniverse and Isaac Sim have for it, RTX alone reads.
+
+    They stand for the picture's focal lengths and middle too.
+    """
+    model = _LENSES[view.lens]
+    schemas = Sdf.TokenListOp()
+    schemas.prependedItems = [f"OmniLensDistortion{model[0].upper()}{model[1:]}API"]
+    prim.SetMetadata("apiSchemas", schemas)
+    names = ("fx", "fy", "cx", "cy", *_COEFFICIENTS[view.lens])
+    told = zip(names, (*view.focal_px, *view.centre_px, *view.coefficients), strict=False)
+    space, kinds = "omni:lensdistortion", Sdf.ValueTypeNames
+    prim.CreateAttribute(f"{space}:model", kinds.Token, custom=False).Set(model)
+    size = prim.CreateAttribute(f"{space}:{model}:imageSize", kinds.Int2, custom=False)
+    size.Set(Gf.Vec2i(view.width_px, view.height_px))
+    for name, value in told:
+        prim.CreateAttribute(f"{space}:{model}:{name}", kinds.Float, custom=False).Set(value)
+
+
 def rig_losses(rover: Rover) -> list[str]:
     """What USD does not say of a rig."""
-    names = titles(s for s in simple_sensors(rover.sensors) if not s.view)
+    sensors = simple_sensors(rover.sensors)
+    lost = [
+        f"{sentence[:-1]} (custom data has it)."
+        for sentence in figures_lost((s for s in sensors if s.view), "usd")
+    ]
+    names = titles(s for s in sensors if not s.view)
     if not names:
-        return []
+        return lost
     told = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     frames = "are bare frames" if len(names) > 1 else "is a bare frame"
-    return [f"{told[0].upper()}{told[1:]} {frames}: no USD schema holds their figures."]
+    return [f"{told[0].upper()}{told[1:]} {frames}: no USD schema holds their figures.", *lost]

@@ -56,6 +56,8 @@ from .registry import plugins as plugins
 from .registry import skip_plugin as skip_plugin
 from .registry import values as values
 from .seeds import mix as mix
+from .seeds import normal as normal
+from .seeds import normals as normals
 from .seeds import poisson as poisson
 from .seeds import stage_key as stage_key
 from .seeds import uniform as uniform

@@ -48,11 +48,45 @@ def uniform(hashed):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def normal(hashed):  # type: ignore[no-untyped-def]
+    """A standard normal number of a hash, by inversion of one uniform.
+
+    Wichura 1988, algorithm AS 241, PPND7 (doi:10.2307/2347330): right to 7 digits.
+    """
+    p = uniform(hashed)
+    q = p - 0.5
+    if abs(q) <= 0.425:
+        r = 0.180625 - q * q
+        above = ((59.109374720 * r + 159.29113202) * r + 50.434271938) * r + 3.3871327179
+        below = ((67.187563600 * r + 78.757757664) * r + 17.895169469) * r + 1.0
+        return q * above / below
+    r = np.sqrt(-np.log(p if q < 0.0 else 1.0 - p))
+    if r <= 5.0:
+        r -= 1.6
+        above = ((0.17023821103 * r + 1.3067284816) * r + 2.7568153900) * r + 1.4234372777
+        below = (0.12021132975 * r + 0.73700164250) * r + 1.0
+    else:
+        r -= 5.0
+        above = ((0.017337203997 * r + 0.42868294337) * r + 3.0812263860) * r + 6.6579051150
+        below = (0.012258202635 * r + 0.24197894225) * r + 1.0
+    return -above / below if q < 0.0 else above / below
+
+
+@kernel
 def uniforms(key, count):  # type: ignore[no-untyped-def]
     """Uniforms in (0, 1) of the addresses 0 … count - 1 under a key, shape [count]."""
     drawn = np.empty(count)
     for n in range(count):
         drawn[n] = uniform(mix(key, n))
+    return drawn
+
+
+@kernel
+def normals(key, count):  # type: ignore[no-untyped-def]
+    """Standard normal numbers of the addresses 0 … count - 1 under a key, shape [count]."""
+    drawn = np.empty(count)
+    for n in range(count):
+        drawn[n] = normal(mix(key, n))
     return drawn
 
 

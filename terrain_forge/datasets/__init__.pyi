@@ -1,5 +1,6 @@
 """Recorded datasets: reading the master recording, and writing other formats from it."""
 
+from .calibration import calibration_files as calibration_files
 from .poses import Poses as Poses
 from .reader import Recording as Recording
 from .reader import StereoPair as StereoPair
@@ -9,6 +10,7 @@ from .streams import RecordedLidar as RecordedLidar
 from .streams import RecordedSensor as RecordedSensor
 from .streams import RecordedSeries as RecordedSeries
 from .writer import DatasetWriter as DatasetWriter
+from .writer import checked_options as checked_options
 from .writer import dataset_kind as dataset_kind
 from .writer import dataset_kinds as dataset_kinds
 from .writer import write_dataset as write_dataset

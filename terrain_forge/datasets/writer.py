@@ -134,6 +134,15 @@ def write_dataset(
     return ExportReport(files=files, losses=losses)
 
 
+def checked_options(kind: str, options: Mapping[str, Any]) -> Any:
+    """A format's options, checked.
+
+    Raises:
+        RecipeError: if there is no such format, or it has no such option.
+    """
+    return _options(dataset_kind(kind)(), options)
+
+
 def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) -> Any:
     if isinstance(options, Spec):
         return options

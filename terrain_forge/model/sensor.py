@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Array, Coordinate, FileName, Record, Spec, parts
+from terrain_forge.base import Array, Coordinate, FileName, Record, Spec, hint_at, parts
 
 Angle = Annotated[float, Interval(ge=-360, le=360)]
 
 GROUP = "terrain_forge.sensor_kinds"
 """Entry points that name modules of other packages with kinds of sensors."""
 
+
+Form = Literal["sdf", "mjcf", "usd"]
+"""A format that sensors are written in; the sensors of a URDF are SDF's."""
 
 Sdf = tuple[str, Mapping[str, Any]]
 """The type of an SDF `<sensor>` and its elements by their tags, attributes by `@` and name."""
@@ -28,7 +32,45 @@ class View(NamedTuple):
     width_px: int
     height_px: int
     horizontal_fov: float
-    """[rad]"""
+    """Between the left and the right edge, as if the axis met the middle [rad]."""
+    aspect: float = 1.0
+    """Focal length in pixels down a column over that along a row."""
+    offset_px: tuple[float, float] = (0.0, 0.0)
+    """Where the axis meets the picture, right of its middle and below it [px]."""
+    lens: Literal["", "radtan", "equidistant"] = ""
+    """Model of the distortion, as OpenCV has it; empty where there is none."""
+    coefficients: tuple[float, ...] = ()
+    """Of the distortion: k1, k2, p1, p2, k3 of `radtan`, k1 to k4 of `equidistant`."""
+
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        """Focal lengths along a row and down a column [px]."""
+        along = self.width_px / (2 * math.tan(self.horizontal_fov / 2))
+        return along, along * self.aspect
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Where the axis meets the picture, from its upper left corner [px]."""
+        right, down = self.offset_px
+        return self.width_px / 2 + right, self.height_px / 2 + down
+
+    @property
+    def centred(self) -> bool:
+        """Whether one angle says it: square pixels, and the axis in the middle."""
+        return self.aspect == 1.0 and self.offset_px == (0.0, 0.0)
+
+    def sdf_lens(self) -> dict[str, Any]:
+        """What SDF adds to the angle: distortion, and intrinsics where one angle is too little."""
+        told: dict[str, Any] = {}
+        (fx, fy), (cx, cy) = self.focal_px, self.centre_px
+        if self.lens == "radtan":
+            names = ("k1", "k2", "p1", "p2", "k3")
+            bent = dict(zip(names, self.coefficients, strict=False))
+            told["distortion"] = bent | {"center": (cx / self.width_px, cy / self.height_px)}
+        if not self.centred:
+            own = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "s": 0}
+            told["lens"] = {"type": "gnomonical", "scale_to_hfov": "true", "intrinsics": own}
+        return told
 
 
 class Topic(NamedTuple):
@@ -83,7 +125,12 @@ class Sensor(Record, Spec):
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         from pydantic_core.core_schema import no_info_before_validator_function
 
-        return no_info_before_validator_function(cls._with_preset, handler(source))
+        # Inside the dataclass's own schema, which pydantic takes again where a kind is used twice.
+        schema = handler(source)
+        own = handler.resolve_ref_schema(schema)
+        if own["schema"]["type"] != "function-before":
+            own["schema"] = no_info_before_validator_function(cls._with_preset, own["schema"])
+        return schema
 
     @classmethod
     def _with_preset(cls, given: Any) -> Any:
@@ -93,9 +140,15 @@ class Sensor(Record, Spec):
         given = _with_tuples(given)  # pydantic takes what comes here for Python's, no longer JSON's
         if not (name := given.get("preset")):
             return given
-        if name not in cls.PRESETS:
-            known = ", ".join(cls.PRESETS) or "none"
-            raise ValueError(f"unknown preset {name!r}, there are: {known}")
+        if not isinstance(name, str) or name not in cls.PRESETS:
+            from pydantic_core import PydanticCustomError, ValidationError
+
+            hint = hint_at(str(name), cls.PRESETS)
+            text = f"unknown preset{hint}, there are: {', '.join(cls.PRESETS) or 'none'}"
+            why = PydanticCustomError("unknown_preset", "{text}", {"text": text})
+            raise ValidationError.from_exception_data(
+                cls.__name__, [{"type": why, "loc": ("preset",), "input": name}]
+            )
         return {**cls.PRESETS[name], **given}
 
     @property
@@ -109,10 +162,24 @@ class Sensor(Record, Spec):
         return np.radians(self.rpy_deg)
 
     @property
-    def figures(self) -> dict[str, float]:
-        """The numbers of its kind by their names."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {n: float(v) for n, v in values.items() if isinstance(v, int | float)}
+    def figures(self) -> dict[str, Any]:
+        """What its kind says of it by the names of the fields, as plain data."""
+        told = {name: getattr(self, name) for name in self._own}
+        return {name: _plain(value) for name, value in told.items() if value is not None}
+
+    def said(self, form: Form) -> Collection[str]:  # noqa: ARG002
+        """The fields whose figures a format says of it; the others are losses."""
+        return ()
+
+    def unsaid(self, form: Form) -> tuple[str, ...]:
+        """The fields whose figures a format does not say; of what is not there it need not."""
+        told = self.said(form)
+        return tuple(name for name in self._own if name not in told and getattr(self, name))
+
+    @property
+    def _own(self) -> tuple[str, ...]:
+        shared = {f.name for f in fields(Sensor)} - {"rate_hz"}
+        return tuple(f.name for f in fields(self) if f.name not in shared)
 
     @property
     def simple(self) -> tuple[Sensor, ...]:
@@ -153,6 +220,26 @@ def white_noise(deviation: float) -> dict[str, Any]:
 def simple_sensors(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:
     """Sensors as formats know them: a stereo pair is two cameras."""
     return tuple(part for sensor in sensors for part in sensor.simple)
+
+
+def figures_lost(sensors: Iterable[Sensor], form: Form) -> list[str]:
+    """A sentence for each kind of which a format does not say all figures."""
+    lost = dict.fromkeys((sensor.title, sensor.unsaid(form)) for sensor in sensors)
+    return [
+        f"{form.upper()} does not say of the rover's {title}: {', '.join(names)}."
+        for title, names in lost
+        if names
+    ]
+
+
+def _plain(value: Any) -> Any:
+    """A field's value as numbers, texts, lists and mappings, without what is None."""
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, Record):
+        told = {f.name: getattr(value, f.name) for f in fields(value)}
+        return {name: _plain(own) for name, own in told.items() if own is not None}
+    return value
 
 
 @cache

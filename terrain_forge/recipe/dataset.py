@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from annotated_types import Interval, MinLen
+from annotated_types import Interval
 
 from terrain_forge.base import FileName, Spec
 
@@ -29,8 +29,9 @@ class DatasetSpec(Spec):
     gravity_m_s2: Literal["body"] | Annotated[float, Interval(ge=0, le=1000)] = "body"
     """What accelerometers feel at rest [m/s²]: the body's own gravity, or a number, since several
     systems know of 9.81 alone."""
-    formats: Annotated[tuple[FileName, ...], MinLen(1)] = ("euroc",)
-    """Formats of the dataset; `euroc`, of which the others are made, is always among them."""
+    formats: tuple[FileName, ...] | dict[FileName, dict[str, Any]] = ("euroc",)
+    """Formats of the dataset: a list, or a mapping from their names to their options; `euroc`, of
+    which the others are made, is always among them."""
     profile: Literal["full", "quick"] = "full"
     """`quick` records a first look: pictures of half the size, few and without truth channels, and
     fewer sweeps."""

@@ -247,13 +247,14 @@ def _explain(path: Path, lines: Lines, data: Any, error: ValidationError) -> str
 def _meant(error: ValidationError) -> list[Any]:
     """The errors without those of union members that the user did not mean.
 
-    `exports` may be a list or a mapping; pydantic reports what is wrong with both.
+    `exports` and `sensors` may be a list or a mapping; pydantic reports what is wrong with both.
     """
     errors = error.errors()
     shapes = [e for e in errors if len(e["loc"]) > 1 and str(e["loc"][1]).startswith(_UNION)]
     if not shapes:
         return errors
-    inside = [e for e in shapes if len(e["loc"]) > 2]
+    key = shapes[0]["loc"][0]
+    inside = [e for e in errors if e["loc"][0] == key and len(e["loc"]) > 2]
     return inside or [{**shapes[0], "type": "list_or_mapping"}]
 
 
@@ -315,6 +316,8 @@ def _message(error: dict[str, Any], key: Key) -> str:
             )
         case "predicate_failed":
             return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
+        case "unknown_preset":
+            return f"{error['msg']}, found {_shown(found)}"
         case "value_error":
             return f"{error['msg'].removeprefix('Value error, ')}, found {_shown(found)}"
     return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"
@@ -336,17 +339,19 @@ def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
     return f"unknown key {name!r}{hint_at(name, allowed)}, allowed: {', '.join(allowed)}"
 
 
-def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
+def _resolve(schema: dict[str, Any], node: dict[str, Any], kind: str = "object") -> dict[str, Any]:
+    """What a node of the schema refers to; of several shapes that of a kind, if there is one."""
     while "$ref" in node:
         node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
     options = [o for o in node.get("anyOf", []) if o.get("type") != "null"]
-    return _resolve(schema, options[0]) if options else node
+    meant = sorted(options, key=lambda o: o.get("type", "object") != kind)
+    return _resolve(schema, meant[0], kind) if meant else node
 
 
-def _descend(schema: dict[str, Any], node: dict[str, Any], step: str | int) -> dict[str, Any]:
-    node = _resolve(schema, node)
+def _descend(schema: dict[str, Any], whole: dict[str, Any], step: str | int) -> dict[str, Any]:
     if isinstance(step, int):
-        return dict(node.get("items", {}))
+        return dict(_resolve(schema, whole, "array").get("items", {}))
+    node = _resolve(schema, whole)
     if step in node.get("properties", {}):
         return dict(node["properties"][step])
     for option in node.get("oneOf", []):  # a step into a union is the member's kind
@@ -354,4 +359,4 @@ def _descend(schema: dict[str, Any], node: dict[str, Any], step: str | int) -> d
         kind = member.get("properties", {}).get("kind", {})
         if step in (kind.get("const"), kind.get("default"), member.get("title")):
             return member
-    return node
+    return whole

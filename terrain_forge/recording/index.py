@@ -44,7 +44,7 @@ def recorded_spans(store: Store) -> dict[str, Spans]:
 
 def whole_times(folder: Folder, store: Store) -> NDArray[np.int64]:
     """When files of a sensor were measured that are there, from 0 [ns]."""
-    times = folder.instrument.times
+    times = folder.times
     there = [
         all(store.holds(file_name(folder, stream, time)) for stream in folder.streams)
         for time in times.tolist()
@@ -96,7 +96,7 @@ def _write_table(store: Store, folder: Folder, spans: Spans) -> NDArray[np.int64
     """Write a table's rows within spans; returns their times."""
     instrument = folder.instrument
     assert isinstance(instrument, Series)
-    times = instrument.times
+    times = folder.times
     chosen = within(times, spans)
     columns = {name: column[chosen] for name, column in instrument.samples().items()}
     name = f"{MAV}/{folder.name}/data.csv"
@@ -120,7 +120,7 @@ def _calibration(folder: Folder, body: Folder | None) -> bytes:
             "sensor_type": folder.sensor.kind,
             "comment": folder.sensor.name,
             "T_BS": matrix(from_body(folder, body)),
-            "rate_hz": folder.sensor.rate_hz,
+            "rate_hz": folder.rate,
             **folder.instrument.calibration(),
         },
         "T_BS: from the sensor's frame to the body's; SI units",
@@ -138,7 +138,7 @@ def _stream(folder: Folder, times: NDArray[np.int64]) -> dict[str, Any]:
         "folder": f"{MAV}/{folder.name}",
         "name": folder.sensor.name,
         "kind": folder.sensor.kind,
-        "rate_hz": folder.sensor.rate_hz,
+        "rate_hz": folder.rate,
         "count": len(stamps),
         "first_ns": stamps[0] if stamps else None,
         "last_ns": stamps[-1] if stamps else None,

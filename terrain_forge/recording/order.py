@@ -82,13 +82,13 @@ class Order:
                 f"--from {begin:g}: the motion along {motion.path!r} ends at {end:.6g} s"
             )
         for one in folders:
-            name, step = one.sensor.name, 1.0 / one.sensor.rate_hz
+            name, step = one.sensor.name, 1.0 / one.rate
             if not one.is_table and end < step:
                 raise OutputError(
                     f"path {motion.path!r}: its recording lasts {end:.3g} s, sensor {name!r} takes "
                     f"{step:.3g} s for one measurement"
                 )
-            if not within(one.instrument.times, (self.span,)).any():
+            if not within(one.times, (self.span,)).any():
                 last = end if self.end is None else min(self.end, end)
                 raise OutputError(
                     f"sensor {name!r} measures nothing between {begin:g} and {last:.6g} s: it does "

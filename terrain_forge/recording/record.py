@@ -21,6 +21,7 @@ from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import measurement_cost, seconds_of
+from terrain_forge.recording.formats import formats_of, write_formats
 from terrain_forge.recording.index import (
     dataset_folder,
     file_name,
@@ -40,7 +41,7 @@ from terrain_forge.recording.setting import (
 from terrain_forge.recording.store import Store
 from terrain_forge.sensors import Frames, check_mounts, instruments_of
 
-RECORDING = ("load", "scene", "recording", "tables")
+RECORDING = ("load", "scene", "recording", "tables", "formats")
 """Stages of a recording."""
 _SPARE = 2**24
 """Bytes of a disk that are left free."""
@@ -60,6 +61,8 @@ class Recorded:
     """Measurements that are there, by the sensors' folders."""
     size: int
     """Bytes of it all."""
+    losses: dict[str, tuple[str, ...]]
+    """What further formats that were written now cannot say."""
 
     def __repr__(self) -> str:
         streams = ", ".join(f"{name} {count:,}" for name, count in self.streams.items())
@@ -72,16 +75,21 @@ class Task(NamedTuple):
     folder: Folder
     """Where its files go."""
     number: int
+    """Of the folder's measurements."""
 
     @property
     def instrument(self) -> Frames:
         """What makes it."""
         return cast(Frames, self.folder.instrument)
 
+    def measure(self) -> dict[str, bytes]:
+        """Its files' contents by the names of their streams."""
+        return self.instrument.measure(self.number * self.folder.every)
+
     @property
     def names(self) -> dict[str, str]:
         """Its files by the names of their streams."""
-        at = int(self.instrument.times[self.number])
+        at = int(self.folder.times[self.number])
         return {stream: file_name(self.folder, stream, at) for stream in self.folder.streams}
 
 
@@ -105,6 +113,7 @@ def record_dataset(
     """
     order.require()
     spec = with_path(world, checked(spec))
+    formats = formats_of(spec)
     folder = dataset_folder(out)
     plan = plan_of(with_rig(world, spec), spec)
     differing = differences(folder, plan)
@@ -114,7 +123,7 @@ def record_dataset(
         watch("scene")
         with open_setting(world, spec) as setting, Store(folder) as store:
             tell_unmeasured(setting)
-            folders = folders_of(instruments_of(setting))
+            folders = folders_of(instruments_of(setting), quick=spec.profile == "quick")
             chosen = order.chosen(folders, world.rover.sensors)
             check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
             for one in chosen:
@@ -137,7 +146,11 @@ def record_dataset(
             for one in chosen:
                 spans[one.sensor.name] = _with(spans.get(one.sensor.name, ()), order)
             streams = write_index(store, setting, folders, spec=spec, spans=spans)
-            return Recorded(folder=folder, made=len(tasks), streams=streams, size=store.size)
+            losses = write_formats(store, formats, watch)
+            store.settle()
+            return Recorded(
+                folder=folder, made=len(tasks), streams=streams, size=store.size, losses=losses
+            )
 
 
 def _with(spans: Spans, order: Order) -> Spans:
@@ -152,7 +165,7 @@ def _missing(folders: Sequence[Folder], order: Order, store: Store | None) -> li
 
 def _tasks(folder: Folder, order: Order, store: Store | None) -> Iterator[tuple[int, Task]]:
     """Of one instrument, with their times [ns]."""
-    times = folder.instrument.times
+    times = folder.times
     for number in np.flatnonzero(within(times, (order.span,))).tolist():
         task = Task(folder, number)
         if store is None or not all(map(store.holds, task.names.values())):
@@ -177,12 +190,12 @@ def _require_room(
     sizes: dict[str, int] = {}
     for task in tasks:
         if task.folder.name not in sizes:
-            files = task.instrument.measure(task.number)
+            files = task.measure()
             sizes[task.folder.name] = sum(map(len, files.values()))
     needed = sum(sizes[task.folder.name] for task in tasks)
     for one in chosen:
         if one.is_table:
-            rows = int(within(one.instrument.times, (order.span,)).sum())
+            rows = int(within(one.times, (order.span,)).sum())
             needed += round(rows * measurement_cost(one.sensor)[1])
     place = next(above for above in (store.folder, *store.folder.parents) if above.exists())
     free = shutil.disk_usage(place).free + gained
@@ -225,7 +238,7 @@ def _measured(tasks: Sequence[Task], workers: int) -> Generator[tuple[Task, dict
     with ThreadPoolExecutor(workers) as pool:
         try:
             for task in tasks:
-                waiting.append((task, pool.submit(task.instrument.measure, task.number)))
+                waiting.append((task, pool.submit(task.measure)))
                 if len(waiting) >= _AHEAD * workers:
                     first, future = waiting.popleft()
                     yield first, future.result()

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from terrain_forge.base import Array, portable
 from terrain_forge.model import Sensor
 from terrain_forge.sensors import OPTICAL, Frames, Instrument, State, Stream
 
+QUICK = 5.0
+"""Measurements of a look at a recording per second [Hz]."""
 _CAMERAS = "cam"
 """Folders of those whose poses are told in the optical frame."""
 
@@ -26,6 +29,18 @@ class Folder:
     """Below `mav0`: `cam0`, `lidar0`, …"""
     instrument: Instrument
     """What measures."""
+    every: int = 1
+    """Of its measurements every such one is recorded, from the first on."""
+
+    @cached_property
+    def times(self) -> NDArray[np.int64]:
+        """When it measures what is recorded, from 0 [ns], ascending."""
+        return self.instrument.times[:: self.every]
+
+    @property
+    def rate(self) -> float:
+        """Measurements that are recorded per second [Hz]."""
+        return self.sensor.rate_hz / self.every
 
     @property
     def sensor(self) -> Sensor:
@@ -62,14 +77,21 @@ class Folder:
         return state.at_mount(np.zeros(3), OPTICAL) if self.optical else state
 
 
-def folders_of(instruments: Sequence[Instrument]) -> tuple[Folder, ...]:
-    """The folders of some instruments, numbered in their order."""
+def folders_of(instruments: Sequence[Instrument], *, quick: bool) -> tuple[Folder, ...]:
+    """The folders of some instruments, numbered in their order.
+
+    Args:
+        instruments: The instruments.
+        quick: Whether those that measure files of their own do so at `QUICK` at most.
+    """
     numbers: Counter[str] = Counter()
     found = []
     for instrument in instruments:
         name = f"{instrument.folder}{numbers[instrument.folder]}"
         numbers[instrument.folder] += 1
-        found.append(Folder(name=name, instrument=instrument))
+        few = quick and isinstance(instrument, Frames)
+        every = max(ceil(instrument.sensor.rate_hz / QUICK - 1e-9), 1) if few else 1
+        found.append(Folder(name=name, instrument=instrument, every=every))
     return tuple(found)
 
 

@@ -10,8 +10,9 @@ from dataclasses import asdict, replace
 from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError, hint_at
-from terrain_forge.model import Sensor, Trajectory, World, options_adapter
+from terrain_forge.model import Sensor, World, options_adapter
 from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recording.driven import motion_of_drive
 from terrain_forge.sensors import (
     Instrument,
     Motion,
@@ -107,13 +108,11 @@ def as_recorded(sensors: Iterable[Sensor], spec: DatasetSpec) -> tuple[Sensor, .
 
 def motion_of(world: World, spec: DatasetSpec) -> Motion:
     """How the rover moves along the path of a recording."""
-    path = trajectory_of(world, spec)
+    assert spec.path is not None
+    if spec.motion == "drive":
+        return motion_of_drive(world, spec.path, still=spec.still_s)
+    path = next(one for one in world.trajectories if one.name == spec.path)
     return motion_of_path(path, still=spec.still_s, ramp=spec.ramp_s)
-
-
-def trajectory_of(world: World, spec: DatasetSpec) -> Trajectory:
-    """The path of a recording."""
-    return next(one for one in world.trajectories if one.name == spec.path)
 
 
 def find_instrument(setting: Setting, name: str) -> Instrument:

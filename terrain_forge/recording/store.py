@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path, PurePosixPath
@@ -13,6 +14,8 @@ from terrain_forge.base import OutputError
 WRITTEN = "written.csv"
 """The list: size and name of each file, before it takes its place; the last of a name counts."""
 _HEADER = "#size [bytes],file"
+_CLAIMED, _ADOPTED = 0, 1
+"""What stands in place of a size where a folder is about to be made, and when it was."""
 _FRESH = ".writing"
 """Where a file is written before it takes its place."""
 
@@ -33,9 +36,7 @@ class Store:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._list:
-            self._list.close()
-            self._list = None
+        self._close()
         (self.folder / _FRESH).unlink(missing_ok=True)
 
     @property
@@ -74,22 +75,71 @@ class Store:
         else:
             fresh.write_bytes(content)
         size = fresh.stat().st_size
+        self._note(size, name)
+        fresh.replace(path)
+
+    def holds_folder(self, name: str) -> bool:
+        """Whether all files of a folder that was adopted are there."""
+        return self._sizes.get(f"{name}/") == _ADOPTED and all(
+            self.holds(file) for file in self._inside(name)
+        )
+
+    def free_folder(self, name: str) -> None:
+        """Remove what is ours of a folder, and note that what comes to be there is."""
+        if self._sizes.get(f"{name}/") == _CLAIMED:  # killed before it was adopted: all is ours
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+        self._remove(self._inside(name))
+        self._note(_CLAIMED, f"{name}/")
+
+    def adopt(self, name: str) -> None:
+        """Take all files of a folder that was claimed and has come to be there as ours."""
+        for path in sorted((self.folder / name).rglob("*")):
+            if path.is_file():
+                self._note(path.stat().st_size, path.relative_to(self.folder).as_posix())
+        self._note(_ADOPTED, f"{name}/")
+
+    def _inside(self, name: str) -> list[str]:
+        start = f"{name}/"
+        return [file for file in self._sizes if file.startswith(start) and file != start]
+
+    def _note(self, size: int, name: str) -> None:
         if self._list is None:
             self._list = _opened(self.folder / WRITTEN)
         self._list.write(f"{size},{name}\n")
         self._list.flush()
         self._sizes[name] = size
-        fresh.replace(path)
 
-    def clear(self) -> None:
-        """Remove all files of ours, and folders that they leave empty."""
-        for name in self._sizes:
+    def _remove(self, names: Collection[str]) -> None:
+        """Remove files, and folders that they leave empty."""
+        for name in names:
             (self.folder / name).unlink(missing_ok=True)
-        (self.folder / WRITTEN).unlink(missing_ok=True)
-        above = {part for name in self._sizes for part in PurePosixPath(name).parents}
+            self._sizes.pop(name, None)
+        above = {part for name in names for part in PurePosixPath(name).parents}
         for place in sorted(above, key=lambda part: -len(part.parts)):
             with suppress(OSError):  # those that hold something stay
                 (self.folder / place).rmdir()
+
+    def settle(self) -> None:
+        """Write the list anew, in order, so that equal recordings have equal lists."""
+        self._close()
+        kept = {n: s for n, s in self._sizes.items() if n.endswith("/") or self.holds(n)}
+        lines = [_HEADER, *(f"{size},{name}" for name, size in sorted(kept.items()))]
+        fresh = self.folder / _FRESH
+        fresh.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        fresh.replace(self.folder / WRITTEN)
+
+    def _close(self) -> None:
+        if self._list:
+            self._list.close()
+            self._list = None
+
+    def clear(self) -> None:
+        """Remove all files of ours, and folders that they leave empty."""
+        for name in [name for name in self._sizes if name.endswith("/")]:
+            self.free_folder(name[:-1])
+        self._remove([name for name in self._sizes if not name.endswith("/")])
+        self._close()
+        (self.folder / WRITTEN).unlink(missing_ok=True)
         self._sizes = {}
 
 

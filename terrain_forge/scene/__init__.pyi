@@ -27,6 +27,7 @@ from .preview import render_from_above as render_from_above
 from .preview import render_preview as render_preview
 from .preview import take_picture as take_picture
 from .preview import write_preview as write_preview
+from .render import borrow as borrow
 from .scene import APRON as APRON
 from .scene import BODY as BODY
 from .scene import GROUND as GROUND

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, DataError, Record, portable, shaped
+from terrain_forge.base import Array, DataError, Record, shaped
 from terrain_forge.model import Trajectory
+from terrain_forge.sensors.kinematics import mounted, turning
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -43,20 +44,12 @@ class State(Record):
             position: Its origin in this frame [m], shape [3].
             rotation: From it to this frame, shape [3, 3].
         """
-        arm = np.broadcast_to(position, self.rate.shape)
-        turning = np.cross(self.rate, arm)
-        pushed = np.cross(self.rate_change, arm) + np.cross(self.rate, turning)
-        lift = np.stack([arm, turning, pushed], axis=-1)
-        moved = portable.product(self.rotation, lift)
-        own = portable.product(np.stack([self.rate, self.rate_change], axis=1), rotation)
-        return State(
-            position=self.position + moved[..., 0],
-            rotation=portable.product(self.rotation, rotation),
-            velocity=self.velocity + moved[..., 1],
-            acceleration=self.acceleration + moved[..., 2],
-            rate=own[:, 0],
-            rate_change=own[:, 1],
-        )
+        state = self.position, self.rotation, self.velocity, self.acceleration
+        found = mounted(*state, self.rate, self.rate_change, np.array(position), np.array(rotation))
+        return State(**dict(zip(_FIELDS, found, strict=True)))
+
+
+_FIELDS = ("position", "rotation", "velocity", "acceleration", "rate", "rate_change")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,7 +105,7 @@ class Curve(Record):
                 f"{self.begin:.6f} to {self.end:.6f} s"
             )
         value, first, second = (spline(times) for spline in self._splines)
-        rotation, rate, change = _turning(value[:, 3:], first[:, 3:], second[:, 3:])
+        rotation, rate, change = turning(value[:, 3:], first[:, 3:], second[:, 3:])
         return State(
             position=value[:, :3],
             rotation=rotation,
@@ -193,32 +186,3 @@ def _eased(time: Array, length: float, ramp: float) -> Array:
         return ramp * inside + np.maximum(t - ramp, 0.0)
 
     return np.asarray(risen(time) - risen(time - length))
-
-
-def _turning(rpy: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
-    """Rotation, angular rate in the turned frame and its derivative, of R = Rz(ψ) Ry(θ) Rx(φ)."""
-    sines, cosines = np.sin(rpy), np.cos(rpy)
-    (sr, sp, sy), (cr, cp, cy) = sines.T, cosines.T
-    rotation = np.stack(
-        [
-            np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], -1),
-            np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], -1),
-            np.stack([-sp, cp * sr, cp * cr], -1),
-        ],
-        axis=-2,
-    )
-    (roll, pitch, yaw), (roll_2, pitch_2, yaw_2) = first.T, second.T
-    rate = np.stack(
-        [roll - yaw * sp, pitch * cr + yaw * sr * cp, yaw * cr * cp - pitch * sr], axis=-1
-    )
-    change = np.stack(
-        [
-            roll_2 - yaw_2 * sp - yaw * pitch * cp,
-            pitch_2 * cr - pitch * roll * sr
-            + yaw_2 * sr * cp + yaw * (roll * cr * cp - pitch * sr * sp),
-            yaw_2 * cr * cp - yaw * (roll * sr * cp + pitch * cr * sp)
-            - pitch_2 * sr - pitch * roll * cr,
-        ],
-        axis=-1,
-    )  # fmt: skip
-    return rotation, rate, change

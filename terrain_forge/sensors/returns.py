@@ -17,6 +17,7 @@ from terrain_forge.scene import (
     COPY,
     FAR,
     LANES,
+    borrow,
     hit_normal,
     hit_rock,
     meet8,
@@ -41,7 +42,14 @@ _DARKEST = 1e-9
 _SPREAD = 0.2
 """How far the limit of detection varies to both sides, as a part of it."""
 _NOISE, _LOST, _WEAK = range(3)
+_FULL = 10.0
+"""Range at which the power of a white surface that faces the lidar is 100 [m]."""
 FIRST, STRONGEST, LAST = range(3)
+AIM, ROOT, START, TOWARDS, FOUND = 0, 3, 5, 8, 11
+POWER, OWNER = FOUND + 1, FOUND + 2
+"""Rows of a packet's numbers: a beam's direction in the lidar's frame, where it begins there and in
+the scene's frame, a ray's direction in the scene's frame; then of each ray the distance (infinite
+where it met nothing), the power and what it met."""
 
 
 class Course(NamedTuple):
@@ -60,8 +68,6 @@ class Course(NamedTuple):
 class Surfaces(NamedTuple):
     """What the things that rays meet reflect."""
 
-    elevation: NDArray[np.float32]
-    """Heights of the ground's nodes [m], shape [rows, columns]."""
     reflectance: NDArray[np.float32]
     """Of the ground's nodes, shape [rows, columns]."""
     corner: tuple[float, float]
@@ -238,79 +244,68 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 @inner
 def _ground(surfaces, x, y):  # type: ignore[no-untyped-def]
-    """Reflectance and upward normal of the ground.
-
-    The normal is smooth, since the ground's triangles are larger than the spot of a beam.
-    """
-    z, shade, spacing = surfaces.elevation, surfaces.reflectance, surfaces.spacing
-    rows, columns = z.shape
-    column, row = (x - surfaces.corner[0]) / spacing, (y - surfaces.corner[1]) / spacing
+    """Reflectance of the ground at a place."""
+    shade = surfaces.reflectance
+    rows, columns = shade.shape
+    column = (x - surfaces.corner[0]) / surfaces.spacing
+    row = (y - surfaces.corner[1]) / surfaces.spacing
     i = min(max(np.int64(np.floor(column)), 0), columns - 2)
     j = min(max(np.int64(np.floor(row)), 0), rows - 2)
     u, v = min(max(column - i, 0.0), 1.0), min(max(row - j, 0.0), 1.0)
-    along_x, along_y, reflectance = 0.0, 0.0, 0.0
-    for corner in range(4):
-        a, b = corner & 1, corner >> 1
-        weight = (u if a else 1.0 - u) * (v if b else 1.0 - v)
-        west, east = max(i + a - 1, 0), min(i + a + 1, columns - 1)
-        south, north = max(j + b - 1, 0), min(j + b + 1, rows - 1)
-        along_x += weight * (z[j + b, east] - z[j + b, west]) / (east - west)
-        along_y += weight * (z[north, i + a] - z[south, i + a]) / (north - south)
-        reflectance += weight * shade[j + b, i + a]
-    along_x, along_y = along_x / spacing, along_y / spacing
-    length = np.sqrt(1.0 + along_x * along_x + along_y * along_y)
-    return reflectance, (-along_x / length, -along_y / length, 1.0 / length)
+    south = shade[j, i] + u * (shade[j, i + 1] - shade[j, i])
+    north = shade[j + 1, i] + u * (shade[j + 1, i + 1] - shade[j + 1, i])
+    return south + v * (north - south)
 
 
 @inner
 def _reflected(ray, word, lane, hit, x, y, towards, surfaces):  # type: ignore[no-untyped-def]
     """Reflectance times the cosine of incidence where a lane's ray landed."""
     if hit == -1:
-        reflectance, normal = _ground(surfaces, x, y)
+        reflectance = _ground(surfaces, x, y)
+    elif hit >= 0:
+        reflectance = surfaces.rocks[hit]
+    elif hit == -4:
+        reflectance = surfaces.rover[word[COPY, lane]]
     else:
-        normal = hit_normal(ray, lane, hit, surfaces.turns)
-        if hit >= 0:
-            reflectance = surfaces.rocks[hit]
-        elif hit == -4:
-            reflectance = surfaces.rover[word[COPY, lane]]
-        else:
-            reflectance = surfaces.beyond
+        reflectance = surfaces.beyond
+    normal = hit_normal(ray, lane, hit, surfaces.turns)
     return max(-reflectance * _dot(normal, towards), _DARKEST)
 
 
 @inlined
-def _returned(found, power, hits, rays, lane, rules):  # type: ignore[no-untyped-def]
+def _returned(lanes, lane, rays, rules):  # type: ignore[no-untyped-def]
     """Range, power and owner of the echo that a beam returns; the power is 0 where there is none.
 
     Echoes are groups of rays whose ranges follow each other closely: a pulse is that long.
     """
-    best, best_power, best_owner, after = 0.0, 0.0, -2, -np.inf
+    best, best_power, best_owner, after = 0.0, 0.0, np.int64(-2), -np.inf
     for _ in range(len(rays)):
         start = np.inf  # of the next echo
         for k in range(len(rays)):
-            if found[k, lane] > after and power[k, lane] > 0.0:
-                start = min(start, found[k, lane])
+            if lanes[FOUND + 3 * k, lane] > after:
+                start = min(start, lanes[FOUND + 3 * k, lane])
         if start == np.inf:
             break
-        end, more = start, True
+        end, more = start, len(rays) > 1
         while more:
             more = False
             for k in range(len(rays)):
-                if end < found[k, lane] <= end + rules.separation and power[k, lane] > 0.0:
-                    end, more = found[k, lane], True
-        total, middle, owner, most = 0.0, 0.0, -2, 0.0
+                if end < lanes[FOUND + 3 * k, lane] <= end + rules.separation:
+                    end, more = lanes[FOUND + 3 * k, lane], True
+        total, middle, owner, most = 0.0, 0.0, -2.0, 0.0
         for k in range(len(rays)):
-            if start <= found[k, lane] <= end:
-                total += power[k, lane]
-                middle += power[k, lane] * found[k, lane]
-                if power[k, lane] > most:
-                    most, owner = power[k, lane], hits[k, lane]
+            distance, power = lanes[FOUND + 3 * k, lane], lanes[POWER + 3 * k, lane]
+            if start <= distance <= end:
+                total += power
+                middle += power * distance
+                if power > most:
+                    most, owner = power, lanes[OWNER + 3 * k, lane]
         after = end
-        if rules.echo == LAST or total > best_power:
-            if total >= rules.limit or rules.echo == STRONGEST:
-                best, best_power, best_owner = middle / total, total, owner
-        if rules.echo == FIRST and best_power > 0.0:
-            break
+        strong = rules.echo == STRONGEST or total >= rules.limit
+        if strong and (rules.echo == LAST or total > best_power):
+            best, best_power, best_owner = middle / total, total, np.int64(owner)
+            if rules.echo == FIRST:
+                break
     return best, best_power, best_owner
 
 
@@ -332,77 +327,119 @@ def _measured(exact, power, key, rules):  # type: ignore[no-untyped-def]
     return exact if rules.near <= exact <= rules.far else 0.0
 
 
+@inner
+def _vector(lanes, row, lane):  # type: ignore[no-untyped-def]
+    return lanes[row, lane], lanes[row + 1, lane], lanes[row + 2, lane]
+
+
+@inlined
+def _prepare(course, beam, first, filled, rules, lanes):  # type: ignore[no-untyped-def]
+    """Fill in where a beam points and begins at the firings of a packet."""
+    late = beam[DELAY]
+    for lane in range(filled):
+        place, speed = course.place[first + lane], course.speed[first + lane]
+        aim, root = _aim(course.turns[first + lane], beam, rules.prisms)
+        x, y = rules.origin * root[0], rules.origin * root[1]
+        lanes[AIM, lane], lanes[AIM + 1, lane], lanes[AIM + 2, lane] = aim
+        lanes[ROOT, lane], lanes[ROOT + 1, lane] = x, y
+        moved = _turned(place, speed, late, (x, y, 0.0))
+        for axis in range(3):
+            lanes[START + axis, lane] = place[axis] + late * speed[axis] + moved[axis]
+
+
+@inlined
+def _trace(  # type: ignore[no-untyped-def]
+    scene, query, bodies, course, late, first, filled, spread, k, surfaces, rules, ray, own, lanes
+):
+    """Cast one of the rays of each beam of a packet, and note what it meets."""
+    word = ray.view(np.uint32)
+    reach = rules.far + 10.0 * rules.noise + rules.quantum - rules.origin
+    for lane in range(LANES):
+        word[ACTIVE, lane] = 0
+    for lane in range(filled):
+        aim = _vector(lanes, AIM, lane)
+        if k > 0:
+            aim = _beside(aim, spread[0], spread[1])
+        towards = _turned(course.place[first + lane], course.speed[first + lane], late, aim)
+        lanes[TOWARDS, lane], lanes[TOWARDS + 1, lane], lanes[TOWARDS + 2, lane] = towards
+        set_ray(ray, word, lane, _vector(lanes, START, lane), towards, 0.0, reach)
+    meet8(scene, bodies, course.base[first : first + LANES], query, ray, own)
+    for lane in range(filled):
+        hit, towards = hit_rock(word, lane), _vector(lanes, TOWARDS, lane)
+        lanes[FOUND + 3 * k, lane] = np.inf
+        if hit == -2 or _dot(towards, rules.sun) >= rules.blinding:
+            continue
+        distance = np.float64(ray[FAR, lane])
+        x = lanes[START, lane] + distance * towards[0]
+        y = lanes[START + 1, lane] + distance * towards[1]
+        share = spread[2] * _reflected(ray, word, lane, hit, x, y, towards, surfaces)
+        away = max(distance + rules.origin, _NEAREST)
+        lanes[FOUND + 3 * k, lane], lanes[OWNER + 3 * k, lane] = distance, hit
+        lanes[POWER + 3 * k, lane] = share / (away * away)
+
+
+@inlined
+def _tell(ring, first, filled, beams, surfaces, rules, key, lanes, points):  # type: ignore[no-untyped-def]
+    """Write the points of a packet."""
+    count = len(beams.table)
+    for lane in range(filled):
+        row, number = (first + lane) * count + beams.rank[ring], (first + lane) * count + ring
+        exact, power, owner = _returned(lanes, lane, beams.rays, rules)
+        exact += rules.origin
+        told = 0.0
+        if owner != -4 or rules.sees_rover:
+            told = _measured(exact, power, mix(key, number), rules)
+        length = told - rules.origin
+        x, y, z = _vector(lanes, AIM, lane)
+        points.xyz[row, 0] = lanes[ROOT, lane] + length * x
+        points.xyz[row, 1] = lanes[ROOT + 1, lane] + length * y
+        points.xyz[row, 2] = length * z
+        level = exact if rules.levelled else _FULL
+        points.distance[row], points.intensity[row] = told, 100.0 * power * level * level
+        points.instance[row] = surfaces.ids[owner] if owner >= 0 else owner
+
+
 @kernel
 def scan(  # type: ignore[no-untyped-def]
-    begin, end, scene, query, bodies, course, beams, surfaces, rules, key, room, points
+    begin, end, scene, query, bodies, course, beams, surfaces, rules, key, room, lanes, points
 ):
-    """Measure some rings of a sweep; all of its points are written, each by its ring alone."""
-    rays, count = beams.rays, len(beams.table)
-    found, power = np.empty((len(rays), LANES)), np.empty((len(rays), LANES))
-    hits = np.empty((len(rays), LANES), np.int64)
-    aims, roots, starts, directions = (
-        np.empty((LANES, 3)),
-        np.zeros((LANES, 3)),
-        np.empty((LANES, 3)),
-        np.empty((LANES, 3)),
-    )
-    reach = rules.far + 10.0 * rules.noise + rules.quantum - rules.origin
+    """Measure some rings of a sweep; each writes points of its own.
+
+    `room` has two packets for each ring, `lanes` the rows that are named above, shape [rings, FOUND
+    + 3 · rays, LANES].
+    """
+    bodies, course, beams = borrow(bodies), borrow(course), borrow(beams)
+    surfaces, points = borrow(surfaces), borrow(points)
+    room, lanes = borrow((room, lanes))
     for ring in range(begin, end):
         ray, own = room[2 * ring], room[2 * ring + 1]
-        word, beam = ray.view(np.uint32), beams.table[ring]
-        late = beam[DELAY]
+        beam, mine = beams.table[ring], lanes[ring]
         for first in range(0, len(course.turns), LANES):
             filled = min(LANES, len(course.turns) - first)
-            for lane in range(filled):
-                place, speed = course.place[first + lane], course.speed[first + lane]
-                aim, root = _aim(course.turns[first + lane], beam, rules.prisms)
-                aims[lane, 0], aims[lane, 1], aims[lane, 2] = aim
-                roots[lane, 0], roots[lane, 1] = rules.origin * root[0], rules.origin * root[1]
-                moved = _turned(place, speed, late, (roots[lane, 0], roots[lane, 1], 0.0))
-                for axis in range(3):
-                    starts[lane, axis] = place[axis] + late * speed[axis] + moved[axis]
-            for k in range(len(rays)):
-                for lane in range(LANES):
-                    word[ACTIVE, lane] = 0
-                for lane in range(filled):
-                    place, speed = course.place[first + lane], course.speed[first + lane]
-                    aim = (aims[lane, 0], aims[lane, 1], aims[lane, 2])
-                    if k > 0:
-                        aim = _beside(aim, rays[k, 0], rays[k, 1])
-                    towards = _turned(place, speed, late, aim)
-                    start = (starts[lane, 0], starts[lane, 1], starts[lane, 2])
-                    directions[lane, 0], directions[lane, 1], directions[lane, 2] = towards
-                    set_ray(ray, word, lane, start, towards, 0.0, reach)
-                meet8(scene, bodies, course.base[first : first + LANES], query, ray, own)
-                for lane in range(filled):
-                    hit = hit_rock(word, lane)
-                    found[k, lane], power[k, lane], hits[k, lane] = np.inf, 0.0, hit
-                    if hit == -2:
-                        continue
-                    towards = (directions[lane, 0], directions[lane, 1], directions[lane, 2])
-                    if _dot(towards, rules.sun) >= rules.blinding:
-                        continue
-                    distance = np.float64(ray[FAR, lane])
-                    x = starts[lane, 0] + distance * towards[0]
-                    y = starts[lane, 1] + distance * towards[1]
-                    share = _reflected(ray, word, lane, hit, x, y, towards, surfaces)
-                    away = max(distance + rules.origin, _NEAREST)
-                    found[k, lane] = distance
-                    power[k, lane] = rays[k, 2] * share / (away * away)
-            for lane in range(filled):
-                n = first + lane
-                row = n * count + beams.rank[ring]
-                exact, strength, owner = _returned(found, power, hits, rays, lane, rules)
-                told = 0.0
-                if owner != -4 or rules.sees_rover:
-                    told = _measured(
-                        exact + rules.origin, strength, mix(key, n * count + ring), rules
-                    )
-                length = told - rules.origin
-                points.distance[row] = told
-                points.xyz[row, 0] = roots[lane, 0] + length * aims[lane, 0]
-                points.xyz[row, 1] = roots[lane, 1] + length * aims[lane, 1]
-                points.xyz[row, 2] = length * aims[lane, 2]
-                level = exact + rules.origin if rules.levelled else 10.0
-                points.intensity[row] = 100.0 * strength * level * level
-                points.instance[row] = surfaces.ids[owner] if owner >= 0 else owner
+            _prepare(course, beam, first, filled, rules, mine)
+            for k in range(len(beams.rays)):
+                _trace(
+                    scene, query, bodies, course, beam[DELAY], first, filled, beams.rays[k], k,
+                    surfaces, rules, ray, own, mine,
+                )  # fmt: skip
+            _tell(ring, first, filled, beams, surfaces, rules, key, mine, points)
+
+
+@kernel
+def gather(points, rings, ring, column):  # type: ignore[no-untyped-def]
+    """Move the points that came back to the front; returns how many there are.
+
+    `rings` names the beams of a column by time; `ring` and `column` are filled in.
+    """
+    count, kept = len(rings), 0
+    for row in range(len(points.distance)):
+        if points.distance[row] == 0.0:
+            continue
+        for axis in range(3):
+            points.xyz[kept, axis] = points.xyz[row, axis]
+        points.distance[kept] = points.distance[row]
+        points.intensity[kept] = points.intensity[row]
+        points.instance[kept] = points.instance[row]
+        ring[kept], column[kept] = rings[row % count], row // count
+        kept += 1
+    return kept

@@ -18,12 +18,13 @@ from terrain_forge.base import (
     shaped,
 )
 from terrain_forge.model import LidarSensor, merge
-from terrain_forge.scene import COHERENT, INCOHERENT, packet_memory
+from terrain_forge.scene import COHERENT, INCOHERENT, LANES, packet_memory
 from terrain_forge.sensors.beams import DELAY, NANOSECONDS, make_beams, sweep_begin, sweep_columns
 from terrain_forge.sensors.instrument import Instrument, Setting
 from terrain_forge.sensors.motion import State
 from terrain_forge.sensors.returns import (
     FIRST,
+    FOUND,
     LAST,
     STRONGEST,
     Course,
@@ -31,6 +32,7 @@ from terrain_forge.sensors.returns import (
     Rules,
     Surfaces,
     follow,
+    gather,
     scan,
 )
 
@@ -93,21 +95,22 @@ def take_sweep(setting: Setting, lidar: LidarSensor, number: int) -> Sweep:
         _rules(setting, lidar),
         np.uint64(mix(setting.key(lidar), np.uint64(number))),
         packet_memory(2 * len(beams.table)),
+        np.empty((len(beams.table), FOUND + 3 * len(beams.rays), LANES)),
         measured,
     )
-    kept = np.flatnonzero(measured.distance > 0.0)
-    column, rank = np.divmod(kept.astype(np.int32), np.int32(len(beams.table)))
-    ring = np.argsort(beams.rank).astype(np.uint16)[rank]
+    ring, column = np.empty(count, np.uint16), np.empty(count, np.int32)
+    kept = gather(measured, np.argsort(beams.rank), ring, column)
+    delay = beams.table[:, DELAY]
     return Sweep(
         number=number,
         begin=begin,
-        points=measured.xyz[kept],
-        distance=measured.distance[kept],
-        intensity=measured.intensity[kept],
-        ring=ring,
-        column=column,
-        time=columns[column, 0] + beams.table[ring, DELAY],
-        instance=measured.instance[kept],
+        points=measured.xyz[:kept],
+        distance=measured.distance[:kept],
+        intensity=measured.intensity[:kept],
+        ring=ring[:kept],
+        column=column[:kept],
+        time=(columns[:, :1] + delay).astype(np.float32)[column[:kept], ring[:kept]],
+        instance=measured.instance[:kept],
     )
 
 
@@ -201,15 +204,14 @@ def _surfaces(setting: Setting) -> Surfaces:
     sides = (reflectance[0], reflectance[-1], reflectance[:, 0], reflectance[:, -1])
     west, south = subject.ground.origin
     found = Surfaces(
-        elevation=subject.ground.elevation,
         reflectance=reflectance,
         corner=(west - float(scene.origin[0]), south - float(scene.origin[1])),
         spacing=subject.ground.spacing,
         beyond=float(np.concatenate(sides).mean(dtype=np.float64)),
-        rocks=np.ascontiguousarray(subject.instances.rgb[:, _RED]),
+        rocks=subject.instances.rgb[:, _RED].copy(),
         ids=merge(world.field, world.neighbours).id,
         turns=subject.instances.rotation,
-        rover=np.ascontiguousarray(setting.scenery.rover_parts.rgb[:, _RED]),
+        rover=setting.scenery.rover_parts.rgb[:, _RED].copy(),
     )
     _KNOWN[setting] = found
     return found

@@ -175,8 +175,8 @@ def test_a_saved_world_brings_its_sensors_back(site, built):
         import terrain_forge as tf
 
         *_, radar, sniffer = tf.World.load(built[0]).rover.sensors
-        assert (radar.kind, radar.figures) == ("radar", {"rate": 5.0, "reach": 7.0})
-        assert (sniffer.kind, sniffer.figures) == ("sniffer", {"rate": 1.0})
+        assert (radar.kind, radar.figures) == ("radar", {"rate_hz": 5.0, "reach": 7.0})
+        assert (sniffer.kind, sniffer.figures) == ("sniffer", {"rate_hz": 1.0})
 
 
 def test_a_bare_urdf_is_a_rover_too(site):

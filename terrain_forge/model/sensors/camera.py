@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import Interval, MinLen
 
@@ -18,8 +18,13 @@ from terrain_forge.model.camera_parts import (
     LensFlare,
 )
 from terrain_forge.model.distortion import AnyDistortion, Equidistant
-from terrain_forge.model.sensor import Sdf, Sensor, Topic, View, white_noise
+from terrain_forge.model.sensor import Form, Sdf, Sensor, Topic, View, white_noise
 
+_BENT = {"": (), "radtan": ("sdf", "usd"), "equidistant": ("usd",)}
+"""The formats that know a distortion."""
+_PICTURE = {"width_px", "height_px", "horizontal_fov_deg", "focal_px", "centre_px"} | {
+    "images", "channels", "depth_factor"
+}  # fmt: skip
 _NEAR = 0.02
 """What it sees at least in Gazebo [m]."""
 _WIDEST = 170.0
@@ -160,6 +165,20 @@ class CameraSensor(Sensor):
             )
 
     @property
+    def quick(self) -> Self:
+        """A camera of half the pixels each way, without channels."""
+        focal, centre = self.focal_px, self.centre_px
+        return self.replace(
+            width_px=max(self.width_px // 2, 8),
+            height_px=max(self.height_px // 2, 8),
+            focal_px=focal and (0.5 * focal[0], 0.5 * focal[1]),
+            centre_px=centre and (0.5 * centre[0] - 0.25, 0.5 * centre[1] - 0.25),
+            pixel_um=min(2.0 * self.pixel_um, 1000.0),
+            psf_px=0.5 * self.psf_px,
+            channels=(),
+        )
+
+    @property
     def focal(self) -> tuple[float, float]:
         """Focal lengths across and down [pixels]."""
         if self.focal_px:
@@ -176,9 +195,19 @@ class CameraSensor(Sensor):
 
     @property
     def view(self) -> View:
-        """The picture of a pinhole of its focal length."""
+        """The picture of a pinhole of its focal lengths, and how its lens bends it."""
         across = 2.0 * math.atan(0.5 * self.width_px / self.focal[0])
-        return View(self.width_px, self.height_px, across)
+        (fx, fy), (u, v) = self.focal, self.centre
+        middle = 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
+        return View(
+            self.width_px,
+            self.height_px,
+            across,
+            aspect=fy / fx,
+            offset_px=(u - middle[0], v - middle[1]),
+            lens=self.distortion.kind if self.distortion else "",
+            coefficients=self.distortion.k if self.distortion else (),
+        )
 
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """A camera, with noise where it has any."""
@@ -187,4 +216,14 @@ class CameraSensor(Sensor):
             "image": {"width": self.width_px, "height": self.height_px, "format": "R8G8B8"},
             "clip": {"near": _NEAR, "far": far},
         }
-        return "camera", {"camera": lens | white_noise(self.noise.at_half)}
+        told = lens | white_noise(self.noise.at_half) | self.view.sdf_lens()
+        return "camera", {"camera": told}
+
+    def said(self, form: Form) -> set[str]:
+        """The picture, and how it is bent: by radii and tangents in SDF, either way in USD.
+
+        What is only of recordings no format need say.
+        """
+        told = _PICTURE | {name for name in ("gamma", "motion_blur") if getattr(self, name) == 1}
+        told |= {"rate_hz", "bits"} if form == "sdf" else set()
+        return told | ({"distortion"} if form in _BENT[self.view.lens] else set())

@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 
 from terrain_forge.base import Array, Fraction, NotNegative
 from terrain_forge.model.lidar_presets import LIDAR_PRESETS
-from terrain_forge.model.sensor import Angle, Sdf, Sensor, Topic, white_noise
+from terrain_forge.model.sensor import Angle, Form, Sdf, Sensor, Topic, white_noise
 
 Elevation = Annotated[float, Interval(ge=-90, le=90)]
 Speed = Annotated[float, Interval(ge=-1e6, le=1e6)]
@@ -86,9 +86,10 @@ class LidarSensor(Sensor):
     """Echoes of a beam that are nearer to each other than this merge into one between them [m]."""
     returns: Literal["strongest", "first", "last"] = "strongest"
     """Which echo of a beam is returned."""
-    intensity: Literal["power", "reflectivity"] = "power"
-    """What is 100 for a white surface that faces the lidar: `power` falls with the square of the
-    range and is 100 at 10 m, `reflectivity` makes up for the range."""
+    intensity: Literal["reflectivity", "power"] = "reflectivity"
+    """What a white surface that faces the lidar has 100 of: `reflectivity` is reflectance times the
+    cosine of incidence, the range made up for as in the devices themselves; `power` is that over
+    the square of the range, 100 at 10 m."""
     sees_rover: bool = True
     """Whether points on the rover itself are kept; else beams that it blocks return nothing."""
 
@@ -127,9 +128,10 @@ class LidarSensor(Sensor):
             return 1e-9 * round(1e3 * self.firing_period_us)
         return 1.0 / (self.rate_hz * self.horizontal_samples)
 
-    @property
-    def sdf_loss(self) -> str:
-        """What `sdf` does not say; empty if that is nothing."""
+    def unsaid(self, form: Form) -> tuple[str, ...]:
+        """What a format does not say; SDF has a scan of even steps."""
+        if form != "sdf":
+            return super().unsaid(form)
         lost = {
             "a rosette of prisms": self.prism_rpm is not None,
             "unevenly spread beams": not _even(self.elevations),
@@ -140,7 +142,7 @@ class LidarSensor(Sensor):
             "lost returns": any((self.range_at_tenth_m, self.dropout, self.sun_blinding_deg)),
             "divergent beams": self.divergence_mrad > 0.0,
         }
-        return ", ".join(what for what, is_lost in lost.items() if is_lost)
+        return tuple(what for what, is_lost in lost.items() if is_lost)
 
     def sdf(self, *, classic: bool, far: float) -> Sdf:  # noqa: ARG002
         """A scan of a full turn by evenly spread beams, its last column a step short of the first.

@@ -21,7 +21,7 @@ from terrain_forge.exporters.rover import Options, export
 from terrain_forge.exporters.rover.readback import urdf_findings
 
 from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
-from terrain_forge.model import Coupling
+from terrain_forge.model import Coupling, simple_sensors
 from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
 from tests.helpers.places import PROGRAMS
@@ -184,7 +184,7 @@ def test_sdf_joints_and_drive(case):
     left = {joint.text for joint in drive.findall("left_joint")}
     assert left == {f"{w.link}_joint" for w in rover.wheels if w.centre[1] > 0}
     sensors = {sensor.get("name") for sensor in model.iter("sensor")}
-    assert sensors == {sensor.name for sensor in rover.sensors}
+    assert sensors == {sensor.name for sensor in simple_sensors(rover.sensors)}
     config = ET.parse(folder / "model.config").getroot()
     assert (folder / config.findtext("sdf")).is_file()
     for uri in model.iter("uri"):
@@ -241,7 +241,7 @@ def test_cameras_look_where_the_rover_says(case):
     stage = Usd.Stage.Open(str(folder / f"{rover.name}.usda"))
     robot = ET.parse(folder / f"{rover.name}.urdf").getroot()
     frames = {j.find("child").get("link"): j.find("origin") for j in robot.findall("joint")}
-    for sensor in rover.sensors:
+    for sensor in simple_sensors(rover.sensors):
         ahead = matrix_from_quaternion(quaternion_from_rpy(sensor.rpy))[:, 0]
         told = frames[sensor.name]
         np.testing.assert_allclose(numbers(told.get("xyz")), sensor.position, atol=1e-9)

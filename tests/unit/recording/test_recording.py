@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import threading
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from ruamel.yaml import YAML
 
 import terrain_forge as tf
 from terrain_forge.base import RecipeError, StorageError, mix
+from terrain_forge.datasets import DatasetWriter, open_recording
+from terrain_forge.datasets import writer as writer_file
 from terrain_forge.model import sensor_kinds
+from terrain_forge.recording import formats as formats_file
 from terrain_forge.recording import record as record_file
 from terrain_forge.rovers import find_rover
 from terrain_forge.sensors import Frames, Series, Stream
@@ -107,9 +111,9 @@ def whole(world, tmp_path_factory):
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """All of a recording but the list, whose order tells of how it was made."""
+    """All of a recording."""
     paths = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    return {name: p.read_bytes() for name, p in paths.items() if name != "written.csv"}
+    return {name: p.read_bytes() for name, p in paths.items()}
 
 
 def table(path: Path) -> list[list[str]]:
@@ -298,6 +302,69 @@ def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
 def _interrupting(stage, share):
     if re.match(r"recording: 5 of", stage):
         raise KeyboardInterrupt
+
+
+class Counting(DatasetWriter):
+    """Writes how many measurements each sensor has."""
+
+    kind, title = "counts", "numbers"
+
+    @dataclass(frozen=True, kw_only=True)
+    class Options(tf.Spec):
+        """None but a greeting."""
+
+        greeting: str = ""
+        """What it begins with."""
+
+    def write(self, recording, folder, options, progress):
+        assert recording.body_poses.stamps[0] == EPOCH
+        assert len(recording.truth_of(recording.sensor("eye"))) == len(recording.cameras[0].stamps)
+        numbers = [str(len(one.stamps)) for one in recording.sensors]
+        (folder / "sub").mkdir()
+        (folder / "sub" / "numbers.txt").write_text(options.greeting + " ".join(numbers))
+        return ("All else.",)
+
+
+def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_path, monkeypatch):
+    for module in (writer_file, formats_file):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: {"counts": Counting})
+    with pytest.raises(RecipeError, match=r"'count' \(did you mean 'counts'\?\), .*euroc, counts"):
+        tf.record(world, tmp_path, formats=("count",))
+    with pytest.raises(RecipeError, match="greetings: Unexpected keyword"):
+        tf.record(world, tmp_path, formats={"counts": {"greetings": "hi"}})
+    first = tf.record(world, tmp_path, formats=("euroc", "counts"), end=4.0)
+    text = first.folder / "counts" / "sub" / "numbers.txt"
+    assert text.read_text() == "8 4 400"
+    assert first.losses == {"counts": ("All else.",)}
+    assert tf.record(world, tmp_path, formats=("counts",), end=4.0).losses == {}
+    text.unlink()
+    assert tf.record(world, tmp_path, formats=("counts",), end=4.0).losses.keys() == {"counts"}
+    tf.record(world, tmp_path, formats={"counts": {"greeting": "hi "}}, end=5.0)
+    assert text.read_text() == "hi 10 5 500"
+    with (first.folder / "written.csv").open("a") as file:
+        file.write("0,counts/\n")  # killed before the folder was taken note of
+    tf.record(world, tmp_path, formats=("counts",), end=5.0)
+    assert text.read_text() == "10 5 500"
+    (first.folder / "counts" / "mine.txt").write_text("precious")
+    with pytest.raises(tf.OutputError, match="counts exists: remove it"):
+        tf.record(world, tmp_path, formats=("counts",), end=6.0)
+    assert (first.folder / "counts" / "mine.txt").read_text() == "precious"
+
+
+def test_a_quick_look_is_every_few_of_the_same_measurements(world, tmp_path):
+    rover = world.rover
+    often = world.replace(
+        rover=rover.replace(sensors=(rover.sensors[0].replace(rate_hz=12.0), *rover.sensors[1:]))
+    )
+    quick = tf.record(often, tmp_path / "quick", profile="quick", end=2.0, only=("eye", "imu"))
+    full = tf.record(often, tmp_path / "full", end=2.0, only=("eye",))
+    assert quick.streams == {"cam0": 8, "imu0": 200}
+    few, many = files(quick.folder), files(full.folder)
+    pictures = [name for name in few if name.startswith("mav0/cam0/data/")]
+    assert all(few[name] == many[name] for name in pictures)
+    about = open_recording(quick.folder)
+    assert (about.cameras[0].rate, about.imus[0].rate) == (4.0, 100.0)
+    assert set(np.diff(about.cameras[0].stamps)) == {250_000_000}
 
 
 def test_another_process_that_writes_is_respected(world, tmp_path):

@@ -203,7 +203,7 @@ def test_the_page_tells_where_each_dimension_comes_from():
 
 
 def test_stereo_cameras_stand_a_baseline_apart_and_look_down():
-    left, right = (s for s in morpheus().sensors if s.kind == "camera")
+    left, right = morpheus().sensors[0].simple
     np.testing.assert_allclose(left.position - right.position, (0, 0.12, 0), atol=1e-15)
     forward = matrix_from_quaternion(quaternion_from_rpy(left.rpy))[:, 0]
     assert forward[2] == pytest.approx(-np.sin(np.radians(12)))

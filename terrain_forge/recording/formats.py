@@ -1,0 +1,86 @@
+"""Further formats of a recording, each in a folder of the dataset, made anew where it has grown."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from terrain_forge.base import Progress, RecipeError, hint_at, read_text
+from terrain_forge.datasets import checked_options, dataset_kinds, write_dataset
+from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recording.index import INDEX
+from terrain_forge.recording.store import Store
+
+MASTER = "euroc"
+"""What every recording is."""
+_MADE = "formats.json"
+"""Which formats were made, with what options, of what."""
+_MOST = 2**24
+
+
+def formats_of(spec: DatasetSpec) -> dict[str, Mapping[str, Any]]:
+    """The formats beside the recording's own, with their options.
+
+    Raises:
+        RecipeError: for one that is not installed, or an option that it does not have.
+    """
+    asked: Mapping[str, Mapping[str, Any]] = (
+        spec.formats if isinstance(spec.formats, dict) else {name: {} for name in spec.formats}
+    )
+    known = dataset_kinds()
+    for name, options in asked.items():
+        if name in known:
+            checked_options(name, options)
+        elif name != MASTER or options:
+            every = (MASTER, *known)
+            raise RecipeError(
+                f"unknown dataset format {name!r}{hint_at(name, every)}, installed: "
+                f"{', '.join(every)}",
+                key=("dataset", "formats"),
+            )
+    return {name: options for name, options in asked.items() if name != MASTER}
+
+
+def write_formats(
+    store: Store, formats: Mapping[str, Mapping[str, Any]], progress: Progress
+) -> dict[str, tuple[str, ...]]:
+    """Write a recording's further formats, those that are there and still of it apart.
+
+    Returns:
+        What each that was written cannot say.
+    """
+    made = _made(store)
+    of = hashlib.sha256((store.folder / INDEX).read_bytes()).hexdigest()
+    losses = {}
+    for name, options in formats.items():
+        told = {"options": dict(options), "of": of}
+        if made.get(name) == told and store.holds_folder(name):
+            continue
+        progress(f"formats: {name}", 0.0)
+        store.free_folder(name)
+        report = write_dataset(
+            store.folder,
+            name,
+            store.folder / name,
+            options,
+            progress=partial(_tell, progress, name),
+        )
+        store.adopt(name)
+        losses[name] = tuple(report.losses)
+        made[name] = told
+        store.put(_MADE, (json.dumps(made, indent=1) + "\n").encode())
+    return losses
+
+
+def _tell(progress: Progress, name: str, _: str, share: float) -> None:
+    progress(f"formats: {name}", share)
+
+
+def _made(store: Store) -> dict[str, Any]:
+    if not store.holds(_MADE):
+        return {}
+    found: dict[str, Any] = json.loads(read_text(store.folder / _MADE, _MADE, most=_MOST))
+    return found

@@ -1,0 +1,255 @@
+"""The sensors that a recipe gives to its rover, and what each format makes of them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import fields
+
+import mujoco
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom, UsdValidation
+from pydantic import TypeAdapter
+from terrain_forge.exporters.rover import Options, export
+
+from terrain_forge.base import RecipeError
+from terrain_forge.model import CameraSensor, sensor_kinds, simple_sensors
+from terrain_forge.recipe import load_recipe
+from terrain_forge.rovers import SensorsChoice, with_sensors
+from tests.helpers import rovers, worlds
+from tests.helpers.rovers import morpheus
+
+_NOSE = {"name": "nose", "kind": "camera", "position_m": [0.5, 0.0, 0.2], "rpy_deg": [0, 30, 0]}
+_OWN = ["camera_left", "camera_right", "lidar", "imu"]
+
+
+def rig(told, rover=None):
+    """A rover with the sensors that a recipe tells of."""
+    choice = TypeAdapter(SensorsChoice).validate_python(told)
+    return with_sensors(rover or morpheus(), choice)
+
+
+def names(rover):
+    return [sensor.name for sensor in simple_sensors(rover.sensors)]
+
+
+def test_a_list_takes_the_place_of_the_rig_and_add_adds_to_it():
+    assert names(rig([_NOSE])) == ["nose"]
+    assert names(rig({"add": [_NOSE]})) == [*_OWN, "nose"]
+    swapped = rig({"add": [{"name": "camera", "kind": "stereo", "baseline_m": 0.3}]})
+    assert sorted(names(swapped)) == sorted(_OWN)
+    left, right = swapped.sensors[-1].simple
+    np.testing.assert_allclose(left.position - right.position, (0, 0.3, 0), atol=1e-15)
+    assert not rig([]).sensors
+
+
+RECIPE = """schema: 1
+name: rigged
+body: moon
+dtm: {kind: flat, size_m: [6, 4]}
+terrain: {spacing_m: 0.1}
+rover: morpheus
+sensors:
+"""
+WRONG = {
+    "  - {name: a, kind: camera}\n  - {name: a, kind: imu}": (
+        "9: sensors[1].name: 'a' is the name of another sensor too"
+    ),
+    "  - {name: a, kind: stereo}\n  - {name: a_left, kind: imu}": (
+        "9: sensors[1].name: 'a_left' is the name of another sensor too"
+    ),
+    "  add:\n  - {name: camera_left, kind: imu}": (
+        "8: sensors.add: 'camera_left' is the name of a sensor of the rover too"
+    ),
+    "  add:\n  - {name: a, kind: imu, link: bace_link}": (
+        "9: sensors.add[0].link: 'bace_link' is no link of the rover morpheus (did you mean "
+        "'base_link'?), there are: base_link,"
+    ),
+    "  - name: a\n    kind: imu\n    preset: adis16449": (
+        "10: sensors[0].preset: unknown preset (did you mean 'adis16448'?), there are:"
+    ),
+    "  add:\n  - name: a\n    kind: imu\n    preset: [1]": (
+        "11: sensors.add[0].preset: unknown preset, there are:"
+    ),
+    "  - {name: a, kind: sonar}": "8: sensors[0]: unknown kind 'sonar'",
+    "  ad: []": "8: sensors.ad: unknown key 'ad' (did you mean 'add'?), allowed: add",
+    "  - {name: a, kind: camera, rate_hz: 0}": "8: sensors[0].rate_hz: must be",
+}
+
+
+def make_rover(path):
+    """The rover of a recipe; an error has the file's name and line."""
+    file = load_recipe(path)
+    try:
+        return with_sensors(morpheus(), file.recipe.sensors)
+    except RecipeError as error:
+        raise RecipeError(file.locate(error)) from None
+
+
+@pytest.mark.parametrize("told", WRONG)
+def test_what_a_rig_cannot_be_is_one_line_with_its_place(tmp_path, told):
+    (tmp_path / "r.yaml").write_text(RECIPE + told + "\n")
+    with pytest.raises(RecipeError) as refused:
+        make_rover(tmp_path / "r.yaml")
+    assert str(refused.value).startswith(f"{tmp_path / 'r.yaml'}:{WRONG[told]}")
+    assert "\n" not in str(refused.value)
+
+
+def test_all_that_a_kind_says_it_says_in_a_format_is_a_field_of_its():
+    for kind in sensor_kinds().values():
+        own = TypeAdapter(kind).validate_python({"name": "a"})
+        for form in ("sdf", "mjcf", "usd"):
+            assert set(own.said(form)) <= {field.name for field in fields(own)}
+
+
+def test_a_rover_of_yours_carries_sensors_in_every_format(tmp_path):
+    """On a link of its own, without a rig before."""
+    rover = rovers.read(rovers.rocker_urdf(tmp_path))
+    assert not rover.sensors
+    eyes = {"name": "eyes", "kind": "stereo", "link": "left_rocker", "position_m": [0.1, 0, 0.6]}
+    rover = rig([eyes, {"name": "imu", "kind": "imu"}], rover)
+    report = exported(rover, tmp_path / "o")
+    folder, own = tmp_path / "o", {"eyes_left", "eyes_right", "imu"}
+    place = rover.origins["left_rocker"] + (0.1, 0.06, 0.6)
+    sdf = {s.get("name"): s for s in ET.parse(folder / "tub.sdf").getroot().iter("sensor")}
+    assert set(sdf) == own
+    told = np.array(sdf["eyes_left"].findtext("pose").split(), float)
+    np.testing.assert_allclose(told, [*place, 0, 0, 0], atol=1e-8)
+    model = mujoco.MjModel.from_xml_path(str(folder / "tub.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert {model.camera(n).name for n in range(model.ncam)} == {"eyes_left", "eyes_right"}
+    seen = data.camera("eyes_left").xpos - data.body("base_link").xpos
+    np.testing.assert_allclose(seen, place, atol=1e-9)
+    robot = ET.parse(folder / "tub.urdf").getroot()
+    assert own <= {link.get("name") for link in robot.findall("link")}
+    stage = Usd.Stage.Open(str(folder / "tub.usda"))
+    assert all(stage.GetPrimAtPath(f"/tub/base_link/{name}") for name in own)
+    assert any(loss.startswith("MJCF does not say of the rover's camera: rate_hz") for loss in
+               report.losses)  # fmt: skip
+
+
+def exported(rover, folder):
+    folder.mkdir()
+    return export(worlds.world().replace(rover=rover), folder, options=Options())
+
+
+_BENDS = [-0.17, 0.02, 1e-3, -2e-3, 0.01]
+_FOCAL = (468.0, 477.0)
+# The first pixel's centre is at 0: the axis is 333 px from the left edge, 233 from the upper one.
+_LENS = {
+    "width_px": 640, "height_px": 480, "focal_px": _FOCAL, "centre_px": [332.5, 232.5],
+    "distortion": {"kind": "radtan", "k": _BENDS},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory):
+    """The export of a rover whose camera has a lens that bends, its axis off the middle."""
+    folder = tmp_path_factory.mktemp("bent") / "o"
+    exported(rig([_NOSE | _LENS]), folder)
+    return folder
+
+
+def test_usd_holds_all_figures_as_custom_data(tmp_path, monkeypatch):
+    held = {
+        "table": [1.5, -2.0],
+        "firing": {"order": ["a", "b"], "dual": True},
+        "none": [],
+        "parts": [{"a": 1}, {"a": 2}],
+    }
+    monkeypatch.setattr(CameraSensor, "figures", held)
+    exported(rig([_NOSE]), tmp_path / "o")
+    stage = Usd.Stage.Open(str(tmp_path / "o" / "morpheus.usda"))
+    told = stage.GetPrimAtPath("/morpheus/base_link/nose").GetCustomDataByKey("figures")
+    assert list(told["table"]) == held["table"]
+    assert list(told["firing"]["order"]) == ["a", "b"]
+    assert told["firing"]["dual"] is True
+    assert told["parts"] == {"0": {"a": 1}, "1": {"a": 2}}
+    assert len(told["none"]) == 0
+
+
+def test_sdf_holds_intrinsics_and_distortion(bent):
+    camera = ET.parse(bent / "morpheus.sdf").getroot().find(".//sensor/camera")
+    told = {name: float(camera.findtext(f"lens/intrinsics/{name}")) for name in ("fx", "fy")}
+    assert list(told.values()) == pytest.approx(_FOCAL)
+    middle = [float(camera.findtext(f"lens/intrinsics/{c}")) for c in ("cx", "cy")]
+    assert middle == pytest.approx([333, 233])
+    bends = [float(camera.findtext(f"distortion/{n}")) for n in ("k1", "k2", "p1", "p2", "k3")]
+    assert bends == _BENDS
+    middle = [float(number) for number in camera.findtext("distortion/center").split()]
+    assert middle == pytest.approx([333 / 640, 233 / 480])
+
+
+def test_mujoco_and_usd_see_the_axis_off_the_middle(bent):
+    """What is straight ahead is drawn at the principal point, by the viewers' own frusta."""
+    model = mujoco.MjModel.from_xml_path(str(bent / "morpheus.xml"))
+    data, scene, camera = mujoco.MjData(model), mujoco.MjvScene(model, 9), mujoco.MjvCamera()
+    mujoco.mj_forward(model, data)
+    camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
+    every = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
+    eye = scene.camera[0]
+    left = eye.frustum_width - eye.frustum_center
+    shown = left / (2 * eye.frustum_width), eye.frustum_top / (eye.frustum_top - eye.frustum_bottom)
+    assert shown == pytest.approx((333 / 640, 233 / 480), rel=1e-5)
+    fx, fy = (480 if n else 640 for n in range(2))
+    fx *= eye.frustum_near / (2 * eye.frustum_width)
+    fy *= eye.frustum_near / (eye.frustum_top - eye.frustum_bottom)
+    assert (fx, fy) == pytest.approx(_FOCAL, rel=1e-5)
+    stage = Usd.Stage.Open(str(bent / "morpheus.usda"))
+    prim = stage.GetPrimAtPath("/morpheus/base_link/nose/camera")
+    window = UsdGeom.Camera(prim).GetCamera(Usd.TimeCode(0)).frustum.window
+    size = window.GetSize()
+    shown = -window.GetMin()[0] / size[0], window.GetMax()[1] / size[1]
+    assert shown == pytest.approx((333 / 640, 233 / 480), rel=1e-5)
+    assert (640 / size[0], 480 / size[1]) == pytest.approx(_FOCAL, rel=1e-5)
+    space = "omni:lensdistortion:opencvPinhole"
+    assert prim.GetAttribute(f"{space}:k1").Get() == pytest.approx(-0.17)
+    assert prim.GetAttribute(f"{space}:imageSize").Get() == Gf.Vec2i(640, 480)
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert not UsdValidation.ValidationContext(validators).Validate(stage)
+
+
+def test_what_a_format_cannot_say_is_a_loss_with_its_field(tmp_path):
+    fisheye = {"kind": "equidistant"}
+    rover = rig([
+        _NOSE | {"distortion": fisheye, "rolling_shutter_s": 0.01, "horizontal_fov_deg": 120},
+        {"name": "top", "kind": "lidar", "preset": "os1-64"},
+        {"name": "imu", "kind": "imu", "preset": "stim300"},
+    ])  # fmt: skip
+    losses = exported(rover, tmp_path / "o").losses
+
+    def lost(start):
+        return next(loss for loss in losses if loss.startswith(start)).removeprefix(start)
+
+    of_camera = lost("SDF does not say of the rover's camera: ")
+    assert {"distortion", "rolling_shutter_s", "noise"} <= set(of_camera[:-1].split(", "))
+    assert "width_px" not in of_camera
+    assert "azimuth offsets" in lost("SDF does not say of the rover's lidar: ")
+    of_imu = lost("SDF does not say of the rover's IMU: ")[:-1].split(", ")
+    assert "gyro_range" in of_imu
+    assert "gyro_bias" not in of_imu
+    assert "distortion" not in lost("USD does not say of the rover's camera: ")
+    stage = Usd.Stage.Open(str(tmp_path / "o" / "morpheus.usda"))
+    prim = stage.GetPrimAtPath("/morpheus/base_link/nose/camera")
+    assert prim.GetAttribute("omni:lensdistortion:model").Get() == "opencvFisheye"
+    bias = ET.parse(tmp_path / "o" / "morpheus.sdf").getroot().find(".//imu//x/noise/bias_stddev")
+    assert float(bias.text) == pytest.approx(np.radians(4 / 3600))
+
+
+def test_an_inclinometer_is_a_frame_of_mujocos(tmp_path):
+    rover = rig([
+        {"name": "tilt", "kind": "inclinometer", "rpy_deg": [0, 20, 0]},
+        {"name": "wheels", "kind": "odometry"},
+        {"name": "sun", "kind": "sun_sensor"},
+    ])  # fmt: skip
+    losses = exported(rover, tmp_path / "o").losses
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "o" / "morpheus.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    half = np.radians(10)
+    told = data.sensor("tilt_framequat").data
+    np.testing.assert_allclose(told, [np.cos(half), 0, np.sin(half), 0], atol=1e-12)
+    assert "A Sun sensor is a bare site in MJCF; its figures are not part of the model." in losses
+    assert "SDF has no sensor for the rover's wheel odometry: it is left out." in losses
