@@ -319,5 +319,5 @@ class CameraFrames(Frames):
         return self._see(rays, Eye(eye.time, np.full(rows, eye.time), *still)).radiance
 
     def _driven(self, time: float) -> float:
-        """How far along its motion the rover has come [m]."""
-        return float(travelled(self.setting.motion, time))
+        """How far along its motion the rover has left tracks [m]."""
+        return float(travelled(self.setting.motion, time)) if self.setting.tracks else -np.inf
