@@ -21,7 +21,9 @@ from terrain_forge.model import LidarSensor, merge
 from terrain_forge.scene import COHERENT, INCOHERENT, LANES, packet_memory
 from terrain_forge.sensors.beams import DELAY, NANOSECONDS, make_beams, sweep_begin, sweep_columns
 from terrain_forge.sensors.instrument import Instrument, Setting
+from terrain_forge.sensors.labels import labels_of
 from terrain_forge.sensors.motion import State
+from terrain_forge.sensors.picture import travelled
 from terrain_forge.sensors.returns import (
     FIRST,
     FOUND,
@@ -120,6 +122,13 @@ def deskewed_points(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> Array
     state = Instrument(lidar, setting).state(1e-9 * sweep.begin + times.astype(np.float64))
     turned = (state.rotation[which] * sweep.points[:, None, :]).sum(axis=-1)
     return np.asarray(state.position[which] + turned)
+
+
+def point_classes(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> NDArray[np.uint8]:
+    """Numbers of `CLASSES` of a sweep's points; tracks are those that there are as it begins."""
+    behind = float(travelled(setting.motion, 1e-9 * sweep.begin))
+    points = deskewed_points(setting, lidar, sweep)
+    return labels_of(setting).of(points, sweep.instance, behind)
 
 
 def sweep_count(lidar: LidarSensor, end: float) -> int:

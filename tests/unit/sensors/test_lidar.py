@@ -21,8 +21,10 @@ from terrain_forge.sensors import (
     Setting,
     deskewed_points,
     instrument_kinds,
+    point_classes,
     take_sweep,
 )
+from terrain_forge.sensors.labels import CLASSES
 from tests.helpers import worlds
 from tests.helpers.rovers import skid4
 
@@ -325,6 +327,16 @@ def test_it_sees_the_rover_or_leaves_it_out(hill):
     assert _off(points[top, 2], 0.14 + 0.22) < 1e-4  # the body's upper side
     masked = take_sweep(hill, lidar.replace(sees_rover=False), 6)
     assert np.array_equal(masked.points, sweep.points[~own])
+
+
+def test_points_have_the_classes_of_pictures(hill):
+    lidar = _lidar("vlp-16")
+    sweep = take_sweep(hill, lidar, 9)
+    classes = point_classes(hill, lidar, sweep)
+    assert (CLASSES.index("rock") == classes)[sweep.instance >= 0].all()
+    assert (CLASSES.index("beyond") == classes)[sweep.instance == _BEYOND].all()
+    ground = {CLASSES[number] for number in np.unique(classes[sweep.instance == _GROUND])}
+    assert "ground" in ground <= {"ground", "track"}
 
 
 def test_its_files_are_arrays_of_points(hill):
