@@ -27,11 +27,10 @@ def measurement_cost(sensor: Sensor) -> tuple[float, float]:
     """About the time [s] that a measurement takes, and the bytes of its files."""
     seconds, size = ROW
     for part in sensor.simple:
-        figures = part.figures
         pixels = part.view.width_px * part.view.height_px if part.view else 0
-        points = figures.get("channels", 0.0) * figures.get("horizontal_samples", 0.0)
-        channels = getattr(part, "channels", ())
-        more = len(channels) if isinstance(channels, tuple) else 0
+        channels, columns = getattr(part, "channels", ()), getattr(part, "horizontal_samples", 0)
+        more, beams = (len(channels), 0) if isinstance(channels, tuple) else (0, channels)
+        points = beams * columns
         seconds += pixels * (PIXEL[0] + more * CHANNEL[0]) + points * POINT[0]
         size += pixels * (PIXEL[1] + more * CHANNEL[1]) + points * POINT[1]
     return seconds, size
