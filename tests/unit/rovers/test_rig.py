@@ -66,10 +66,10 @@ WRONG = {
         "'base_link'?), there are: base_link,"
     ),
     "  - name: a\n    kind: imu\n    preset: adis16449": (
-        "10: sensors[0].preset: unknown preset (did you mean 'adis16448'?), there are:"
+        "10: sensors[0].preset: unknown preset 'adis16449' (did you mean 'adis16448'?), there are:"
     ),
     "  add:\n  - name: a\n    kind: imu\n    preset: [1]": (
-        "11: sensors.add[0].preset: unknown preset, there are:"
+        "11: sensors.add[0].preset: unknown preset (1,), there are:"
     ),
     "  - {name: a, kind: sonar}": "8: sensors[0]: unknown kind 'sonar'",
     "  ad: []": "8: sensors.ad: unknown key 'ad' (did you mean 'add'?), allowed: add",
