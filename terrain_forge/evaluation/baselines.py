@@ -41,16 +41,17 @@ def wheels(recording: Recording) -> TimedPoses:
     if not found:
         raise DataError("wheel odometry: no odometry was recorded")
     stamps, values = found[0].table
-    columns = dict(zip(found[0].columns, values.T, strict=True))
-    missing = {"x_m", "y_m", "yaw_rad"} - columns.keys()
+    names = [name.partition(" ")[0] for name in found[0].columns]
+    columns = dict(zip(names, values.T, strict=True))
+    missing = {"x", "y", "yaw"} - columns.keys()
     if missing:
         raise DataError(f"wheel odometry: {found[0].key} has no column {missing.pop()}")
-    half = 0.5 * columns["yaw_rad"]
+    half = 0.5 * columns["yaw"]
     zero = np.zeros_like(half)
     return TimedPoses(
         name="wheel-odometry",
         time=np.asarray(stamps * 1e-9, np.float64),
-        position=np.stack([columns["x_m"], columns["y_m"], zero], axis=-1),
+        position=np.stack([columns["x"], columns["y"], zero], axis=-1),
         quaternion=np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1),
     )
 

@@ -52,9 +52,7 @@ def run(python, *command, cwd, name=""):
     program = python.parent / name if name else python
     if not program.exists():
         pytest.skip(f"{program} is not installed")
-    done = subprocess.run(
-        [program, *command], cwd=cwd, capture_output=True, text=True, timeout=300
-    )
+    done = subprocess.run([program, *command], cwd=cwd, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
