@@ -19,7 +19,7 @@ FLOORS = (
     ("cli",),
     ("pipeline",),
     ("report", "terminal"),
-    ("recording",),
+    ("recording", "evaluation"),
     ("building", "exporters"),
     ("validation", "datasets"),
     ("driving", "sensors"),

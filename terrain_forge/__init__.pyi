@@ -19,6 +19,13 @@ from .dtm import ArrayDtm as ArrayDtm
 from .dtm import Centre as Centre
 from .dtm import FlatDtm as FlatDtm
 from .dtm import RasterDtm as RasterDtm
+from .evaluation import Score as Score
+from .evaluation import ScoreOptions as ScoreOptions
+from .evaluation import TimedPoses as TimedPoses
+from .evaluation import read_poses as read_poses
+from .evaluation import score_lines as score_lines
+from .evaluation import score_poses as score_poses
+from .evaluation import write_scores as write_scores
 from .making import plan as plan
 from .model import BODIES as BODIES
 from .model import MARS as MARS

@@ -16,6 +16,7 @@ from terrain_forge import __version__
 from terrain_forge.base import OutputError, TerrainForgeError
 from terrain_forge.terminal import (
     INTERRUPT,
+    WRONG_INPUT,
     Display,
     complete_exporters,
     complete_keys,
@@ -247,6 +248,48 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
         passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=display)
     tell_validation(out, display.elapsed, table=not quick)
     finish(passed, out)
+
+
+@cli.command()
+@click.option(
+    "--truth", required=True, type=click.Path(path_type=Path), help="The true trajectory."
+)
+@click.option(
+    "--estimate",
+    "first",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="What a system told; more may follow.",
+)
+@click.argument("more", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="How it is evaluated, such as align=all, third_by=index or stations_m=0.",
+)
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), help="Also write JSON, CSV and LaTeX here."
+)
+def evaluate(
+    truth: Path, first: Path, more: tuple[Path, ...], changes: tuple[str, ...], out: Path | None
+) -> int:
+    """Score trajectories against the truth: ATE, drift, relative errors.
+
+    Files are TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the
+    paper's: alignment on the first third, drift of the path's length over 10 m.
+    """
+    from terrain_forge.evaluation import read_options, score_files, score_lines, write_scores
+
+    scores, failures = score_files(truth, (first, *more), read_options(changes))
+    for line in score_lines(scores) if scores else ():
+        say(line)
+    for path in write_scores(scores, out, failures=failures) if out else ():
+        say(str(path))
+    for _, why in failures:
+        say(f"terrain-forge: {why}", err=True)
+    return WRONG_INPUT if failures else 0
 
 
 @cli.command()

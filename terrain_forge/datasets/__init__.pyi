@@ -1,5 +1,6 @@
 """Recorded datasets: reading the master recording, and writing other formats from it."""
 
+from .calibration import calibration_files as calibration_files
 from .poses import Poses as Poses
 from .reader import Recording as Recording
 from .reader import StereoPair as StereoPair

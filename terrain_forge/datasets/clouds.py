@@ -7,7 +7,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.datasets.poses import Poses, Stamps
+from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
+from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
 
 Layout = Literal["velodyne", "ouster"]
@@ -23,11 +24,10 @@ _VELODYNE = np.dtype(
 _OUSTER_NAMES = ["x", "y", "z", "intensity", "t", "reflectivity", "ring", "ambient", "range"]
 
 
-def layout_of(lidar: RecordedLidar) -> Layout:
+def layout_of(recording: Recording, lidar: RecordedLidar) -> Layout:
     """The layout of the driver that a lidar's figures are of: Ouster's, or else Velodyne's."""
-    words = f"{lidar.about.get('layout', '')} {lidar.about.get('preset', '')}".lower()
-    ouster = any(word.startswith(("os0", "os1", "os2", "ouster")) for word in words.split())
-    return "ouster" if ouster else "velodyne"
+    preset = str(recording.recipe_of(lidar).get("preset", ""))
+    return "ouster" if preset.startswith(("os0", "os1", "os2")) else "velodyne"
 
 
 def packed(points: NDArray[Any], layout: Layout, ring_bits: int = 8) -> NDArray[Any]:
@@ -81,6 +81,25 @@ def in_world(points: NDArray[Any], begin: int, lidar_poses: Poses) -> NDArray[np
     when, which = np.unique(nanoseconds(points), return_inverse=True)
     poses = lidar_poses.at(begin + when).matrices[which]
     return moved(places(points), poses)
+
+
+def at_stamp(
+    sweep: NDArray[Any], begin: int, stamp: int, lidar: RecordedLidar, lidar_poses: Poses
+) -> NDArray[np.float64]:
+    """Places of a sweep's points where the lidar sees them at a stamp [m], by the true motion.
+
+    Those on the rover, which moves with the lidar, stay.
+    """
+    back = inverse_pose(lidar_poses.at(np.array([stamp])).matrices[0])
+    seen = moved(in_world(sweep, begin, lidar_poses), back)
+    return np.where(on_rover(sweep, lidar)[:, None], places(sweep), seen)
+
+
+def on_rover(sweep: NDArray[Any], lidar: RecordedLidar) -> NDArray[np.bool_]:
+    """Which points are on the rover itself."""
+    if "instance" not in (sweep.dtype.names or ()) or "rover" not in lidar.codes:
+        return np.zeros(len(sweep), np.bool_)
+    return np.asarray(sweep["instance"] == lidar.codes["rover"])
 
 
 def moved(points: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,11 @@ from terrain_forge.writers import write_png
 RECTIFIED = "rectified"
 """The stream of pictures without distortion, beside raw ones."""
 _FARTHEST = 2**16 - 1
+
+
+def truth_stream(camera: RecordedCamera) -> str:
+    """The stream of the pictures whose pixels the truth is of."""
+    return RECTIFIED if RECTIFIED in camera.channels else "data"
 
 
 def straight_stream(camera: RecordedCamera) -> str:
@@ -65,6 +71,12 @@ def grey(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def bits_of(camera: RecordedCamera, stream: str = "data") -> int:
     """Bits of a picture's values, as its stream tells; 8 or, of wider ones, 16 by default."""
     return int(camera.channels[stream].get("bits", 16))
+
+
+def bits_losses(cameras: Iterable[RecordedCamera]) -> list[str]:
+    """What is lost of pictures of more than 8 bits."""
+    wide = [one.name for one in cameras if int(one.channels["data"].get("bits", 8)) > 8]
+    return [f"Of the pictures of {', '.join(wide)} only the 8 upper bits are written."] * bool(wide)
 
 
 def picture_of(camera: RecordedCamera, number: int, stream: str) -> NDArray[np.uint8]:

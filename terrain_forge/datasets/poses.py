@@ -53,7 +53,7 @@ def quaternion_from_matrix(rotation: Array) -> Array:
     return np.asarray(np.where(unit[..., :1] < 0.0, -unit, unit))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Poses:
     """Where a frame is at some times."""
 

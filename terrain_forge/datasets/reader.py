@@ -31,7 +31,7 @@ _PARALLEL = 1e-9
 _KINDS: dict[str, type[RecordedSensor]] = {"camera": RecordedCamera, "lidar": RecordedLidar}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class StereoPair:
     """Two cameras side by side that take their pictures at once."""
 
@@ -49,7 +49,7 @@ class StereoPair:
         return self.left.straight and self.right.straight and same
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
     """A recorded dataset on disk."""
 
@@ -91,6 +91,11 @@ class Recording:
                 return one
         known = ", ".join(f"{one.key} ({one.name})" for one in self.sensors)
         raise DataError(f"no sensor {name!r} was recorded, there are: {known}")
+
+    def recipe_of(self, sensor: RecordedSensor) -> Mapping[str, Any]:
+        """What the recipe says of a sensor; nothing where dataset.json does not have it."""
+        told = self.about.get("sensors", [])
+        return next((one for one in told if one.get("name") == sensor.name), {})
 
     @property
     def name(self) -> str:

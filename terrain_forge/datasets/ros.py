@@ -12,6 +12,7 @@ import numpy as np
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable, xyzw
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
+from terrain_forge.datasets.pictures import bits_losses, picture_of
 from terrain_forge.datasets.poses import Poses, inverse_pose, quaternion_from_matrix
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import (
@@ -164,9 +165,9 @@ class RosMessages:
 
         def images() -> Iterator[tuple[int, Any]]:
             for number, stamp in enumerate(camera.stamps.tolist()):
-                picture = camera.image(number)
+                picture = picture_of(camera, number, "data")
                 encoding = "rgb8" if picture.ndim == 3 else "mono8"
-                yield stamp, self._image(stamp, frame, picture[..., :3], encoding)
+                yield stamp, self._image(stamp, frame, picture, encoding)
 
         def depths() -> Iterator[tuple[int, Any]]:
             for number, stamp in enumerate(camera.stamps.tolist()):
@@ -209,7 +210,7 @@ class RosMessages:
 
     def _cloud_topic(self, lidar: RecordedLidar, number: int) -> Topic:
         own = self.options.cloud
-        layout: Layout = layout_of(lidar) if own == "lidar" else own
+        layout: Layout = layout_of(self.recording, lidar) if own == "lidar" else own
 
         def clouds() -> Iterator[tuple[int, Any]]:
             for index, stamp in enumerate(lidar.stamps.tolist()):
@@ -347,6 +348,7 @@ def in_order(topics: list[Topic], span: tuple[int, int], progress: Progress) -> 
 def losses(messages: RosMessages) -> tuple[str, ...]:
     """What a bag does not say of a recording."""
     found = ["Instances, classes, normals, flow and shadows of pictures are not in the bag."]
+    found += bits_losses(s for s in messages.sensors if isinstance(s, RecordedCamera))
     if untold := messages.untold():
         found.append(f"No message of ROS is written for {', '.join(untold)}.")
     if any(sensor.key.startswith("lidar") for sensor in messages.sensors):

@@ -26,7 +26,7 @@ _LARGEST_TABLE = 2**34
 POINT_FIELDS = ("x", "y", "z", "intensity", "ring", "time", "instance")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSensor:
     """A sensor's folder in a recording."""
 
@@ -171,7 +171,7 @@ def _bits(path: Path) -> int:
         return file.read(25)[24]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedCamera(RecordedSensor):
     """A camera's pictures and calibration, in OpenCV's convention: a first pixel's centre is 0."""
 
@@ -219,9 +219,9 @@ class RecordedCamera(RecordedSensor):
         Raises:
             DataError: if its depth was not recorded, or the factor is not told.
         """
-        told = self.channels.get("depth", {}).get("factor")
+        told = self.channels.get("depth", {}).get("values_per_metre")
         if not isinstance(told, int | float) or told <= 0:
-            raise DataError(f"{self.key} has no depth, or no factor of it above 0")
+            raise DataError(f"{self.key} has no depth, or no values_per_metre of it above 0")
         return float(told)
 
     def depth(self, number: int) -> Array:
@@ -249,11 +249,17 @@ class RecordedCamera(RecordedSensor):
             return np.asarray(picture)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedLidar(RecordedSensor):
     """A lidar's sweeps: points in its frame at each point's own time."""
 
     word: ClassVar[str] = "lidar"
+
+    @property
+    def codes(self) -> Mapping[str, Any]:
+        """Instances that are no rock's: what a point is on, and its number."""
+        told = self.channels["data"].get("instance", {})
+        return told if isinstance(told, Mapping) else {}
 
     def sweep(self, number: int) -> NDArray[Any]:
         """The points of a sweep, fields x, y, z [m], intensity, ring, time [s], instance."""
@@ -268,7 +274,7 @@ class RecordedLidar(RecordedSensor):
         return np.array(points)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSeries(RecordedSensor):
     """A sensor whose measurements are the rows of a table."""
 

@@ -1,7 +1,7 @@
 """Figures of lidars that are sold, for the presets of `sensors/lidar.py`.
 
 Beams are listed as the makers' drivers number them: Velodyne's and Livox's from the lowest up,
-Ouster's from the highest down. docs/sensors.md tells which figures are assumptions.
+Ouster's from the highest down. docs/lidars.md tells which figures are assumptions.
 """
 
 from __future__ import annotations

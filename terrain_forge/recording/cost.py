@@ -6,17 +6,22 @@ from collections.abc import Iterator, Sequence
 
 from terrain_forge.base import size_text
 from terrain_forge.building import pace
-from terrain_forge.model import Sensor, Site
+from terrain_forge.model import CameraSensor, LidarSensor, Sensor, Site
 from terrain_forge.paths import duration
+from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recording.rig import QUICK
 from terrain_forge.recording.setting import as_recorded
 from terrain_forge.sensors import Frames, instrument_kinds
 
 PIXEL = 1.2e-7, 0.65
-"""Time to make a pixel of a picture [s], and its bytes, on the machine of `building.pace`."""
+"""Time to make a pixel of a grey picture of 8 bits [s], and its bytes, on the machine of
+`building.pace`."""
 CHANNEL = 4e-8, 0.7
 """Time and bytes that a further channel takes for each pixel."""
-POINT = 1.5e-7, 30.0
-"""Of a lidar's point."""
+RAY, POINT = 1.2e-7, 26.0
+"""Time of a lidar's ray [s], and bytes of its point."""
+_CONE = 7
+"""Rays of a beam that diverges."""
 ROW = 1e-6, 130.0
 """Of a row of a table."""
 TRUTH_RATE, TRUTH_ROW = 200.0, 500.0
@@ -25,15 +30,25 @@ TRUTH_RATE, TRUTH_ROW = 200.0, 500.0
 
 def measurement_cost(sensor: Sensor) -> tuple[float, float]:
     """About the time [s] that a measurement takes, and the bytes of its files."""
-    seconds, size = ROW
-    for part in sensor.simple:
-        pixels = part.view.width_px * part.view.height_px if part.view else 0
-        channels, columns = getattr(part, "channels", ()), getattr(part, "horizontal_samples", 0)
-        more, beams = (len(channels), 0) if isinstance(channels, tuple) else (0, channels)
-        points = beams * columns
-        seconds += pixels * (PIXEL[0] + more * CHANNEL[0]) + points * POINT[0]
-        size += pixels * (PIXEL[1] + more * CHANNEL[1]) + points * POINT[1]
-    return seconds, size
+    parts = [_picture(p) for p in sensor.simple if isinstance(p, CameraSensor)]
+    parts += [_sweep(p) for p in sensor.simple if isinstance(p, LidarSensor)]
+    seconds, size = zip(ROW, *parts, strict=True)
+    return sum(seconds), sum(size)
+
+
+def _picture(camera: CameraSensor) -> tuple[float, float]:
+    pixels, pictures = camera.width_px * camera.height_px, len(camera.images)
+    seen = pictures * camera.motion_blur
+    values = pictures * (3 if camera.colour else 1) * (1 if camera.bits == 8 else 2)
+    more = len(camera.channels)
+    seconds = pixels * (PIXEL[0] * seen + CHANNEL[0] * more)
+    return seconds, pixels * (PIXEL[1] * values + CHANNEL[1] * more)
+
+
+def _sweep(lidar: LidarSensor) -> tuple[float, float]:
+    points = len(lidar.elevations) / (lidar.column_s * lidar.rate_hz)
+    rays = points * (_CONE if lidar.divergence_mrad else 1)
+    return RAY * rays, POINT * points
 
 
 def seconds_of(sensor: Sensor) -> float:
@@ -60,7 +75,7 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
         yield "  cost         known when its path is planned on the finished ground"
         return
     length += 2.0 * spec.still_s + spec.ramp_s
-    counts = [one.rate_hz * length for one in recorded]
+    counts = [length * _rate(one, spec) for one in recorded]
     costs = [measurement_cost(one) for one in recorded]
     seconds = pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True))
     size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True))
@@ -72,3 +87,9 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
         f"  cost         {length:,.0f} s, {frames:,.0f} measurements: about "
         f"{seconds / 60:,.1f} min, {size_text(int(size))} on disk"
     )
+
+
+def _rate(sensor: Sensor, spec: DatasetSpec) -> float:
+    """Measurements that are recorded per second [Hz]."""
+    few = spec.profile == "quick" and issubclass(instrument_kinds()[sensor.kind], Frames)
+    return min(sensor.rate_hz, QUICK) if few else sensor.rate_hz

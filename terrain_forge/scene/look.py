@@ -400,6 +400,7 @@ def _look_bands(  # type: ignore[no-untyped-def]
                 world, stage, relief, wheels, passing, view, room, space, left, band * _BAND,
                 seen,
             )  # fmt: skip
+    workspace[0] = memory[0, 0, 0] + np.float32(poses[0, 0, 0])  # what is lent lives until here
 
 
 @kernel
@@ -501,6 +502,7 @@ def _refine(  # type: ignore[no-untyped-def]
         )  # fmt: skip
         if mixed and state[row, column] == _LIGHT:
             state[row, column] = _PARTLY
+    workspace[0] = memory[0, 0, 0] + np.float32(poses[0, 0, 0])  # what is lent lives until here
 
 
 @kernel

@@ -10,6 +10,8 @@ from .instrument import Stream as Stream
 from .instrument import instrument_kinds as instrument_kinds
 from .instrument import instruments_of as instruments_of
 from .lens import OPTICAL as OPTICAL
+from .likeness import ImageStatistics as ImageStatistics
+from .likeness import image_statistics as image_statistics
 from .links import RoverLinks as RoverLinks
 from .links import rolled as rolled
 from .motion import Curve as Curve

@@ -21,7 +21,7 @@ from terrain_forge.model import Mesh, Site, World
 from terrain_forge.scene import Apron
 from terrain_forge.writers import vertex_normals
 
-_RINGS = (2, 2, 4, 8)
+_RINGS = (1, 1, 2, 4, 8)
 """Rings before their nodes are halved, from the border on; the last goes on."""
 _FEWEST = 32
 """Cells along the shorter side below which nothing is halved any more."""
@@ -277,8 +277,13 @@ def _dtm_at(site: Site, points: Array) -> tuple[Array, Array]:
 
 def _border_normals(world: World) -> Array:
     """Unit normals of the ground at its border's nodes, as the renderer takes them."""
-    ground = world.ground
-    slopes: Any = np.gradient(ground.elevation.astype(np.float64), ground.spacing)
-    north, east = (_border(slope) for slope in slopes)
-    normals = np.column_stack([-east, -north, np.ones(len(east))])
+    z, spacing = world.ground.elevation, world.ground.spacing
+    strips = ((z[:2], 0), (z[:, -2:].T, 1), (z[-2:], 1), (z[:, :2].T, 0))  # S, E, N, W
+    slopes = []
+    for number, (strip, own) in enumerate(strips):
+        across, along = (part[own] for part in np.gradient(strip.astype(np.float64), spacing))
+        east, north = (along, across) if number % 2 == 0 else (across, along)
+        side = np.column_stack([-east, -north, np.ones(len(east))])
+        slopes.append(side[:-1] if number < 2 else side[:0:-1])
+    normals = np.concatenate(slopes)
     return np.asarray(normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True)))

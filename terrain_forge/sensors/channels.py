@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Mask
+from terrain_forge.base import Array, Mask, kernel, over_chunks, portable
 from terrain_forge.scene import BODY, MISSED
 from terrain_forge.sensors.labels import CLASSES, Labels
-from terrain_forge.sensors.lens import Lens, project, rays_of
+from terrain_forge.sensors.lens import Lens, project, rays_of, shown
 from terrain_forge.sensors.picture import Exposure
 from terrain_forge.sensors.scenery import Scenery
 from terrain_forge.writers import encode_png
@@ -22,6 +22,8 @@ DISPARITY_FACTOR = 256.0
 """Values of a disparity image for a pixel, as in KITTI."""
 FLOW_FACTOR, FLOW_ZERO = 64.0, 32768.0
 """Values of a flow image for a pixel, and for no motion, as in KITTI."""
+_TURNS = 4
+"""How often a row is looked for that is exposed when it sees a place."""
 _LIFT, _NEAR = 2e-4, 1e-3
 """What an occluder must be nearer than the point by: of the distance, and at least [m]."""
 
@@ -41,6 +43,21 @@ def depth_file(depth: NDArray[np.float32], factor: float | None) -> bytes:
     return encode_png(np.where(values < _MOST + 1, values, 0.0).astype(np.uint16))
 
 
+def points_of(exposure: Exposure, lens: Lens, position: Array, rotation: Array) -> Array:
+    """Where a picture's rays met something [m], shape [height, width, 3]; NaN for the sky.
+
+    Args:
+        exposure: The picture.
+        lens: The camera's.
+        position: Its place at each row [m], shape [height, 3].
+        rotation: From the optical frame to the world, shape [height, 3, 3].
+    """
+    points = np.empty((*exposure.distance.shape, 3))
+    poses = np.ascontiguousarray(position), np.ascontiguousarray(rotation)
+    over_chunks(_reach, len(points), exposure.distance, rays_of(lens), *poses, points)
+    return points
+
+
 def normals_file(exposure: Exposure, rotation: Array) -> bytes:
     """Normals in the optical frame, -1 to 1 as 1 to 65535; 0 where there is none.
 
@@ -48,9 +65,9 @@ def normals_file(exposure: Exposure, rotation: Array) -> bytes:
         exposure: The picture.
         rotation: From the optical frame to the world of each row, shape [height, 3, 3].
     """
-    own = np.einsum("hwi,hij->hwj", exposure.normal.astype(np.float64), rotation)
-    values = np.clip(own * 32767.0 + 32768.5, 1.0, _MOST).astype(np.uint16)
-    values[exposure.instance == MISSED] = 0
+    values = np.empty(exposure.normal.shape, dtype=np.uint16)
+    turns = np.ascontiguousarray(rotation)
+    over_chunks(_code_normals, len(values), exposure.normal, turns, values)
     return encode_png(values)
 
 
@@ -108,21 +125,21 @@ def occlusion_file(
     """
     met = np.isfinite(exposure.depth)
     towards = points[met] - other
-    distance = np.sqrt((towards**2).sum(axis=1))
+    distance = portable.norm(towards)
     rays = towards / distance[:, None]
-    hits = scenery.cast(np.broadcast_to(other, rays.shape).copy(), rays, time)
+    hits = scenery.cast(np.tile(other, (len(rays), 1)), rays, time)
     hidden = hits.distance < distance * (1.0 - _LIFT) - _NEAR
-    outside = ~within(lens, *project(lens, rays @ turn))
     values = np.zeros(exposure.depth.shape, dtype=np.uint8)
-    values[met] = np.where(hidden | outside, 255, 0)
+    values[met] = np.where(hidden | ~within(lens, portable.product(rays, turn)), 255, 0)
     return encode_png(values)
 
 
-def within(lens: Lens, pixels: Array, seen: Mask) -> Mask:
-    """Which places lie in the picture."""
-    inside = (pixels > -0.5).all(axis=1)
-    inside &= (pixels[:, 0] < lens.width - 0.5) & (pixels[:, 1] < lens.height - 0.5)
-    return np.asarray(seen & inside)
+def within(lens: Lens, points: Array) -> Mask:
+    """Which points, in the optical frame, lie in the picture."""
+    pixels, seen = project(lens, points)
+    columns, rows = pixels.T
+    across = (columns > -0.5) & (columns < lens.width - 0.5)
+    return np.asarray(seen & across & (rows > -0.5) & (rows < lens.height - 0.5))
 
 
 def flow_file(
@@ -141,26 +158,13 @@ def flow_file(
         rotation: From the optical frame to the world then, shape [height, 3, 3].
         here: From the optical frame to the world at each row now, shape [height, 3, 3].
     """
-    height, width = exposure.depth.shape
-    sky = ~np.isfinite(exposure.depth).reshape(-1)
-    far = np.einsum("hij,hwj->hwi", here, rays_of(lens).astype(np.float64)).reshape(-1, 3)
-    flat = points.reshape(-1, 3)
-    row = np.full(height * width, height // 2)
-    pixels, seen = np.zeros((0, 2)), np.zeros(0, np.bool_)
-    for _ in range(4 if np.ptp(position, axis=0).any() else 1):  # each row is exposed when it is
-        towards = np.where(sky[:, None], far, flat - position[row])
-        own = np.einsum("ni,nij->nj", towards, rotation[row])
-        pixels, seen = project(lens, own)
-        down = np.where(np.isfinite(pixels[:, 1]), pixels[:, 1], 0.0)
-        row = np.clip(np.rint(down), 0, height - 1).astype(np.int64)
-    now = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
-    values = (pixels - now) * FLOW_FACTOR + FLOW_ZERO + 0.5
-    known = seen & (exposure.instance.reshape(-1) != BODY)
-    known &= (values >= 1.0).all(axis=1) & (values < _MOST + 1).all(axis=1)
-    image = np.zeros((height * width, 3), dtype=np.uint16)
-    image[known, :2] = values[known]
-    image[known, 2] = 1
-    return encode_png(image.reshape(height, width, 3))
+    values = np.zeros((*exposure.depth.shape, 3), dtype=np.uint16)
+    poses = (np.ascontiguousarray(part) for part in (position, rotation, here))
+    turns = _TURNS if np.ptp(position, axis=0).any() else 1
+    over_chunks(
+        _follow, len(values), exposure.instance, points, rays_of(lens), lens, *poses, turns, values
+    )
+    return encode_png(values)
 
 
 def no_flow_file(lens: Lens) -> bytes:
@@ -197,3 +201,60 @@ def stream_figures(channel: str, *, factor: float | None, wide: bool) -> Mapping
         },
     }
     return every[channel]
+
+
+@kernel
+def _reach(first, last, distance, rays, position, rotation, points):  # type: ignore[no-untyped-def]
+    for j in range(first, last):
+        turn = rotation[j]
+        for i in range(points.shape[1]):
+            far = distance[j, i] if np.isfinite(distance[j, i]) else np.nan
+            x, y, z = far * rays[j, i, 0], far * rays[j, i, 1], far * rays[j, i, 2]
+            for k in range(3):
+                points[j, i, k] = position[j, k] + turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z
+
+
+@kernel
+def _code_normals(first, last, normals, rotation, values):  # type: ignore[no-untyped-def]
+    for j in range(first, last):
+        turn = rotation[j]
+        for i in range(values.shape[1]):
+            x, y, z = normals[j, i, 0], normals[j, i, 1], normals[j, i, 2]
+            there = x != 0.0 or y != 0.0 or z != 0.0
+            for k in range(3):
+                own = turn[0, k] * x + turn[1, k] * y + turn[2, k] * z
+                coded = min(max(own * 32767.0 + 32768.5, 1.0), 65535.0)
+                values[j, i, k] = np.uint16(coded) if there else np.uint16(0)
+
+
+@kernel
+def _follow(  # type: ignore[no-untyped-def]
+    first, last, instance, points, rays, lens, position, rotation, here, turns, values
+):
+    height = len(rotation)
+    for j in range(first, last):
+        for i in range(values.shape[1]):
+            if instance[j, i] == BODY:
+                continue
+            row, u, v, seen = height // 2, 0.0, 0.0, False
+            ray = rays[j, i]
+            for _ in range(turns):
+                x = y = z = 0.0
+                for k in range(3):
+                    if instance[j, i] == MISSED:
+                        way = (
+                            here[j, k, 0] * ray[0] + here[j, k, 1] * ray[1] + here[j, k, 2] * ray[2]
+                        )
+                    else:
+                        way = points[j, i, k] - position[row, k]
+                    x += way * rotation[row, k, 0]
+                    y += way * rotation[row, k, 1]
+                    z += way * rotation[row, k, 2]
+                u, v, seen = shown(lens, x, y, z)
+                if not seen:
+                    break
+                row = min(max(int(np.floor(v + 0.5)), 0), height - 1)
+            across, down = (u - i) * FLOW_FACTOR + FLOW_ZERO, (v - j) * FLOW_FACTOR + FLOW_ZERO
+            if seen and 0.5 <= across < 65535.0 and 0.5 <= down < 65535.0:
+                values[j, i, 0], values[j, i, 1] = np.uint16(across + 0.5), np.uint16(down + 0.5)
+                values[j, i, 2] = 1

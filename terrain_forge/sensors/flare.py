@@ -1,13 +1,12 @@
 """The Sun in a lens: its disc, the veil and the star around it, and ghosts across the picture.
 
-Light that lens surfaces scatter falls with the square of the angle; what they reflect twice lies on
-the line through the Sun and the principal point. All of it is radiance before the chip counts it.
+Light that lens surfaces scatter falls with the square of the distance; what they reflect twice lies
+on the line through the Sun and the principal point. All of it is radiance before the chip counts.
 """
 
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,8 @@ _LOOKS = 32
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 _CORE = 0.02
 """Angle around the Sun within which the veil is even [rad]."""
+_SPREAD = math.pi * math.log1p(2.0 / _CORE**2)
+"""Integral of 1 / (c² + core²) over the hemisphere around the Sun, c the chord to it [sr]."""
 _RAY_WIDTH, _RAY_LENGTH = 0.002, 0.12
 """Of the star's rays [rad]."""
 _NEAREST, _FARTHEST = 0.6, -1.3
@@ -75,38 +76,36 @@ def add_sun(
     if sun.part <= 0.0 or axial <= 0.0:
         return
     pixels, seen = project(lens, sun.towards[None])
-    disc = sun.irradiance / (math.pi * sun.radius**2)
-    spots, astray = np.zeros((0, 6)), np.zeros(2)
-    place = pixels[0] if seen[0] else np.full(2, np.inf)
+    near = _within(lens, pixels[0]) if seen[0] else 0.0
+    towards = float(sun.towards[0]), float(sun.towards[1]), axial
+    light, star, spikes = sun.irradiance * sun.part * axial, 0.0, np.zeros((0, 2))
+    twist = 2.0 * math.pi * float(uniform(mix(key, 0)))
     if flare is not None:
-        light = sun.irradiance * sun.part * axial
-        astray = light * np.array([flare.veil / _spread(), flare.star])
-        if seen[0]:
-            spots = _ghosts(lens, flare, place, key)
-            spots[:, 3:6] *= light * _within(lens, place)
-    rays = flare.blades * (1 + flare.blades % 2) if flare else 1
-    turn = float(uniform(mix(key, 0)))
+        veil = light * flare.veil / _SPREAD
+        over_chunks(_veil, len(radiance), radiance, rays_of(lens), towards, veil)
+        star, rays = light * flare.star / math.sqrt(2.0 * math.pi), flare.blades
+        angles = twist + 2.0 * math.pi / rays * np.arange(rays)
+        spikes = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        if rays % 2:  # each edge of the aperture throws light to both sides
+            spikes = np.concatenate([spikes, -spikes])
+    if near <= 0.0:
+        return
     over_chunks(
         _shine,
         len(radiance),
         radiance,
         sky,
         rays_of(lens),
-        (lens.focal[0], float(place[0]), float(place[1])),
-        (float(sun.towards[0]), float(sun.towards[1]), float(sun.towards[2])),
-        (disc, sun.radius, 1.0 / lens.focal[0]),
-        (float(astray[0]), float(astray[1])),
-        (rays, flare.blades if flare else 3, turn),
-        spots,
+        (lens.focal[0], float(pixels[0, 0]), float(pixels[0, 1])),
+        towards,
+        (sun.irradiance / (math.pi * sun.radius**2), sun.radius, 1.0 / lens.focal[0]),
+        star,
+        spikes,
     )
-
-
-@cache
-def _spread() -> float:
-    """Integral of 1 / (θ² + core²) over the hemisphere around the Sun [sr/rad²]."""
-    steps = (np.arange(20_000) + 0.5) * (0.5 * math.pi / 20_000)
-    rings = 2.0 * math.pi * np.sin(steps) / (steps**2 + _CORE**2)
-    return math.fsum(rings) * 0.5 * math.pi / 20_000
+    if flare is not None:
+        spots = _ghosts(lens, flare, pixels[0], key)
+        spots[:, 3:6] *= light * near
+        _reflect(radiance, spots, flare.blades, twist)
 
 
 def _within(lens: Lens, place: Array) -> float:
@@ -133,53 +132,69 @@ def _ghosts(lens: Lens, flare: LensFlare, place: Array, key: np.uint64) -> Array
 
 
 @kernel
-def _shine(  # type: ignore[no-untyped-def]
-    first, last, radiance, sky, rays, frame, towards, disc, astray, corners, spots
-):
-    """Add the Sun's light to rows of a picture."""
-    focal, column, row = frame
-    glow, radius, pixel = disc
-    veil, star = astray
-    points, blades, twist = corners
-    channels = radiance.shape[2]
+def _veil(first, last, radiance, rays, towards, veil):  # type: ignore[no-untyped-def]
+    """Add the scattered light of the Sun to rows of a picture."""
+    core, channels = np.float32(_CORE * _CORE), radiance.shape[2]
+    east, down, ahead = np.float32(towards[0]), np.float32(towards[1]), np.float32(towards[2])
     for j in range(first, last):
         for i in range(radiance.shape[1]):
-            x = rays[j, i, 0] - towards[0]
-            y = rays[j, i, 1] - towards[1]
-            z = rays[j, i, 2] - towards[2]
-            chord = 0.5 * np.sqrt(x * x + y * y + z * z)
-            angle = 2.0 * np.arcsin(min(chord, 1.0))
-            light = veil / (angle * angle + _CORE * _CORE)
-            if sky[j, i]:
-                light += glow * min(max((radius - angle) / pixel + 0.5, 0.0), 1.0)
-            x, y = (i - column) / focal, (j - row) / focal
-            away = np.sqrt(x * x + y * y)
-            if star > 0.0 and 0.0 < away < 8.0 * _RAY_LENGTH:
-                step = 2.0 * np.pi / points
-                turn = np.arctan2(y, x) / step + twist
-                aside = step * (turn - np.floor(turn + 0.5))
-                across = away * np.sin(aside) / _RAY_WIDTH
-                if np.abs(across) < 6.0:
-                    shape = np.exp(-0.5 * across * across - away * np.cos(aside) / _RAY_LENGTH)
-                    light += star * shape / (2.5066 * _RAY_WIDTH * _RAY_LENGTH * points)
+            x, y, z = rays[j, i, 0] - east, rays[j, i, 1] - down, rays[j, i, 2] - ahead
+            light = np.float32(veil) / (x * x + y * y + z * z + core)
             for c in range(channels):
                 radiance[j, i, c] += light
+
+
+@kernel
+def _shine(  # type: ignore[no-untyped-def]
+    first, last, radiance, sky, rays, frame, towards, disc, star, spikes
+):
+    """Add the Sun's disc and its star to rows of a picture."""
+    focal, column, row = frame
+    glow, radius, pixel = disc
+    near, scale = (2.0 * radius + 2.0 * pixel) ** 2, star / (len(spikes) * _RAY_WIDTH * _RAY_LENGTH)
+    for j in range(first, last):
+        for i in range(radiance.shape[1]):
+            light = 0.0
+            x, y, z = (
+                rays[j, i, 0] - towards[0],
+                rays[j, i, 1] - towards[1],
+                rays[j, i, 2] - towards[2],
+            )
+            chord = x * x + y * y + z * z
+            if chord < near and sky[j, i]:
+                light = glow * min(max((radius - np.sqrt(chord)) / pixel + 0.5, 0.0), 1.0)
+            x, y = (i - column) / focal, (j - row) / focal
+            for n in range(len(spikes)):
+                along = x * spikes[n, 0] + y * spikes[n, 1]
+                aside = abs(x * spikes[n, 1] - y * spikes[n, 0])
+                if aside < 5.0 * _RAY_WIDTH and 0.0 < along < 8.0 * _RAY_LENGTH:
+                    across = aside / _RAY_WIDTH
+                    light += scale * np.exp(-0.5 * across * across - along / _RAY_LENGTH)
+            if light > 0.0:
+                for c in range(radiance.shape[2]):
+                    radiance[j, i, c] += light
+
+
+@kernel
+def _reflect(radiance, spots, blades, twist):  # type: ignore[no-untyped-def]
+    """Add ghosts: polygons that are brighter towards their edge."""
+    rows, columns, channels = radiance.shape
+    step = 2.0 * np.pi / blades
     for n in range(len(spots)):
         size = spots[n, 2]
-        top = max(first, int(np.floor(spots[n, 1] - 1.5 * size)))
-        bottom = min(last - 1, int(np.ceil(spots[n, 1] + 1.5 * size)))
+        mean = (spots[n, 3] + spots[n, 4] + spots[n, 5]) / 3.0
+        top = max(0, int(np.floor(spots[n, 1] - 1.5 * size)))
+        bottom = min(rows - 1, int(np.ceil(spots[n, 1] + 1.5 * size)))
         left = max(0, int(np.floor(spots[n, 0] - 1.5 * size)))
-        right = min(radiance.shape[1] - 1, int(np.ceil(spots[n, 0] + 1.5 * size)))
-        step = 2.0 * np.pi / blades
+        right = min(columns - 1, int(np.ceil(spots[n, 0] + 1.5 * size)))
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):
                 x, y = i - spots[n, 0], j - spots[n, 1]
-                turn = np.arctan2(y, x) / step + twist
+                turn = (np.arctan2(y, x) - twist) / step
                 side = np.cos(step * (turn - np.floor(turn + 0.5)))
                 out = np.sqrt(x * x + y * y) * side
                 cover = min(max((size - out) / (0.06 * size + 1.0) + 0.5, 0.0), 1.0)
                 if cover > 0.0:
                     cover *= 0.7 + 0.6 * (out / size) ** 4
-                    mean = (spots[n, 3] + spots[n, 4] + spots[n, 5]) / 3.0
                     for c in range(channels):
                         radiance[j, i, c] += cover * (spots[n, 3 + c] if channels == 3 else mean)

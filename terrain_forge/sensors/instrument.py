@@ -87,12 +87,17 @@ class Instrument:
         turn = matrix(quaternion_from_rpy(self.sensor.rpy))
         return self.sensor.position, turn
 
+    @cached_property
+    def _origin(self) -> Array:
+        """Where its link's frame lies in base_link's [m], if it does not move there."""
+        return np.asarray(self.setting.world.rover.origins[self.sensor.link])
+
     def state(self, time: Array) -> State:
         """The state of the sensor's own frame at times [s]."""
         motion, link = self.setting.motion, self.sensor.link
         base, (place, turn) = motion.base.at(time), self.mount
         if (curve := motion.by_link.get(link)) is None:
-            return base.at_mount(self.setting.world.rover.origins[link] + place, turn)
+            return base.at_mount(self._origin + place, turn)
         return on_moving_link(base, curve.at(time)).at_mount(place, turn)
 
     @cached_property

@@ -213,21 +213,24 @@ def _unproject(lens, pixels, rays):  # type: ignore[no-untyped-def]
         rays[n, 0], rays[n, 1], rays[n, 2] = _ray(lens, pixels[n, 0], pixels[n, 1])
 
 
+@inner
+def shown(lens, x, y, z):  # type: ignore[no-untyped-def]
+    """Column and row of a point in the optical frame, and whether the lens shows it."""
+    across = np.sqrt(x * x + y * y)
+    if lens.kind == _FISHEYE:
+        angle = np.arctan2(across, z)
+        scale = _radius(lens, angle)[0] / across if across > 0.0 else 0.0
+        u, v, seen = scale * x, scale * y, angle <= lens.fold
+    else:
+        seen = z > 0.0 and across <= lens.fold * z
+        depth = z if z > 0.0 else np.nan
+        u, v = x / depth, y / depth
+        if lens.kind == _RADTAN:
+            u, v = _bend(lens, u, v)
+    return lens.focal[0] * u + lens.centre[0], lens.focal[1] * v + lens.centre[1], seen
+
+
 @kernel
 def _project(lens, points, pixels, seen):  # type: ignore[no-untyped-def]
     for n in range(len(points)):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        across = np.sqrt(x * x + y * y)
-        if lens.kind == _FISHEYE:
-            angle = np.arctan2(across, z)
-            scale = _radius(lens, angle)[0] / across if across > 0.0 else 0.0
-            u, v = scale * x, scale * y
-            seen[n] = angle <= lens.fold
-        else:
-            seen[n] = z > 0.0 and across <= lens.fold * z
-            depth = z if z > 0.0 else np.nan
-            u, v = x / depth, y / depth
-            if lens.kind == _RADTAN:
-                u, v = _bend(lens, u, v)
-        pixels[n, 0] = lens.focal[0] * u + lens.centre[0]
-        pixels[n, 1] = lens.focal[1] * v + lens.centre[1]
+        pixels[n, 0], pixels[n, 1], seen[n] = shown(lens, points[n, 0], points[n, 1], points[n, 2])

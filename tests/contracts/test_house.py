@@ -29,7 +29,7 @@ ORDER = [
     {"driving", "sensors"},
     {"validation", "datasets"},
     {"building", "exporters"},
-    {"recording"},
+    {"recording", "evaluation"},
     {"report", "terminal"},
     {"pipeline"},
     {"cli", "__init__"},

@@ -19,7 +19,14 @@ SPEED, TURN, HEIGHT = 0.5, 0.6, 0.4
 WIDTH, ROWS, FOCAL = 64, 48, 40.0
 BASELINE = 0.12
 FACTOR = 1000.0
-CLASSES = {"0": "sky", "1": "ground", "2": "rock", "3": "crater", "4": "track", "5": "rover"}
+CLASSES = {
+    str(number): name
+    for number, name in enumerate(
+        ("ground", "crater", "rock", "ripple", "track", "rover", "sky", "beyond")
+    )
+}
+ON_ROVER = (0.25, 0.0, -0.375)
+"""A point on the rover that each sweep has, in the lidar's frame."""
 OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 FIELDS = np.dtype(
     [
@@ -59,7 +66,9 @@ def on_plane(pose: np.ndarray, rays: np.ndarray) -> np.ndarray:
     return np.where(down < -0.05, found, np.nan)
 
 
-def write_recording(folder: Path, *, seconds: float = 1.0, lidar: bool = True, **changes) -> Path:
+def write_recording(
+    folder: Path, *, seconds: float = 1.0, lidar: bool = True, preset="vlp-16", **changes
+) -> Path:
     """Write the recording; `changes` are of the cameras' sensor.yaml."""
     mav, stamps = folder / "mav0", {}
     streams = []
@@ -75,7 +84,7 @@ def write_recording(folder: Path, *, seconds: float = 1.0, lidar: bool = True, *
             "intrinsics": [FOCAL, FOCAL, WIDTH / 2 - 0.5, ROWS / 2 - 0.5],
         }  # fmt: skip
         _sensor(mav / key, {**about, **changes}, mount, [(s, f"{s}.png") for s in stamps[key]])
-        channels = {"data": {}, "depth": {"factor": FACTOR}, "class": {}}
+        channels = {"data": {}, "depth": {"values_per_metre": FACTOR}, "class": {}}
         streams.append(
             {"folder": f"mav0/{key}", "name": name, "kind": "camera"} | {"channels": channels}
         )
@@ -84,9 +93,12 @@ def write_recording(folder: Path, *, seconds: float = 1.0, lidar: bool = True, *
         stamps["lidar0"] = [_stamp(t) for t in times]
         for number, time in enumerate(times):
             _sweep(mav / "lidar0" / "data", number, time)
-        about = {"sensor_type": "lidar", "rate_hz": 10.0, "rings": 4, "layout": "velodyne"}
+        about = {"sensor_type": "lidar", "rate_hz": 10.0, "rings": 4, "column_period_s": 0.1 / 90}
+        about |= {"range_min_m": 0.5, "range_max_m": 100.0}
         _sensor(mav / "lidar0", about, LIDAR, [(s, f"{s}.npy") for s in stamps["lidar0"]])
+        codes = {"instance": {"rock": "its id", "ground": -1, "beyond the site": -3, "rover": -4}}
         streams.append({"folder": "mav0/lidar0", "name": "lidar", "kind": "lidar"})
+        streams[-1]["channels"] = {"data": codes}
     ticks = np.arange(0.0, seconds + 1e-9, 0.005)
     stamps["imu0"] = [_stamp(t) for t in ticks]
     noise = {
@@ -105,7 +117,7 @@ def write_recording(folder: Path, *, seconds: float = 1.0, lidar: bool = True, *
         "version": 1, "world": {"name": "plane", "seed": 7}, "gravity_m_s2": GRAVITY,
         "motion": {"path": "circle", "source": "path"}, "body": "imu0", "classes": CLASSES,
         "transforms": {k: m.ravel().tolist() for k, m in mounts.items() if k in stamps},
-        "streams": streams,
+        "sensors": [{"name": "lidar", "kind": "lidar", "preset": preset}], "streams": streams,
     }  # fmt: skip
     (folder / "dataset.json").write_text(json.dumps(about, indent=1))
     return folder
@@ -132,11 +144,12 @@ def pixel_rays() -> np.ndarray:
 
 def _picture(folder: Path, time: float, pose: np.ndarray) -> None:
     depth = on_plane(pose, pixel_rays())
+    depth[:4, :8] = np.nan  # as of the sky
     seen = np.isfinite(depth) & (depth * FACTOR < 65_000)
     units = np.where(seen, np.round(np.nan_to_num(depth) * FACTOR), 0).astype(np.uint16)
     grey = np.where(seen, 60 + 10 * np.nan_to_num(depth) % 100, 200).astype(np.uint8)
-    kind = np.where(seen, 1, 0).astype(np.uint8)
-    kind[-8:, :8], kind[-8:, -8:], kind[-4:, 20:30] = 2, 3, 5
+    kind = np.where(seen, 0, 6).astype(np.uint8)
+    kind[-8:, :8], kind[-8:, -8:], kind[-4:, 20:30] = 2, 1, 5
     for name, image in (("data", grey), ("depth", units), ("class", kind)):
         (folder / name).mkdir(parents=True, exist_ok=True)
         Image.fromarray(image).save(folder / name / f"{_stamp(time)}.png")
@@ -156,6 +169,7 @@ def _sweep(folder: Path, number: int, begin: float) -> None:
             reach = on_plane(base_pose(begin + float(time)) @ LIDAR, ray)
             if np.isfinite(reach):
                 points.append((*(ray * reach), 10.0 + ring, ring, time, 7 if column < 3 else -1))
+    points.append((*ON_ROVER, 10.0, 0, time, -4))
     folder.mkdir(parents=True, exist_ok=True)
     np.save(folder / f"{_stamp(begin)}.npy", np.array(points, FIELDS))
 

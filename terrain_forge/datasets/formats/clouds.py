@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-
 from terrain_forge.base import ExportError, FileName, Progress, RecipeError, Spec
-from terrain_forge.datasets.clouds import in_world, moved, places
+from terrain_forge.datasets.clouds import at_stamp, in_world, on_rover, places
 from terrain_forge.datasets.point_files import Encoding, PointFile, points_of
-from terrain_forge.datasets.poses import inverse_pose, tum_text
+from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
 from terrain_forge.datasets.writer import DatasetWriter, needed, one_of
@@ -27,7 +25,8 @@ class Options(Spec):
     """`ply` and `pcd`, both binary; `laz`, in steps of 0.1 mm; `bin`, as KITTI's: place and
     intensity alone."""
     map: bool = False
-    """Write all sweeps as one map in the world's frame, instead of a file for each."""
+    """Write all sweeps as one map in the world's frame, without points on the rover, instead of a
+    file for each."""
     deskew: bool = False
     """Move the points of each sweep to where the lidar sees them at its first firing, by the true
     motion; a map is always made so."""
@@ -91,6 +90,7 @@ def _write_map(
         for done, number in enumerate(numbers):
             progress("writing clouds", done / len(numbers))
             begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
+            sweep = sweep[~on_rover(sweep, lidar)]
             file.add(points_of(sweep, in_world(sweep, begin, poses), begin * 1e-9))
     return len(lidar.stamps) - len(numbers)
 
@@ -110,8 +110,7 @@ def _write_sweeps(
         begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
         at = places(sweep)
         if options.deskew:
-            back = inverse_pose(poses.at(np.array([begin])).matrices[0])
-            at = moved(in_world(sweep, begin, poses), back)
+            at = at_stamp(sweep, begin, begin, lidar, poses)
         with PointFile(place / f"{begin}.{options.encoding}", options.encoding, wide=False) as file:
             file.add(points_of(sweep, at, 0.0))
     return len(lidar.stamps) - len(numbers)

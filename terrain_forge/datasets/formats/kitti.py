@@ -10,8 +10,13 @@ import numpy as np
 from annotated_types import Len, Predicate
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable
-from terrain_forge.datasets.clouds import in_world, moved
-from terrain_forge.datasets.pictures import rectified_pair, straight_stream, write_picture
+from terrain_forge.datasets.clouds import at_stamp
+from terrain_forge.datasets.pictures import (
+    bits_losses,
+    rectified_pair,
+    straight_stream,
+    write_picture,
+)
 from terrain_forge.datasets.poses import Poses, inverse_pose
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedLidar
@@ -69,6 +74,7 @@ class Kitti(DatasetWriter):
             "KITTI has no IMU, no odometry, no stamps but seconds from the first picture.",
             "Depth, labels and other truth of pixels are lost.",
         ]
+        losses += bits_losses((pair.left, pair.right))
         if coloured:
             losses.append("image_0 and image_1 are the grey of image_2 and image_3.")
         if lidar is not None:
@@ -136,8 +142,7 @@ def _write_scans(
             continue
         nearest = whole[int(np.argmin(np.abs(begins[whole] + length // 2 - stamp)))]
         points = lidar.sweep(nearest)
-        back = inverse_pose(poses.at(np.array([stamp])).matrices[0])
-        seen = moved(in_world(points, int(begins[nearest]), poses), back)
+        seen = at_stamp(points, int(begins[nearest]), stamp, lidar, poses)
         rows = np.hstack([seen, points["intensity"][:, None].astype(np.float64) / 100.0])
         path.write_bytes(rows.astype("<f4").tobytes())
     losses = [

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError, FileName, Positive, Progress, Spec
 from terrain_forge.datasets.clouds import places
-from terrain_forge.datasets.pictures import write_depth, write_picture
+from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar, RecordedSeries
 from terrain_forge.datasets.writer import DatasetWriter
@@ -19,13 +19,11 @@ from terrain_forge.writers import write_png
 
 REGOLITH, CRATER, ROCK, MOUNTAIN, SKY, NONE = 0, 1, 2, 3, 4, 255
 _CLASSES = {
-    "ground": REGOLITH, "regolith": REGOLITH, "ripple": REGOLITH, "track": REGOLITH,
-    "crater": CRATER, "rock": ROCK, "beyond": MOUNTAIN, "apron": MOUNTAIN, "mountain": MOUNTAIN,
-    "sky": SKY,
+    "ground": REGOLITH, "ripple": REGOLITH, "track": REGOLITH,
+    "crater": CRATER, "rock": ROCK, "beyond": MOUNTAIN, "sky": SKY,
 }  # fmt: skip
 """Our classes as LuSNAR's; what it has no word for is `NONE`."""
 _COLOURS = {REGOLITH: 0xBB469C, CRATER: 0x7800C8, ROCK: 0xE8FA50, MOUNTAIN: 0xAD451F, SKY: 0x22C9F8}
-_OF_POINTS = {REGOLITH: -1, CRATER: 0, ROCK: 174}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +34,8 @@ class Options(Spec):
     """The left camera of the pair, by its name or folder; the first pair by default."""
     labels: Literal["numbers", "lusnar"] = "numbers"
     """`numbers`: grey pictures of 0 regolith, 1 crater, 2 rock, 3 mountain, 4 sky, 255 none of
-    them, and the same of points; `lusnar`: that dataset's colours, and its -1, 0 and 174 of
-    points."""
+    them, and the same of points; `lusnar`: that dataset's colours, and -1 regolith, 174 rock of
+    points, without those on the rover."""
     depth_factor: Positive = 1000.0
     """Values of a depth picture in a metre."""
 
@@ -76,9 +74,10 @@ class Lusnar(DatasetWriter):
         losses = [
             "The rover itself has no class of LuSNAR's: 255 in pictures; ripples and tracks are "
             "regolith.",
-            "Points are rock or regolith: which of them lie in a crater is not told.",
+            "Points are rock, regolith or mountain: which of them lie in a crater is not told.",
             "Normals, instances, shadows, flow, odometry and all but the first lidar are lost.",
         ]
+        losses += bits_losses((pair.left, pair.right))
         if far:
             losses.append(f"{far} pixels are farther than 16 bits of depth reach: 0.")
         return tuple(losses)
@@ -117,7 +116,7 @@ def _write_camera(
     for number, stamp in enumerate(camera.stamps.tolist()):
         progress("writing lusnar", number / len(camera.stamps))
         name = f"{stamp}.png"
-        write_picture(folder / "RGB" / name, camera, number, "data", to_grey=False)
+        write_picture(folder / "RGB" / name, camera, number, truth_stream(camera), to_grey=False)
         depth = camera.depth(number)
         far += write_depth(folder / "Depth" / name, depth, options.depth_factor)
         labels = numbers[camera.image(number, "class")]
@@ -131,9 +130,13 @@ def _write_sweeps(folder: Path, lidar: RecordedLidar, options: Options) -> None:
     folder.mkdir()
     for number, stamp in enumerate(lidar.stamps.tolist()):
         points = lidar.sweep(number)
-        kinds = np.where(points["instance"] >= 0, ROCK, REGOLITH)
+        instance = points["instance"]
+        kinds = np.where(instance >= 0, ROCK, REGOLITH)
+        for name, kind in (("rover", NONE), ("beyond the site", MOUNTAIN)):
+            kinds[instance == lidar.codes.get(name)] = kind
         if options.labels == "lusnar":
-            kinds = np.where(kinds == ROCK, _OF_POINTS[ROCK], _OF_POINTS[REGOLITH])
+            points, kinds = points[kinds != NONE], kinds[kinds != NONE]
+            kinds = np.where(kinds == ROCK, 174, -1)
         rows = zip(*places(points).T.tolist(), kinds.tolist(), strict=True)
         text = "".join(f"{x:.6f} {y:.6f} {z:.6f} {kind}\n" for x, y, z, kind in rows)
         (folder / f"{stamp}.txt").write_text(text)

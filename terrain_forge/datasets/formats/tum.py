@@ -7,12 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from terrain_forge.base import ExportError, FileName, Progress, Spec
-from terrain_forge.datasets.pictures import (
-    RECTIFIED,
-    straight_stream,
-    write_depth,
-    write_picture,
-)
+from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedCamera
@@ -46,7 +41,7 @@ class Tum(DatasetWriter):
     ) -> tuple[str, ...]:
         """Write the sequence."""
         camera = _camera(recording, options)
-        stream = straight_stream(camera) if RECTIFIED in camera.channels else "data"
+        stream = truth_stream(camera)
         for name in ("rgb", "depth"):
             (folder / name).mkdir()
         far = pixels = 0
@@ -63,7 +58,7 @@ class Tum(DatasetWriter):
         truth = recording.truth_of(camera)
         head = "# timestamp tx ty tz qx qy qz qw, of the camera's optical frame in the world\n"
         (folder / "groundtruth.txt").write_text(head + tum_text(truth))
-        losses = ["One camera: no stereo, no lidar, no IMU, no labels."]
+        losses = [*bits_losses((camera,)), "One camera: no stereo, no lidar, no IMU, no labels."]
         if far:
             reach = 65535 / options.depth_factor
             losses.append(f"{far / pixels:.1%} of the pixels are farther than {reach:g} m: 0.")

@@ -86,9 +86,10 @@ class LidarSensor(Sensor):
     """Echoes of a beam that are nearer to each other than this merge into one between them [m]."""
     returns: Literal["strongest", "first", "last"] = "strongest"
     """Which echo of a beam is returned."""
-    intensity: Literal["power", "reflectivity"] = "power"
-    """What is 100 for a white surface that faces the lidar: `power` falls with the square of the
-    range and is 100 at 10 m, `reflectivity` makes up for the range."""
+    intensity: Literal["reflectivity", "power"] = "reflectivity"
+    """What a white surface that faces the lidar has 100 of: `reflectivity` is reflectance times the
+    cosine of incidence, the range made up for as in the devices themselves; `power` is that over
+    the square of the range, 100 at 10 m."""
     sees_rover: bool = True
     """Whether points on the rover itself are kept; else beams that it blocks return nothing."""
 

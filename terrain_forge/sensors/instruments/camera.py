@@ -239,9 +239,7 @@ class CameraFrames(Frames):
         """The files of the channels."""
         time, lens = float(self.times[number]) / NANOSECONDS, self.lens(self.truth_style)
         eye = self.eye(time)
-        rays = np.einsum("hij,hwj->hwi", eye.rotation, rays_of(lens).astype(np.float64))
-        met = np.where(np.isfinite(exposure.depth), exposure.distance, 0.0).astype(np.float64)
-        points = eye.position[:, None] + met[:, :, None] * rays
+        points = channels.points_of(exposure, lens, eye.position, eye.rotation)
         return {name: self._channel(name, number, exposure, eye, points) for name in self.channels}
 
     def _channel(
@@ -321,5 +319,5 @@ class CameraFrames(Frames):
         return self._see(rays, Eye(eye.time, np.full(rows, eye.time), *still)).radiance
 
     def _driven(self, time: float) -> float:
-        """How far along its motion the rover has come [m]."""
-        return float(travelled(self.setting.motion, time))
+        """How far along its motion the rover has left tracks [m]."""
+        return float(travelled(self.setting.motion, time)) if self.setting.tracks else -np.inf

@@ -205,7 +205,7 @@ def test_ranges_come_in_steps(hill):
 
 
 def test_power_falls_with_range_and_incidence(plain):
-    lidar = _lidar("paper-64", noise_m=0.0)
+    lidar = _lidar("paper-64", noise_m=0.0, intensity="power")
     sweep = take_sweep(plain, lidar, 3)
     points = deskewed_points(plain, lidar, sweep)
     mast = deskewed_points(plain, lidar, sweep.replace(points=0.0 * sweep.points))
@@ -220,7 +220,7 @@ def test_power_falls_with_range_and_incidence(plain):
 
 
 def test_weak_returns_are_lost(plain):
-    lidar = _lidar("paper-64", noise_m=0.0)
+    lidar = _lidar("paper-64", noise_m=0.0, intensity="power")
     every = take_sweep(plain, lidar, 3)
     some = take_sweep(plain, lidar.replace(range_at_tenth_m=9.0), 3)
     limit = 100.0 * 0.1 * (10.0 / 9.0) ** 2

@@ -1,0 +1,36 @@
+"""The calibration alone, in the words of SLAM systems."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from terrain_forge.base import Progress, Spec
+from terrain_forge.datasets.calibration import calibration_files
+from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.writer import DatasetWriter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Spec):
+    """Options of calibration files: none."""
+
+
+class Calibration(DatasetWriter):
+    """Writes a folder of each system, as recordings have in `calibration`."""
+
+    kind: ClassVar[str] = "calibration"
+    title: ClassVar[str] = "calibration of SLAM systems"
+    Options: ClassVar[type[Spec]] = Options
+
+    def write(
+        self, recording: Recording, folder: Path, options: Any, progress: Progress
+    ) -> tuple[str, ...]:
+        """Write the files."""
+        del options, progress
+        for name, text in calibration_files(recording).items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(text)
+        return ("Nothing but calibration.",)

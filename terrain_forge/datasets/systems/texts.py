@@ -1,0 +1,57 @@
+"""Numbers and tables as the systems' YAML readers take them: OpenCV's, PyYAML's, yaml-cpp's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from terrain_forge.base import Array
+
+OPENCV = "%YAML:1.0\n"
+"""First line of what OpenCV reads."""
+
+
+def number(value: float) -> str:
+    """A number that reads back as it is, with a point even before an exponent.
+
+    YAML 1.1 takes 1e-05 for a word, and OpenCV 1 for no real number.
+    """
+    text = repr(float(value))
+    head, mark, power = text.partition("e")
+    return f"{head if '.' in head else f'{head}.0'}{mark}{power}"
+
+
+def row(values: Iterable[float]) -> str:
+    """Numbers in brackets."""
+    return f"[{', '.join(map(number, values))}]"
+
+
+def opencv_matrix(name: str, values: Array) -> str:
+    """A matrix as OpenCV stores it."""
+    rows, columns = values.shape
+    return (
+        f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n"
+        f"   data: {row(values.ravel().tolist())}\n"
+    )
+
+
+def nested(name: str, values: Array, indent: str = "") -> str:
+    """A matrix as a list of rows."""
+    rows = "".join(f"{indent}- {row(one)}\n" for one in values.tolist())
+    return f"{indent[:-2]}{name}:\n{rows}"
+
+
+def lines(values: Mapping[str, Any], indent: str = "") -> str:
+    """Keys and values, a line each; floats with their points, texts in quotes as they come."""
+
+    def told(value: Any) -> str:
+        if isinstance(value, bool):
+            return str(value).lower()
+        return number(value) if isinstance(value, float) else str(value)
+
+    return "".join(f"{indent}{key}: {told(value)}\n" for key, value in values.items())
+
+
+def remark(*sentences: str) -> str:
+    """Comment lines."""
+    return "".join(f"# {sentence}\n" for sentence in sentences)

@@ -1,0 +1,235 @@
+"""Systems that localise: how a program is told what to read, run under watch, and read back."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Interval, MinLen
+
+from terrain_forge.base import DataError, FileName, Record, Spec
+from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
+
+Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
+OutputFormat = Literal["tum", "euroc", "kitti"]
+_PLACEHOLDER = re.compile(r"\{(\w+)\}")
+_GRACE = 3.0
+"""How long a program has to end after it was asked to [s]."""
+_LOG = "output.txt"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adapter(Spec):
+    """A program that localises: what it needs, reads and writes.
+
+    The command is words, not a shell's line: `{input}` stands for the folder or file of the
+    recording in the `input` format, `{output}` for the file that the program shall write its
+    trajectory to, `{calibration}` for the folder of the recording's calibration files, `{folder}`
+    for the temporary folder that it runs in, `{python}` for the interpreter of the environment that
+    `install` made, `{driver}` for the folder of our small drivers.
+    """
+
+    name: FileName
+    """What tables call it."""
+    needs: tuple[Need, ...] = ()
+    """Kinds of sensors that the recording must hold."""
+    input: FileName = "euroc"
+    """Format of recordings that it reads, as `terrain-forge record --formats` calls it."""
+    command: Annotated[str, MinLen(1)]
+    """Program and arguments."""
+    output: Annotated[str, MinLen(1)] = "{output}"
+    """The trajectory's file, where the program itself chooses its name: relative to the temporary
+    folder, `*` for any characters."""
+    format: OutputFormat = "tum"
+    """Format of the trajectory."""
+    frame: FileName = "base_link"
+    """Whose motion the trajectory is: `base_link`, or a sensor's folder such as `cam0`, `lidar0` or
+    `imu0`."""
+    timeout_s: Annotated[float, Interval(ge=1, le=1e6)] = 3600.0
+    """When it is killed [s]."""
+    environment: dict[str, str] = field(default_factory=dict)
+    """Variables that it gets beside those of the caller."""
+    packages: tuple[str, ...] = ()
+    """What `terrain-forge evaluate --install` puts into an environment of its own for it."""
+    about: str = ""
+    """What it is, and under which licence."""
+
+    PLACES: ClassVar[tuple[str, ...]] = (
+        "input", "output", "calibration", "folder", "python", "driver",
+    )  # fmt: skip
+
+    def words(self, places: Mapping[str, str]) -> list[str]:
+        """The command with its places filled in.
+
+        Raises:
+            DataError: for an unknown place, or a quote without its end.
+        """
+
+        def filled(found: re.Match[str]) -> str:
+            if found[1] not in places:
+                known = ", ".join(f"{{{name}}}" for name in self.PLACES)
+                raise DataError(f"{self.name}: command has {found[0]}, known: {known}")
+            return places[found[1]]
+
+        try:
+            words = shlex.split(self.command)
+        except ValueError as error:
+            raise DataError(f"{self.name}: command: {str(error).lower()}") from None
+        return [_PLACEHOLDER.sub(filled, word) for word in words]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run(Record):
+    """One run of a system, whatever came of it."""
+
+    system: str
+    """Its name."""
+    status: str
+    """`done`; `failed` where it ended wrongly or could not be started; `lost` where it told no
+    trajectory or too little of one; `timeout` where it was killed."""
+    why: str = ""
+    """What was wrong."""
+    estimate: TimedPoses | None = None
+    """The trajectory, in the system's own frame and clock."""
+    seconds: float
+    """How long it ran [s]."""
+    processor_s: float
+    """Processor time of it and of what it started and waited for [s]."""
+    memory: float
+    """Its largest memory [bytes]."""
+    log: str
+    """Last lines of what it printed."""
+
+
+def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None = None) -> Run:
+    """Run a system in a temporary folder and process group of its own, and read its trajectory.
+
+    Args:
+        adapter: The system.
+        places: What stands in the command for `{input}`, `{calibration}`, `{python}`, `{driver}`.
+        keep: A folder that its output and trajectory are copied to.
+
+    Raises:
+        DataError: for a command that cannot be filled in; whatever the program does is a result.
+    """
+    with tempfile.TemporaryDirectory(prefix="terrain-forge-") as name:
+        folder = Path(name)
+        output = folder / f"{adapter.name}.{adapter.format}"
+        told = {**places, "folder": str(folder), "output": str(output)}
+        words = adapter.words(told)
+        pattern = _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), adapter.output)
+        status, why, used = _watched(words, folder, adapter)
+        estimate, wrong = None, ""
+        if status == "done":
+            estimate, wrong = _estimate(folder, pattern, adapter)
+            status, why = ("done", "") if estimate is not None else ("lost", wrong)
+        if keep is not None:
+            keep.mkdir(parents=True, exist_ok=True)
+            for path in [folder / _LOG, *_found(folder, pattern)[:1]]:
+                if path.is_file():
+                    shutil.copyfile(path, keep / path.name)
+        log = folder / _LOG
+        last = log.read_text(errors="replace")[-4000:] if log.is_file() else ""
+    seconds, processor, memory = used
+    return Run(
+        system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
+        processor_s=processor, memory=memory, log=last,
+    )  # fmt: skip
+
+
+def _watched(
+    words: list[str], folder: Path, adapter: Adapter
+) -> tuple[str, str, tuple[float, float, float]]:
+    """Status, what was wrong, and seconds, processor time and memory of a program."""
+    begin = time.monotonic()
+    with (folder / _LOG).open("wb") as log:
+        try:
+            process = subprocess.Popen(
+                words, cwd=folder, env={**os.environ, **adapter.environment}, stdout=log,
+                stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            why = f"{words[0]}: {(error.strerror or str(error)).lower()}"
+            return "failed", why, (0.0, 0.0, 0.0)
+        late = False
+        try:
+            process_status, usage = _wait(process, adapter.timeout_s)
+            if usage is None:
+                late = True
+                process_status, usage = _end(process)
+        except BaseException:  # an interrupt too: nothing goes on without its caller
+            _end(process)
+            raise
+        finally:
+            _kill(process.pid, signal.SIGKILL)  # what it left behind
+    used = (time.monotonic() - begin, usage[0], usage[1])
+    if late:
+        return "timeout", f"killed after {adapter.timeout_s:g} s", used
+    if process_status:
+        how = f"signal {-process_status}" if process_status < 0 else f"status {process_status}"
+        lines = (folder / _LOG).read_text(errors="replace").strip().splitlines()
+        return "failed", ": ".join([f"ended with {how}", *lines[-1:]]), used
+    return "done", "", used
+
+
+def _wait(
+    process: subprocess.Popen[bytes], seconds: float
+) -> tuple[int, tuple[float, float] | None]:
+    """Status, and processor time and memory; None for those where it goes on."""
+    begin, pause = time.monotonic(), 0.005
+    while True:
+        number, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if number:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return process.returncode, (usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024.0)
+        if time.monotonic() - begin >= seconds:
+            return 0, None
+        time.sleep(pause)
+        pause = min(2.0 * pause, 0.2)
+
+
+def _end(process: subprocess.Popen[bytes]) -> tuple[int, tuple[float, float]]:
+    """End a program and all that it started."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        _kill(process.pid, number)
+        status, usage = _wait(process, _GRACE if number == signal.SIGTERM else 60.0)
+        if usage is not None:
+            return status, usage
+    return 0, (0.0, 0.0)
+
+
+def _kill(group: int, number: int) -> None:
+    try:
+        os.killpg(group, number)
+    except (ProcessLookupError, PermissionError):
+        pass
+
+
+def _found(folder: Path, pattern: str) -> list[Path]:
+    path = Path(pattern)
+    if path.is_absolute():
+        return [path] if path.is_file() else []
+    return sorted(one for one in folder.glob(pattern) if one.is_file())
+
+
+def _estimate(folder: Path, pattern: str, adapter: Adapter) -> tuple[TimedPoses | None, str]:
+    """The trajectory that a program wrote, or what is wrong with it."""
+    files = _found(folder, pattern)
+    if not files:
+        return None, f"wrote no trajectory ({Path(pattern).name})"
+    try:
+        if adapter.format == "kitti":
+            return read_kitti_poses(files[0], name=adapter.name), ""
+        return read_poses(files[0], name=adapter.name, euroc=adapter.format == "euroc"), ""
+    except DataError as error:
+        return None, str(error).replace(f"{folder}/", "")

@@ -1,0 +1,139 @@
+"""Bringing an estimate to the truth: which poses belong together, and the motion between them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, DataError, portable
+from terrain_forge.evaluation.poses import TimedPoses
+
+Part = Literal["first_third", "all", "origin", "none"]
+"""Poses that an alignment looks at."""
+By = Literal["index", "time", "length"]
+"""What a third is counted by."""
+Association = Literal["nearest", "interpolated"]
+"""How truth is found at an estimate's times."""
+
+
+def associate(
+    truth: TimedPoses,
+    estimate: TimedPoses,
+    *,
+    association: Association = "nearest",
+    most: float = 0.01,
+) -> tuple[TimedPoses, TimedPoses]:
+    """Poses of truth and estimate at the same times, as many of one as of the other.
+
+    Args:
+        truth: The truth.
+        estimate: The estimate.
+        association: `nearest`: of the trajectory with fewer poses each, the nearest in time of the
+            other (as evo does); `interpolated`: the truth between its poses at the estimate's
+            times.
+        most: Largest difference of nearest times [s].
+
+    Raises:
+        DataError: if less than two poses belong together.
+    """
+    if association == "interpolated":
+        within = (estimate.time >= truth.time[0]) & (estimate.time <= truth.time[-1])
+        kept = estimate.select(np.flatnonzero(within)) if within.sum() > 1 else None
+        pair = (truth.at(kept.time), kept) if kept is not None else None
+    else:
+        swapped = len(truth.time) < len(estimate.time)
+        short, long = (truth, estimate) if swapped else (estimate, truth)
+        rows = nearest(long.time, short.time)
+        close = np.abs(long.time[rows] - short.time) <= most
+        found = short.select(np.flatnonzero(close)), long.select(rows[close])
+        pair = (found if swapped else found[::-1]) if close.sum() > 1 else None
+    if pair is None:
+        raise DataError(
+            f"{estimate.name}: lasts from {estimate.time[0]:.3f} to {estimate.time[-1]:.3f} s, the "
+            f"truth from {truth.time[0]:.3f} to {truth.time[-1]:.3f} s: less than two poses belong "
+            f"together"
+        )
+    return pair
+
+
+def nearest(sorted_times: Array, times: Array) -> NDArray[np.intp]:
+    """Rows of the nearest sorted times."""
+    after = np.clip(np.searchsorted(sorted_times, times), 1, len(sorted_times) - 1)
+    before = after - 1
+    return np.asarray(
+        np.where(times - sorted_times[before] <= sorted_times[after] - times, before, after),
+        np.intp,
+    )
+
+
+def count_of(truth: TimedPoses, *, part: Part, by: By) -> int:
+    """How many of the first poses an alignment looks at, at least 3."""
+    if part != "first_third":
+        return 1 if part == "origin" else len(truth.time)
+    if by == "index":
+        count = len(truth.time) // 3
+    else:
+        passed = truth.time - truth.time[0] if by == "time" else truth.stations
+        count = int(np.searchsorted(passed, passed[-1] / 3.0, side="right"))
+    return min(max(count, 3), len(truth.time))
+
+
+def rigid_motion(moving: Array, fixed: Array, *, scale: bool = False) -> tuple[Array, Array, float]:
+    """Rotation, shift and scale that bring points to others with the least squares of distance.
+
+    Closed form of Horn 1987 (doi:10.1364/JOSAA.4.000629) as Umeyama writes it (1991,
+    doi:10.1109/34.88573).
+
+    Args:
+        moving: Points [m], shape [points, 3].
+        fixed: Where they shall lie [m], shape [points, 3].
+        scale: Whether to find a scale too, else it is 1.
+    """
+    from scipy.linalg import svd
+
+    middle, target = moving.mean(axis=0), fixed.mean(axis=0)
+    own, other = moving - middle, fixed - target
+    left, values, right = svd((other[:, :, None] * own[:, None, :]).mean(axis=0))
+    signs = np.ones(3)
+    if np.linalg.det(left) * np.linalg.det(right) < 0.0:
+        signs[2] = -1.0
+    rotation = portable.product(left * signs, right)
+    factor = 1.0
+    if scale:
+        spread = float((own**2).sum() / len(moving))
+        factor = float((values * signs).sum()) / spread if spread > 0.0 else 1.0
+    return rotation, target - factor * portable.product(rotation, middle), factor
+
+
+def aligned(
+    truth: TimedPoses,
+    estimate: TimedPoses,
+    *,
+    part: Part = "first_third",
+    by: By = "length",
+    scale: bool = False,
+) -> tuple[TimedPoses, float]:
+    """The estimate in the truth's frame, and the scale that was applied.
+
+    Both have as many poses, at the same times (`associate`). `origin` lays the first pose on the
+    truth's, rotation included.
+    """
+    from scipy.spatial.transform import Rotation
+
+    if part == "none":
+        return estimate, 1.0
+    factor = 1.0
+    if part == "origin":
+        rotation = portable.product(truth.rotation[0], estimate.rotation[0].T)
+        shift = truth.position[0] - portable.product(rotation, estimate.position[0])
+    else:
+        count = count_of(truth, part=part, by=by)
+        rotation, shift, factor = rigid_motion(
+            estimate.position[:count], truth.position[:count], scale=scale
+        )
+    place = factor * portable.product(estimate.position, rotation.T) + shift
+    turns = Rotation.from_matrix(portable.product(rotation, estimate.rotation))
+    quaternion = np.roll(turns.as_quat(), 1, axis=-1)
+    return estimate.replace(position=place, quaternion=quaternion), factor

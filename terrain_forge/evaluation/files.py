@@ -1,0 +1,61 @@
+"""Scoring files of trajectories, of which one that is wrong does not stop the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from terrain_forge.base import DataError
+from terrain_forge.evaluation.poses import read_poses
+from terrain_forge.evaluation.score import Score, ScoreOptions, score_poses
+
+
+def score_files(
+    truth: Path, estimates: Iterable[Path], options: ScoreOptions | None = None
+) -> tuple[list[Score], list[tuple[str, str]]]:
+    """Score trajectories of files against one of the truth.
+
+    Args:
+        truth: File of the truth (`read_poses`), of the frame that the estimates are of.
+        estimates: Files of the estimates.
+        options: What is free in it.
+
+    Returns:
+        The scores, and for each file that could not be scored its name and why.
+
+    Raises:
+        DataError: if the truth cannot be read.
+    """
+    true = read_poses(truth)
+    scores: list[Score] = []
+    failures: list[tuple[str, str]] = []
+    for path in estimates:
+        try:
+            scores.append(score_poses(true, read_poses(path), options))
+        except DataError as error:
+            failures.append((path.stem, str(error)))
+    return scores, failures
+
+
+def read_options(changes: Iterable[str]) -> ScoreOptions:
+    """Options of `key=value` texts.
+
+    Raises:
+        DataError: for an unknown key or a value that it cannot have.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    given = {}
+    for change in changes:
+        key, equals, value = change.partition("=")
+        if not equals:
+            raise DataError(f"--set {change}: must be key=value, such as align=all")
+        given[key.strip()] = value.strip()
+    try:
+        return TypeAdapter(ScoreOptions).validate_strings(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        names = ", ".join(vars(ScoreOptions()))
+        told = f"unknown, there are: {names}" if "unexpected" in first["type"] else first["msg"]
+        raise DataError(f"--set {key}: {told}") from None

@@ -1,0 +1,178 @@
+"""Poses with times, as systems write and evaluations read them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import (
+    Array,
+    DataError,
+    Record,
+    matrix_from_quaternion,
+    portable,
+    read_text,
+    shaped,
+)
+
+_MAX_FILE = 2**30
+_UNIT = 1e-2
+"""How far the length of a quaternion may be from 1: systems write few digits."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedPoses(Record):
+    """Poses of one frame in another at ascending times."""
+
+    name: str = "trajectory"
+    """What tables call it."""
+    time: Array = field(metadata=shaped("poses"))
+    """Times [s], shape [poses]."""
+    position: Array = field(metadata=shaped("poses", 3))
+    """Origins [m], shape [poses, 3]."""
+    quaternion: Array = field(metadata=shaped("poses", 4))
+    """Rotations (w, x, y, z), shape [poses, 4]."""
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrices, shape [poses, 3, 3]."""
+        return matrix_from_quaternion(self.quaternion)
+
+    @property
+    def stations(self) -> Array:
+        """Length of the path up to each pose [m], shape [poses]."""
+        steps = portable.norm(np.diff(self.position, axis=0))
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def select(self, rows: NDArray[np.intp]) -> TimedPoses:
+        """The poses of some rows."""
+        return self.replace(
+            time=self.time[rows], position=self.position[rows], quaternion=self.quaternion[rows]
+        )
+
+    def moved(self, position: Array, rotation: Array) -> TimedPoses:
+        """The poses of another frame that is fixed to this one.
+
+        Args:
+            position: Its origin in this frame [m], shape [3].
+            rotation: From it to this frame, shape [3, 3].
+        """
+        from scipy.spatial.transform import Rotation
+
+        turned = portable.product(self.rotation, rotation)
+        quaternion = np.roll(Rotation.from_matrix(turned).as_quat(), 1, axis=-1)
+        place = self.position + portable.product(self.rotation, position)
+        return self.replace(position=place, quaternion=quaternion)
+
+    def at(self, time: Array) -> TimedPoses:
+        """The poses at times within these: places on straight lines, rotations on great arcs."""
+        from scipy.spatial.transform import Rotation, Slerp
+
+        time = np.clip(time, self.time[0], self.time[-1])
+        place = np.stack([np.interp(time, self.time, x) for x in self.position.T], axis=-1)
+        turns = Slerp(self.time.copy(), Rotation.from_quat(np.roll(self.quaternion, -1, axis=-1)))(
+            time
+        )
+        quaternion = np.roll(turns.as_quat(), 1, axis=-1)
+        return self.replace(time=time, position=place, quaternion=quaternion)
+
+
+def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -> TimedPoses:
+    """Read a trajectory in the TUM format, `time x y z qx qy qz qw` a line, or EuRoC's CSV.
+
+    A CSV has nanoseconds, x, y, z and the quaternion as w, x, y, z; what follows is passed over.
+
+    Args:
+        path: The file.
+        name: What tables call it; by default as the file.
+        euroc: Whether it is EuRoC's; by default where its name ends in `.csv`.
+
+    Raises:
+        DataError: naming file and line: no numbers, NaN, times out of order, a quaternion that is
+            not of length one, fewer than two poses.
+    """
+    path = Path(path)
+    comma = path.suffix.lower() == ".csv" if euroc is None else euroc
+    values, places = _read_rows(path, 8, longer=comma)
+    if comma:
+        values[:, 0] *= 1e-9
+    time, position = values[:, 0], values[:, 1:4]
+    quaternion = values[:, 4:8] if comma else np.roll(values[:, 4:8], 1, axis=-1)
+    return checked_poses(time, position, quaternion, name=name or path.stem, places=places)
+
+
+def read_kitti_poses(path: Path | str, *, name: str = "") -> TimedPoses:
+    """Read a trajectory in KITTI's format, the 12 numbers of a 3 × 4 matrix a line.
+
+    It has no times: they are the numbers of the lines, from 0.
+
+    Raises:
+        DataError: as `read_poses`; also for a matrix that is no rotation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    path = Path(path)
+    values, places = _read_rows(path, 12)
+    matrices = values.reshape(-1, 3, 4)
+    turns = matrices[:, :, :3]
+    finite = np.asarray(np.isfinite(turns).all(axis=(1, 2)))
+    square = portable.product(np.swapaxes(turns, -1, -2), turns)
+    off = np.abs(square - np.eye(3)).max(axis=(1, 2)) > _UNIT
+    for row in np.flatnonzero(off & finite)[:1]:
+        raise DataError(f"{places[row]}: its matrix is no rotation")
+    whole = np.where(finite[:, None, None], turns, np.eye(3))
+    quaternion = np.roll(Rotation.from_matrix(whole).as_quat(), 1, axis=-1)
+    quaternion[~finite] = np.nan
+    return checked_poses(
+        np.arange(len(values), dtype=np.float64), matrices[:, :, 3], quaternion,
+        name=name or path.stem, places=places,
+    )  # fmt: skip
+
+
+def _read_rows(path: Path, count: int, *, longer: bool = False) -> tuple[Array, list[str]]:
+    """The first numbers of each line, and the places of the lines; comments are passed over."""
+    rows, places = [], []
+    text = read_text(path, str(path), most=_MAX_FILE)
+    for number, line in enumerate(text.splitlines(), 1):
+        plain = line.strip()
+        if not plain or plain.startswith("#"):
+            continue
+        words = plain.replace(",", " ").split()
+        try:
+            rows.append([float(word) for word in words[:count]])
+        except ValueError:
+            raise DataError(f"{path}:{number}: {plain[:60]!r}, must be {count} numbers") from None
+        if len(rows[-1]) < count or (len(words) > count and not longer):
+            raise DataError(f"{path}:{number}: {len(words)} numbers, must be {count}")
+        places.append(f"{path}:{number}")
+    if len(rows) < 2:
+        raise DataError(f"{path}: {len(rows)} poses, at least 2 are needed")
+    return np.array(rows), places
+
+
+def checked_poses(
+    time: Array, position: Array, quaternion: Array, *, name: str, places: list[str] | None = None
+) -> TimedPoses:
+    """Poses that were checked; quaternions are brought to length one exactly.
+
+    Raises:
+        DataError: naming the first pose that is wrong.
+    """
+
+    def refuse(wrong: NDArray[np.bool_], what: str) -> None:
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            place = places[row] if places else f"{name}: pose {row}"
+            raise DataError(f"{place}: {what.format(row=row)}")
+
+    values = np.column_stack([time, position, quaternion])
+    refuse(np.asarray(~np.isfinite(values).all(axis=1)), "a value is not a finite number")
+    refuse(np.concatenate([[False], np.diff(time) <= 0.0]), "its time is not after the one before")
+    length = portable.norm(quaternion)
+    refuse(np.abs(length - 1.0) > _UNIT, "its quaternion is not of length one")
+    return TimedPoses(
+        name=name, time=time, position=position, quaternion=quaternion / length[:, None]
+    )

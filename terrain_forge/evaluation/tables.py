@@ -1,0 +1,122 @@
+"""Scores as tables: for the terminal, as CSV, LaTeX and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.evaluation.score import Score, Spread
+from terrain_forge.writers import quoted
+
+_DEGREES = 180.0 / math.pi
+_COLUMNS = (
+    ("trajectory", "", "trajectory"),
+    ("tracked", "%", "tracked"),
+    ("ATE rms", "m", "ate.rms"),
+    ("ATE median", "m", "ate.median"),
+    ("ATE max", "m", "ate.most"),
+    ("TDr median", "%", "drift.median"),
+    ("TDr rms", "%", "drift.rms"),
+    ("RPE median", "m", "rpe.median"),
+    ("RPE angle", "deg", "rpe_angle.median"),
+    ("yaw drift", "deg", "yaw_drift.median"),
+    ("KITTI t", "%", "kitti.translation"),
+    ("KITTI r", "deg/m", "kitti.rotation"),
+)
+"""Heading, unit, and what stands in the column."""
+_FACTORS = {"%": 100.0, "deg": _DEGREES, "deg/m": _DEGREES}
+_STYLES = {"": ".4g", "%": ".3g"}
+
+Failures = Sequence[tuple[str, str]]
+"""Names of trajectories that could not be scored, and why."""
+
+
+def score_rows(scores: Sequence[Score]) -> list[list[str]]:
+    """The cells of a table, its heading first; empty where a figure could not be told."""
+    rows = [[f"{name} [{unit}]" if unit else name for name, unit, _ in _COLUMNS]]
+    for one in scores:
+        cells = []
+        for _, unit, what in _COLUMNS:
+            value = one.name if what == "trajectory" else _figure(one, what)
+            scaled = value * _FACTORS.get(unit, 1.0) if isinstance(value, float) else value
+            form = _STYLES.get(unit, ".4g")
+            told = "" if scaled is None else scaled
+            cells.append(format(told, form) if isinstance(told, float) else told)
+        rows.append(cells)
+    return rows
+
+
+def _figure(score: Score, what: str) -> float | None:
+    name, _, part = what.partition(".")
+    found = getattr(score, name)
+    if name == "kitti":
+        return None if found is None else float(found[part == "rotation"])
+    return found if not part or found is None else float(getattr(found, part))
+
+
+def score_lines(scores: Sequence[Score]) -> list[str]:
+    """The table as text; columns that are empty in all rows are left out."""
+    rows = score_rows(scores)
+    kept = [n for n in range(len(rows[0])) if any(row[n] for row in rows[1:])]
+    widths = [max(len(row[n]) for row in rows) for n in kept]
+    return [
+        "  ".join(
+            row[n].ljust(width) if n == 0 else row[n].rjust(width)
+            for n, width in zip(kept, widths, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def score_plain(score: Score) -> dict[str, Any]:
+    """The figures of a score as JSON values in SI units, and how it was evaluated."""
+
+    def plain(value: Spread | None) -> dict[str, float] | None:
+        return vars(value).copy() if value is not None else None
+
+    kitti = score.kitti and {"translation": score.kitti[0], "rotation_rad_m": score.kitti[1]}
+    return {
+        "trajectory": score.name,
+        "options": dict(score.options),
+        "poses": score.poses,
+        "tracked": score.tracked,
+        "length_m": score.length,
+        "scale": score.scale,
+        "ate_m": plain(score.ate),
+        "drift": plain(score.drift),
+        "rpe_m": plain(score.rpe),
+        "rpe_rad": plain(score.rpe_angle),
+        "yaw_drift_rad": plain(score.yaw_drift),
+        "kitti": kitti,
+    }
+
+
+def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = ()) -> list[Path]:
+    """Write evaluation.json, evaluation.csv and evaluation.tex; returns them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"evaluation.{ending}" for ending in ("json", "csv", "tex")]
+    whole = {
+        "scores": [score_plain(one) for one in scores],
+        "failed": [{"trajectory": name, "why": why} for name, why in failures],
+    }
+    rows = score_rows(scores)
+    texts = (
+        json.dumps(whole, indent=1) + "\n",
+        "".join(",".join(map(quoted, row)) + "\n" for row in rows),
+        _latex(rows),
+    )
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text, encoding="utf-8")
+    return paths
+
+
+def _latex(rows: list[list[str]]) -> str:
+    def line(row: list[str]) -> str:
+        return " & ".join(cell.replace("%", r"\%").replace("_", r"\_") for cell in row) + r" \\"
+
+    first, *rest = map(line, rows)
+    head = rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}"
+    return "\n".join([head, r"\hline", first, r"\hline", *rest, r"\hline", r"\end{tabular}", ""])

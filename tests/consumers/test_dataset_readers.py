@@ -1,0 +1,86 @@
+"""Datasets in the hands of evo, KISS-ICP and evalio, each in a Python of its own.
+
+They are looked for beside the Python that TERRAIN_FORGE_SLAM_PYTHON names.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from terrain_forge.datasets import write_dataset
+from tests.helpers.recordings import write_recording
+
+pytestmark = pytest.mark.consumer
+
+EVALIO = """
+import sys
+from pathlib import Path
+from evalio.datasets.loaders import RosbagIter
+from evalio.types import LidarParams
+params = LidarParams(num_rows=4, num_columns=90, min_range=0.5, max_range=100.0)
+for path in map(Path, sys.argv[1:]):
+    bag = RosbagIter(path, "/velodyne_points", "/imu0", params)
+    scans, samples = len(list(bag.lidar_iter())), len(list(bag.imu_iter()))
+    print(scans, samples)
+"""
+
+
+@pytest.fixture(scope="module")
+def python():
+    named = os.environ.get("TERRAIN_FORGE_SLAM_PYTHON", "")
+    if not Path(named).is_file():
+        pytest.skip("TERRAIN_FORGE_SLAM_PYTHON names no Python")
+    return Path(named)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A recording, and its formats beside it."""
+    place = tmp_path_factory.mktemp("readers")
+    write_recording(place / "dataset", seconds=2.0)
+    for kind in ("tum", "kitti", "rosbag1", "rosbag2"):
+        write_dataset(place / "dataset", kind, place / kind)
+    write_dataset(place / "dataset", "clouds", place / "bin", {"encoding": "bin"})
+    return place
+
+
+def run(python, *command, cwd, name=""):
+    program = python.parent / name if name else python
+    if not program.exists():
+        pytest.skip(f"{program} is not installed")
+    done = subprocess.run(
+        [program, *command], cwd=cwd, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_evo_reads_the_truth(python, written, tmp_path):
+    def ape(*files):
+        text = run(python, *files, cwd=tmp_path, name="evo_ape")
+        return float(next(line for line in text.splitlines() if "max" in line).split()[1])
+
+    truth = written / "dataset" / "truth" / "cam0.tum"
+    assert ape("tum", truth, written / "tum" / "groundtruth.txt") == 0.0
+    poses = written / "kitti" / "poses" / "00.txt"
+    assert ape("kitti", poses, poses) == 0.0
+    euroc = written / "dataset" / "mav0" / "state_groundtruth_estimate0" / "data.csv"
+    assert ape("euroc", euroc, written / "dataset" / "truth" / "imu0.tum") == 0.0
+
+
+@pytest.mark.parametrize("source", ["rosbag1", "rosbag2", "bin/lidar0"])
+def test_kiss_icp_reads_sweeps(python, written, tmp_path, source):
+    run(python, written / source, cwd=tmp_path, name="kiss_icp_pipeline")
+    (poses,) = tmp_path.glob("results/latest/*_poses_tum.txt")
+    assert len(poses.read_text().splitlines()) == 19
+
+
+def test_evalio_reads_bags(python, written, tmp_path):
+    if subprocess.run([python, "-c", "import evalio"], capture_output=True).returncode:
+        pytest.skip("evalio is not installed")
+    text = run(python, "-c", EVALIO, written / "rosbag1", written / "rosbag2", cwd=tmp_path)
+    assert text.split() == ["19", "401"] * 2

@@ -1,0 +1,201 @@
+"""ROS bags, read back by the libraries that others read them with."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from terrain_forge.datasets import write_dataset
+from tests.helpers.recordings import (
+    BASELINE,
+    FOCAL,
+    GRAVITY,
+    IMU,
+    LEFT,
+    LIDAR,
+    SPEED,
+    TURN,
+    base_pose,
+    transform,
+)
+
+KINDS = {
+    "rosbag1": ("rosbag1", {"depth": True, "truth": "both"}),
+    "mcap": ("rosbag2", {"truth": "both", "depth": True}),
+    "zstd": ("rosbag2", {"truth": "both", "depth": True, "compression": "zstd"}),
+    "sqlite3": ("rosbag2", {"storage": "sqlite3", "truth": "both", "depth": True}),
+}
+COUNTS = {
+    "/tf_static": 1, "/cam0/camera_info": 5, "/cam0/image_raw": 5, "/cam0/depth/image_raw": 5,
+    "/cam1/camera_info": 5, "/cam1/image_raw": 5, "/cam1/depth/image_raw": 5,
+    "/velodyne_points": 9, "/imu0": 201, "/ground_truth/odometry": 201, "/tf": 201,
+}  # fmt: skip
+
+
+def read_bag(folder, first):
+    """(topic, time, message) of all messages, by rosbags' own reader."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    path = folder / "recording.bag" if first else folder
+    with AnyReader([path], default_typestore=store) as bag:
+        return [
+            (one.topic, time, bag.deserialize(data, one.msgtype))
+            for one, time, data in bag.messages()
+        ]
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def bag(request, recording, tmp_path_factory):
+    """A bag's messages, and its folder."""
+    kind, options = KINDS[request.param]
+    folder = tmp_path_factory.mktemp("bags") / "bag"
+    write_dataset(recording, kind, folder, options)
+    return read_bag(folder, kind == "rosbag1"), folder, kind, options
+
+
+def messages(bag, topic):
+    return [message for name, _, message in bag[0] if name == topic]
+
+
+def seconds(stamp):
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def pose_of(place, turn):
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    return transform([place.x, place.y, place.z], found)
+
+
+def points_of(cloud):
+    kinds = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4"}
+    kind = np.dtype(
+        {
+            "names": [f.name for f in cloud.fields],
+            "formats": [kinds[f.datatype] for f in cloud.fields],
+            "offsets": [f.offset for f in cloud.fields],
+            "itemsize": cloud.point_step,
+        }
+    )
+    return np.frombuffer(cloud.data.tobytes(), kind)
+
+
+def test_all_messages_are_there_in_the_order_of_their_stamps(bag):
+    found, *_ = bag
+    assert Counter(topic for topic, _, _ in found) == COUNTS
+    assert found[0][0] == "/tf_static"
+    assert [time for _, time, _ in found] == sorted(time for _, time, _ in found)
+    for topic, time, message in found:
+        header = message.transforms[0].header if "tf" in topic else message.header
+        assert seconds(header.stamp) == time
+
+
+def test_pictures_and_clouds_are_the_recorded_ones(bag, recording):
+    for number, message in enumerate(messages(bag, "/cam1/image_raw")):
+        assert (message.encoding, message.step) == ("mono8", message.width)
+        pixels = message.data.reshape(message.height, message.width)
+        np.testing.assert_array_equal(pixels, recording.cameras[1].image(number))
+    depth = messages(bag, "/cam0/depth/image_raw")[3]
+    metres = np.nan_to_num(depth.data.view("<f4").reshape(depth.height, depth.width))
+    np.testing.assert_allclose(metres, recording.cameras[0].depth(3), rtol=1e-7)
+    for number, message in enumerate(messages(bag, "/velodyne_points")):
+        layout = [(f.name, f.offset) for f in message.fields]
+        assert layout == [
+            *(("x", 0), ("y", 4), ("z", 8), ("intensity", 12), ("ring", 16), ("time", 18))
+        ]
+        assert (message.height, message.point_step, message.is_dense) == (1, 22, True)
+        sweep = recording.lidars[0].sweep(number)
+        for name in ("x", "y", "z", "intensity", "ring", "time"):
+            np.testing.assert_array_equal(points_of(message)[name], sweep[name])
+
+
+def test_calibration_and_frames(bag, recording):
+    (static,) = messages(bag, "/tf_static")
+    mounts = {t.child_frame_id: t for t in static.transforms}
+    assert {t.header.frame_id for t in static.transforms} == {"base_link"}
+    for name, mount in {"stereo_left_optical": LEFT, "lidar": LIDAR, "imu": IMU}.items():
+        moved = mounts[name].transform
+        np.testing.assert_allclose(pose_of(moved.translation, moved.rotation), mount, atol=1e-12)
+    left, right = (messages(bag, f"/cam{n}/camera_info")[0] for n in (0, 1))
+    projection = right.P if bag[2] == "rosbag1" else right.p
+    assert projection[3] == pytest.approx(-FOCAL * BASELINE)
+    assert right.header.frame_id == "stereo_right_optical"
+    assert left.distortion_model == "plumb_bob"
+    assert list(left.K if bag[2] == "rosbag1" else left.k)[:3] == [FOCAL, 0, 31.5]
+
+
+def test_imu_and_truth(bag, recording):
+    first = messages(bag, "/imu0")[100]
+    assert first.orientation_covariance[0] == -1
+    assert (first.angular_velocity.z, first.linear_acceleration.z) == (TURN, GRAVITY)
+    assert first.linear_acceleration_covariance[4] == pytest.approx(2e-3**2 * 200)
+    odometry, tf = messages(bag, "/ground_truth/odometry"), messages(bag, "/tf")
+    for number in (0, 100, 200):
+        expected = base_pose(number * 0.005)
+        pose = odometry[number].pose.pose
+        np.testing.assert_allclose(pose_of(pose.position, pose.orientation), expected, atol=1e-9)
+        moved = tf[number].transforms[0].transform
+        np.testing.assert_allclose(pose_of(moved.translation, moved.rotation), expected, atol=1e-9)
+    assert odometry[0].child_frame_id == "base_link"
+    twist = odometry[100].twist.twist
+    assert np.hypot(twist.linear.x, twist.linear.y) == pytest.approx(SPEED, abs=1e-4)
+    assert twist.linear.x == pytest.approx(SPEED, abs=1e-2)
+    assert twist.angular.z == pytest.approx(TURN, abs=2e-3)
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if KINDS[k][0] == "rosbag2" and k != "sqlite3"])
+def test_the_library_of_mcap_reads_the_same(kind, recording, tmp_path):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    write_dataset(recording, "rosbag2", tmp_path / "bag", KINDS[kind][1])
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = [(c.topic, m.log_time, d) for _, c, m, d in reader.iter_decoded_messages()]
+    assert Counter(topic for topic, _, _ in found) == COUNTS
+    theirs = [m for topic, _, m in found if topic == "/velodyne_points"]
+    ours = [m for t, _, m in read_bag(tmp_path / "bag", False) if t == "/velodyne_points"]
+    for one, other in zip(theirs, ours, strict=True):
+        assert bytes(one.data) == other.data.tobytes()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bytes_repeat(kind, recording, tmp_path):
+    name, options = KINDS[kind]
+    both = [tmp_path / number / "bag" for number in ("one", "two")]
+    for folder in both:
+        write_dataset(recording, name, folder, options)
+    one, two = ({p.name: p.read_bytes() for p in folder.iterdir()} for folder in both)
+    assert one == two
+
+
+def test_layout_of_ouster(recording, tmp_path):
+    write_dataset(recording, "rosbag2", tmp_path / "bag", {"cloud": "ouster", "sensors": ["lidar"]})
+    found = read_bag(tmp_path / "bag", False)
+    assert {t for t, _, _ in found} == {"/tf_static", "/ouster/points", "/ground_truth/odometry"}
+    cloud = next(m for t, _, m in found if t == "/ouster/points")
+    points, sweep = points_of(cloud), recording.lidars[0].sweep(0)
+    assert points.dtype["ring"] == np.uint8
+    assert cloud.point_step == 48
+    np.testing.assert_allclose(points["t"] * 1e-9, sweep["time"], atol=1e-9)
+    reach = np.sqrt(sum(sweep[a].astype(float) ** 2 for a in "xyz"))
+    np.testing.assert_allclose(points["range"], 1000 * reach, atol=0.5)
+    assert (np.diff(points["t"].astype(np.int64)) >= 0).all()
+
+
+@pytest.mark.consumer
+def test_rosbag_of_debian_opens_it(recording, tmp_path):
+    rosbag = pytest.importorskip("rosbag")  # Debian's python3-rosbag
+    write_dataset(recording, "rosbag1", tmp_path / "bag")
+    with rosbag.Bag(str(tmp_path / "bag" / "recording.bag")) as bag:
+        told = bag.get_type_and_topic_info().topics
+    assert {topic: one.message_count for topic, one in told.items()} == {
+        topic: count
+        for topic, count in COUNTS.items()
+        if topic not in ("/tf", "/cam0/depth/image_raw", "/cam1/depth/image_raw")
+    }

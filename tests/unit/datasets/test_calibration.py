@@ -1,0 +1,143 @@
+"""Calibration files as their readers parse them: OpenCV's, PyYAML's words, JSON."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from terrain_forge.datasets import calibration_files, open_recording
+from tests.helpers.recordings import BASELINE, FOCAL, GRAVITY, IMU, LEFT, LIDAR, write_recording
+
+BENT = {
+    "distortion_model": "radial-tangential",
+    "distortion_coefficients": [-0.17, 0.02, 1e-5, 0.0],
+}
+FISHEYE = {
+    "distortion_model": "equidistant",
+    "distortion_coefficients": [-0.01, 1e-3, 1e-5, 1e-7],
+}
+
+
+@pytest.fixture(scope="module", params=["straight", "bent", "fisheye"])
+def rig(request, tmp_path_factory):
+    """Lens, and the files of a recording through it."""
+    changes = {"straight": {}, "bent": BENT, "fisheye": FISHEYE}[request.param]
+    folder = write_recording(tmp_path_factory.mktemp("rig"), seconds=0.3, **changes)
+    return request.param, calibration_files(open_recording(folder))
+
+
+def opencv(text):
+    import cv2
+
+    return cv2.FileStorage(text.decode(), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+
+
+def plain(text):
+    body = text.decode().removeprefix("%YAML:1.0\n").removeprefix("---\n")
+    loader = YAML(typ="safe", pure=True)
+    loader.version = (1, 1)  # PyYAML's, to which 1e-05 is a word
+    return loader.load(body)
+
+
+def test_every_number_is_a_number(rig):
+    for name, text in rig[1].items():
+        if not name.endswith(".yaml") or b"!!opencv-matrix" in text:
+            continue
+
+        def walk(value, name=name):
+            for one in value.values() if isinstance(value, dict) else value:
+                if isinstance(one, dict | list):
+                    walk(one)
+                elif isinstance(one, str) and one != "1.0":  # ORB-SLAM3's File.version
+                    assert not one[:1].isdigit(), (name, one)
+
+        walk(plain(text))
+
+
+def test_orb_slam(rig):
+    lens, files = rig
+    stereo = opencv(files["orbslam3/stereo.yaml"])
+    kinds = {"straight": "Rectified", "bent": "PinHole", "fisheye": "KannalaBrandt8"}
+    assert stereo.getNode("Camera.type").string() == kinds[lens]
+    assert stereo.getNode("File.version").string() == "1.0"
+    assert [stereo.getNode(f"Camera1.{n}").real() for n in ("fx", "cx")] == [FOCAL, 31.5]
+    assert stereo.getNode("Camera.fps").isInt()
+    if lens == "straight":
+        assert stereo.getNode("Stereo.b").real() == pytest.approx(BASELINE)
+    else:
+        apart = stereo.getNode("Stereo.T_c1_c2").mat()
+        assert apart[0, 3] == pytest.approx(BASELINE)
+        assert stereo.getNode("Camera2.k2").real() == (0.02 if lens == "bent" else 1e-3)
+    inertial = opencv(files["orbslam3/stereo_inertial.yaml"])
+    pose = inertial.getNode("IMU.T_b_c1").mat()
+    np.testing.assert_allclose(IMU @ pose, LEFT, atol=1e-12)
+    assert inertial.getNode("IMU.GyroWalk").real() == 1.9e-5
+    assert b"has 9.81 m/s^2 built in" in files["orbslam3/stereo_inertial.yaml"]
+    assert files["orbslam3/times.txt"] == b"1600000000000000000\n1600000000200000000\n"
+    assert ("orbslam3/rgbd.yaml" in files) == (lens != "fisheye")
+    second = opencv(files["orbslam2/stereo_kitti.yaml"])
+    assert second.getNode("Camera.bf").real() == pytest.approx(FOCAL * BASELINE)
+
+
+def test_kalibr_and_openvins(rig):
+    lens, files = rig
+    chain = plain(files["kalibr/camchain-imucam.yaml"])
+    np.testing.assert_allclose(
+        np.linalg.inv(chain["cam0"]["T_cam_imu"]), np.linalg.inv(IMU) @ LEFT, atol=1e-12
+    )
+    step = np.array(chain["cam1"]["T_cn_cnm1"])
+    assert step[0, 3] == pytest.approx(-BASELINE)
+    model = chain["cam0"]["distortion_model"], chain["cam0"]["distortion_coeffs"]
+    assert model == {
+        "straight": ("radtan", [0.0] * 4),
+        "bent": ("radtan", BENT["distortion_coefficients"]),
+        "fisheye": ("equidistant", FISHEYE["distortion_coefficients"]),
+    }[lens]  # fmt: skip
+    vins = plain(files["openvins/kalibr_imucam_chain.yaml"])
+    np.testing.assert_allclose(IMU @ np.array(vins["cam0"]["T_imu_cam"]), LEFT, atol=1e-12)
+    assert plain(files["openvins/estimator_config.yaml"])["gravity_mag"] == GRAVITY
+
+
+def test_other_systems(rig):
+    lens, files = rig
+    vins = opencv(files["vins_fusion/config.yaml"])
+    assert vins.getNode("g_norm").real() == GRAVITY
+    assert vins.getNode("acc_n").real() == pytest.approx(2e-3 * 200**0.5)
+    np.testing.assert_allclose(IMU @ vins.getNode("body_T_cam0").mat(), LEFT, atol=1e-12)
+    value = json.loads(files["basalt/calibration.json"])["value0"]
+    kinds = {"straight": "pinhole", "bent": "pinhole-radtan8", "fisheye": "kb4"}
+    assert value["intrinsics"][0]["camera_type"] == kinds[lens]
+    assert plain(files["kimera/ImuParams.yaml"])["n_gravity"] == [0, 0, -GRAVITY]
+    right = plain(files["rtabmap/stereo_right.yaml"])
+    assert right["projection_matrix"]["data"][3] == pytest.approx(-FOCAL * BASELINE)
+    assert right["camera_name"] == "stereo_right"
+    kiss = plain(files["kiss_icp/config.yaml"])
+    assert kiss == {"data": {"deskew": False, "max_range": 100.0, "min_range": 0.5}}
+    lio = plain(files["lio_sam/params.yaml"])["lio_sam"]
+    place = np.linalg.inv(LIDAR) @ IMU
+    np.testing.assert_allclose(lio["extrinsicTrans"], place[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(lio["extrinsicRot"], place[:3, :3].ravel(), atol=1e-12)
+    assert lio["imuGravity"] == GRAVITY
+
+
+def test_gravity_of_the_earth_needs_no_warning(tmp_path):
+    folder = write_recording(tmp_path, seconds=0.2, lidar=False)
+    index = folder / "dataset.json"
+    index.write_text(index.read_text().replace("3.711", "9.81"))
+    files = calibration_files(open_recording(folder))
+    assert b"built in" not in b"".join(files.values())
+    assert "lio_sam/params.yaml" not in files
+
+
+def test_a_fifth_coefficient_is_told(tmp_path):
+    bent = {**BENT, "distortion_coefficients": [-0.2, 0.02, 0.0, 0.0, 0.01]}
+    folder = write_recording(tmp_path, seconds=0.2, lidar=False, **bent)
+    files = calibration_files(open_recording(folder))
+    assert {name.split("/")[0] for name in files} == {
+        *("README.txt", "basalt", "kalibr", "orbslam2", "orbslam3", "ros", "rtabmap")
+    }
+    assert b"k3, which Kalibr, OpenVINS" in files["README.txt"]
+    assert opencv(files["orbslam3/stereo.yaml"]).getNode("Camera1.k3").real() == 0.01

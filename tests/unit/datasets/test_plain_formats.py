@@ -1,0 +1,220 @@
+"""Folders of plain files, read by few lines of our own and by the clouds' own libraries."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from terrain_forge.datasets import open_recording, write_dataset
+from tests.helpers.recordings import (
+    BASELINE,
+    EPOCH,
+    FOCAL,
+    ON_ROVER,
+    base_pose,
+    pixel_rays,
+    write_recording,
+)
+
+ON_PLANE = 1e-5
+"""How far a point in 32 bits may be off the plane [m]."""
+
+
+def read_tum(path):
+    """Stamps [s] and poses, shape [n, 4, 4]."""
+    from scipy.spatial.transform import Rotation
+
+    rows = np.loadtxt(path, ndmin=2)
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(rows[:, 4:]).as_matrix()
+    poses[:, :3, 3] = rows[:, 1:4]
+    return rows[:, 0], poses
+
+
+def lifted(points, pose):
+    """Points in the world."""
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def depth_points(depth):
+    """Points of the pixels that have depth, in the optical frame."""
+    return (pixel_rays() * depth[..., None])[depth > 0]
+
+
+def test_kitti(recording, tmp_path):
+    """Scans, by Tr and the poses, lie on the plane at the pictures' times."""
+    losses = write_dataset(recording, "kitti", tmp_path / "out").losses
+    assert any("nearest to its picture" in loss for loss in losses)
+    place = tmp_path / "out" / "sequences" / "00"
+    rows = dict(line.split(": ") for line in (place / "calib.txt").read_text().splitlines())
+    matrices = {k: np.array(v.split(), float).reshape(3, 4) for k, v in rows.items()}
+    np.testing.assert_allclose(matrices["P0"][:, :3], recording.cameras[0].matrix)
+    assert matrices["P1"][0, 3] == pytest.approx(-FOCAL * BASELINE)
+    times = np.loadtxt(place / "times.txt")
+    np.testing.assert_allclose(times, 0.2 * np.arange(5), atol=1e-9)
+    poses = np.loadtxt(tmp_path / "out" / "poses" / "00.txt").reshape(-1, 3, 4)
+    first = recording.truth_of(recording.cameras[0]).matrices[0]
+    for number in range(5):
+        for side, camera in enumerate(recording.cameras):
+            picture = np.asarray(Image.open(place / f"image_{side}" / f"{number:06d}.png"))
+            np.testing.assert_array_equal(picture, camera.image(number))
+        scan = np.fromfile(place / "velodyne" / f"{number:06d}.bin", "<f4").reshape(-1, 4)
+        own = np.abs(scan[:, :3] - np.float32(ON_ROVER)).max(axis=1) < 1e-6
+        assert own.sum() == 1
+        pose = np.vstack([poses[number], [0, 0, 0, 1]])
+        seen = first @ pose @ np.vstack([matrices["Tr"], [0, 0, 0, 1]])
+        assert np.abs(lifted(scan[~own, :3].astype(float), seen)[:, 2]).max() < ON_PLANE
+        assert 0.09 < scan[:, 3].min() <= scan[:, 3].max() < 0.14
+
+
+@pytest.mark.parametrize("factor", [5000, 1000])
+def test_tum(recording, tmp_path, factor):
+    options = {"depth_factor": factor, "camera": "stereo_right"}
+    write_dataset(recording, "tum", tmp_path / "out", options)
+    stamps, poses = read_tum(tmp_path / "out" / "groundtruth.txt")
+    lists = {
+        kind: [
+            line.split()
+            for line in (tmp_path / "out" / f"{kind}.txt").read_text().splitlines()
+            if line[0] != "#"
+        ]
+        for kind in ("rgb", "depth", "associations")
+    }
+    assert [a + b for a, b in zip(lists["rgb"], lists["depth"], strict=True)] == lists[
+        "associations"
+    ]
+    assert lists["rgb"][1][0] == "1600000000.200000000"
+    for (_, name), stamp, pose in zip(lists["depth"], stamps, poses, strict=True):
+        picture = Image.open(tmp_path / "out" / name)
+        assert picture.mode.startswith("I")
+        seen = lifted(depth_points(np.asarray(picture) / factor), pose)
+        assert len(seen) > 2000
+        assert np.abs(seen[:, 2]).max() < 1.5e-3  # half a millimetre along a slanted ray
+        assert f"{stamp:.1f}" in name
+
+
+def test_what_is_too_far_for_tum_is_told(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False)
+    path = folder / f"mav0/cam0/depth/{EPOCH}.png"
+    depth = np.array(Image.open(path))
+    depth[:3] = 20_000
+    Image.fromarray(depth).save(path)
+    losses = write_dataset(folder, "tum", tmp_path / "out").losses
+    assert "6.2% of the pixels are farther than 13.107 m: 0." in losses
+    written = np.asarray(Image.open(next((tmp_path / "out" / "depth").iterdir())))
+    assert not written[:3].any()
+
+
+def test_lusnar(recording, tmp_path):
+    write_dataset(recording, "lusnar", tmp_path / "out")
+    place = tmp_path / "out"
+    label = np.asarray(Image.open(place / "image1" / "Label" / f"{EPOCH}.png"))
+    assert [label[0, 0], label[-10, 30], label[-1, 0], label[-1, -1], label[-1, 25]] == [
+        *(4, 0, 2, 1, 255)
+    ]
+    points = np.loadtxt(place / "LiDAR" / f"{EPOCH}.txt")
+    assert set(points[:, 3].astype(int)) == {0, 2, 255}
+    assert len(points) == len(recording.lidars[0].sweep(0))
+    pose = np.loadtxt(place / "Rover_pose.txt")
+    assert pose.shape == (201, 17)
+    np.testing.assert_allclose(pose[:, 1:4], recording.body_poses.position, atol=1e-15)
+    assert np.loadtxt(place / "IMU.txt")[7, 1] == pytest.approx(0.07)
+    write_dataset(recording, "lusnar", tmp_path / "own", {"labels": "lusnar"})
+    colours = np.asarray(Image.open(tmp_path / "own" / "image2" / "Label" / f"{EPOCH}.png"))
+    assert colours[-1, 0].tolist() == [0xE8, 0xFA, 0x50]
+    points = np.loadtxt(tmp_path / "own" / "LiDAR" / f"{EPOCH}.txt")
+    assert set(points[:, 3].astype(int)) == {-1, 174}
+
+
+PLY = {"float": "<f4", "double": "<f8", "ushort": "<u2", "int": "<i4"}
+
+
+def read_ply(path):
+    head, _, body = path.read_bytes().partition(b"end_header\n")
+    text = head.decode()
+    names = re.findall(r"property (\w+) (\w+)", text)
+    found = np.frombuffer(body, [(name, PLY[kind]) for kind, name in names])
+    assert len(found) == int(re.search(r"element vertex (\d+)", text)[1])
+    return found
+
+
+def read_pcd(path):
+    from pypcd4 import PointCloud
+
+    return PointCloud.from_path(path).pc_data
+
+
+def read_laz(path):
+    import laspy
+
+    cloud = laspy.read(path)
+    kinds = [(name, "<f8") for name in ("x", "y", "z", "intensity", "ring", "time", "instance")]
+    found = np.zeros(len(cloud.points), kinds)
+    for name in found.dtype.names:
+        found[name] = cloud["gps_time" if name == "time" else name]
+    return found
+
+
+READERS = {"ply": read_ply, "pcd": read_pcd, "laz": read_laz}
+
+
+@pytest.mark.parametrize("encoding", READERS)
+def test_sweeps_as_files(recording, tmp_path, encoding):
+    for deskew in (False, True):
+        folder = tmp_path / f"{encoding}{deskew}"
+        options = {"encoding": encoding, "deskew": deskew}
+        write_dataset(recording, "clouds", folder, options)
+        stamps, poses = read_tum(folder / "lidar0.tum")
+        assert len(stamps) == len(list((folder / "lidar0").iterdir())) == 9
+        off = []
+        for number, stamp in enumerate(recording.lidars[0].stamps):
+            points = READERS[encoding](folder / "lidar0" / f"{stamp}.{encoding}")
+            sweep = recording.lidars[0].sweep(number)
+            np.testing.assert_array_equal(points["ring"], sweep["ring"])
+            np.testing.assert_array_equal(points["instance"], sweep["instance"])
+            np.testing.assert_allclose(points["time"], sweep["time"], atol=1e-9)
+            places = np.stack([points[axis] for axis in "xyz"], -1).astype(float)
+            on_ground = sweep["instance"] != -4
+            off.append(np.abs(lifted(places[on_ground], poses[number])[:, 2]).max())
+            if not deskew:
+                own = np.stack([sweep[axis] for axis in "xyz"], -1)
+                assert np.abs(places - own).max() <= 5.1e-5
+        assert max(off) < 2e-4 if deskew else max(off) > 0.01
+
+
+@pytest.mark.parametrize("encoding", READERS)
+def test_a_map_of_all_sweeps_lies_on_the_plane(recording, tmp_path, encoding):
+    write_dataset(recording, "clouds", tmp_path / "out", {"encoding": encoding, "map": True})
+    points = READERS[encoding](tmp_path / "out" / f"lidar0.{encoding}")
+    assert len(points) == sum(len(recording.lidars[0].sweep(n)) - 1 for n in range(9))
+    assert np.abs(points["z"]).max() < 6e-5
+    assert points["time"].min() == pytest.approx(EPOCH * 1e-9, abs=1e-6)
+    middle = [points[axis].mean() for axis in "xy"]
+    assert np.linalg.norm(middle - base_pose(0.45)[:2, 3]) < 0.5
+    again = tmp_path / "again"
+    write_dataset(recording, "clouds", again, {"encoding": encoding, "map": True})
+    one, two = ((f / f"lidar0.{encoding}").read_bytes() for f in (again, tmp_path / "out"))
+    assert one == two
+
+
+def test_colours_and_more_bits(tmp_path):
+    """KITTI's grey is of the colours; 12 bits become the upper 8."""
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False)
+    grey = np.arange(48 * 64).reshape(48, 64) % 4096
+    rgb = np.stack([grey % 256, grey // 16, 255 - grey % 256], -1).astype(np.uint8)
+    for key, picture in (("cam0", rgb), ("cam1", grey.astype(np.uint16))):
+        Image.fromarray(picture).save(folder / f"mav0/{key}/data/{EPOCH}.png")
+    index = folder / "dataset.json"
+    index.write_text(index.read_text().replace('"data": {}', '"data": {"bits": 12}'))
+    assert open_recording(folder).cameras[1].image(0).max() > 255
+    write_dataset(folder, "kitti", tmp_path / "out")
+    place = tmp_path / "out" / "sequences" / "00"
+    weighed = rgb @ np.array([0.299, 0.587, 0.114])
+    found = np.asarray(Image.open(place / "image_0" / "000000.png"))
+    assert np.abs(found - weighed).max() <= 0.51
+    np.testing.assert_array_equal(np.asarray(Image.open(place / "image_2" / "000000.png")), rgb)
+    found = np.asarray(Image.open(place / "image_1" / "000000.png"))
+    np.testing.assert_array_equal(found, grey // 16)

@@ -1,0 +1,125 @@
+"""What is refused, early and in one line; nothing half-written stays."""
+
+from __future__ import annotations
+
+import errno
+import sys
+from pathlib import Path
+
+import pytest
+
+from terrain_forge.base import ExportError, OutputError, RecipeError, Spec, StorageError
+from terrain_forge.datasets import DatasetWriter, dataset_kinds, open_recording, write_dataset
+from tests.helpers.recordings import write_recording
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """A recording without a lidar, through bent lenses."""
+    folder = tmp_path_factory.mktemp("bare")
+    bent = {"distortion_model": "radial-tangential", "distortion_coefficients": [-0.2, 0, 0, 0]}
+    return open_recording(write_recording(folder, seconds=0.2, lidar=False, **bent))
+
+
+def test_formats(tmp_path, recording):
+    assert set(dataset_kinds()) == {
+        *("kitti", "tum", "rosbag1", "rosbag2", "clouds", "lusnar", "calibration")
+    }
+    with pytest.raises(RecipeError, match=r"'kity' \(did you mean 'kitti'\?\), installed: calib"):
+        write_dataset(recording, "kity", tmp_path / "out")
+    with pytest.raises(RecipeError, match="'tum': depth_factor"):
+        write_dataset(recording, "tum", tmp_path / "out", {"depth_factor": 7})
+    with pytest.raises(RecipeError, match="has no effect: a map is always deskewed"):
+        write_dataset(recording, "clouds", tmp_path / "out", {"map": True, "deskew": True})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_format_needs(tmp_path, bare, recording):
+    cases = {
+        ("kitti", bare): "pictures without distortion, and those of stereo_left have radtan",
+        ("clouds", bare): "clouds needs a lidar, and the recording has none",
+    }
+    for (kind, found), message in cases.items():
+        with pytest.raises(ExportError, match=message):
+            write_dataset(found, kind, tmp_path / "out")
+    with pytest.raises(ExportError, match="clouds: no lidar 'top' was recorded, there are: lidar0"):
+        write_dataset(recording, "clouds", tmp_path / "out", {"lidar": "top"})
+    options = {"storage": "sqlite3", "compression": "zstd"}
+    with pytest.raises(ExportError, match="zstd needs storage mcap"):
+        write_dataset(recording, "rosbag2", tmp_path / "out", options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_holds_something_stays(tmp_path, recording):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine").write_text("x")
+    with pytest.raises(OutputError, match="out exists: remove it"):
+        write_dataset(recording, "calibration", tmp_path / "out")
+    assert [p.name for p in tmp_path.rglob("*")] == ["out", "mine"]
+    with pytest.raises(OutputError, match="lies in the recording itself"):
+        write_dataset(recording, "calibration", recording.folder / "mav0" / "new")
+
+
+@pytest.mark.parametrize("kind", ["rosbag1", "rosbag2", "clouds"])
+def test_a_full_disk_leaves_nothing(kind, tmp_path, recording, monkeypatch):
+    """The file that grows is refused its bytes by the system, as a full disk does."""
+    wanted = tmp_path / "out"
+    opened = Path.open
+
+    def full(self, mode="r", *args, **kwargs):
+        if ".out.part" in str(self) and set(mode) & set("wx"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return opened(self, mode, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(StorageError, match="out cannot be written: No space left on device"):
+        write_dataset(recording, kind, wanted)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "module", "options"),
+    [
+        ("rosbag1", "rosbags", {}),
+        ("rosbag2", "rosbags", {}),
+        ("clouds", "laspy", {"encoding": "laz"}),
+    ],
+)
+def test_a_missing_extra_is_named(kind, module, options, tmp_path, recording, monkeypatch):
+    for name in [one for one in sys.modules if one.split(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ExportError, match=r"pip install 'terrain-forge\[datasets\]'"):
+        write_dataset(recording, kind, tmp_path / "out", options)
+
+
+def test_importing_the_room_imports_no_extra():
+    import subprocess
+
+    script = (
+        "import sys; from terrain_forge import datasets as d; d.dataset_kinds();"
+        "print({'rosbags', 'laspy', 'cv2', 'mcap'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout.strip() == "set()", done.stderr
+
+
+def test_a_format_of_a_third_party(tmp_path, recording):
+    """A subclass is all that it takes; what it raises leaves nothing."""
+
+    class Broken(DatasetWriter):
+        kind = "broken"
+        title = "broken"
+        Options = Spec
+
+        def write(self, recording, folder, options, progress):
+            (folder / "half").write_text("x")
+            raise ValueError("bug")
+
+    dataset_kinds()["broken"] = Broken
+    try:
+        with pytest.raises(ValueError, match="bug"):
+            write_dataset(recording, "broken", tmp_path / "out")
+    finally:
+        del dataset_kinds()["broken"]
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,256 @@
+"""Scores of trajectories against closed forms and evo."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from terrain_forge.base import DataError
+from terrain_forge.evaluation import (
+    ScoreOptions,
+    TimedPoses,
+    aligned,
+    read_poses,
+    score_poses,
+)
+from tests.helpers.command_line import run
+
+
+def _yaw(angle):
+    return Rotation.from_rotvec(np.stack([0 * angle, 0 * angle, angle], axis=-1))
+
+
+def _circle(radius=10.0, *, turns=2.0, count=2400, rate=10.0) -> TimedPoses:
+    angle = np.linspace(0.0, 2 * np.pi * turns, count)
+    place = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=-1)
+    turn = _yaw(angle + 0.5 * np.pi)
+    return _poses(np.arange(count) / rate, place, turn)
+
+
+def _poses(time, place, turn, name="ours"):
+    quaternion = np.roll(turn.as_quat(), 1, axis=-1)
+    return TimedPoses(name=name, time=time, position=place, quaternion=quaternion)
+
+
+def _turned(poses, turn, shift, scale=1.0):
+    rotation = turn * Rotation.from_quat(np.roll(poses.quaternion, -1, axis=-1))
+    return _poses(poses.time, scale * turn.apply(poses.position.copy()) + shift, rotation)
+
+
+TURN = Rotation.from_euler("xyz", [0.3, -0.2, 1.1])
+
+
+@pytest.mark.parametrize("part", ["first_third", "all", "origin"])
+def test_truth_turned_and_shifted_scores_nothing(part):
+    truth = _circle()
+    found = score_poses(truth, _turned(truth, TURN, [5, 6, 7]), ScoreOptions(align=part))
+    assert found.ate.most < 1e-9
+    assert found.drift.most < 1e-9
+    assert found.rpe.most < 1e-9
+    assert found.rpe_angle.most < 1e-6
+    assert found.tracked == pytest.approx(1.0)
+    assert found.length == pytest.approx(40 * np.pi, rel=1e-4)
+
+
+def test_a_shift_is_the_error_without_alignment():
+    truth = _circle()
+    found = score_poses(
+        truth, _turned(truth, Rotation.identity(), [3, 4, 0]), ScoreOptions(align="none")
+    )
+    assert found.ate.rms == pytest.approx(5.0)
+    assert found.rpe.most < 1e-9
+
+
+@pytest.mark.parametrize("stations", [0.0, 0.5])
+def test_an_error_of_scale_is_the_drift(stations):
+    truth = _circle()
+    told = _turned(truth, TURN, [1, 2, 3], scale=1.03)
+    found = score_poses(truth, told, ScoreOptions(stations_m=stations))
+    assert found.drift.median == pytest.approx(0.03, rel=1e-9)
+    assert found.drift.rms == pytest.approx(0.03, rel=1e-9)
+    # All of it is found by an alignment with scale; without, rms = (s - 1) r about the middle.
+    plain = score_poses(truth, told, ScoreOptions(align="all"))
+    assert plain.ate.rms == pytest.approx(0.3, rel=2e-3)
+    scaled = score_poses(truth, told, ScoreOptions(align="all", scale=True))
+    assert scaled.scale == pytest.approx(1 / 1.03)
+    assert scaled.ate.most < 1e-9
+
+
+def test_a_constant_drift_of_the_heading():
+    """Straight on, the estimate turns by k per metre: it drives a circle of radius 1/k."""
+    count, k = 4000, 0.01
+    s = np.linspace(0.0, 100.0, count)
+    truth = _poses(s, np.stack([s, 0 * s, 0 * s], axis=-1), _yaw(0 * s))
+    place = np.stack([np.sin(k * s) / k, (1 - np.cos(k * s)) / k, 0 * s], axis=-1)
+    found = score_poses(truth, _poses(s, place, _yaw(k * s)))
+    assert found.yaw_drift.median == pytest.approx(k * 10.0, rel=1e-2)
+    assert found.rpe_angle.median == pytest.approx(k * 10.0, rel=1e-2)
+    arc = 10.0 * k  # chord of the arc against the straight line
+    chord = math.hypot(math.sin(arc) / k - 10.0, (1 - math.cos(arc)) / k)
+    assert found.rpe.median == pytest.approx(chord, rel=2e-2)
+    assert found.drift.most < 1e-4
+
+
+def test_jitter_inflates_the_path_at_full_rate_but_not_between_stations():
+    truth = _circle(count=9600, rate=40.0)
+    noise = np.random.default_rng(1).normal(scale=0.01, size=truth.position.shape)
+    told = truth.replace(position=truth.position + noise)
+    raw = score_poses(truth, told, ScoreOptions(stations_m=0.0))
+    stations = score_poses(truth, told)
+    assert raw.drift.median > 0.2
+    assert stations.drift.median < 0.01
+
+
+def test_thirds_are_counted_by_index_time_or_length():
+    time = np.arange(300.0)
+    x = np.where(time < 100, 0.0, time - 100)
+    truth = _poses(time, np.stack([x, 0 * x, 0 * x], -1), _yaw(0 * x))
+    told = truth.replace(position=truth.position + np.stack([0 * x, (x > 1) * 1.0, 0 * x], -1))
+    by_time = score_poses(truth, told, ScoreOptions(third_by="time"))
+    by_length = score_poses(truth, told, ScoreOptions(third_by="length"))
+    assert by_time.ate.median == pytest.approx(1.0, abs=1e-6)  # nothing had happened yet
+    assert by_length.ate.median < 1.0
+
+
+def test_a_lost_system_tells_its_share():
+    truth = _circle(count=1000)
+    kept = np.r_[0:300, 600:1000]
+    found = score_poses(truth, truth.select(kept))
+    assert found.tracked == pytest.approx(1 - 30.1 / 99.9, abs=0.003)
+    assert found.poses == 700
+
+
+def test_a_delay_of_a_tenth_of_a_second_is_a_shift_along_the_path():
+    truth = _circle(radius=1000.0, turns=0.01, count=2000, rate=20.0)
+    speed = 1000.0 * 0.01 * 2 * np.pi / truth.time[-1]
+    told = truth.replace(time=truth.time + 0.1)
+    found = score_poses(truth, told, ScoreOptions(align="none", association="interpolated"))
+    assert found.ate.median == pytest.approx(0.1 * speed, rel=1e-2)
+
+
+def test_a_sensor_on_the_rover_is_compared_with_its_own_truth():
+    truth = _circle()
+    arm, turn = np.array([0.3, 0.0, 0.8]), Rotation.from_euler("y", 0.2).as_matrix()
+    camera = truth.moved(arm, turn)
+    back = camera.moved(-turn.T @ arm, turn.T)
+    assert back.position == pytest.approx(truth.position, abs=1e-12)
+    assert score_poses(camera, camera).ate.most < 1e-12
+    assert score_poses(truth, camera).ate.rms > 1e-3
+
+
+def test_errors_equal_those_of_evo(tmp_path):
+    """Alignment over the first N poses and all of APE and RPE, to the ninth digit."""
+    pytest.importorskip("evo", reason="evo is not installed (extra `oracle`)")
+    from evo.core import metrics
+    from evo.core.trajectory import PoseTrajectory3D
+
+    truth = _circle(count=500)
+    rng = np.random.default_rng(3)
+    walk = np.cumsum(rng.normal(scale=0.01, size=truth.position.shape), axis=0)
+    told = _turned(truth, TURN, [1, 2, 3])
+    told = told.replace(position=told.position + walk)
+    ours = score_poses(truth, told, ScoreOptions(third_by="index"))
+    theirs = [
+        PoseTrajectory3D(
+            positions_xyz=p.position.copy(),
+            orientations_quat_wxyz=p.quaternion.copy(),
+            timestamps=p.time.copy(),
+        )
+        for p in (truth, told)
+    ]
+    theirs[1].align(theirs[0], n=500 // 3)
+    ape = metrics.APE(metrics.PoseRelation.translation_part)
+    ape.process_data(theirs)
+    assert ours.ate.rms == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), abs=1e-9)
+    assert ours.errors == pytest.approx(ape.error, abs=1e-9)
+
+
+WRONG = {
+    "1 2 3": ":1: 3 numbers, must be 8",
+    "0 0 0 0 0 0 0 1\n1 0 0 x 0 0 0 1": ":2: '1 0 0 x 0 0 0 1', must be 8 numbers",
+    "0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1": ":2: its time is not after the one before",
+    "# t\n0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1": ":3: a value is not a finite number",
+    "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 2": ":2: its quaternion is not of length one",
+    "0 0 0 0 0 0 0 1": "1 poses, at least 2",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_wrong_file_is_told_by_line(tmp_path, text):
+    path = tmp_path / "a.tum"
+    path.write_text(text)
+    with pytest.raises(DataError) as error:
+        read_poses(path)
+    assert WRONG[text] in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def test_tum_and_euroc_are_read(tmp_path):
+    tum, csv = tmp_path / "a.tum", tmp_path / "data.csv"
+    tum.write_text("# time\n0 1 2 3 0 0 0.6 0.8\n1 1 2 3 0 0 0 1\n")
+    csv.write_text("#timestamp,…\n0,1,2,3,0.8,0,0,0.6,9,9,9\n1000000000,1,2,3,1,0,0,0,9,9,9\n")
+    one, other = read_poses(tum), read_poses(csv)
+    assert one.replace(name="") == other.replace(name="")
+    assert one.quaternion[0] == pytest.approx([0.8, 0, 0, 0.6])
+
+
+def test_no_common_time_is_told():
+    truth = _circle()
+    later = truth.replace(time=truth.time + 1e4)
+    with pytest.raises(
+        DataError, match=r"the truth from 0\.000 to 239\.900 s: less than two poses"
+    ):
+        score_poses(truth, later)
+    assert aligned(truth, later, part="none")[0] is later
+
+
+def _write_tum(path, poses):
+    rows = np.column_stack([poses.time, poses.position, np.roll(poses.quaternion, -1, axis=-1)])
+    np.savetxt(path, rows, fmt="%.9f")
+    return path
+
+
+def test_the_command_scores_files_and_goes_on_after_a_wrong_one(tmp_path):
+    truth = _circle()
+    files = [
+        _write_tum(tmp_path / "gt.tum", truth),
+        _write_tum(tmp_path / "good.tum", _turned(truth, TURN, [1, 2, 3])),
+        _write_tum(tmp_path / "big.tum", _turned(truth, TURN, [1, 2, 3], scale=1.05)),
+    ]
+    (tmp_path / "bad.tum").write_text("1 2 3\n")
+    out = tmp_path / "scores"
+    done = run(
+        *("evaluate", "--truth", files[0], "--estimate", files[1], tmp_path / "bad.tum", files[2]),
+        *("--set", "align=all", "-o", out),
+    )
+    assert done.returncode == 2
+    assert "bad.tum:1: 3 numbers, must be 8" in done.stderr
+    head, good, big = done.stdout.splitlines()[:3]
+    assert head.split()[0] == "trajectory"
+    assert good.split()[:2] == ["good", "100"]
+    assert "KITTI t [%]" in head
+    assert big.split()[5] == "5"
+    told = json.loads((out / "evaluation.json").read_text())
+    assert [one["trajectory"] for one in told["scores"]] == ["good", "big"]
+    assert told["scores"][0]["options"]["align"] == "all"
+    assert told["scores"][1]["drift"]["median"] == pytest.approx(0.05, rel=1e-6)
+    assert told["failed"][0]["trajectory"] == "bad"
+    assert (out / "evaluation.csv").read_text().count("\n") == 3
+    assert r"big & 100 &" in (out / "evaluation.tex").read_text()
+
+
+def test_an_unknown_option_is_told(tmp_path):
+    path = _write_tum(tmp_path / "gt.tum", _circle(count=50))
+    for change, told in {
+        "aline=all": "unknown, there are: align, third_by",
+        "align=some": "'first_third', 'all', 'origin' or 'none'",
+        "align": "must be key=value",
+    }.items():
+        done = run("evaluate", "--truth", path, "--estimate", path, "--set", change)
+        assert done.returncode == 2
+        assert told in done.stderr
+        assert done.stderr.count("\n") == 1

@@ -1,0 +1,69 @@
+"""Our stereo odometry on pictures of a textured plane, whose motion is known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from terrain_forge.base import DataError
+from terrain_forge.evaluation import score_poses, stereo_odometry
+from terrain_forge.evaluation.poses import TimedPoses
+
+cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")
+
+_FOCAL, _SIZE, _BASELINE = 300.0, (320, 240), 0.12
+_CENTRE = (159.5, 119.5)
+
+
+def _texture():
+    rng = np.random.default_rng(0)
+    noise = sum(
+        cv2.resize(rng.normal(size=(n, n)), (1024, 1024), interpolation=cv2.INTER_CUBIC) * w
+        for n, w in ((256, 1.0), (64, 1.0), (16, 1.0))
+    )
+    return np.clip(128 + 35 * noise, 0, 255).astype(np.uint8)
+
+
+_PLANE = _texture()
+
+
+def _picture(place, turn):
+    """The plane z = 2 m of the world, 250 texels a metre, seen from a pose."""
+    camera = np.array([[_FOCAL, 0, _CENTRE[0]], [0, _FOCAL, _CENTRE[1]], [0, 0, 1]])
+    texel = np.array([[1 / 250, 0, -2], [0, 1 / 250, -2], [0, 0, 1.0]])
+    lift = np.array([[1, 0, -place[0]], [0, 1, -place[1]], [0, 0, 2.0 - place[2]]])
+    return cv2.warpPerspective(_PLANE, camera @ turn.T @ lift @ texel, _SIZE)
+
+
+def _pairs(right_first=False):
+    for n in range(25):
+        place = np.array([0.03 * n, 0.1 * np.sin(0.2 * n), 0.01 * n])
+        turn = cv2.Rodrigues(np.array([0.0, 0.004 * n, 0.008 * n]))[0]
+        pair = [_picture(place + turn @ [side, 0, 0], turn) for side in (0.0, _BASELINE)]
+        yield 0.1 * n, place, turn, *(pair[::-1] if right_first else pair)
+
+
+def _told(**more):
+    pairs = ((time, left, right) for time, _, _, left, right in _pairs(**more))
+    return stereo_odometry(pairs, focal=_FOCAL, centre=_CENTRE, baseline=_BASELINE)
+
+
+def test_it_finds_the_motion():
+    known = [(time, place, turn) for time, place, turn, *_ in _pairs()]
+    from scipy.spatial.transform import Rotation
+
+    quaternion = np.roll(Rotation.from_matrix([turn for *_, turn in known]).as_quat(), 1, axis=-1)
+    truth = TimedPoses(
+        time=np.array([time for time, *_ in known]),
+        position=np.array([place for _, place, _ in known]),
+        quaternion=quaternion,
+    )
+    found = score_poses(truth, _told())
+    assert found.poses == 25
+    assert found.ate.most < 0.01
+    assert _told() == _told()
+
+
+def test_swapped_eyes_give_nothing():
+    with pytest.raises(DataError, match="found no motion"):
+        _told(right_first=True)
