@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import errno
+import resource
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -60,20 +59,27 @@ def test_a_folder_that_holds_something_stays(tmp_path, recording):
         write_dataset(recording, "calibration", recording.folder / "mav0" / "new")
 
 
-@pytest.mark.parametrize("kind", ["rosbag1", "rosbag2", "clouds"])
-def test_a_full_disk_leaves_nothing(kind, tmp_path, recording, monkeypatch):
-    """The file that grows is refused its bytes by the system, as a full disk does."""
-    wanted = tmp_path / "out"
-    opened = Path.open
+FILES = {
+    "rosbag1": ("rosbag1", {}),
+    "mcap": ("rosbag2", {}),
+    "sqlite3": ("rosbag2", {"storage": "sqlite3"}),
+    "ply": ("clouds", {"map": True}),
+    "laz": ("clouds", {"map": True, "encoding": "laz"}),
+    "text": ("lusnar", {}),
+}
 
-    def full(self, mode="r", *args, **kwargs):
-        if ".out.part" in str(self) and set(mode) & set("wx"):
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return opened(self, mode, *args, **kwargs)
 
-    monkeypatch.setattr(Path, "open", full)
-    with pytest.raises(StorageError, match="out cannot be written: No space left on device"):
-        write_dataset(recording, kind, wanted)
+@pytest.mark.parametrize("what", FILES)
+def test_a_disk_that_takes_no_more_leaves_nothing(what, tmp_path, recording):
+    """The system refuses files of more than 8 kB, whatever library writes them."""
+    kind, options = FILES[what]
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8_000, limits[1]))
+    try:
+        with pytest.raises(StorageError, match=r"out cannot be written: \w+"):
+            write_dataset(recording, kind, tmp_path / "out", options)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert list(tmp_path.iterdir()) == []
 
 
