@@ -318,7 +318,6 @@ def record(
     has the bytes that it has in the whole.
     """
     from terrain_forge import pipeline
-    from terrain_forge.recording import RECORDING
     from terrain_forge.terminal import tell_recording
 
     changes = {key: value for key, value in choice.items() if value}
@@ -326,7 +325,7 @@ def record(
         changes["profile"] = "quick"
     if formats is not None:
         changes["formats"] = _names(formats, "--formats", "kitti,rosbag2")
-    with Display(RECORDING) as display:
+    with Display(pipeline.RECORD_STAGES) as display:
         result = pipeline.record(
             out,
             begin=begin,

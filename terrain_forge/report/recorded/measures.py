@@ -1,0 +1,240 @@
+"""Figures of a recording: of its pictures, of what both eyes see, of its sweeps and its IMU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.datasets import (
+    RecordedCamera,
+    RecordedLidar,
+    RecordedSeries,
+    Recording,
+    StereoPair,
+    in_world,
+    on_rover,
+)
+from terrain_forge.report.recorded.film import intensities, some_of
+from terrain_forge.sensors import ImageStatistics, image_statistics
+
+_PICTURES, _PAIRS, _SWEEPS = 8, 4, 60
+"""How many of each the figures are of, at most."""
+_LEAST_ROWS = 64
+_DISPARITIES = 128
+_WRONG_PX = 1.0
+
+
+def picture_statistics(recording: Recording, camera: RecordedCamera) -> ImageStatistics:
+    """Means over some pictures, of the rows between the sky and the rover."""
+    names = {name: int(number) for number, name in recording.about["classes"].items()}
+    found = []
+    for number in some_of(len(camera.stamps), _PICTURES):
+        pixels = intensities(recording, camera, number)
+        labels = camera.image(number, "class") if "class" in camera.channels else None
+        rows = _ground_rows(labels, names, len(pixels))
+        found.append(image_statistics(pixels[rows]))
+    return ImageStatistics(
+        **{
+            f.name: float(np.mean([getattr(one, f.name) for one in found]))
+            for f in fields(found[0])
+        }
+    )
+
+
+def _ground_rows(labels: NDArray[Any] | None, names: dict[str, int], height: int) -> slice:
+    """The rows below the last of sky and far ground and above the rover; or the lower half."""
+    half = slice(height // 2, height)
+    if labels is None:
+        return half
+    far = np.isin(labels, [names.get("sky", -1), names.get("beyond", -1)]).any(axis=1)
+    rover = (labels == names.get("rover", -1)).any(axis=1)
+    first = int(np.flatnonzero(far)[-1]) + 1 if far.any() else 0
+    below = np.flatnonzero(rover[first:])
+    last = first + int(below[0]) if below.size else height
+    return slice(first, last) if last - first >= _LEAST_ROWS else half
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much of the ground a pair of eyes sees."""
+
+    share: float
+    """Of the left picture's ground that has a disparity."""
+    wrong: float | None
+    """Of those, how many are a pixel or more off the true one; None where it was not asked."""
+    by: str
+    """What found the disparities."""
+
+
+def stereo_coverage(recording: Recording, pair: StereoPair) -> Coverage | None:
+    """By OpenCV's semi-global matching where it is installed, else by the truth of what is hidden.
+
+    None where the recording holds neither rectified pictures nor disparities.
+    """
+    channels = pair.left.channels
+    numbers = some_of(len(pair.left.stamps), _PAIRS)
+    if pair.rectified and find_spec("cv2"):
+        return _matched(recording, pair, numbers)
+    if not {"disparity", "occlusion"} <= channels.keys():
+        return None
+    shares = []
+    for number in numbers:
+        there = pair.left.image(number, "disparity") > 0
+        seen = there & (pair.left.image(number, "occlusion") == 0)
+        shares.append(seen.sum() / max(int(there.sum()), 1))
+    return Coverage(float(np.mean(shares)), None, "the truth: what neither edge nor rock hides")
+
+
+def _matched(recording: Recording, pair: StereoPair, numbers: list[int]) -> Coverage:
+    import cv2
+
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=0, numDisparities=_DISPARITIES, blockSize=5, P1=8 * 25, P2=32 * 25,
+        disp12MaxDiff=1, uniquenessRatio=10, speckleWindowSize=100, speckleRange=2,
+        preFilterCap=63,
+    )  # fmt: skip
+    focal, shares, wrong = pair.left.intrinsics[0] * pair.baseline, [], []
+    for number in numbers:
+        eyes = (
+            (255 * np.atleast_3d(intensities(recording, one, number)).mean(axis=2)).astype(np.uint8)
+            for one in (pair.left, pair.right)
+        )
+        found = matcher.compute(*eyes) / 16.0
+        ground = np.ones(found.shape, bool)
+        ground[:, :_DISPARITIES] = False  # the right eye does not see all of it
+        if "depth" in pair.left.channels:
+            depth = pair.left.depth(number)
+            ground &= (depth > 0.0) & (focal < depth * _DISPARITIES)
+            seen = ground & (found > 0.0)
+            off = np.abs(found - focal / np.where(depth > 0.0, depth, 1.0)) >= _WRONG_PX
+            wrong.append((off & seen).sum() / max(int(seen.sum()), 1))
+        shares.append((ground & (found > 0.0)).sum() / max(int(ground.sum()), 1))
+    by = f"OpenCV's semi-global matching of {len(numbers)} pairs, {_DISPARITIES} disparities"
+    return Coverage(float(np.mean(shares)), float(np.mean(wrong)) if wrong else None, by)
+
+
+@dataclass(frozen=True)
+class RingCounts:
+    """Points of a lidar's sweeps by ring, each the mean of some sweeps."""
+
+    ground: Array
+    """On ground and rocks."""
+    rover: Array
+    """On the rover itself."""
+
+
+def ring_counts(lidar: RecordedLidar) -> RingCounts:
+    """Returns of each ring."""
+    numbers = some_of(len(lidar.stamps), _SWEEPS)
+    found = []
+    for number in numbers:
+        points = lidar.sweep(number)
+        own = on_rover(points, lidar)
+        found.append([np.bincount(points["ring"][which]) for which in (~own, own)])
+    told = int(lidar.about.get("rings", 0))
+    rings = max(told, *(len(counts) for pair in found for counts in pair))
+    total = np.zeros((2, rings))
+    for pair in found:
+        for row, counts in zip(total, pair, strict=True):
+            row[: len(counts)] += counts / len(numbers)
+    return RingCounts(ground=total[0], rover=total[1])
+
+
+@dataclass(frozen=True)
+class WorldSweep:
+    """A sweep where its points are in the world."""
+
+    points: Array
+    """Each by the true pose at its own time [m], shape [points, 3]."""
+    ring: NDArray[np.int64]
+    """Which beam each is of, shape [points]."""
+    lidar: Array
+    """Where the lidar was at the first firing [m], shape [3]."""
+    rings: int
+    """How many beams there are."""
+    seconds: float
+    """When it began after the recording's first stamp [s]."""
+
+
+def first_sweep(recording: Recording) -> WorldSweep | None:
+    """The first lidar's first sweep with points, without those on the rover; None without one."""
+    for lidar in recording.lidars[:1]:
+        for number, stamp in enumerate(lidar.stamps.tolist()):
+            points = lidar.sweep(number)
+            points = points[~on_rover(points, lidar)]
+            if not len(points):
+                continue
+            last = stamp + int(np.ceil(1e9 * float(points["time"].max())))
+            for body, _, _ in recording.body_pieces():
+                if body.covers(stamp, last):
+                    poses = body.carrying(lidar.body_pose)
+                    return WorldSweep(
+                        points=in_world(points, stamp, poses),
+                        ring=points["ring"].astype(np.int64),
+                        lidar=poses.at(np.array([stamp])).position[0],
+                        rings=int(points["ring"].max()) + 1,
+                        seconds=1e-9 * (stamp - recording.span[0]),
+                    )
+    return None
+
+
+@dataclass(frozen=True)
+class ImuErrors:
+    """What an IMU told and by how much that is off the truth."""
+
+    times: Array
+    """After its first sample [s], shape [samples]."""
+    told: Array
+    """Rates [rad/s] and specific forces [m/s²], shape [samples, 6]."""
+    errors: Array | None
+    """Off the motion's own, shape [samples, 6]; None where the truth has other stamps."""
+    rate: float
+    """Samples per second [Hz]."""
+
+
+def imu_errors(recording: Recording, imu: RecordedSeries) -> ImuErrors:
+    """Compare with the truth's derivatives, by differences of the fourth order."""
+    stamps, told = imu.table
+    times, truth = 1e-9 * (stamps - stamps[0]), recording.truth.table
+    errors = None
+    own = recording.body_name == imu.key
+    if own and len(stamps) > 4 and np.array_equal(truth[0], stamps) and _even(stamps):
+        turns, speeds = _continuous(truth[1][:, 3:7]), truth[1][:, 7:10]
+        step = 1.0 / imu.rate
+        rates = 2.0 * _vector_of(_conjugate(turns[2:-2]), _slope(turns, step))
+        rotation = matrix_from_quaternion(turns[2:-2])
+        pull = _slope(speeds, step) + np.array([0.0, 0.0, recording.gravity])
+        forces = np.einsum("nji,nj->ni", rotation, pull)
+        errors = told[2:-2, :6] - np.hstack([rates, forces])
+    return ImuErrors(times, told[:, :6], errors, imu.rate)
+
+
+def _even(stamps: NDArray[np.int64]) -> bool:
+    steps = np.diff(stamps)
+    return bool(steps.max() - steps.min() <= 2)
+
+
+def _slope(values: Array, step: float) -> Array:
+    near, far = values[3:-1] - values[1:-3], values[4:] - values[:-4]
+    return np.asarray((8.0 * near - far) / (12.0 * step))
+
+
+def _continuous(turns: Array) -> Array:
+    """Quaternions whose signs do not jump."""
+    flips = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(turns * np.concatenate([[1.0], np.cumprod(flips)])[:, None])
+
+
+def _conjugate(turns: Array) -> Array:
+    return np.asarray(turns * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def _vector_of(one: Array, other: Array) -> Array:
+    """The vector part of the product of quaternions (w, x, y, z), shape [n, 3]."""
+    w, v, s, u = one[:, :1], one[:, 1:], other[:, :1], other[:, 1:]
+    return np.asarray(w * u + s * v + np.cross(v, u))
