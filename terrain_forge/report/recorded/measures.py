@@ -93,8 +93,9 @@ def stereo_coverage(recording: Recording, pair: StereoPair) -> Coverage | None:
 def _matched(recording: Recording, pair: StereoPair, numbers: list[int]) -> Coverage:
     import cv2
 
+    most = min(_DISPARITIES, max(16, pair.left.size[0] // 8 // 16 * 16))
     matcher = cv2.StereoSGBM.create(
-        minDisparity=0, numDisparities=_DISPARITIES, blockSize=5, P1=8 * 25, P2=32 * 25,
+        minDisparity=0, numDisparities=most, blockSize=5, P1=8 * 25, P2=32 * 25,
         disp12MaxDiff=1, uniquenessRatio=10, speckleWindowSize=100, speckleRange=2,
         preFilterCap=63,
     )  # fmt: skip
@@ -106,15 +107,15 @@ def _matched(recording: Recording, pair: StereoPair, numbers: list[int]) -> Cove
         )
         found = matcher.compute(*eyes) / 16.0
         ground = np.ones(found.shape, bool)
-        ground[:, :_DISPARITIES] = False  # the right eye does not see all of it
+        ground[:, :most] = False  # the right eye does not see all of it
         if "depth" in pair.left.channels:
             depth = pair.left.depth(number)
-            ground &= (depth > 0.0) & (focal < depth * _DISPARITIES)
+            ground &= (depth > 0.0) & (focal < depth * most)
             seen = ground & (found > 0.0)
             off = np.abs(found - focal / np.where(depth > 0.0, depth, 1.0)) >= _WRONG_PX
             wrong.append((off & seen).sum() / max(int(seen.sum()), 1))
         shares.append((ground & (found > 0.0)).sum() / max(int(ground.sum()), 1))
-    by = f"OpenCV's semi-global matching of {len(numbers)} pairs, {_DISPARITIES} disparities"
+    by = f"OpenCV's semi-global matching of {len(numbers)} pairs, {most} disparities"
     return Coverage(float(np.mean(shares)), float(np.mean(wrong)) if wrong else None, by)
 
 
@@ -197,9 +198,14 @@ class ImuErrors:
     """Samples per second [Hz]."""
 
 
-def imu_errors(recording: Recording, imu: RecordedSeries) -> ImuErrors:
-    """Compare with the truth's derivatives, by differences of the fourth order."""
+def imu_errors(recording: Recording, imu: RecordedSeries) -> ImuErrors | None:
+    """Compare with the truth's derivatives, by differences of the fourth order.
+
+    None for a table that is not EuRoC's, of three rates and three specific forces.
+    """
     stamps, told = imu.table
+    if [name[:6] for name in imu.columns[:6]] != ["w_RS_S"] * 3 + ["a_RS_S"] * 3:
+        return None
     times, truth = 1e-9 * (stamps - stamps[0]), recording.truth.table
     errors = None
     own = recording.body_name == imu.key

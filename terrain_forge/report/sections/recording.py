@@ -174,6 +174,8 @@ def _imu(recording: Recording) -> Iterator[Block]:
 
     for imu in recording.imus:
         measured = imu_errors(recording, imu)
+        if measured is None:
+            continue
         densities = [
             (
                 float(imu.about.get(f"{name}_noise_density", 0.0)),
