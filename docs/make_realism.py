@@ -48,13 +48,13 @@ class Real(NamedTuple):
 
 REAL = (
     Real("Opportunity Navcam, sol 4087, gravel to a hill",
-         "mer1_1N491020834ILFCNY9P0706L0M1.png", (0.2, 0.9, 0.0, 1.0), True),
+         "mer1_1N491020834ILFCNY9P0706L0M1.png", (0.2, 0.9, 0.03, 0.97), True),
     Real("Opportunity Navcam, sol 4087, gravel and slabs",
-         "mer1_1N491020993ILFCNY9P0706L0M1.png", (0.04, 0.5, 0.0, 1.0), True),
+         "mer1_1N491020993ILFCNY9P0706L0M1.png", (0.04, 0.5, 0.03, 0.97), True),
     Real("Opportunity Navcam, sol 4709, soft ripples",
-         "mer1_1N546228391RADCYELP0684L0M1.png", (0.28, 0.74, 0.0, 1.0), True),
+         "mer1_1N546228391RADCYELP0684L0M1.png", (0.28, 0.74, 0.03, 0.97), True),
     Real("Curiosity Navcam, sol 1431, scree",
-         "msl_NLB_524534514EDR_F0562034NCAM00280M.jpg", (0.72, 0.98, 0.0, 1.0), False),
+         "msl_NLB_524534514EDR_F0562034NCAM00280M.jpg", (0.72, 0.98, 0.03, 0.97), False),
     Real("Curiosity Mastcam, half-buried rocks",
          "msl_mastcam_img_332_560.png", (0.1, 1.0, 0.0, 1.0), False),
     Real("Apollo 17, soil beside a boulder",
@@ -131,7 +131,7 @@ def _line(name: str, found: ImageStatistics) -> str:
     slope, low, high, kurtosis, corners, dark = astuple(found)
     return (
         f"| {name} | {slope:.2f} ({low:.2f} / {high:.2f}) | {kurtosis:.1f} | {corners:.1f} | "
-        f"{dark:.1%} |".replace("-", "−")
+        f"{dark:.1%} |"
     )
 
 
