@@ -16,7 +16,7 @@ import pytest
 
 import terrain_forge
 from terrain_forge.base import Spec, records
-from tests.helpers.places import ROOT
+from tests.helpers.places import ROOT, parsed
 
 
 def all_modules():
@@ -30,7 +30,7 @@ def documented_fields(cls):
     path = Path(sys.modules[cls.__module__].__file__)
     written = (
         node.body
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.ClassDef) and node.name == cls.__name__
     )
     body = next(written, None)
