@@ -7,6 +7,7 @@ import numpy as np
 from terrain_forge.base import kernel, merged
 from terrain_forge.scene.aiming import (
     ask_sun,
+    keep,
     lit_lanes,
     meet_all,
     packet_room,
@@ -49,11 +50,10 @@ def find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
         for column in range(width):
             west, east = max(column - 1, 0), min(column + 1, width - 1)
             mine, found, lit, dark = owner[row, column], False, False, False
-            for j in (north, row, south):
-                for i in (west, column, east):
-                    found = found or owner[j, i] != mine
-                    if owner[j, i] != -2:
-                        lit, dark = lit or sunlit[j, i], dark or not sunlit[j, i]
+            for j, i in ((row, column), (row, west), (row, east), (north, column), (south, column)):
+                found = found or owner[j, i] != mine
+                if owner[j, i] != -2:
+                    lit, dark = lit or sunlit[j, i], dark or not sunlit[j, i]
             if not found and mine != -2:
                 near = _1 / distance[row, column]
                 for one, other in (
@@ -151,6 +151,7 @@ def refine(  # type: ignore[no-untyped-def]
         )  # fmt: skip
         if mixed and state[row, column] == _LIGHT:
             state[row, column] = _PARTLY
+    keep(memory, poses, workspace)
 
 
 @kernel

@@ -20,6 +20,7 @@ from terrain_forge.scene.aiming import (
     View,
     ask_sun,
     fixed,
+    keep,
     lit_lanes,
     meet_all,
     packet_room,
@@ -196,3 +197,4 @@ def _look_bands(  # type: ignore[no-untyped-def]
                 world, stage, relief, wheels, passing, view, room, space, left, band * _BAND,
                 seen,
             )  # fmt: skip
+    keep(memory, poses, workspace)

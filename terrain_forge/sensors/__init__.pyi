@@ -10,4 +10,7 @@ from .motion import Curve as Curve
 from .motion import Motion as Motion
 from .motion import State as State
 from .motion import motion_of_path as motion_of_path
+from .picture import Exposure as Exposure
+from .picture import take_exposure as take_exposure
+from .picture import travelled as travelled
 from .scenery import Scenery as Scenery
