@@ -144,7 +144,8 @@ class Sensor(Record, Spec):
             from pydantic_core import PydanticCustomError, ValidationError
 
             hint = hint_at(str(name), cls.PRESETS)
-            text = f"unknown preset{hint}, there are: {', '.join(cls.PRESETS) or 'none'}"
+            known = ", ".join(cls.PRESETS) or "none"
+            text = f"unknown preset {name!r}{hint}, there are: {known}"
             why = PydanticCustomError("unknown_preset", "{text}", {"text": text})
             raise ValidationError.from_exception_data(
                 cls.__name__, [{"type": why, "loc": ("preset",), "input": name}]

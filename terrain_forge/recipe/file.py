@@ -317,7 +317,7 @@ def _message(error: dict[str, Any], key: Key) -> str:
         case "predicate_failed":
             return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
         case "unknown_preset":
-            return f"{error['msg']}, found {_shown(found)}"
+            return str(error["msg"])
         case "value_error":
             return f"{error['msg'].removeprefix('Value error, ')}, found {_shown(found)}"
     return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"

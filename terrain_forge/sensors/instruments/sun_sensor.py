@@ -49,7 +49,7 @@ class SunSensing(Series):
             "true_bias": self._bias.tolist(),
         }
 
-    def samples(self) -> dict[str, Array]:
+    def samples(self) -> dict[str, NDArray[Any]]:
         """Unit vectors to the Sun, and 1 where it is seen, else 0."""
         times = self.times / NANOSECONDS
         state, sun = self.state(times), self.setting.world.lighting.towards_sun
@@ -60,8 +60,8 @@ class SunSensing(Series):
         error += self._bias
         found = true + _across(true, error)
         found /= portable.norm(found)[:, None]
-        table = np.column_stack([np.where(seen[:, None], found, 0.0), seen])
-        return dict(zip(COLUMNS, table.T, strict=True))
+        shown = np.where(seen[:, None], found, 0.0)
+        return dict(zip(COLUMNS, (*shown.T, seen.astype(np.int64)), strict=True))
 
     def _unhidden(self, places: Array, times: Array) -> NDArray[np.bool_]:
         """Whether nothing hides the Sun from some places at their times.
