@@ -27,9 +27,8 @@ def measurement_cost(sensor: Sensor) -> tuple[float, float]:
     """About the time [s] that a measurement takes, and the bytes of its files."""
     seconds, size = ROW
     for part in sensor.simple:
-        figures = part.figures
         pixels = part.view.width_px * part.view.height_px if part.view else 0
-        points = figures.get("channels", 0.0) * figures.get("horizontal_samples", 0.0)
+        points = getattr(part, "rays", 0)
         channels = getattr(part, "channels", ())
         more = len(channels) if isinstance(channels, tuple) else 0
         seconds += pixels * (PIXEL[0] + more * CHANNEL[0]) + points * POINT[0]
