@@ -73,7 +73,7 @@ class Recording:
     def series(self, word: str) -> tuple[RecordedSeries, ...]:
         """Its tables whose folders begin with a word: `imu`, `odometry`, `sun`, …."""
         found = (s for s in self.sensors if isinstance(s, RecordedSeries))
-        return tuple(one for one in found if one.key.rstrip("0123456789") == word)
+        return tuple(one for one in found if one.word_of_folder == word)
 
     @property
     def imus(self) -> tuple[RecordedSeries, ...]:

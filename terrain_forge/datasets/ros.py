@@ -10,11 +10,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from terrain_forge.base import Array, FileName, Progress, Spec, portable, xyzw
+from terrain_forge.base import Array, FileName, Progress, Spec, portable
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
 from terrain_forge.datasets.pictures import bits_losses, picture_of
 from terrain_forge.datasets.poses import Poses, inverse_pose, quaternion_from_matrix
 from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
+from terrain_forge.datasets.ros_series import (
+    ODOMETRY,
+    odometry_message,
+    series_kind,
+    series_messages,
+)
 from terrain_forge.datasets.streams import (
     RecordedCamera,
     RecordedLidar,
@@ -26,7 +33,6 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 WORLD, BASE = "map", "base_link"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
 TRUTH_TOPIC = "/ground_truth/odometry"
 _MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
 _DATATYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
@@ -85,8 +91,7 @@ class RosMessages:
     """
 
     def __init__(self, recording: Recording, store: Typestore, options: RosOptions) -> None:
-        self.recording, self.options, self.types = recording, options, store.types
-        self._is_first = "seq" in self.types["std_msgs/msg/Header"].__annotations__
+        self.recording, self.options, self.parts = recording, options, RosParts(store)
         named = {recording.sensor(name).key for name in options.sensors}
         self.sensors = [s for s in recording.sensors if not named or s.key in named]
 
@@ -100,52 +105,29 @@ class RosMessages:
             elif isinstance(sensor, RecordedLidar):
                 found.append(self._cloud_topic(sensor, clouds))
                 clouds += 1
-            elif sensor in self.recording.imus:
-                found.append(
-                    self._topic(f"/{sensor.key}", "sensor_msgs/msg/Imu", self._imu(sensor))
-                )
+            elif isinstance(sensor, RecordedSeries) and (kind := series_kind(sensor)):
+                found.append(self._topic(f"/{sensor.key}", kind, self._series(sensor)))
         truth = self.options.truth
         if truth in ("odometry", "both"):
-            found.append(self._topic(TRUTH_TOPIC, "nav_msgs/msg/Odometry", self._odometry))
+            found.append(self._topic(TRUTH_TOPIC, ODOMETRY, self._odometry))
         if truth in ("tf", "both"):
             found.append(self._topic("/tf", TRANSFORMS, self._tf))
         return found
 
     def untold(self) -> list[str]:
         """Folders of sensors that no message is written for."""
-        written = (RecordedCamera, RecordedLidar)
-        imus = self.recording.imus
-        return [s.key for s in self.sensors if not isinstance(s, written) and s not in imus]
+        tables = (one for one in self.sensors if isinstance(one, RecordedSeries))
+        return [one.key for one in tables if not series_kind(one)]
 
     def _topic(
-        self, name: str, kind: str, pairs: Callable[[], Iterator[tuple[int, Any]]], **more: Any
+        self, name: str, kind: str, pairs: Callable[[], Iterator[Pair]], **more: Any
     ) -> Topic:
         def messages(order: int) -> Iterator[Message]:
             return (Message(stamp=t, order=order, value=value) for t, value in pairs())
 
         return Topic(name=name, kind=kind, messages=messages, **more)
 
-    def make(self, kind: str, *values: Any) -> Any:
-        """A message or a part of one, its fields in their order."""
-        return self.types[kind](*values)
-
-    def _header(self, stamp: int, frame: str) -> Any:
-        time = self.make("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
-        first = (0,) if self._is_first else ()
-        return self.make("std_msgs/msg/Header", *first, time, frame)
-
-    def _vector(self, values: Array) -> Any:
-        return self.make("geometry_msgs/msg/Vector3", *map(float, values))
-
-    def _turn(self, quaternion: Array) -> Any:
-        return self.make("geometry_msgs/msg/Quaternion", *map(float, xyzw(quaternion)))
-
-    def _transform(self, stamp: int, parent: str, child: str, place: Array, turn: Array) -> Any:
-        moved = self.make("geometry_msgs/msg/Transform", self._vector(place), self._turn(turn))
-        header = self._header(stamp, parent)
-        return self.make("geometry_msgs/msg/TransformStamped", header, child, moved)
-
-    def _static(self) -> Iterator[tuple[int, Any]]:
+    def _static(self) -> Iterator[Pair]:
         begin = self.recording.span[0]
         transforms = []
         for sensor in self.recording.sensors:
@@ -153,23 +135,25 @@ class RosMessages:
                 continue
             pose = portable.product(self.recording.base_from_body, sensor.body_pose)
             turn = quaternion_from_matrix(pose[:3, :3])
-            transforms.append(self._transform(begin, BASE, frame_of(sensor), pose[:3, 3], turn))
-        yield begin, self.make(TRANSFORMS, transforms)
+            transforms.append(
+                self.parts.transform(begin, BASE, frame_of(sensor), pose[:3, 3], turn)
+            )
+        yield begin, self.parts.make(TRANSFORMS, transforms)
 
     def _camera_topics(self, camera: RecordedCamera) -> list[Topic]:
         frame = frame_of(camera)
 
-        def infos() -> Iterator[tuple[int, Any]]:
+        def infos() -> Iterator[Pair]:
             for stamp in camera.stamps.tolist():
                 yield stamp, self.camera_info(camera, stamp)
 
-        def images() -> Iterator[tuple[int, Any]]:
+        def images() -> Iterator[Pair]:
             for number, stamp in enumerate(camera.stamps.tolist()):
                 picture = picture_of(camera, number, "data")
                 encoding = "rgb8" if picture.ndim == 3 else "mono8"
                 yield stamp, self._image(stamp, frame, picture, encoding)
 
-        def depths() -> Iterator[tuple[int, Any]]:
+        def depths() -> Iterator[Pair]:
             for number, stamp in enumerate(camera.stamps.tolist()):
                 metres = camera.depth(number).astype(np.float32)
                 metres[metres == 0.0] = np.nan  # REP 118
@@ -188,9 +172,11 @@ class RosMessages:
         rows, columns = picture.shape[:2]
         pixels = np.ascontiguousarray(picture)
         data = pixels.view(np.uint8).ravel()
-        header = self._header(stamp, frame)
+        header = self.parts.header(stamp, frame)
         step = data.size // rows
-        return self.make("sensor_msgs/msg/Image", header, rows, columns, encoding, 0, step, data)
+        return self.parts.make(
+            "sensor_msgs/msg/Image", header, rows, columns, encoding, 0, step, data
+        )
 
     def camera_info(self, camera: RecordedCamera, stamp: int) -> Any:
         """Calibration of a camera; P[3] of the right one of a pair is −f·baseline."""
@@ -199,11 +185,11 @@ class RosMessages:
         coefficients = np.zeros(count)
         coefficients[: len(given)] = given
         projection = projection_of(self.recording, camera)
-        region = self.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+        region = self.parts.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
         width, height = camera.size
-        return self.make(
+        return self.parts.make(
             "sensor_msgs/msg/CameraInfo",
-            *(self._header(stamp, frame_of(camera)), height, width, _MODELS[model]),
+            *(self.parts.header(stamp, frame_of(camera)), height, width, _MODELS[model]),
             *(coefficients, camera.matrix.ravel(), np.eye(3).ravel(), projection.ravel()),
             *(0, 0, region),
         )
@@ -212,7 +198,7 @@ class RosMessages:
         own = self.options.cloud
         layout: Layout = layout_of(self.recording, lidar) if own == "lidar" else own
 
-        def clouds() -> Iterator[tuple[int, Any]]:
+        def clouds() -> Iterator[Pair]:
             for index, stamp in enumerate(lidar.stamps.tolist()):
                 points = packed(lidar.sweep(index), layout, self.options.ring_bits)
                 yield stamp, self._cloud(stamp, frame_of(lidar), points)
@@ -223,39 +209,19 @@ class RosMessages:
 
     def _cloud(self, stamp: int, frame: str, points: Any) -> Any:
         fields = [
-            self.make("sensor_msgs/msg/PointField", name, offset, _DATATYPES[kind.str[1:]], 1)
+            self.parts.make("sensor_msgs/msg/PointField", name, offset, _DATATYPES[kind.str[1:]], 1)
             for name, (kind, offset) in points.dtype.fields.items()
         ]
         step, count = points.dtype.itemsize, len(points)
         data = np.frombuffer(points.tobytes(), np.uint8)
-        return self.make(
+        return self.parts.make(
             "sensor_msgs/msg/PointCloud2",
-            *(self._header(stamp, frame), 1, count, fields),
+            *(self.parts.header(stamp, frame), 1, count, fields),
             *(False, step, step * count, data, True),
         )
 
-    def _imu(self, imu: RecordedSensor) -> Callable[[], Iterator[tuple[int, Any]]]:
-        unknown, turning, pushing = np.zeros(9), np.zeros(9), np.zeros(9)
-        unknown[0] = -1.0  # sensor_msgs/Imu: no orientation
-        for matrix, name in ((turning, "gyroscope"), (pushing, "accelerometer")):
-            density = float(imu.numbers(f"{name}_noise_density", (1,))[0])
-            matrix[::4] = density * density * imu.rate
-        level = np.array([1.0, 0.0, 0.0, 0.0])
-
-        def samples() -> Iterator[tuple[int, Any]]:
-            assert isinstance(imu, RecordedSeries)
-            for stamps, values in imu.blocks():
-                for stamp, row in zip(stamps.tolist(), values, strict=True):
-                    yield (
-                        stamp,
-                        self.make(
-                            "sensor_msgs/msg/Imu",
-                            *(self._header(stamp, frame_of(imu)), self._turn(level), unknown),
-                            *(self._vector(row[:3]), turning, self._vector(row[3:6]), pushing),
-                        ),
-                    )
-
-        return samples
+    def _series(self, table: RecordedSeries) -> Callable[[], Iterator[Pair]]:
+        return lambda: series_messages(self.parts, table, frame_of(table))
 
     def _base_states(self) -> Iterator[tuple[Poses, Array, Array]]:
         """True poses of base_link, its velocity and rate in its own frame, in pieces."""
@@ -268,31 +234,28 @@ class RosMessages:
             base = poses.carrying(body)[kept]
             yield base, portable.product(own, into)[kept], portable.product(rate, into)[kept]
 
-    def _odometry(self) -> Iterator[tuple[int, Any]]:
+    def _odometry(self) -> Iterator[Pair]:
         none = np.zeros(36)
         for poses, velocity, rate in self._base_states():
             for number, stamp in enumerate(poses.stamps.tolist()):
-                point = self.make("geometry_msgs/msg/Point", *map(float, poses.position[number]))
-                pose = self.make(
-                    "geometry_msgs/msg/Pose", point, self._turn(poses.quaternion[number])
-                )
-                parts = self._vector(velocity[number]), self._vector(rate[number])
-                twist = self.make("geometry_msgs/msg/Twist", *parts)
                 yield (
                     stamp,
-                    self.make(
-                        "nav_msgs/msg/Odometry",
-                        *(self._header(stamp, WORLD), BASE),
-                        self.make("geometry_msgs/msg/PoseWithCovariance", pose, none),
-                        self.make("geometry_msgs/msg/TwistWithCovariance", twist, none),
+                    odometry_message(
+                        self.parts,
+                        self.parts.header(stamp, WORLD),
+                        (poses.position[number], poses.quaternion[number], none),
+                        (velocity[number], rate[number], none),
                     ),
                 )
 
-    def _tf(self) -> Iterator[tuple[int, Any]]:
+    def _tf(self) -> Iterator[Pair]:
         for poses, _, _ in self._base_states():
             for number, stamp in enumerate(poses.stamps.tolist()):
                 at = poses.position[number], poses.quaternion[number]
-                yield stamp, self.make(TRANSFORMS, [self._transform(stamp, WORLD, BASE, *at)])
+                yield (
+                    stamp,
+                    self.parts.make(TRANSFORMS, [self.parts.transform(stamp, WORLD, BASE, *at)]),
+                )
 
 
 def frame_of(sensor: RecordedSensor) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,6 @@ POINT_FIELDS = ("x", "y", "z", "intensity", "ring", "time", "instance")
 class RecordedSensor:
     """A sensor's folder in a recording."""
 
-    word: ClassVar[str] = "sensor"
-
     folder: Path
     """Its folder."""
     name: str
@@ -45,6 +43,11 @@ class RecordedSensor:
     def key(self) -> str:
         """The name of its folder, such as `cam0`."""
         return self.folder.name
+
+    @property
+    def word_of_folder(self) -> str:
+        """The folder's name without its number, such as `cam` or `imu`."""
+        return self.key.rstrip("0123456789")
 
     @property
     def place(self) -> str:
@@ -175,8 +178,6 @@ def _bits(path: Path) -> int:
 class RecordedCamera(RecordedSensor):
     """A camera's pictures and calibration, in OpenCV's convention: a first pixel's centre is 0."""
 
-    word: ClassVar[str] = "camera"
-
     @cached_property
     def size(self) -> tuple[int, int]:
         """Width and height [px]."""
@@ -253,8 +254,6 @@ class RecordedCamera(RecordedSensor):
 class RecordedLidar(RecordedSensor):
     """A lidar's sweeps: points in its frame at each point's own time."""
 
-    word: ClassVar[str] = "lidar"
-
     @property
     def codes(self) -> Mapping[str, Any]:
         """Instances that are no rock's: what a point is on, and its number."""
@@ -277,8 +276,6 @@ class RecordedLidar(RecordedSensor):
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSeries(RecordedSensor):
     """A sensor whose measurements are the rows of a table."""
-
-    word: ClassVar[str] = "series"
 
     @cached_property
     def columns(self) -> tuple[str, ...]:

@@ -20,8 +20,6 @@ CHANNEL = 4e-8, 0.7
 """Time and bytes that a further channel takes for each pixel."""
 RAY, POINT = 1.2e-7, 26.0
 """Time of a lidar's ray [s], and bytes of its point."""
-_CONE = 7
-"""Rays of a beam that diverges."""
 ROW = 1e-6, 130.0
 """Of a row of a table."""
 TRUTH_RATE, TRUTH_ROW = 200.0, 500.0
@@ -47,8 +45,7 @@ def _picture(camera: CameraSensor) -> tuple[float, float]:
 
 def _sweep(lidar: LidarSensor) -> tuple[float, float]:
     points = len(lidar.elevations) / (lidar.column_s * lidar.rate_hz)
-    rays = points * (_CONE if lidar.divergence_mrad else 1)
-    return RAY * rays, POINT * points
+    return RAY * lidar.rays, POINT * points
 
 
 def seconds_of(sensor: Sensor) -> float:

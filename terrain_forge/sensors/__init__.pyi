@@ -22,4 +22,5 @@ from .mounts import check_mounts as check_mounts
 from .scenery import Scenery as Scenery
 from .sweep import Sweep as Sweep
 from .sweep import deskewed_points as deskewed_points
+from .sweep import point_classes as point_classes
 from .sweep import take_sweep as take_sweep

@@ -53,7 +53,7 @@ def points_of(exposure: Exposure, lens: Lens, position: Array, rotation: Array) 
         rotation: From the optical frame to the world, shape [height, 3, 3].
     """
     points = np.empty((*exposure.distance.shape, 3))
-    poses = np.ascontiguousarray(position), np.ascontiguousarray(rotation)
+    poses = np.array(position, order="C"), np.array(rotation, order="C")
     over_chunks(_reach, len(points), exposure.distance, rays_of(lens), *poses, points)
     return points
 
@@ -66,7 +66,7 @@ def normals_file(exposure: Exposure, rotation: Array) -> bytes:
         rotation: From the optical frame to the world of each row, shape [height, 3, 3].
     """
     values = np.empty(exposure.normal.shape, dtype=np.uint16)
-    turns = np.ascontiguousarray(rotation)
+    turns = np.array(rotation, order="C")
     over_chunks(_code_normals, len(values), exposure.normal, turns, values)
     return encode_png(values)
 
@@ -159,7 +159,7 @@ def flow_file(
         here: From the optical frame to the world at each row now, shape [height, 3, 3].
     """
     values = np.zeros((*exposure.depth.shape, 3), dtype=np.uint16)
-    poses = (np.ascontiguousarray(part) for part in (position, rotation, here))
+    poses = (np.array(part, order="C") for part in (position, rotation, here))
     turns = _TURNS if np.ptp(position, axis=0).any() else 1
     over_chunks(
         _follow, len(values), exposure.instance, points, rays_of(lens), lens, *poses, turns, values

@@ -48,7 +48,7 @@ def lens_of(sensor: CameraSensor, *, rectified: bool) -> Lens:
     kind = _PLAIN
     if bent is not None:
         kind = _FISHEYE if isinstance(bent, Equidistant) else _RADTAN
-    a, b, c, d, e = (*(bent.k if bent else ()), *(0.0,) * 5)[:5]
+    a, b, c, d, e = map(float, (*(bent.k if bent else ()), *(0.0,) * 5)[:5])
     return Lens(
         width=sensor.width_px,
         height=sensor.height_px,

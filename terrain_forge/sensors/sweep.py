@@ -21,7 +21,9 @@ from terrain_forge.model import LidarSensor, merge
 from terrain_forge.scene import COHERENT, INCOHERENT, LANES, packet_memory
 from terrain_forge.sensors.beams import DELAY, NANOSECONDS, make_beams, sweep_begin, sweep_columns
 from terrain_forge.sensors.instrument import Instrument, Setting
+from terrain_forge.sensors.labels import labels_of
 from terrain_forge.sensors.motion import State
+from terrain_forge.sensors.picture import travelled
 from terrain_forge.sensors.returns import (
     FIRST,
     FOUND,
@@ -122,18 +124,18 @@ def deskewed_points(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> Array
     return np.asarray(state.position[which] + turned)
 
 
+def point_classes(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> NDArray[np.uint8]:
+    """Numbers of `CLASSES` of a sweep's points; tracks are those that there are as it begins."""
+    behind = float(travelled(setting.motion, 1e-9 * sweep.begin))
+    points = deskewed_points(setting, lidar, sweep)
+    return labels_of(setting).of(points, sweep.instance, behind)
+
+
 def sweep_count(lidar: LidarSensor, end: float) -> int:
     """How many whole sweeps there are until a time [s]."""
-    last = round(1e3 * max(lidar.firing_times_us, default=0.0))
-    until = round(end * NANOSECONDS)
-
-    def whole(number: int) -> bool:
-        if lidar.snapshot:
-            return sweep_begin(lidar, number) <= until
-        return sweep_begin(lidar, number + 1) + last <= until
-
+    until, more = round(end * NANOSECONDS), 0 if lidar.snapshot else 1
     count = math.ceil(end * lidar.rate_hz) + 1
-    while count and not whole(count - 1):
+    while count and sweep_begin(lidar, count - 1 + more) > until:
         count -= 1
     return count
 

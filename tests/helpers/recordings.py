@@ -36,6 +36,16 @@ FIELDS = np.dtype(
 )
 
 
+ODOMETRY = (
+    "ticks_left [],x [m],y [m],yaw [rad],v [m s^-1],w [rad s^-1],cov_x_x [m^2],cov_x_y [m^2],"
+    "cov_x_yaw [m rad],cov_y_y [m^2],cov_y_yaw [m rad],cov_yaw_yaw [rad^2],cov_v_v [],cov_w_w []",
+    (7, 1.0, 2.0, 0.5, 0.25, 0.125, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08),
+)
+SUN = ("s_x [],s_y [],s_z [],seen []", (0.6, 0.0, 0.8, 1))
+INCLINOMETER = ("roll [rad],pitch [rad]", (0.1, -0.2))
+"""Tables of one row again and again."""
+
+
 def transform(place, turn) -> np.ndarray:
     """A pose, shape [4, 4]."""
     found = np.eye(4)
@@ -67,7 +77,13 @@ def on_plane(pose: np.ndarray, rays: np.ndarray) -> np.ndarray:
 
 
 def write_recording(
-    folder: Path, *, seconds: float = 1.0, lidar: bool = True, preset="vlp-16", **changes
+    folder: Path,
+    *,
+    seconds: float = 1.0,
+    lidar: bool = True,
+    preset="vlp-16",
+    extras=False,
+    **changes,
 ) -> Path:
     """Write the recording; `changes` are of the cameras' sensor.yaml."""
     mav, stamps = folder / "mav0", {}
@@ -111,12 +127,20 @@ def write_recording(
     about = {"sensor_type": "imu", "rate_hz": 200.0, **noise}
     _sensor(mav / "imu0", about, IMU, rows, head)
     streams.append({"folder": "mav0/imu0", "name": "imu", "kind": "imu"})
-    _truth(folder, ticks, {"cam0": LEFT, "cam1": RIGHT, "lidar0": LIDAR, "imu0": IMU}, stamps)
-    mounts = {"cam0": LEFT, "cam1": RIGHT, "lidar0": LIDAR, "imu0": IMU}
+    tables = {"odometry": ODOMETRY, "sun": SUN, "inclinometer": INCLINOMETER}
+    for name, (head, row) in tables.items() if extras else ():
+        stamps[f"{name}0"] = [_stamp(t) for t in ticks[::20]]
+        rows = [(stamp, *row) for stamp in stamps[f"{name}0"]]
+        about = {"sensor_type": name, "rate_hz": 10.0}
+        _sensor(mav / f"{name}0", about, IMU, rows, f"#timestamp [ns],{head}")
+        streams.append({"folder": f"mav0/{name}0", "name": name, "kind": name})
+    mounts = {"cam0": LEFT, "cam1": RIGHT, "lidar0": LIDAR}
+    mounts = {key: mounts.get(key, IMU) for key in stamps}
+    _truth(folder, ticks, mounts, stamps)
     about = {
         "version": 1, "world": {"name": "plane", "seed": 7}, "gravity_m_s2": GRAVITY,
         "motion": {"path": "circle", "source": "path"}, "body": "imu0", "classes": CLASSES,
-        "transforms": {k: m.ravel().tolist() for k, m in mounts.items() if k in stamps},
+        "transforms": {key: mount.ravel().tolist() for key, mount in mounts.items()},
         "sensors": [{"name": "lidar", "kind": "lidar", "preset": preset}], "streams": streams,
     }  # fmt: skip
     (folder / "dataset.json").write_text(json.dumps(about, indent=1))

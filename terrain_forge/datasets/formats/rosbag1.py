@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 from terrain_forge.base import ExportError, Progress, Spec
 from terrain_forge.datasets.reader import Recording
-from terrain_forge.datasets.ros import TRANSFORMS, RosMessages, RosOptions, in_order, losses
+from terrain_forge.datasets.ros import RosMessages, RosOptions, in_order, losses
+from terrain_forge.datasets.ros_parts import TRANSFORMS
 from terrain_forge.datasets.writer import DatasetWriter, needed
 
 NAME = "recording.bag"

@@ -19,6 +19,7 @@ from tests.helpers.recordings import (
     TURN,
     base_pose,
     transform,
+    write_recording,
 )
 
 KINDS = {
@@ -186,6 +187,24 @@ def test_layout_of_ouster(recording, tmp_path):
     reach = np.sqrt(sum(sweep[a].astype(float) ** 2 for a in "xyz"))
     np.testing.assert_allclose(points["range"], 1000 * reach, atol=0.5)
     assert (np.diff(points["t"].astype(np.int64)) >= 0).all()
+
+
+def test_tables_of_other_sensors(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.3, lidar=False, extras=True)
+    report = write_dataset(folder, "rosbag1", tmp_path / "bag")
+    assert not any("No message" in loss for loss in report.losses)
+    found = {topic: message for topic, _, message in read_bag(tmp_path / "bag", True)}
+    odometry = found["/odometry0"]
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    pose = pose_of(odometry.pose.pose.position, odometry.pose.pose.orientation)
+    turn = [[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]]
+    np.testing.assert_allclose(pose, transform([1, 2, 0], turn), atol=1e-12)
+    covariance = odometry.pose.covariance.reshape(6, 6)
+    np.testing.assert_array_equal(covariance, covariance.T)
+    assert [covariance[0, 1], covariance[5, 5], covariance[2, 2]] == [0.02, 0.06, 1e6]
+    assert odometry.twist.twist.angular.z == 0.125
+    assert found["/sun0"].vector.z == 0.8
+    assert found["/inclinometer0"].vector.y == -0.2
 
 
 @pytest.mark.consumer
