@@ -70,7 +70,7 @@ def plan(
         recipe = replace(recipe, dtm=expanded(recipe.dtm))
     inputs = InputFiles(recipe, folder)
     body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
-    rover = with_sensors(found.rover, recipe.sensors)
+    rover = with_sensors(found.rover, recipe.sensors, frames=found.frames)
     size = recipe.dtm.size_m
     require_paths(recipe)
     require_centre(recipe)

@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import heapq
 import os
-import shutil
 import time
-from collections import deque
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, cast
 
-import numpy as np
-
-from terrain_forge.base import Stopwatch, StorageError, size_text
+from terrain_forge.base import Stopwatch, size_text
 from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
-from terrain_forge.recording.cost import measurement_cost, seconds_of
+from terrain_forge.recording.cost import seconds_of
 from terrain_forge.recording.formats import formats_of, write_formats
-from terrain_forge.recording.index import (
-    dataset_folder,
-    file_name,
-    recorded_spans,
-    write_index,
-)
-from terrain_forge.recording.order import Order, Spans, joined, within
+from terrain_forge.recording.index import dataset_folder, recorded_spans, write_index
+from terrain_forge.recording.order import Order, joined
 from terrain_forge.recording.plan import PLAN, differences, plan_of, plan_text, require_same
-from terrain_forge.recording.rig import Folder, folders_of
+from terrain_forge.recording.rehearsal import first_measurements, require_formats, require_room
+from terrain_forge.recording.rig import folders_of
 from terrain_forge.recording.setting import (
     checked,
     open_setting,
@@ -39,14 +28,11 @@ from terrain_forge.recording.setting import (
     with_rig,
 )
 from terrain_forge.recording.store import Store
-from terrain_forge.sensors import Frames, check_mounts, instruments_of
+from terrain_forge.recording.task import Task, measured, missing
+from terrain_forge.sensors import check_mounts, instruments_of
 
-RECORDING = ("load", "scene", "recording", "tables", "formats")
+RECORDING = ("load", "scene", "rehearsal", "recording", "tables", "formats")
 """Stages of a recording."""
-_SPARE = 2**24
-"""Bytes of a disk that are left free."""
-_AHEAD = 2
-"""Measurements that wait to be written, for each that is made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,30 +53,6 @@ class Recorded:
     def __repr__(self) -> str:
         streams = ", ".join(f"{name} {count:,}" for name, count in self.streams.items())
         return f"<Recorded {str(self.folder)!r}: {streams}; {size_text(self.size)}>"
-
-
-class Task(NamedTuple):
-    """A measurement that is to be made."""
-
-    folder: Folder
-    """Where its files go."""
-    number: int
-    """Of the folder's measurements."""
-
-    @property
-    def instrument(self) -> Frames:
-        """What makes it."""
-        return cast(Frames, self.folder.instrument)
-
-    def measure(self) -> dict[str, bytes]:
-        """Its files' contents by the names of their streams."""
-        return self.instrument.measure(self.number * self.folder.every)
-
-    @property
-    def names(self) -> dict[str, str]:
-        """Its files by the names of their streams."""
-        at = int(self.folder.times[self.number])
-        return {stream: file_name(self.folder, stream, at) for stream in self.folder.streams}
 
 
 def record_dataset(
@@ -133,18 +95,26 @@ def record_dataset(
                 differing = [f"no {PLAN}"]
                 require_same(folder, [] if order.force else differing)
             anew = bool(differing)
-            tasks = _missing(chosen, order, None if anew else store)
-            watch("recording: first measurements")
-            _require_room(store, tasks, chosen, order, gained=store.size if anew else 0)
+            spans = {} if anew else recorded_spans(store)
+            tasks = missing(chosen, order, None if anew else store)
+            watch("rehearsal")
+            taking = [one for one in folders if one in chosen or one.sensor.name in spans]
+            firsts = first_measurements(taking if tasks or formats else (), order)
+            names = [one.sensor.name for one in taking]
+            begin = order.span[0]
+            require_formats(formats, firsts, setting, folders, spec=spec, names=names, begin=begin)
+            tables = [one for one in chosen if one.is_table]
+            gained, more = store.size if anew else 0, len(formats)
+            require_room(store, tasks, firsts, tables, order, formats=more, gained=gained)
             if anew:
                 store.clear()
             if not store.holds(PLAN):
                 store.put(PLAN, plan_text(plan))
             _measure_all(store, tasks, order, watch)
             watch("tables")
-            spans = recorded_spans(store)
             for one in chosen:
-                spans[one.sensor.name] = _with(spans.get(one.sensor.name, ()), order)
+                name = one.sensor.name
+                spans[name] = joined((*spans.get(name, ()), order.span))
             streams = write_index(store, setting, folders, spec=spec, spans=spans)
             losses = write_formats(store, formats, watch)
             store.settle()
@@ -153,62 +123,9 @@ def record_dataset(
             )
 
 
-def _with(spans: Spans, order: Order) -> Spans:
-    return joined((*spans, order.span))
-
-
-def _missing(folders: Sequence[Folder], order: Order, store: Store | None) -> list[Task]:
-    """The measurements that are asked for and are not there, in the order of their times."""
-    rows = [_tasks(one, order, store) for one in folders if not one.is_table]
-    return [task for _, task in heapq.merge(*rows, key=lambda pair: pair[0])]
-
-
-def _tasks(folder: Folder, order: Order, store: Store | None) -> Iterator[tuple[int, Task]]:
-    """Of one instrument, with their times [ns]."""
-    times = folder.times
-    for number in np.flatnonzero(within(times, (order.span,))).tolist():
-        task = Task(folder, number)
-        if store is None or not all(map(store.holds, task.names.values())):
-            yield int(times[number]), task
-
-
-def _require_room(
-    store: Store, tasks: Sequence[Task], chosen: Sequence[Folder], order: Order, *, gained: int
-) -> None:
-    """Refuse a disk that is too small, by a first measurement of each instrument.
-
-    Args:
-        store: The recording's folder.
-        tasks: What is to be made.
-        chosen: The folders of all that measure.
-        order: When they do.
-        gained: Bytes that go before.
-
-    Raises:
-        StorageError: says what is needed.
-    """
-    sizes: dict[str, int] = {}
-    for task in tasks:
-        if task.folder.name not in sizes:
-            files = task.measure()
-            sizes[task.folder.name] = sum(map(len, files.values()))
-    needed = sum(sizes[task.folder.name] for task in tasks)
-    for one in chosen:
-        if one.is_table:
-            rows = int(within(one.times, (order.span,)).sum())
-            needed += round(rows * measurement_cost(one.sensor)[1])
-    place = next(above for above in (store.folder, *store.folder.parents) if above.exists())
-    free = shutil.disk_usage(place).free + gained
-    if needed + _SPARE > free:
-        raise StorageError(
-            f"{store.folder} cannot be written: what is missing needs about {size_text(needed)}, "
-            f"the disk has {size_text(free)} free; record less by --only, --from, --to or --quick"
-        )
-
-
 def _measure_all(store: Store, tasks: Sequence[Task], order: Order, watch: Stopwatch) -> None:
     """Make measurements side by side, and write each as a whole."""
-    costs = [seconds_of(task.instrument.sensor) for task in tasks]
+    costs = [seconds_of(task.folder.sensor) for task in tasks]
     whole, done = sum(costs), 0.0
     watch.expect({"recording": whole})
     watch("recording")
@@ -216,7 +133,7 @@ def _measure_all(store: Store, tasks: Sequence[Task], order: Order, watch: Stopw
     since = time.monotonic()
     count = 0
     try:
-        with closing(_measured(tasks, workers)) as made:
+        with closing(measured(tasks, workers)) as made:
             for task, files in made:
                 for stream, name in task.names.items():
                     store.put(name, files[stream])
@@ -230,21 +147,3 @@ def _measure_all(store: Store, tasks: Sequence[Task], order: Order, watch: Stopw
             f"{count:,} of {len(tasks):,} measurements are in {store.folder}: the same command "
             "goes on from there"
         ) from None
-
-
-def _measured(tasks: Sequence[Task], workers: int) -> Generator[tuple[Task, dict[str, bytes]]]:
-    """Tasks with their files, in order; only some wait at a time."""
-    waiting: deque[tuple[Task, Future[dict[str, bytes]]]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for task in tasks:
-                waiting.append((task, pool.submit(task.measure)))
-                if len(waiting) >= _AHEAD * workers:
-                    first, future = waiting.popleft()
-                    yield first, future.result()
-            while waiting:
-                first, future = waiting.popleft()
-                yield first, future.result()
-        finally:
-            for _, future in waiting:
-                future.cancel()

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import InputFile, Positive, Spec
+from terrain_forge.base import Array, InputFile, Positive, Spec
 from terrain_forge.model import Rover
 
 JointName = Annotated[str, MinLen(1)]
+Frame = tuple[str, Array]
+"""A link of the rover, and a pose in its frame, shape [4, 4]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +25,8 @@ class FoundRover:
     """The rover."""
     files: tuple[Path, ...] = ()
     """All files that were read: the rover's own, those it includes, its meshes."""
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    """Links of the file that became parts of others, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)

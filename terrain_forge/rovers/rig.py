@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Union
 
-from terrain_forge.base import BY_KIND, RecipeError, Spec, hint_at
+import numpy as np
+
+from terrain_forge.base import (
+    BY_KIND,
+    RecipeError,
+    Spec,
+    hint_at,
+    matrix_from_quaternion,
+    portable,
+    quaternion_from_rpy,
+    rpy_from_matrix,
+)
 from terrain_forge.model import Rover, Sensor, sensor_kinds, simple_sensors
+from terrain_forge.rovers.assembly import placed
+from terrain_forge.rovers.custom import Frame
 
 if TYPE_CHECKING:
     AnySensor = Sensor
@@ -26,8 +40,13 @@ SensorsChoice = tuple[AnySensor, ...] | MoreSensors
 """What a recipe's `sensors` may be: a list takes the place of the rover's own rig."""
 
 
-def with_sensors(rover: Rover, choice: SensorsChoice | None) -> Rover:
+def with_sensors(
+    rover: Rover, choice: SensorsChoice | None, *, frames: Mapping[str, Frame] | None = None
+) -> Rover:
     """A rover that carries what a recipe says.
+
+    A sensor may sit on one of `frames`, links of the rover's file that became parts of others: it
+    is moved to the one that carries it.
 
     Raises:
         RecipeError: if two sensors have one name, or one sits on a link that the rover lacks.
@@ -37,7 +56,8 @@ def with_sensors(rover: Rover, choice: SensorsChoice | None) -> Rover:
     more = isinstance(choice, MoreSensors)
     added: tuple[Sensor, ...] = choice.add if isinstance(choice, MoreSensors) else choice
     own, key = (rover.sensors, ("sensors", "add")) if more else ((), ("sensors",))
-    links = [link.name for link in rover.links]
+    frames = frames or {}
+    links = [*(link.name for link in rover.links), *frames]
     named: dict[str, int] = {}
     for number, sensor in enumerate(added):
         if sensor.link not in links:
@@ -52,6 +72,7 @@ def with_sensors(rover: Rover, choice: SensorsChoice | None) -> Rover:
                 raise RecipeError(
                     f"{part!r} is the name of another sensor too", key=(*key, number, "name")
                 )
+    added = tuple(_carried(sensor, frames) for sensor in added)
     kept = [sensor for sensor in own if sensor.name not in {one.name for one in added}]
     sensors = (*kept, *added)
     names = [part.name for part in simple_sensors(sensors)]
@@ -59,3 +80,16 @@ def with_sensors(rover: Rover, choice: SensorsChoice | None) -> Rover:
         twice = next(name for name in names if names.count(name) > 1)
         raise RecipeError(f"{twice!r} is the name of a sensor of the rover too", key=key)
     return rover.replace(sensors=sensors)
+
+
+def _carried(sensor: Sensor, frames: Mapping[str, Frame]) -> Sensor:
+    """A sensor on the link that carries the frame it sits on."""
+    if sensor.link not in frames:
+        return sensor
+    link, pose = frames[sensor.link]
+    turn = matrix_from_quaternion(quaternion_from_rpy(sensor.rpy))
+    place = portable.product(pose, placed(sensor.position, turn))
+    rpy = np.degrees(rpy_from_matrix(place[:3, :3]))
+    return sensor.replace(
+        link=link, position_m=tuple(place[:3, 3].tolist()), rpy_deg=tuple(rpy.tolist())
+    )

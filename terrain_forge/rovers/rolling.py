@@ -12,7 +12,7 @@ from terrain_forge.base import Array, DataError, portable, rpy_from_matrix
 from terrain_forge.model import Coupling, Link, Rover, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
 from terrain_forge.rovers.bounds import FileError
-from terrain_forge.rovers.custom import FileRover
+from terrain_forge.rovers.custom import FileRover, Frame
 from terrain_forge.rovers.tread import Tread, corners, measure_tread
 
 _UPRIGHT = 0.7
@@ -74,6 +74,30 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         couplings=machine.couplings(passive),
         notes=tuple(notes),
     )
+
+
+def held_frames(assembly: Assembly, spec: FileRover) -> dict[str, Frame]:
+    """The file's links that are no links of the rover, by name: which carries each, and where.
+
+    The place is in the frame of that link, shape [4, 4].
+
+    Raises:
+        DataError: as `make_rover`.
+    """
+    machine = _Machine(assembly, spec)
+    wheels, free_wheels = machine.find_wheels()
+    moving = wheels | machine.find_passive(wheels, free_wheels)
+    bodies, _ = machine.stand(wheels)
+    carrier: dict[str, str] = {}
+    origins = {"": np.zeros(3), **{b.name: b.placement[:3, 3] for b in bodies}}
+    frames = {}
+    for body in bodies:
+        own = body.name if body.name in moving else carrier.get(body.parent, "")
+        carrier[body.name] = own
+        if body.name not in moving and body.name != "base_link":
+            pose = portable.product(placed(-origins[own], np.eye(3)), body.placement)
+            frames[body.name] = (_called(own), pose)
+    return frames
 
 
 class _Machine:

@@ -192,7 +192,7 @@ WRONG = {
     "{kind: tnak}": "a mapping whose kind is cart, handy, morpheus, skid4, smelly, tank or file",
     "{kind: tank, dimensions: {wheelbase_m: 0.3}}": "must be more than two wheel radii",
     "{kind: tank, dimensions: {wheelbase: 0.3}}": "did you mean 'wheelbase_m'?",
-    "smelly": "smelly.yaml: unknown kind of sensor 'snifer', there are: camera, imu, lidar,",
+    "smelly": "smelly.yaml: unknown kind of sensor 'snifer', there are: camera, imu,",
     "handy": "handy.yaml: a sensor sits on 'arm', which is no link of the rover",
     "{kind: cart, dimensions: {wheelbase_m: 0.3}}": "unknown key 'dimensions'",
 }

@@ -316,6 +316,10 @@ class Counting(DatasetWriter):
         greeting: str = ""
         """What it begins with."""
 
+    def check(self, recording, options):
+        if not recording.cameras:
+            raise tf.ExportError("counts needs a camera")
+
     def write(self, recording, folder, options, progress):
         assert recording.body_poses.stamps[0] == EPOCH
         assert len(recording.truth_of(recording.sensor("eye"))) == len(recording.cameras[0].stamps)
@@ -332,6 +336,9 @@ def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_p
         tf.record(world, tmp_path, formats=("count",))
     with pytest.raises(RecipeError, match="greetings: Unexpected keyword"):
         tf.record(world, tmp_path, formats={"counts": {"greetings": "hi"}})
+    with pytest.raises(tf.ExportError, match="needs a camera"):  # before hours of work
+        tf.record(world, tmp_path, formats=("counts",), only=("imu", "lidar"))
+    assert list(tmp_path.iterdir()) == []
     first = tf.record(world, tmp_path, formats=("euroc", "counts"), end=4.0)
     text = first.folder / "counts" / "sub" / "numbers.txt"
     assert text.read_text() == "8 4 400"

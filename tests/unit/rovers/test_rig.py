@@ -15,7 +15,7 @@ from terrain_forge.exporters.rover import Options, export
 from terrain_forge.base import RecipeError
 from terrain_forge.model import CameraSensor, sensor_kinds, simple_sensors
 from terrain_forge.recipe import load_recipe
-from terrain_forge.rovers import SensorsChoice, with_sensors
+from terrain_forge.rovers import FileRover, SensorsChoice, resolve_rover, with_sensors
 from tests.helpers import rovers, worlds
 from tests.helpers.rovers import morpheus
 
@@ -41,6 +41,13 @@ def test_a_list_takes_the_place_of_the_rig_and_add_adds_to_it():
     left, right = swapped.sensors[-1].simple
     np.testing.assert_allclose(left.position - right.position, (0, 0.3, 0), atol=1e-15)
     assert not rig([]).sensors
+
+
+def test_a_preset_fills_in_what_is_not_given_in_a_list_as_in_add():
+    told = {"name": "imu", "kind": "imu", "preset": "stim300", "gyro_noise": 0.5}
+    for choice in ([told], {"add": [told]}):
+        imu = rig(choice).sensors[-1]
+        assert (imu.gyro_noise, imu.accelerometer_noise) == (0.5, 0.07 / 60)
 
 
 RECIPE = """schema: 1
@@ -253,3 +260,24 @@ def test_an_inclinometer_is_a_frame_of_mujocos(tmp_path):
     np.testing.assert_allclose(told, [np.cos(half), 0, np.sin(half), 0], atol=1e-12)
     assert "A Sun sensor is a bare site in MJCF; its figures are not part of the model." in losses
     assert "SDF has no sensor for the rover's wheel odometry: it is left out." in losses
+
+
+def test_a_sensor_sits_on_a_link_that_the_rover_holds_as_on_any(tmp_path):
+    """A knuckle that does not steer is a part of its rocker, which leans by 0.1 rad."""
+    file = FileRover(file=str(rovers.rocker_urdf(tmp_path).relative_to(tmp_path)))
+    found = resolve_rover(file, tmp_path)
+    told = [{"name": "eye", "kind": "camera", "link": "left_knuckle", "position_m": [0, 0, 0.1]}]
+    choice = TypeAdapter(SensorsChoice).validate_python(told)
+    rover = with_sensors(found.rover, choice, frames=found.frames)
+    (eye,) = rover.sensors
+    assert eye.link == "left_rocker"
+    wheel = next(w for w in rover.wheels if w.link == "left_front_wheel")
+    arm = 0.1 * np.array([np.sin(0.1), 0, np.cos(0.1)])
+    np.testing.assert_allclose(rover.origins[eye.link] + eye.position, wheel.centre + arm)
+    np.testing.assert_allclose(eye.rpy, (0, 0.1, 0), atol=1e-12)
+    assert found.frames["mast"][0] == found.frames["base_footprint"][0] == "base_link"
+    with pytest.raises(RecipeError, match=r"'knuckle' is no link of the rover tub \(did you mean"):
+        with_sensors(
+            rover, TypeAdapter(SensorsChoice).validate_python([told[0] | {"link": "knuckle"}]),
+            frames=found.frames,
+        )  # fmt: skip
