@@ -49,8 +49,8 @@ class Kitti(DatasetWriter):
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a rectified stereo pair, or without a lidar of that name."""
         rectified_pair(recording, options.camera or "", self.kind)
-        if options.scans and (options.lidar or recording.lidars):
-            LidarMotion(recording, one_of(recording.lidars, options.lidar or "", "lidar", "kitti"))
+        if lidar := _lidar(recording, options):
+            LidarMotion(recording, lidar)
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress
@@ -65,9 +65,7 @@ class Kitti(DatasetWriter):
         (place / "times.txt").write_text(times)
         truth = recording.truth_of(pair.left)
         _write_poses(folder / "poses" / f"{options.sequence}.txt", truth)
-        lidar = None
-        if options.scans and recording.lidars:
-            lidar = one_of(recording.lidars, options.lidar or "", "lidar", self.kind)
+        lidar = _lidar(recording, options)
         (place / "calib.txt").write_text(_calibration(pair, lidar))
         coloured = _write_pictures(place, pair, progress)
         losses = [
@@ -80,6 +78,14 @@ class Kitti(DatasetWriter):
         if lidar is not None:
             losses += _write_scans(place / "velodyne", recording, pair, lidar)
         return tuple(losses)
+
+
+def _lidar(recording: Recording, options: Options) -> RecordedLidar | None:
+    """The lidar whose scans are written, if any."""
+    measured = any(lidar.span for lidar in recording.lidars)
+    if not options.scans or not (options.lidar or measured):
+        return None
+    return one_of(recording.lidars, options.lidar or "", "lidar", "kitti")
 
 
 def _write_poses(path: Path, truth: Poses) -> None:
