@@ -58,10 +58,10 @@ class PointFile:
         self._laz: Any = None
 
     def __enter__(self) -> Self:
+        self._file = self._path.open("wb+")
         if self._encoding == "laz":
-            self._laz = _laz_writer(self._path)
+            self._laz = _laz_writer(self._file)
         else:
-            self._file = self._path.open("wb")
             self._file.write(self._head())
         return self
 
@@ -71,12 +71,13 @@ class PointFile:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._laz is not None:
-            self._laz.close()
-        if self._file is not None:
-            self._file.seek(0)
-            self._file.write(self._head())
-            self._file.close()
+        assert self._file is not None
+        with self._file:
+            if self._laz is not None:
+                self._laz.close()
+            else:
+                self._file.seek(0)
+                self._file.write(self._head())
 
     def add(self, points: NDArray[Any]) -> None:
         """Add points, of the type `POINT`."""
@@ -119,7 +120,7 @@ class PointFile:
         return "".join(f"{name} {text}\n" for name, text in rows.items())
 
 
-def _laz_writer(path: Path) -> Any:
+def _laz_writer(file: BinaryIO) -> Any:
     from datetime import date
 
     import laspy
@@ -132,7 +133,9 @@ def _laz_writer(path: Path) -> Any:
     for name, kind in (("ring", "uint16"), ("instance", "int32")):
         header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind))
     backend = laspy.LazBackend.Lazrs
-    return laspy.open(path, mode="w", header=header, do_compress=True, laz_backend=backend)
+    return laspy.open(
+        *(file, "w"), closefd=False, header=header, do_compress=True, laz_backend=backend
+    )
 
 
 def _laz_points(points: NDArray[Any], header: Any) -> Any:

@@ -29,7 +29,9 @@ from terrain_forge.model import ExportReport, options_adapter
 GROUP = "terrain_forge.datasets"
 """Entry points that name modules of other packages with formats."""
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO}
+_SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
+"""SQLite's own numbers for what the disk refused (SQLITE_IOERR, SQLITE_FULL)."""
 
 
 class DatasetWriter:
@@ -166,8 +168,11 @@ def _require_free(target: Path, recording: Recording) -> None:
 def _refusal(error: BaseException | None, folder: Path) -> str:
     """Why the disk refused, whatever a library made of it; empty if it did not."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in _FULL:
-            return os.strerror(error.errno)
+        number = _SQLITE.get(
+            getattr(error, "sqlite_errorcode", 0) & 255, getattr(error, "errno", 0)
+        )
+        if number in _FULL:
+            return os.strerror(number)
         error = error.__cause__ or error.__context__
     place = next(above for above in (folder, *folder.parents) if above.exists())
     return os.strerror(errno.ENOSPC) if shutil.disk_usage(place).free < 2**16 else ""
@@ -197,7 +202,7 @@ def one_of(found: tuple[_Sensor, ...], name: str, what: str, kind: str) -> _Sens
         ExportError: if there is none.
     """
     for one in found:
-        if name in ("", one.key, one.name):
+        if name in ("", one.key, one.name) and one.span:
             return one
     if found and name:
         known = ", ".join(one.key for one in found)
