@@ -29,6 +29,7 @@ ROOMS = {
     "paths": "Paths",
     "truth": "Truth",
     "building": "Results",
+    "datasets": "Datasets",
     "model": "Values that stages hand on",
     "base": "Errors and parts",
 }

@@ -15,6 +15,10 @@ from .base import Spec as Spec
 from .base import TerrainForgeError as TerrainForgeError
 from .base import stage_key as stage_key
 from .building import BuildResult as BuildResult
+from .datasets import DatasetWriter as DatasetWriter
+from .datasets import Recording as Recording
+from .datasets import open_recording as open_recording
+from .datasets import write_dataset as write_dataset
 from .dtm import ArrayDtm as ArrayDtm
 from .dtm import Centre as Centre
 from .dtm import FlatDtm as FlatDtm

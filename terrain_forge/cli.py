@@ -15,6 +15,7 @@ import click
 from terrain_forge import __version__
 from terrain_forge.base import OutputError, TerrainForgeError
 from terrain_forge.terminal import (
+    FAILED_CHECK,
     WRONG_INPUT,
     Display,
     complete_exporters,
@@ -250,38 +251,80 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
 
 
 @cli.command()
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
-    "--truth", required=True, type=click.Path(path_type=Path), help="The true trajectory."
+    "--systems",
+    metavar="NAMES",
+    help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
+    "files; by default all that are installed and find their sensors.",
 )
+@click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
+@click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
+@click.option("--install", metavar="NAME", help="Make the environment of a system that pip brings.")
+@click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
 @click.option(
-    "--estimate",
-    "first",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="What a system told; more may follow.",
+    "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
 )
-@click.argument("more", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--set",
     "changes",
     multiple=True,
     metavar="KEY=VALUE",
-    help="How it is evaluated, such as align=all, third_by=index or stations_m=0.",
+    help="How it is scored, such as align=all, third_by=index or stations_m=0.",
 )
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path), help="Also write JSON, CSV and LaTeX here."
-)
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
 def evaluate(
-    truth: Path, first: Path, more: tuple[Path, ...], changes: tuple[str, ...], out: Path | None
+    paths: tuple[Path, ...],
+    systems: str | None,
+    runs: int,
+    listed: bool,
+    install: str | None,
+    truth: Path | None,
+    estimate: Path | None,
+    changes: tuple[str, ...],
+    out: Path | None,
 ) -> int:
-    """Score trajectories against the truth: ATE, drift, relative errors.
+    """Run systems over the recording in OUT and score them, or score trajectories.
 
-    Files are TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the
-    paper's: alignment on the first third, drift of the path's length over 10 m.
+    OUT holds what `terrain-forge record` recorded. With --truth and --estimate files are scored:
+    TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
+    alignment on the first third, drift of the path's length over 10 m.
     """
-    from terrain_forge.evaluation import read_options, score_files, score_lines, write_scores
+    from terrain_forge import evaluation
 
-    scores, failures = score_files(truth, (first, *more), read_options(changes))
+    options = evaluation.read_options(changes)
+    if listed:
+        for line in evaluation.system_lines():
+            say(line)
+        return 0
+    if install:
+        folder = evaluation.install_system(evaluation.find_system(install))
+        say(f"{install}: installed in {folder}")
+        return 0
+    if truth and estimate:
+        return _score(truth, (estimate, *paths), options, out)
+    if truth or estimate or len(paths) != 1:
+        raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
+    with Display(("systems",)) as display:
+        results = evaluation.evaluate_recording(
+            paths[0],
+            evaluation.chosen_systems(systems, paths[0]),
+            runs=runs,
+            options=options,
+            progress=lambda name: display(f"systems: {name}"),
+        )
+    for line in evaluation.result_lines(results):
+        say(line)
+    scores = [one.score for one in results if one.score]
+    for path in evaluation.write_scores(scores, out) if out else ():
+        say(str(path))
+    return 0 if scores else FAILED_CHECK
+
+
+def _score(truth: Path, estimates: tuple[Path, ...], options: Any, out: Path | None) -> int:
+    from terrain_forge.evaluation import score_files, score_lines, write_scores
+
+    scores, failures = score_files(truth, estimates, options)
     for line in score_lines(scores) if scores else ():
         say(line)
     for path in write_scores(scores, out, failures=failures) if out else ():

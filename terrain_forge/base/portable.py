@@ -32,7 +32,9 @@ def _each(
     otherwise: Callable[..., float] | None = None,
 ) -> Array:
     """A function of each element; where it raises, all of them by the slower one that does not."""
-    even = np.broadcast_arrays(*(np.asarray(array, np.float64) for array in arrays))
+    even = [np.asarray(array, np.float64) for array in arrays]
+    if len(even) > 1:
+        even = [*np.broadcast_arrays(*even)]
     columns = [array.ravel() for array in even]
     found = np.empty(even[0].size)
     try:

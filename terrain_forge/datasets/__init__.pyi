@@ -1,7 +1,7 @@
 """Recorded datasets: reading the master recording, and writing other formats from it."""
 
 from .calibration import calibration_files as calibration_files
-from .clouds import in_world as in_world
+from .clouds import LidarMotion as LidarMotion
 from .clouds import on_rover as on_rover
 from .poses import Poses as Poses
 from .reader import Recording as Recording

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import ExportError
 from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
@@ -70,29 +71,45 @@ def places(points: NDArray[Any]) -> NDArray[np.float64]:
     return np.stack([points[name].astype(np.float64) for name in ("x", "y", "z")], axis=-1)
 
 
-def in_world(points: NDArray[Any], begin: int, lidar_poses: Poses) -> NDArray[np.float64]:
-    """Places of a sweep's points in the world [m], each by the pose at its own time.
+class LidarMotion:
+    """Where a lidar is between the samples of the truth, to move its points by."""
 
-    Args:
-        points: The points, in the lidar's frame.
-        begin: Stamp of the first firing [ns].
-        lidar_poses: Poses of the lidar around the sweep, closer than its points' motion bends.
-    """
-    when, which = np.unique(nanoseconds(points), return_inverse=True)
-    poses = lidar_poses.at(begin + when).matrices[which]
-    return moved(places(points), poses)
+    def __init__(self, recording: Recording, lidar: RecordedLidar) -> None:
+        """Prepare a lidar.
 
+        Raises:
+            ExportError: if it sits on a link that moves against the body.
+        """
+        link = recording.recipe_of(lidar).get("link")
+        if link in recording.about.get("moving_links", ()):
+            raise ExportError(
+                f"the points of lidar {lidar.name!r} cannot be moved by the body's motion: it sits "
+                f"on {link!r}, which moves against it"
+            )
+        self._lidar, self._body = lidar, recording.body_poses
+        self._length = round(1e9 / lidar.rate)
 
-def at_stamp(
-    sweep: NDArray[Any], begin: int, stamp: int, lidar: RecordedLidar, lidar_poses: Poses
-) -> NDArray[np.float64]:
-    """Places of a sweep's points where the lidar sees them at a stamp [m], by the true motion.
+    def covers(self, begin: int) -> bool:
+        """Whether the truth is known during a sweep."""
+        return self._body.covers(begin, begin + self._length)
 
-    Those on the rover, which moves with the lidar, stay.
-    """
-    back = inverse_pose(lidar_poses.at(np.array([stamp])).matrices[0])
-    seen = moved(in_world(sweep, begin, lidar_poses), back)
-    return np.where(on_rover(sweep, lidar)[:, None], places(sweep), seen)
+    def at(self, stamps: Stamps) -> Poses:
+        """Poses of the lidar in the world."""
+        return self._body.at(stamps).carrying(self._lidar.body_pose)
+
+    def in_world(self, sweep: NDArray[Any], begin: int) -> NDArray[np.float64]:
+        """Places of a sweep's points in the world [m], each by the pose at its own time."""
+        when, which = np.unique(nanoseconds(sweep), return_inverse=True)
+        return moved(places(sweep), self.at(begin + when).matrices[which])
+
+    def at_stamp(self, sweep: NDArray[Any], begin: int, stamp: int) -> NDArray[np.float64]:
+        """Places of a sweep's points where the lidar sees them at a stamp [m].
+
+        Those on the rover, which moves with the lidar, stay.
+        """
+        back = inverse_pose(self.at(np.array([stamp])).matrices[0])
+        seen = moved(self.in_world(sweep, begin), back)
+        return np.where(on_rover(sweep, self._lidar)[:, None], places(sweep), seen)
 
 
 def on_rover(sweep: NDArray[Any], lidar: RecordedLidar) -> NDArray[np.bool_]:

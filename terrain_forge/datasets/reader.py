@@ -132,7 +132,7 @@ class Recording:
                 flat = offset - np.eye(4)
                 flat[0, 3] = 0.0
                 beside = baseline > 0.0 and np.abs(flat).max() <= max(baseline, 1.0) * _PARALLEL
-                if beside and left.size == right.size and _at_once(left, right):
+                if beside and left.size == right.size and _at_once(left, right) and left.span:
                     found.append(StereoPair(left=left, right=right, baseline=baseline))
         return tuple(found)
 
@@ -171,9 +171,15 @@ class Recording:
 
     @cached_property
     def span(self) -> tuple[int, int]:
-        """The first and the last stamp of all sensors and of the truth [ns]."""
-        first, last = zip(*(one.span for one in (*self.sensors, self.truth)), strict=True)
-        return min(first), max(last)
+        """The first and the last stamp of all sensors and of the truth [ns].
+
+        Raises:
+            DataError: if nothing was recorded.
+        """
+        ends = [stamp for one in (*self.sensors, self.truth) for stamp in one.span]
+        if not ends:
+            raise DataError(f"nothing was recorded in {self.folder}")
+        return min(ends), max(ends)
 
     @cached_property
     def truth(self) -> RecordedSeries:

@@ -123,15 +123,9 @@ class RecordedSensor:
         return self._rows[0]
 
     @cached_property
-    def span(self) -> tuple[int, int]:
-        """Its first and its last stamp [ns].
-
-        Raises:
-            DataError: if it measured nothing.
-        """
-        if not len(self.stamps):
-            raise DataError(f"{self.key}/data.csv has no rows")
-        return int(self.stamps[0]), int(self.stamps[-1])
+    def span(self) -> tuple[int, ...]:
+        """Its first and its last stamp [ns]; none if it measured nothing."""
+        return tuple(self.stamps[[0, -1]].tolist()) if len(self.stamps) else ()
 
     def file(self, number: int, channel: str = "data") -> Path:
         """The file of a measurement."""
@@ -318,13 +312,7 @@ class RecordedSeries(RecordedSensor):
         return self.table[0]
 
     @cached_property
-    def span(self) -> tuple[int, int]:
-        """Its first and its last stamp [ns], without its table in memory.
-
-        Raises:
-            DataError: if it measured nothing.
-        """
+    def span(self) -> tuple[int, ...]:
+        """Its first and its last stamp [ns], without its table in memory."""
         ends = [(int(stamps[0]), int(stamps[-1])) for stamps, _ in self.blocks()]
-        if not ends:
-            raise DataError(f"{self.key}/data.csv has no rows")
-        return ends[0][0], ends[-1][1]
+        return (ends[0][0], ends[-1][1]) if ends else ()

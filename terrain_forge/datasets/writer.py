@@ -202,7 +202,7 @@ def one_of(found: tuple[_Sensor, ...], name: str, what: str, kind: str) -> _Sens
         ExportError: if there is none.
     """
     for one in found:
-        if name in ("", one.key, one.name):
+        if name in ("", one.key, one.name) and one.span:
             return one
     if found and name:
         known = ", ".join(one.key for one in found)

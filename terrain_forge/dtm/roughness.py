@@ -184,11 +184,13 @@ def _fit_exponent(heights: Array, trusted: Mask, resolved: int) -> float:
     """
     lags = [n * resolved for n in BASELINES]
     logs = portable.log([mean_square_increment(heights, lag, trusted) for lag in lags])
-    hurst = 0.75
+    baselines, hurst = portable.log(lags), 0.75
     for _ in range(6):
         pixel = portable.log([expected_increment(hurst, n) / n ** (2 * hurst) for n in lags])
-        slope = portable.fit_line(portable.log(lags), logs - pixel)[0]
-        hurst = round(float(np.clip(0.5 * slope, 0.05, 0.98)), 6)
+        slope = portable.fit_line(baselines, logs - pixel)[0]
+        former, hurst = hurst, round(float(np.clip(0.5 * slope, 0.05, 0.98)), 6)
+        if hurst == former:
+            break
     return 0.5 * slope
 
 

@@ -7,8 +7,10 @@ from .alignment import aligned as aligned
 from .alignment import associate as associate
 from .alignment import rigid_motion as rigid_motion
 from .bench import Result as Result
+from .bench import chosen_systems as chosen_systems
 from .bench import evaluate_recording as evaluate_recording
 from .bench import result_lines as result_lines
+from .bench import system_lines as system_lines
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system
 from .catalogue import known_systems as known_systems

@@ -75,6 +75,11 @@ class Adapter(Spec):
         "input", "output", "calibration", "folder", "python", "driver", "binary",
     )  # fmt: skip
 
+    @property
+    def needs_binary(self) -> bool:
+        """Whether it runs a program that the user must name."""
+        return "{binary}" in self.command and not self.binary
+
     def words(self, places: Mapping[str, str]) -> list[str]:
         """The command with its places filled in.
 

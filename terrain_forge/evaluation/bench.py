@@ -14,7 +14,7 @@ import numpy as np
 from terrain_forge.base import DataError, ExportError, RecipeError, Record, StorageError
 from terrain_forge.datasets import Recording, open_recording, write_dataset
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
-from terrain_forge.evaluation.catalogue import DRIVERS, interpreter
+from terrain_forge.evaluation.catalogue import DRIVERS, find_system, interpreter, known_systems
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.score import Score, ScoreOptions, score_poses
 from terrain_forge.evaluation.tables import score_plain
@@ -87,8 +87,8 @@ def _result(
     try:
         require_sensors(recording, adapter)
         places = {
-            "input": str(_input(recording, adapter.input, inputs)),
-            "calibration": str(recording.folder / "calibration"),
+            "input": str(_input(recording, adapter.input, inputs).resolve()),
+            "calibration": str((recording.folder / "calibration").resolve()),
             "python": str(interpreter(adapter)),
             "driver": str(DRIVERS),
             "binary": adapter.binary,
@@ -226,4 +226,38 @@ def result_lines(results: Sequence[Result]) -> list[str]:
         cells = [row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]
         lines.append("  ".join(cells).rstrip() if len(row) == len(head) else
                      f"{row[0].ljust(widths[0])}  {row[1].rjust(widths[1])}  {row[2]}")  # fmt: skip
+    return lines
+
+
+def chosen_systems(names: str | None, dataset: Path | str) -> list[Adapter]:
+    """The systems of some names, or all that are installed and find their sensors.
+
+    Raises:
+        DataError: for an unknown name, or if there is no recording.
+    """
+    if names is not None:
+        return [find_system(name.strip()) for name in names.split(",")]
+    recording = open_recording(dataset)
+    found = []
+    for adapter in known_systems().values():
+        try:
+            require_sensors(recording, adapter)
+            interpreter(adapter)
+        except DataError:
+            continue
+        if not adapter.needs_binary:
+            found.append(adapter)
+    return found
+
+
+def system_lines() -> list[str]:
+    """A line for each known system: whether it can be run, and what it is."""
+    lines = []
+    for name, adapter in known_systems().items():
+        try:
+            interpreter(adapter)
+            state = "your binary" if adapter.needs_binary else "ready"
+        except DataError:
+            state = "not installed"
+        lines.append(f"{name:<18} {state:<14} {adapter.about}")
     return lines

@@ -13,15 +13,13 @@ from terrain_forge.recording.rig import QUICK
 from terrain_forge.recording.setting import as_recorded
 from terrain_forge.sensors import Frames, instrument_kinds
 
-PIXEL = 1.2e-7, 0.65
+PIXEL = 1.2e-7, 0.45
 """Time to make a pixel of a grey picture of 8 bits [s], and its bytes, on the machine of
 `building.pace`."""
 CHANNEL = 4e-8, 0.7
 """Time and bytes that a further channel takes for each pixel."""
-RAY, POINT = 1.2e-7, 26.0
-"""Time of a lidar's ray [s], and bytes of its point."""
-_CONE = 7
-"""Rays of a beam that diverges."""
+RAY, POINT = 1.2e-7, 15.0
+"""Time of a lidar's ray [s], and bytes of its point, of which about half come back."""
 ROW = 1e-6, 130.0
 """Of a row of a table."""
 TRUTH_RATE, TRUTH_ROW = 200.0, 500.0
@@ -47,8 +45,7 @@ def _picture(camera: CameraSensor) -> tuple[float, float]:
 
 def _sweep(lidar: LidarSensor) -> tuple[float, float]:
     points = len(lidar.elevations) / (lidar.column_s * lidar.rate_hz)
-    rays = points * (_CONE if lidar.divergence_mrad else 1)
-    return RAY * rays, POINT * points
+    return RAY * lidar.rays, POINT * points
 
 
 def seconds_of(sensor: Sensor) -> float:
@@ -80,6 +77,7 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
     seconds = pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True))
     size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True))
     size += TRUTH_RATE * TRUTH_ROW * length
+    size *= 1 + len({*spec.formats} - {"euroc"})  # a further format is about as large
     frames = sum(
         n for n, one in zip(counts, recorded, strict=True) if issubclass(kinds[one.kind], Frames)
     )

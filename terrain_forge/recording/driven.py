@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 _WIDTH = 0.004
 """Standard deviation of the Gaussian that the low-pass is made of [s]."""
-_STEP = 0.006
+_STEP = 0.004
 """Time between a curve's samples, as near as whole looks come [s]."""
 _REACH = 4.0
 """Standard deviations after which the Gaussian is cut off."""

@@ -169,6 +169,7 @@ def _about(
             "still_s": spec.still_s,
             "ramp_s": spec.ramp_s,
             "duration_s": setting.motion.end,
+            "ended": setting.motion.ended,
             "tracks": spec.tracks,
         },
         "profile": spec.profile,

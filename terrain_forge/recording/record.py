@@ -83,7 +83,7 @@ def record_dataset(
         require_same(folder, differing)
     with holding(out):
         watch("scene")
-        with open_setting(world, spec) as setting, Store(folder) as store:
+        with open_setting(world, spec, progress=watch) as setting, Store(folder) as store:
             tell_unmeasured(setting)
             folders = folders_of(instruments_of(setting), quick=spec.profile == "quick")
             chosen = order.chosen(folders, world.rover.sensors)

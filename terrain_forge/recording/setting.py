@@ -6,10 +6,11 @@ import logging
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 
 from pydantic import ValidationError
 
-from terrain_forge.base import RecipeError, hint_at
+from terrain_forge.base import Progress, RecipeError, hint_at, silent
 from terrain_forge.model import Sensor, World, options_adapter
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.driven import motion_of_drive
@@ -66,7 +67,11 @@ def with_path(world: World, spec: DatasetSpec, *, path: str | None = None) -> Da
 
 @contextmanager
 def open_setting(
-    world: World, dataset: DatasetSpec | None = None, *, path: str | None = None
+    world: World,
+    dataset: DatasetSpec | None = None,
+    *,
+    path: str | None = None,
+    progress: Progress = silent,
 ) -> Iterator[Setting]:
     """What the instruments measure in, until the end of the block.
 
@@ -77,13 +82,16 @@ def open_setting(
         world: The world.
         dataset: What is recorded; by default what the world's recipe says.
         path: Name of the path; by default the dataset's.
+        progress: Called with the share of a drive that is simulated.
 
     Raises:
-        RecipeError: if there is no such path, or it is too short.
+        RecipeError: if there is no such path.
+        DataError: if it is too short.
+        SimulationError: if a drive cannot begin.
     """
     spec = with_path(world, dataset, path=path) if dataset else spec_of(world, path=path)
     world = with_rig(world, spec)
-    motion = motion_of(world, spec)
+    motion = motion_of(world, spec, progress)
     with Scenery(world, motion) as scenery:
         yield Setting(
             world=world,
@@ -106,11 +114,12 @@ def as_recorded(sensors: Iterable[Sensor], spec: DatasetSpec) -> tuple[Sensor, .
     return tuple(sensor.quick if spec.profile == "quick" else sensor for sensor in sensors)
 
 
-def motion_of(world: World, spec: DatasetSpec) -> Motion:
+def motion_of(world: World, spec: DatasetSpec, progress: Progress = silent) -> Motion:
     """How the rover moves along the path of a recording."""
     assert spec.path is not None
     if spec.motion == "drive":
-        return motion_of_drive(world, spec.path, still=spec.still_s)
+        told = partial(progress, "scene: drive")
+        return motion_of_drive(world, spec.path, still=spec.still_s, progress=told)
     path = next(one for one in world.trajectories if one.name == spec.path)
     return motion_of_path(path, still=spec.still_s, ramp=spec.ramp_s)
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import heapq
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import NamedTuple, cast
 
 import numpy as np
 
+from terrain_forge.base import in_turn, worker_threads
 from terrain_forge.recording.index import file_name
 from terrain_forge.recording.order import Order, within
 from terrain_forge.recording.rig import Folder
@@ -67,16 +68,16 @@ def measured(tasks: Sequence[Task], workers: int) -> Generator[tuple[Task, dict[
     They are threads: all measure in one scene, which compiled code does without Python's lock.
     """
     waiting: deque[tuple[Task, Future[dict[str, bytes]]]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for task in tasks:
-                waiting.append((task, pool.submit(task.measure)))
-                if len(waiting) >= _AHEAD * workers:
-                    first, future = waiting.popleft()
-                    yield first, future.result()
-            while waiting:
-                first, future = waiting.popleft()
-                yield first, future.result()
-        finally:
-            for _, future in waiting:
-                future.cancel()
+    with worker_threads(workers) as pool:
+        for task in tasks:
+            waiting.append((task, pool.submit(task.measure)))
+            if len(waiting) >= _AHEAD * workers:
+                yield _done(*waiting.popleft())
+        while waiting:
+            yield _done(*waiting.popleft())
+
+
+def _done(task: Task, future: Future[dict[str, bytes]]) -> tuple[Task, dict[str, bytes]]:
+    for done in in_turn([future]):
+        return task, done.result()
+    raise AssertionError("a task that is waited for ends")

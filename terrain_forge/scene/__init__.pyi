@@ -1,5 +1,6 @@
 """Ray-traced pictures of a world: rays, surfaces, light, cameras."""
 
+from .aiming import Rover as Rover
 from .bodies import Bodies as Bodies
 from .bodies import BodyShapes as BodyShapes
 from .bodies import PlacedBodies as PlacedBodies
@@ -13,8 +14,7 @@ from .engine import before_compiling as before_compiling
 from .engine import engine_name as engine_name
 from .grain import CLAST_SHARE as CLAST_SHARE
 from .grain import ground_grain as ground_grain
-from .look import Rover as Rover
-from .look import look as look
+from .looking import look as look
 from .packets import ACTIVE as ACTIVE
 from .packets import COPY as COPY
 from .packets import FAR as FAR

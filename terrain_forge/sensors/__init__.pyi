@@ -19,6 +19,9 @@ from .motion import Motion as Motion
 from .motion import State as State
 from .motion import motion_of_path as motion_of_path
 from .mounts import check_mounts as check_mounts
+from .picture import Exposure as Exposure
+from .picture import take_exposure as take_exposure
+from .picture import travelled as travelled
 from .scenery import Scenery as Scenery
 from .sweep import Sweep as Sweep
 from .sweep import deskewed_points as deskewed_points

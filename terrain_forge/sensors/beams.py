@@ -68,11 +68,7 @@ def _rays(lidar: LidarSensor) -> Array:
 
 def sweep_begin(lidar: LidarSensor, number: int) -> int:
     """When the first beam of a sweep fires [ns]."""
-    begin = round(number * NANOSECONDS / lidar.rate_hz)
-    if not lidar.firing_period_us:
-        return begin
-    period = round(1e3 * lidar.firing_period_us)
-    return -(-begin // period) * period
+    return round(number * NANOSECONDS / lidar.rate_hz)
 
 
 def sweep_columns(lidar: LidarSensor, number: int) -> Array:
@@ -80,19 +76,11 @@ def sweep_columns(lidar: LidarSensor, number: int) -> Array:
 
     Time after the first [s], and how far the lidar has turned, or each of its prisms [turns].
     """
-    begin = sweep_begin(lidar, number)
-    if lidar.firing_period_us:
-        period = round(1e3 * lidar.firing_period_us)
-        count = (sweep_begin(lidar, number + 1) - begin) // period
-        after = 1e-9 * period * np.arange(count)
-    else:
-        count = lidar.horizontal_samples
-        after = np.arange(count) / (lidar.rate_hz * count)
-    since = 1e-9 * begin + after
+    step = np.arange(lidar.columns)
+    after = lidar.column_s * step
     if lidar.prism_rpm is not None:
+        since = 1e-9 * sweep_begin(lidar, number) + after
         turns = [np.mod(since * (rpm / 60.0), 1.0) for rpm in lidar.prism_rpm]
-    elif lidar.firing_period_us:
-        turns = [np.mod(since * lidar.rate_hz, 1.0)] * 2
     else:
-        turns = [np.arange(count) / count] * 2
+        turns = [lidar.rate_hz * after] * 2
     return np.stack([0.0 * after if lidar.snapshot else after, *turns], axis=-1)

@@ -133,16 +133,9 @@ def point_classes(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> NDArray
 
 def sweep_count(lidar: LidarSensor, end: float) -> int:
     """How many whole sweeps there are until a time [s]."""
-    last = round(1e3 * max(lidar.firing_times_us, default=0.0))
-    until = round(end * NANOSECONDS)
-
-    def whole(number: int) -> bool:
-        if lidar.snapshot:
-            return sweep_begin(lidar, number) <= until
-        return sweep_begin(lidar, number + 1) + last <= until
-
+    until, more = round(end * NANOSECONDS), 0 if lidar.snapshot else 1
     count = math.ceil(end * lidar.rate_hz) + 1
-    while count and not whole(count - 1):
+    while count and sweep_begin(lidar, count - 1 + more) > until:
         count -= 1
     return count
 

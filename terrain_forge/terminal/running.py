@@ -57,7 +57,8 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         say(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
         return WRONG_INPUT
     except (click.Abort, KeyboardInterrupt) as error:
-        say(f"interrupted, {str(error) or 'nothing was left behind'}", err=True)
+        why = str(error) or str(error.__cause__ or "")  # click's has what we raised as its cause
+        say(f"interrupted, {why or 'nothing was left behind'}", err=True)
         return INTERRUPTED
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:

@@ -16,7 +16,7 @@ from terrain_forge.report.section import Built
 from terrain_forge.report.sections.summary import Usage
 from terrain_forge.validation import BuiltFolder, Consumer, NotRun
 from terrain_forge.validation.suite import conformance, quick_checks
-from tests.helpers.places import ROOT
+from tests.helpers.places import ROOT, parsed
 
 KINDS = sorted(path.parent.name for path in (ROOT / "exporters").glob("*/writing.py"))
 READBACKS = sorted((ROOT / "exporters").glob("*/readback.py"))
@@ -26,7 +26,7 @@ PROBES = sorted((ROOT / "exporters").glob("*/probe.py"))
 @pytest.mark.parametrize("path", [*READBACKS, *PROBES], ids=lambda p: f"{p.parent.name}-{p.stem}")
 def test_what_reads_back_shares_nothing_with_what_wrote(path):
     imported = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.ImportFrom):
             imported.append("." * node.level + (node.module or ""))
         elif isinstance(node, ast.Import):

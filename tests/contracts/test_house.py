@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import terrain_forge as tf
-from tests.helpers.places import ROOT
+from tests.helpers.places import ROOT, parsed
 
 ORDER = [
     {"base"},
@@ -84,7 +84,7 @@ def names_of_door(package: str) -> dict[str, str]:
     if not stub.exists():
         return {}
     found = {}
-    for node in ast.parse(stub.read_text()).body:
+    for node in parsed(stub).body:
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 home = f"{package}.{node.module}" if node.module else package
@@ -104,7 +104,7 @@ def loaded(tree: ast.AST) -> Iterator[ast.AST]:
 
 def imported(path: Path, package: str) -> Iterator[tuple[str, str]]:
     """(module, name) of each import of ours that a file does; the name is empty for `import a`."""
-    for node in loaded(ast.parse(path.read_text())):
+    for node in loaded(parsed(path)):
         if isinstance(node, ast.Import):
             yield from ((a.name, "") for a in node.names if a.name.startswith("terrain_forge"))
         elif isinstance(node, ast.ImportFrom):
@@ -186,7 +186,7 @@ def test_no_circle_of_files():
 
 @pytest.mark.parametrize("door", DOORS, ids=lambda p: p.name)
 def test_a_door_says_what_its_room_is_for_and_opens_nothing_else(door):
-    tree = ast.parse((door / "__init__.py").read_text())
+    tree = parsed(door / "__init__.py")
     told = ast.get_docstring(tree)
     assert told
     assert len(told.splitlines()) == 1

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests.helpers.places import ROOT
+from tests.helpers.places import ROOT, parsed
 
 FILES = sorted((ROOT / "tests").rglob("*.py"))
 PRIVATE = re.compile(r"(^|\.)_[A-Za-z]")
@@ -41,4 +41,4 @@ def reached(tree):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_no_private_name_is_used(path):
-    assert list(reached(ast.parse(path.read_text()))) == []
+    assert list(reached(parsed(path))) == []

@@ -43,7 +43,7 @@ class Files:
         return ("check", "recipe.yaml")
 
     def _others(self) -> list[str]:
-        return [path.name for path in self._folder.iterdir()]
+        return sorted(path.name for path in self._folder.iterdir())
 
 
 class Worlds:
@@ -61,7 +61,8 @@ class Worlds:
         """Write a world; the command that reads it."""
         rng, world = self._rng, folder / "world"
         shutil.copytree(self._world, world)
-        names = [str(path.relative_to(world)) for path in world.rglob("*") if path.is_file()]
+        files = sorted(path for path in world.rglob("*") if path.is_file())
+        names = [str(path.relative_to(world)) for path in files]
         name = rng.choice(_WORLD if rng.random() < 0.8 else names)
         path = world / name
         if name.endswith(".npz") and rng.random() < 0.6:
@@ -96,7 +97,7 @@ def spoil(rng: random.Random, path: Path, others: list[Path]) -> None:
             with path.open("wb") as file:
                 file.truncate(6 * 2**30)
         case 5:
-            path.write_bytes(rng.choice(others).read_bytes())
+            path.write_bytes(rng.choice([one for one in others if one != path]).read_bytes())
         case 6:
             path.write_bytes(data + data)
         case _:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from terrain_forge.base import ExportError, FileName, Progress, RecipeError, Spec
-from terrain_forge.datasets.clouds import at_stamp, in_world, on_rover, places
+from terrain_forge.datasets.clouds import LidarMotion, on_rover, places
 from terrain_forge.datasets.point_files import Encoding, PointFile, points_of
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
@@ -47,7 +47,10 @@ class Clouds(DatasetWriter):
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a lidar, and LAZ without its library."""
-        one_of(recording.lidars, options.lidar or "", "lidar", self.kind)
+        found = one_of(recording.lidars, options.lidar or "", "lidar", self.kind)
+        for lidar in (found,) if options.lidar else recording.lidars:
+            if options.map or options.deskew:
+                LidarMotion(recording, lidar)
         if options.encoding == "laz":
             needed("laspy", "LAZ")
             needed("lazrs", "LAZ")
@@ -72,18 +75,11 @@ class Clouds(DatasetWriter):
         return tuple(losses)
 
 
-def _covered(recording: Recording, lidar: RecordedLidar) -> list[int]:
-    """Sweeps during which the truth is known."""
-    length = round(1e9 / lidar.rate)
-    stamps = lidar.stamps.tolist()
-    return [n for n, t in enumerate(stamps) if recording.body_poses.covers(t, t + length)]
-
-
 def _write_map(
     recording: Recording, lidar: RecordedLidar, folder: Path, options: Options, progress: Progress
 ) -> int:
-    poses = recording.body_poses.carrying(lidar.body_pose)
-    numbers = _covered(recording, lidar)
+    motion = LidarMotion(recording, lidar)
+    numbers = [n for n, stamp in enumerate(lidar.stamps.tolist()) if motion.covers(stamp)]
     if not numbers:
         raise ExportError(f"clouds: the truth covers no sweep of {lidar.name}")
     with PointFile(folder / f"{lidar.key}.{options.encoding}", options.encoding, wide=True) as file:
@@ -91,7 +87,7 @@ def _write_map(
             progress("writing clouds", done / len(numbers))
             begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
             sweep = sweep[~on_rover(sweep, lidar)]
-            file.add(points_of(sweep, in_world(sweep, begin, poses), begin * 1e-9))
+            file.add(points_of(sweep, motion.in_world(sweep, begin), begin * 1e-9))
     return len(lidar.stamps) - len(numbers)
 
 
@@ -104,13 +100,14 @@ def _write_sweeps(
     place.mkdir()
     numbers = list(range(len(lidar.stamps)))
     if options.deskew:
-        poses, numbers = recording.body_poses.carrying(lidar.body_pose), _covered(recording, lidar)
+        motion = LidarMotion(recording, lidar)
+        numbers = [n for n in numbers if motion.covers(int(lidar.stamps[n]))]
     for done, number in enumerate(numbers):
         progress("writing clouds", done / len(numbers))
         begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
         at = places(sweep)
         if options.deskew:
-            at = at_stamp(sweep, begin, begin, lidar, poses)
+            at = motion.at_stamp(sweep, begin, begin)
         with PointFile(place / f"{begin}.{options.encoding}", options.encoding, wide=False) as file:
             file.add(points_of(sweep, at, 0.0))
     return len(lidar.stamps) - len(numbers)

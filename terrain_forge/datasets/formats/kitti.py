@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Len, Predicate
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable
-from terrain_forge.datasets.clouds import at_stamp
+from terrain_forge.datasets.clouds import LidarMotion
 from terrain_forge.datasets.pictures import (
     bits_losses,
     rectified_pair,
@@ -49,8 +49,8 @@ class Kitti(DatasetWriter):
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a rectified stereo pair, or without a lidar of that name."""
         rectified_pair(recording, options.camera or "", self.kind)
-        if options.scans and options.lidar:
-            one_of(recording.lidars, options.lidar, "lidar", self.kind)
+        if lidar := _lidar(recording, options):
+            LidarMotion(recording, lidar)
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress
@@ -65,9 +65,7 @@ class Kitti(DatasetWriter):
         (place / "times.txt").write_text(times)
         truth = recording.truth_of(pair.left)
         _write_poses(folder / "poses" / f"{options.sequence}.txt", truth)
-        lidar = None
-        if options.scans and recording.lidars:
-            lidar = one_of(recording.lidars, options.lidar or "", "lidar", self.kind)
+        lidar = _lidar(recording, options)
         (place / "calib.txt").write_text(_calibration(pair, lidar))
         coloured = _write_pictures(place, pair, progress)
         losses = [
@@ -80,6 +78,14 @@ class Kitti(DatasetWriter):
         if lidar is not None:
             losses += _write_scans(place / "velodyne", recording, pair, lidar)
         return tuple(losses)
+
+
+def _lidar(recording: Recording, options: Options) -> RecordedLidar | None:
+    """The lidar whose scans are written, if any."""
+    measured = any(lidar.span for lidar in recording.lidars)
+    if not options.scans or not (options.lidar or measured):
+        return None
+    return one_of(recording.lidars, options.lidar or "", "lidar", "kitti")
 
 
 def _write_poses(path: Path, truth: Poses) -> None:
@@ -129,20 +135,20 @@ def _write_scans(
 ) -> list[str]:
     """For each picture the nearest sweep, its points where the lidar sees them at that time."""
     folder.mkdir()
-    poses = recording.body_poses.carrying(lidar.body_pose)
+    motion = LidarMotion(recording, lidar)
     begins = lidar.stamps
     length = round(1e9 / lidar.rate)
-    whole = [n for n, t in enumerate(begins.tolist()) if poses.covers(t, t + length)]
+    whole = [n for n, t in enumerate(begins.tolist()) if motion.covers(t)]
     missing = 0
     for number, stamp in enumerate(pair.left.stamps.tolist()):
         path = folder / f"{number:06d}.bin"
-        if not whole or not poses.covers(stamp, stamp):
+        if not whole or not recording.body_poses.covers(stamp, stamp):
             missing += 1
             path.write_bytes(b"")
             continue
         nearest = whole[int(np.argmin(np.abs(begins[whole] + length // 2 - stamp)))]
         points = lidar.sweep(nearest)
-        seen = at_stamp(points, int(begins[nearest]), stamp, lidar, poses)
+        seen = motion.at_stamp(points, int(begins[nearest]), stamp)
         rows = np.hstack([seen, points["intensity"][:, None].astype(np.float64) / 100.0])
         path.write_bytes(rows.astype("<f4").tobytes())
     losses = [

@@ -6,7 +6,6 @@ Points go in as an organised sweep, ring by ring, which some of its pipelines as
 from __future__ import annotations
 
 import sys
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -84,9 +83,9 @@ def main(dataset: Path, output: Path, kind: str, words: list[str]) -> None:
     streams = {Path(one["folder"]).name: one for one in about(dataset)["streams"]}
     rate = float(streams["lidar0"]["rate_hz"])
     period = 1e9 / rate
-    rings = 1 + max(
-        int(points["ring"].max(initial=0)) for _, points in islice(sweeps(dataset, "lidar0"), 10)
-    )
+    name = streams["lidar0"]["name"]
+    lidar = next(one for one in about(dataset)["sensors"] if one["name"] == name)
+    rings = len(lidar["elevations_deg"]) or int(lidar["channels"])
     pipeline = prepared(kind, words, dataset, rings, rate)
     stamps, felt = table(dataset, "imu0") if "imu0" in streams else ([], [])
     row = 0

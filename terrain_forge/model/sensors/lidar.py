@@ -51,9 +51,8 @@ class LidarSensor(Sensor):
     horizontal_samples: Annotated[int, Interval(ge=1, le=100_000)] = 1800
     """Columns of a sweep, where no firing period is given."""
     firing_period_us: NotNegative = 0.0
-    """Time from column to column [µs], in whole nanoseconds; 0: a sweep has
-    `horizontal_samples`. Where a sweep is no whole number of periods, each begins with the first
-    firing in it."""
+    """Time from column to column [µs]; a sweep has as many as go into it. 0: a sweep has
+    `horizontal_samples`."""
     prism_rpm: tuple[Speed, Speed] | None = None
     """Turns per minute of two prisms that steer the beams about the x axis along a rosette that
     never closes; none: the lidar turns."""
@@ -108,7 +107,7 @@ class LidarSensor(Sensor):
             raise ValueError(
                 f"firing_times_us must end before the next column, {1e6 * self.column_s:.6g} µs"
             )
-        if beams / self.column_s / self.rate_hz > _MOST:
+        if beams * self.columns > _MOST:
             raise ValueError(f"a sweep has more than {_MOST} points")
         if self.prism_rpm is None and any(self.prism_deviations_deg):
             raise ValueError("prism_deviations_deg has no effect without prism_rpm")
@@ -125,8 +124,20 @@ class LidarSensor(Sensor):
     def column_s(self) -> float:
         """Time from column to column [s]."""
         if self.firing_period_us:
-            return 1e-9 * round(1e3 * self.firing_period_us)
+            return 1e-6 * self.firing_period_us
         return 1.0 / (self.rate_hz * self.horizontal_samples)
+
+    @property
+    def columns(self) -> int:
+        """Columns of a sweep."""
+        if self.firing_period_us:
+            return math.floor(1.0 / (self.rate_hz * self.column_s) + 1e-6)
+        return self.horizontal_samples
+
+    @property
+    def rays(self) -> int:
+        """Rays of a sweep."""
+        return len(self.elevations) * self.columns * (7 if self.divergence_mrad else 1)
 
     def unsaid(self, form: Form) -> tuple[str, ...]:
         """What a format does not say; SDF has a scan of even steps."""
@@ -150,7 +161,7 @@ class LidarSensor(Sensor):
         That of prisms is the rectangle around their rosette, of as many points.
         """
         low, high = float(self.elevations.min()), float(self.elevations.max())
-        beams, columns = len(self.elevations), max(1, round(1.0 / (self.rate_hz * self.column_s)))
+        beams, columns = len(self.elevations), self.columns
         right, left = -math.pi, math.pi - 2 * math.pi / columns
         if self.prism_rpm is not None:
             reach = math.radians(sum(self.prism_deviations_deg))

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, matrix_from_quaternion
+from terrain_forge.base import Array, ExportError, matrix_from_quaternion
 from terrain_forge.datasets import (
+    LidarMotion,
     RecordedCamera,
     RecordedLidar,
     RecordedSeries,
     Recording,
     StereoPair,
-    in_world,
     on_rover,
 )
 from terrain_forge.report.recorded.film import intensities, some_of
@@ -158,29 +158,28 @@ class WorldSweep:
     """Where the lidar was at the first firing [m], shape [3]."""
     rings: int
     """How many beams there are."""
-    seconds: float
-    """When it began after the recording's first stamp [s]."""
 
 
 def first_sweep(recording: Recording) -> WorldSweep | None:
-    """The first lidar's first sweep with points, without those on the rover; None without one."""
+    """The first lidar's first sweep with points, without those on the rover.
+
+    None without one, and where the lidar moves against the body, whose truth then does not tell.
+    """
     for lidar in recording.lidars[:1]:
+        try:
+            motion = LidarMotion(recording, lidar)
+        except ExportError:
+            return None
         for number, stamp in enumerate(lidar.stamps.tolist()):
             points = lidar.sweep(number)
             points = points[~on_rover(points, lidar)]
-            if not len(points):
-                continue
-            last = stamp + int(np.ceil(1e9 * float(points["time"].max())))
-            for body, _, _ in recording.body_pieces():
-                if body.covers(stamp, last):
-                    poses = body.carrying(lidar.body_pose)
-                    return WorldSweep(
-                        points=in_world(points, stamp, poses),
-                        ring=points["ring"].astype(np.int64),
-                        lidar=poses.at(np.array([stamp])).position[0],
-                        rings=int(points["ring"].max()) + 1,
-                        seconds=1e-9 * (stamp - recording.span[0]),
-                    )
+            if len(points) and motion.covers(stamp):
+                return WorldSweep(
+                    points=motion.in_world(points, stamp),
+                    ring=points["ring"].astype(np.int64),
+                    lidar=motion.at(np.array([stamp])).position[0],
+                    rings=int(points["ring"].max()) + 1,
+                )
     return None
 
 

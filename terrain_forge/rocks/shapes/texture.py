@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,7 @@ def box_projection(mesh: Mesh) -> Array:
     return np.stack([np.where(facing < 0.0, -u, u), v], axis=-1) + 0.5
 
 
+@cache
 def rock_texture() -> NDArray[np.uint8]:
     """Brightness of bare rock that tiles both ways: patches, mineral grains, pores and cracks.
 
@@ -41,7 +44,9 @@ def rock_texture() -> NDArray[np.uint8]:
     """
     value: Array = _paint(stage_key(0, "rock-texture"), TEXTURE_SIDE)
     value *= MEAN_BRIGHTNESS / value.mean()
-    return np.clip(np.round(value), 0, 255).astype(np.uint8)
+    tile = np.clip(np.round(value), 0, 255).astype(np.uint8)
+    tile.setflags(write=False)
+    return tile
 
 
 @kernel

@@ -412,8 +412,8 @@ def at_step(step: int, act) -> None:
 @pytest.mark.parametrize(
     ("exchange", "stride"),
     [
-        (True, 5),
-        (False, 4),
+        (True, 9),
+        (False, 7),
         pytest.param(False, 1, marks=pytest.mark.slow),
         pytest.param(True, 1, marks=pytest.mark.slow),
     ],
@@ -506,7 +506,7 @@ def test_an_update_is_killed_at_every_step(changed):
     assert mixed > 5
 
 
-@pytest.mark.parametrize("stride", [7, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stride", [13, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("act", [write, change])
 def test_interrupted_at_steps(changed, act, stride):
     """The tidying itself is not interrupted."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import resource
 import sys
+from dataclasses import replace
 
 import pytest
 
 from terrain_forge.base import ExportError, OutputError, RecipeError, Spec, StorageError
 from terrain_forge.datasets import DatasetWriter, dataset_kinds, open_recording, write_dataset
-from tests.helpers.recordings import write_recording
+from tests.helpers.recordings import EPOCH, write_recording
 
 
 @pytest.fixture(scope="module")
@@ -43,10 +44,39 @@ def test_what_a_format_needs(tmp_path, bare, recording):
             write_dataset(found, kind, tmp_path / "out")
     with pytest.raises(ExportError, match="clouds: no lidar 'top' was recorded, there are: lidar0"):
         write_dataset(recording, "clouds", tmp_path / "out", {"lidar": "top"})
+    mast = recording.about | {"moving_links": ["mast"]}
+    mast["sensors"] = [{"name": "lidar", "link": "mast"}]
+    for kind, options in (("kitti", {}), ("clouds", {"map": True}), ("clouds", {"deskew": True})):
+        with pytest.raises(ExportError, match="it sits on 'mast', which moves against it"):
+            write_dataset(replace(recording, about=mast), kind, tmp_path / "out", options)
     options = {"storage": "sqlite3", "compression": "zstd"}
     with pytest.raises(ExportError, match="zstd needs storage mcap"):
         write_dataset(recording, "rosbag2", tmp_path / "out", options)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_sensors_that_measured_nothing_are_as_none(tmp_path):
+    """As of a recording from 10.1 to 10.15 s."""
+    folder = write_recording(tmp_path / "dataset", seconds=0.3, extras=True)
+    for key in ("cam0", "cam1", "lidar0", "sun0", "odometry0"):
+        for path in (folder / f"mav0/{key}/data.csv", folder / f"truth/{key}.tum"):
+            path.write_text(
+                f"{path.read_text().splitlines()[0]}\n" if path.suffix == ".csv" else ""
+            )
+    for kind, message in {
+        "kitti": "kitti needs a stereo pair of cameras, and the recording has none",
+        "tum": "tum needs a camera with depth, and the recording has none",
+        "clouds": "clouds needs a lidar, and the recording has none",
+        "lusnar": "lusnar needs a stereo pair",
+    }.items():
+        with pytest.raises(ExportError, match=message):
+            write_dataset(folder, kind, tmp_path / "out")
+    (folder / "mav0/cam0/data.csv").write_text(f"#timestamp [ns],filename\n{EPOCH},{EPOCH}.png\n")
+    (folder / "mav0/cam1/data.csv").write_text(f"#timestamp [ns],filename\n{EPOCH},{EPOCH}.png\n")
+    pose = (folder / "truth/base_link.tum").read_text().splitlines()[0]
+    (folder / "truth/cam0.tum").write_text(f"{pose}\n")
+    for kind in ("rosbag1", "rosbag2", "calibration", "kitti"):
+        assert write_dataset(folder, kind, tmp_path / kind).files
 
 
 def test_a_folder_that_holds_something_stays(tmp_path, recording):

@@ -401,7 +401,7 @@ def test_noise_is_per_sample_not_a_density(roving, tmp_path):
             assert noise.get("type") == "gaussian"
             assert float(noise.findtext("stddev")) == pytest.approx(wanted, rel=1e-5)
             assert float(noise.findtext("dynamic_bias_stddev")) > 0
-    assert float(found["lidar"].findtext("lidar/noise/stddev")) == 0.01
+    assert float(found["lidar"].findtext("lidar/noise/stddev")) == 0.015
     # Electrons are counted with noise √n: at half of a well of 10,000, read with 6 more, 0.0071.
     noise = float(found["camera_left"].findtext("camera/noise/stddev"))
     assert noise == pytest.approx(np.sqrt(5000 + 36) / 10_000, rel=1e-6)

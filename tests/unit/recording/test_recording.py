@@ -24,7 +24,9 @@ from terrain_forge.recording import record as record_file
 from terrain_forge.rovers import find_rover
 from terrain_forge.sensors import Frames, Series, Stream
 from terrain_forge.sensors import instrument as instrument_file
+from terrain_forge.terminal import Display
 from tests.helpers import worlds
+from tests.helpers.command_line import run
 
 EPOCH = 1_600_000_000_000_000_000
 CAMERA, LIDAR, IMU = (sensor_kinds()[kind] for kind in ("camera", "lidar", "imu"))
@@ -297,6 +299,28 @@ def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
         tf.record(world, tmp_path, progress=_interrupting)
     assert threading.active_count() < 20
     assert list(tmp_path.glob(".terrain-forge*")) == []
+
+
+def test_the_command_ends_with_one_line_and_its_status(world, tmp_path, monkeypatch):
+    world.save(tmp_path)
+    manifest = {"format": 2, "outputs": {}, "varying": [], "exports": {}}
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with monkeypatch.context() as patch:
+        patch.setattr(Display, "__call__", lambda _, stage, share=0.0: _interrupting(stage, share))
+        done = run("record", tmp_path, "--only", "eye")
+    assert done.returncode == 130
+    assert re.search(
+        r"^interrupted, 5 of 56 measurements are in .*goes on from there$", done.stderr, re.M
+    )
+    done = run("record", tmp_path, "--only", "eye", "--to", "10", "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    assert f"{tmp_path}/dataset: cam0 20\n" in done.stdout
+    assert "15 new measurements in" in done.stdout
+    done = run("record", tmp_path, "--quick")
+    assert done.returncode == 2
+    (told,) = done.complaints
+    assert 'dataset holds another recording, with dataset.profile "full", not "quick"' in told
+    assert told.endswith("--force replaces it")
 
 
 def _interrupting(stage, share):

@@ -43,6 +43,13 @@ def test_a_list_takes_the_place_of_the_rig_and_add_adds_to_it():
     assert not rig([]).sensors
 
 
+def test_a_preset_fills_in_what_is_not_given_in_a_list_as_in_add():
+    told = {"name": "imu", "kind": "imu", "preset": "stim300", "gyro_noise": 0.5}
+    for choice in ([told], {"add": [told]}):
+        imu = rig(choice).sensors[-1]
+        assert (imu.gyro_noise, imu.accelerometer_noise) == (0.5, 0.07 / 60)
+
+
 RECIPE = """schema: 1
 name: rigged
 body: moon

@@ -18,8 +18,7 @@ from terrain_forge.scene import (
     look,
     prepare_stage,
 )
-from terrain_forge.sensors import Scenery, Setting, motion_of_path
-from terrain_forge.sensors.picture import take_exposure, travelled
+from terrain_forge.sensors import Scenery, Setting, motion_of_path, take_exposure, travelled
 from tests.helpers import worlds
 
 _WIDTH, _HEIGHT = 96, 64

@@ -1,0 +1,171 @@
+"""Edges of surfaces and of light: pixels there are exposed anew, by eight rays each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from terrain_forge.base import kernel, merged
+from terrain_forge.scene.aiming import (
+    ask_sun,
+    keep,
+    lit_lanes,
+    meet_all,
+    packet_room,
+    pose_at,
+    send,
+    slopes,
+)
+from terrain_forge.scene.lanes import DIRECT, REST, STEP, WORKSPACE, meet
+from terrain_forge.scene.packets import FAR, LANES, hit_rock
+from terrain_forge.scene.render import borrow
+from terrain_forge.scene.shining import shine
+
+_0, _1 = np.float32(0.0), np.float32(1.0)
+_SAME = np.float32(0.03)
+"""Part of the distance within which a ray sees the surface that its pixel's middle does."""
+_BENT = np.float32(0.1)
+"""Change of the slope of nearness, over nearness, that tells an edge within one surface."""
+_CALM, _DARK_EDGE, _LIT_EDGE, _LIGHT, _PARTLY = (np.uint8(n) for n in range(5))
+"""States of a pixel: nothing changes about it; surfaces change in the dark, in the Sun; the light
+changes; and, once that is refined, the Sun lights a surface in part."""
+
+# Eight rooks that do not see each other, symmetric to the middle of the board.
+_ROOKS = (np.stack([np.arange(8), [3, 6, 0, 5, 2, 7, 1, 4]], axis=1) + 0.5) / 8.0 - 0.5
+_RING = np.sqrt((np.array([2, 0, 3, 1, 1, 3, 0, 2]) + 0.5) / 4.0)
+_ROUND = np.pi * (np.array([0.1, 0.85, 0.35, 0.6, 1.6, 1.35, 1.85, 1.1]))
+_SAMPLES = np.column_stack(
+    [_ROOKS, _RING * np.cos(_ROUND), _RING * np.sin(_ROUND)],
+).astype(np.float32)
+"""Place in the pixel and on the Sun's disc of each ray; the last ones mirror the first."""
+
+
+@kernel
+def find_edges(begin, end, seen, state):  # type: ignore[no-untyped-def]
+    """Mark the pixels of some rows in whose neighbourhood surfaces or light change."""
+    height, width = state.shape
+    seen = borrow(seen)
+    owner, sunlit, distance = seen.instance, seen.sunlit, seen.distance
+    for row in range(begin, end):
+        north, south = max(row - 1, 0), min(row + 1, height - 1)
+        for column in range(width):
+            west, east = max(column - 1, 0), min(column + 1, width - 1)
+            mine, found, lit, dark = owner[row, column], False, False, False
+            for j, i in ((row, column), (row, west), (row, east), (north, column), (south, column)):
+                found = found or owner[j, i] != mine
+                if owner[j, i] != -2:
+                    lit, dark = lit or sunlit[j, i], dark or not sunlit[j, i]
+            if not found and mine != -2:
+                near = _1 / distance[row, column]
+                for one, other in (
+                    (distance[row, west], distance[row, east]),
+                    (distance[north, column], distance[south, column]),
+                ):
+                    found = found or abs(_1 / one + _1 / other - near - near) > _BENT * near
+            if lit and dark:
+                state[row, column] = _LIGHT
+            elif found:
+                state[row, column] = _LIT_EDGE if lit else _DARK_EDGE
+            else:
+                state[row, column] = _CALM
+
+
+@merged
+def _refine_pixel(  # type: ignore[no-untyped-def]
+    world, stage, relief, wheels, passing, view, room, space, row, column, samples, state, seen
+):
+    """Expose a pixel by eight rays; returns whether the Sun lights a surface in part."""
+    ray, own_ray, pose = room
+    word = ray.view(np.uint32)
+    mine, middle = seen.instance[row, column], seen.distance[row, column]
+    rays, place = view.rays, view.places[row]
+    origin, own = (place[0], place[1], place[2]), 0
+    right, down, step = slopes(view, row, column)
+    for lane in range(LANES):
+        a, b = samples[lane, 0], samples[lane, 1]
+        x = rays[row, column, 0] + a * right[0] + b * down[0]
+        y = rays[row, column, 1] + a * right[1] + b * down[1]
+        z = rays[row, column, 2] + a * right[2] + b * down[2]
+        scale = _1 / np.sqrt(x * x + y * y + z * z)
+        send(space, lane, ray, word, view, row, scale * x, scale * y, scale * z)
+        space[STEP + lane] = step
+        pose_at(passing, pose, lane, row)
+    meet_all(world, passing, pose, ray, own_ray)
+    for lane in range(LANES):
+        owner, far = hit_rock(word, lane), ray[FAR, lane]
+        beside = owner == -2 or abs(far - middle) < _SAME * middle
+        own |= (owner == mine and beside) << lane
+    alone = own == (1 << LANES) - 1
+    if alone and state != _LIGHT:
+        return False
+    lit, hits = 0, 0
+    for lane in range(LANES):
+        owner = hit_rock(word, lane)
+        hits |= (owner != -2) << lane
+        meet(space, lane, ray, word, owner, origin, stage, passing.parts)
+        a, b = samples[lane, 2], samples[lane, 3]
+        lit |= ask_sun(space, lane, ray, word, stage, a, b) << lane
+    if state == _LIGHT:
+        lit = lit_lanes(world, passing, pose, ray, own_ray, lit)
+    elif state == _DARK_EDGE:
+        lit = 0
+    if not alone:
+        shine(space, stage, relief, wheels, view.behind, view.anchor)
+    for channel in range(seen.radiance.shape[2]):
+        direct, total = seen.direct[row, column, channel], _0
+        rest = seen.radiance[row, column, channel]
+        if seen.sunlit[row, column]:
+            rest -= direct
+        for lane in range(LANES):
+            if not alone:
+                rest = space[REST + LANES * channel + lane]
+                direct = space[DIRECT + LANES * channel + lane]
+            total += rest + np.float32((lit >> lane) & 1) * direct
+        seen.radiance[row, column, channel] = total / np.float32(LANES)
+    mixed = False
+    for part in (own & hits, ~own & hits):
+        mixed = mixed or ((lit & part) != 0 and (lit & part) != part)
+    return mixed
+
+
+@kernel
+def refine(  # type: ignore[no-untyped-def]
+    begin, end, world, stage, relief, wheels, passing, view, seen, state, pixels
+):
+    """Expose some pixels anew and mark those that the Sun lights in part."""
+    memory, workspace, poses = (
+        packet_room(2),
+        np.zeros(WORKSPACE, np.float32),
+        np.empty((LANES, 3, 4)),
+    )
+    for lane in range(LANES):
+        poses[lane] = passing.poses[0]
+    stage, relief, wheels = borrow(stage), borrow(relief), borrow(wheels)
+    view, seen, passing = borrow(view), borrow(seen), borrow(passing)
+    space, room = borrow((workspace,))[0], borrow((memory[0], memory[1], poses))
+    width = state.shape[1]
+    for n in range(begin, end):
+        row, column = pixels[n] // width, pixels[n] % width
+        mixed = _refine_pixel(
+            world, stage, relief, wheels, passing, view, room, space, row, column, _SAMPLES,
+            state[row, column], seen,
+        )  # fmt: skip
+        if mixed and state[row, column] == _LIGHT:
+            state[row, column] = _PARTLY
+    keep(memory, poses, workspace)
+
+
+@kernel
+def spread(state, pixels, more):  # type: ignore[no-untyped-def]
+    """List the pixels beside partly lit ones that are yet to be refined; returns how many."""
+    height, width = state.shape
+    count = 0
+    for pixel in pixels:
+        row, column = pixel // width, pixel % width
+        if state[row, column] == _PARTLY:
+            for j in range(max(row - 1, 0), min(row + 2, height)):
+                for i in range(max(column - 1, 0), min(column + 2, width)):
+                    if state[j, i] == _CALM:
+                        state[j, i] = _LIGHT
+                        more[count] = j * width + i
+                        count += 1
+    return count
