@@ -129,10 +129,8 @@ def _write(path: Path, *rows: Iterable[NDArray[np.uint8]]) -> None:
 
 def _line(name: str, found: ImageStatistics) -> str:
     slope, low, high, kurtosis, corners, dark = astuple(found)
-    return (
-        f"| {name} | {slope:.2f} ({low:.2f} / {high:.2f}) | {kurtosis:.1f} | {corners:.1f} | "
-        f"{dark:.1%} |"
-    )
+    slopes = f"{slope:.2f} ({low:.2f} / {high:.2f})".replace("-", "\u2212")
+    return f"| {name} | {slopes} | {kurtosis:.1f} | {corners:.1f} | {dark:.1%} |"
 
 
 if __name__ == "__main__":
