@@ -26,12 +26,13 @@ from terrain_forge.report.recorded.measures import (
     ring_counts,
     stereo_coverage,
 )
+from terrain_forge.report.recorded.plots import imu_plot, sweep_plot
 from terrain_forge.report.section import Built, Section
 from terrain_forge.validation import read_json
 
 _BELOW = {"depth": "true depth", "class": "labels"}
 _TOLD = {"path": "as the path says", "drive": "as the drive went"}
-_HEADINGS = ("Sensor", "Kind", "Rate", "Measurements", "From", "To", "Size", "Files")
+_HEADINGS = ("Sensor", "Kind", "Rate", "Measurements", "From", "To", "Size")
 
 
 class Recorded(Section):
@@ -51,7 +52,8 @@ def _blocks(recording: Recording) -> Iterator[Block]:
     yield from _film(recording)
     yield facts(_about(recording))
     rows = [_row(recording, sensor) for sensor in recording.sensors]
-    yield table(_HEADINGS, rows, figures="llrrrrrl")
+    yield table(_HEADINGS, rows, figures="llrrrrr")
+    yield from _channels(recording)
     yield from _pictures(recording)
     yield from _lidar(recording)
     yield from _imu(recording)
@@ -108,7 +110,6 @@ def _row(recording: Recording, sensor: RecordedSensor) -> list[Shown]:
         else ["–"] * 2
     )
     size = sum(path.stat().st_size for path in sensor.folder.rglob("*") if path.is_file())
-    channels = ", ".join(name for name in sensor.channels if name != "data")
     return [
         Cell(sensor.name, note=f"mav0/{sensor.key}"),
         str(told["kind"]),
@@ -116,8 +117,18 @@ def _row(recording: Recording, sensor: RecordedSensor) -> list[Shown]:
         thousands(len(stamps)),
         *ends,
         size_text(size),
-        Cell("data", note=channels),
     ]
+
+
+def _channels(recording: Recording) -> Iterator[Block]:
+    """What is true of the pictures, and of which cameras."""
+    found: dict[str, list[str]] = {}
+    for camera in recording.cameras:
+        channels = ", ".join(name for name in camera.channels if name != "data")
+        found.setdefault(channels, []).append(camera.name)
+    for channels, names in found.items():
+        if channels:
+            yield paragraph(f"Beside the pictures of {' and '.join(names)}: {channels}.", "note")
 
 
 def _pictures(recording: Recording) -> Iterator[Block]:
@@ -154,24 +165,18 @@ def _lidar(recording: Recording) -> Iterator[Block]:
             continue
         counts = ring_counts(lidar)
         sweep = first_sweep(recording) if lidar is recording.lidars[0] else None
+        shown = "The first sweep, each point by the true pose at its own time." if sweep else ""
         in_3d = " It is in the 3-D view above, too." if sweep else ""
-        from terrain_forge.report.recorded.plots import sweep_plot
-
         yield heading(f"Sweeps of {lidar.name}")
         mean = counts.ground.sum() + counts.rover.sum()
         yield drawing(
             sweep_plot(sweep, counts),
             description=f"Plots of the sweeps of {lidar.name}",
-            caption=(
-                f"Left: the first sweep, each point by the true pose at its own time.{in_3d} "
-                f"Right: means of sweeps, {mean:,.0f} returns each."
-            ),
+            caption=(f"{shown}{in_3d} Returns are means of sweeps, {mean:,.0f} each."),
         )
 
 
 def _imu(recording: Recording) -> Iterator[Block]:
-    from terrain_forge.report.recorded.plots import imu_plot
-
     for imu in recording.imus:
         measured = imu_errors(recording, imu)
         if measured is None:
@@ -185,7 +190,7 @@ def _imu(recording: Recording) -> Iterator[Block]:
         ]
         yield heading(f"Readings of {imu.name}")
         beside = (
-            " Right: the overlapping Allan deviation of what they are off the motion's own, beside "
+            " The overlapping Allan deviation is of what they are off the motion's own; with it goes "
             "that of the spec."
             if measured.errors is not None
             else ""

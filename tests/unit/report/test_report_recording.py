@@ -56,6 +56,7 @@ def test_the_section_shows_each_sensor_and_needs_nothing_else(shown):
         "stereo_left mav0/cam0 camera 5 Hz 5 0.000 s 0.800 s",
         "lidar mav0/lidar0 lidar 10 Hz 9",
         "Gravity that IMUs feel 3.711 m/s²",
+        "Beside the pictures of stereo_left and stereo_right: depth, class.",
         "5 of 5 pictures",
         "Formats EuRoC",
     ):
