@@ -190,8 +190,8 @@ def _imu(recording: Recording) -> Iterator[Block]:
         ]
         yield heading(f"Readings of {imu.name}")
         beside = (
-            " The overlapping Allan deviation is of what they are off the motion's own; with it goes "
-            "that of the spec."
+            " The overlapping Allan deviation is of what they are off the motion's own; with it "
+            "goes that of the spec."
             if measured.errors is not None
             else ""
         )
