@@ -162,9 +162,11 @@ def _input(recording: Recording, kind: str, inputs: dict[str, Path]) -> Path:
     if kind == "euroc":
         return recording.folder
     if kind not in inputs:
-        folder = recording.folder / "formats" / kind
+        folder = recording.folder / kind
         if not folder.is_dir():
-            folder.parent.mkdir(exist_ok=True)
+            folder = recording.folder / FOLDER / "inputs" / kind
+        if not folder.is_dir():
+            folder.parent.mkdir(parents=True, exist_ok=True)
             try:
                 write_dataset(recording, kind, folder)
             except StorageError as error:
