@@ -55,7 +55,8 @@ def write_formats(
     made = _made(store)
     of = hashlib.sha256((store.folder / INDEX).read_bytes()).hexdigest()
     losses = {}
-    for name, options in ({CALIBRATION: {}} | dict(formats)).items():
+    wanted: dict[str, Mapping[str, Any]] = {CALIBRATION: {}, **formats}
+    for name, options in wanted.items():
         told = {"options": dict(options), "of": of}
         if made.get(name) == told and store.holds_folder(name):
             continue

@@ -27,6 +27,7 @@ _PICTURES, _PAIRS, _SWEEPS = 8, 4, 60
 _LEAST_ROWS = 64
 _DISPARITIES = 128
 _WRONG_PX = 1.0
+_LEAST_SAMPLES, _UNEVEN_NS = 64, 2.0
 
 
 def picture_statistics(recording: Recording, camera: RecordedCamera) -> ImageStatistics:
@@ -115,7 +116,7 @@ def _matched(recording: Recording, pair: StereoPair, numbers: list[int]) -> Cove
             off = np.abs(found - focal / np.where(depth > 0.0, depth, 1.0)) >= _WRONG_PX
             wrong.append((off & seen).sum() / max(int(seen.sum()), 1))
         shares.append((ground & (found > 0.0)).sum() / max(int(ground.sum()), 1))
-    by = f"OpenCV's semi-global matching of {len(numbers)} pairs, {most} disparities"
+    by = f"OpenCV's semi-global matching, {most} disparities"
     return Coverage(float(np.mean(shares)), float(np.mean(wrong)) if wrong else None, by)
 
 
@@ -192,7 +193,8 @@ class ImuErrors:
     told: Array
     """Rates [rad/s] and specific forces [m/s²], shape [samples, 6]."""
     errors: Array | None
-    """Off the motion's own, shape [samples, 6]; None where the truth has other stamps."""
+    """Off the motion's own, of the longest part without a gap but its first and last two samples,
+    shape [n, 6]; None where the truth has other stamps."""
     rate: float
     """Samples per second [Hz]."""
 
@@ -205,23 +207,32 @@ def imu_errors(recording: Recording, imu: RecordedSeries) -> ImuErrors | None:
     stamps, told = imu.table
     if [name[:6] for name in imu.columns[:6]] != ["w_RS_S"] * 3 + ["a_RS_S"] * 3:
         return None
-    times, truth = 1e-9 * (stamps - stamps[0]), recording.truth.table
-    errors = None
-    own = recording.body_name == imu.key
-    if own and len(stamps) > 4 and np.array_equal(truth[0], stamps) and _even(stamps):
-        turns, speeds = _continuous(truth[1][:, 3:7]), truth[1][:, 7:10]
-        step = 1.0 / imu.rate
-        rates = 2.0 * _vector_of(_conjugate(turns[2:-2]), _slope(turns, step))
-        rotation = matrix_from_quaternion(turns[2:-2])
-        pull = _slope(speeds, step) + np.array([0.0, 0.0, recording.gravity])
-        forces = np.einsum("nji,nj->ni", rotation, pull)
-        errors = told[2:-2, :6] - np.hstack([rates, forces])
+    times, errors = 1e-9 * (stamps - stamps[0]), None
+    truth, values = recording.truth.table
+    place = np.minimum(np.searchsorted(truth, stamps), len(truth) - 1)
+    if recording.body_name == imu.key and np.array_equal(truth[place], stamps):
+        run = _longest_run(stamps, imu.rate)
+        errors = _off_truth(told[run, :6], values[place[run]], imu.rate, recording.gravity)
     return ImuErrors(times, told[:, :6], errors, imu.rate)
 
 
-def _even(stamps: NDArray[np.int64]) -> bool:
-    steps = np.diff(stamps)
-    return bool(steps.max() - steps.min() <= 2)
+def _off_truth(told: Array, truth: Array, rate: float, gravity: float) -> Array | None:
+    """Of even samples all but the first and the last two; None of too few for a deviation."""
+    if len(told) < _LEAST_SAMPLES:
+        return None
+    turns, speeds = _continuous(truth[:, 3:7]), truth[:, 7:10]
+    rates = 2.0 * _vector_of(_conjugate(turns[2:-2]), _slope(turns, 1.0 / rate))
+    pull = _slope(speeds, 1.0 / rate) + np.array([0.0, 0.0, gravity])
+    forces = np.einsum("nji,nj->ni", matrix_from_quaternion(turns[2:-2]), pull)
+    return np.asarray(told[2:-2] - np.hstack([rates, forces]))
+
+
+def _longest_run(stamps: NDArray[np.int64], rate: float) -> slice:
+    """The longest part without a gap, as parts of a recording leave them."""
+    gaps = np.flatnonzero(np.abs(np.diff(stamps) - 1e9 / rate) > _UNEVEN_NS) + 1
+    ends = np.concatenate([[0], gaps, [len(stamps)]])
+    first = int(np.argmax(np.diff(ends)))
+    return slice(int(ends[first]), int(ends[first + 1]))
 
 
 def _slope(values: Array, step: float) -> Array:

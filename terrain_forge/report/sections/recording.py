@@ -18,6 +18,7 @@ from terrain_forge.report.blocks import (
     table,
     thousands,
 )
+from terrain_forge.report.describe import measured
 from terrain_forge.report.recorded.film import FARTHEST, NEAREST, main_camera, make_film
 from terrain_forge.report.recorded.measures import (
     first_sweep,
@@ -70,9 +71,10 @@ def _film(recording: Recording) -> Iterator[Block]:
         if "depth" in film.parts
         else ""
     )
+    speed = f", {film.speed:.3g} times as fast" if film.frames > 1 else ""
     caption = (
         f"{camera.name}{f'; below it {below}' if below else ''}. {film.frames} of "
-        f"{thousands(len(camera.stamps))} pictures, {film.speed:.3g} times as fast.{depth}"
+        f"{thousands(len(camera.stamps))} pictures{speed}.{depth}"
     )
     yield animation(
         film.content,
@@ -141,7 +143,7 @@ def _pictures(recording: Recording) -> Iterator[Block]:
         found += [
             (
                 "Slope of the power spectrum",
-                Cell(f"{seen.slope:.2f}", note="photographs: about −2"),
+                Cell(measured(seen.slope), note="photographs: about −2"),
             ),
             ("Kurtosis of log gradients", Cell(f"{seen.kurtosis:.1f}", note="Gaussian: 3")),
             ("FAST corners per 1000 px", f"{seen.corners:.1f}"),
@@ -178,8 +180,8 @@ def _lidar(recording: Recording) -> Iterator[Block]:
 
 def _imu(recording: Recording) -> Iterator[Block]:
     for imu in recording.imus:
-        measured = imu_errors(recording, imu)
-        if measured is None:
+        found = imu_errors(recording, imu)
+        if found is None:
             continue
         densities = [
             (
@@ -192,11 +194,11 @@ def _imu(recording: Recording) -> Iterator[Block]:
         beside = (
             " The overlapping Allan deviation is of what they are off the motion's own; with it "
             "goes that of the spec."
-            if measured.errors is not None
+            if found.errors is not None
             else ""
         )
         yield drawing(
-            imu_plot(measured, densities=densities),
+            imu_plot(found, densities=densities),
             description=f"Plots of {imu.name}",
             caption=f"Rates and specific forces over time.{beside}",
         )

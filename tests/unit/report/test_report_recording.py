@@ -83,6 +83,19 @@ def test_errors_of_an_imu_are_what_it_tells_off_the_motion(recording):
         np.testing.assert_allclose(row[3:], now[:3, :3].T @ pull, atol=1e-5)
 
 
+def test_errors_are_those_of_the_longest_part_without_a_gap(tmp_path):
+    """A recording of parts has gaps, and its truth the stamps of all sensors."""
+    folder = write_recording(tmp_path)
+    whole = imu_errors(open_recording(folder), open_recording(folder).imus[0])
+    table = folder / "mav0/imu0/data.csv"
+    head, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([head, *rows[:40], *rows[60:], ""]))
+    recording = open_recording(folder)
+    found = imu_errors(recording, recording.imus[0])
+    assert len(found.told) == len(rows) - 20
+    np.testing.assert_array_equal(found.errors, whole.errors[60:])
+
+
 def test_a_sweep_lies_on_the_plane_without_the_rover(recording):
     sweep = first_sweep(recording)
     np.testing.assert_allclose(sweep.points[:, 2], 0.0, atol=2e-6)
