@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, ExportError, matrix_from_quaternion
+from terrain_forge.base import Array, DataError, ExportError, matrix_from_quaternion
 from terrain_forge.datasets import (
     LidarMotion,
     RecordedCamera,
@@ -22,12 +22,13 @@ from terrain_forge.datasets import (
 from terrain_forge.report.recorded.film import intensities, some_of
 from terrain_forge.sensors import ImageStatistics, image_statistics
 
+Stamps = NDArray[np.int64]
 _PICTURES, _PAIRS, _SWEEPS = 8, 4, 60
 """How many of each the figures are of, at most."""
 _LEAST_ROWS = 64
 _DISPARITIES = 128
 _WRONG_PX = 1.0
-_LEAST_SAMPLES, _UNEVEN_NS = 64, 2.0
+_LEAST_SAMPLES, _MOST_SAMPLES, _UNEVEN_NS = 64, 2**20, 2.0
 
 
 def picture_statistics(recording: Recording, camera: RecordedCamera) -> ImageStatistics:
@@ -204,16 +205,30 @@ def imu_errors(recording: Recording, imu: RecordedSeries) -> ImuErrors | None:
 
     None for a table that is not EuRoC's, of three rates and three specific forces.
     """
-    stamps, told = imu.table
+    stamps, told = _first_rows(imu)
     if [name[:6] for name in imu.columns[:6]] != ["w_RS_S"] * 3 + ["a_RS_S"] * 3:
         return None
     times, errors = 1e-9 * (stamps - stamps[0]), None
-    truth, values = recording.truth.table
+    truth, values = _first_rows(recording.truth, until=int(stamps[-1]))
     place = np.minimum(np.searchsorted(truth, stamps), len(truth) - 1)
     if recording.body_name == imu.key and np.array_equal(truth[place], stamps):
         run = _longest_run(stamps, imu.rate)
         errors = _off_truth(told[run, :6], values[place[run]], imu.rate, recording.gravity)
     return ImuErrors(times, told[:, :6], errors, imu.rate)
+
+
+def _first_rows(series: RecordedSeries, until: int = 2**62) -> tuple[Stamps, Array]:
+    """Stamps and columns up to a time, of at most so many samples, however long a table is."""
+    kept, count = list[tuple[Stamps, Array]](), 0
+    for stamps, values in series.blocks():
+        kept.append((stamps, values))
+        count += len(stamps)
+        if count >= _MOST_SAMPLES or stamps[-1] >= until:
+            break
+    if not kept:
+        raise DataError(f"{series.key}/data.csv has no rows")
+    columns, rows = zip(*kept, strict=True)
+    return np.concatenate(columns), np.concatenate(rows)
 
 
 def _off_truth(told: Array, truth: Array, rate: float, gravity: float) -> Array | None:
@@ -227,7 +242,7 @@ def _off_truth(told: Array, truth: Array, rate: float, gravity: float) -> Array 
     return np.asarray(told[2:-2] - np.hstack([rates, forces]))
 
 
-def _longest_run(stamps: NDArray[np.int64], rate: float) -> slice:
+def _longest_run(stamps: Stamps, rate: float) -> slice:
     """The longest part without a gap, as parts of a recording leave them."""
     gaps = np.flatnonzero(np.abs(np.diff(stamps) - 1e9 / rate) > _UNEVEN_NS) + 1
     ends = np.concatenate([[0], gaps, [len(stamps)]])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from terrain_forge.base import DataError, size_text
 from terrain_forge.datasets import RecordedSensor, Recording
@@ -44,15 +45,21 @@ class Recorded(Section):
     def blocks(self, built: Built) -> Sequence[Block]:
         """Film, table of sensors, sweep, IMU, figures; no section where nothing was recorded."""
         try:
-            return list(_blocks(built.recording)) if built.recording else []
+            found = built.recording
+            some = found and any(_extent(found, sensor)[0] for sensor in found.sensors)
+            return list(_blocks(found)) if found and some else []
         except DataError as error:
             return [paragraph(f"The recording in dataset/ cannot be shown: {error}")]
 
 
 def _blocks(recording: Recording) -> Iterator[Block]:
     yield from _film(recording)
-    yield facts(_about(recording))
-    rows = [_row(recording, sensor) for sensor in recording.sensors]
+    extents = {sensor.key: _extent(recording, sensor) for sensor in recording.sensors}
+    there = [sensor for sensor in recording.sensors if extents[sensor.key][0]]
+    begin = min(first for count, first, _ in extents.values() if count)
+    end = max(last for *_, last in extents.values())
+    yield facts(_about(recording, 1e-9 * (end - begin)))
+    rows = [_row(recording, sensor, begin) for sensor in there]
     yield table(_HEADINGS, rows, figures="llrrrrr")
     yield from _channels(recording)
     yield from _pictures(recording)
@@ -86,13 +93,13 @@ def _film(recording: Recording) -> Iterator[Block]:
     )
 
 
-def _about(recording: Recording) -> list[tuple[str, Shown]]:
-    about, (first, last) = recording.about, recording.span
+def _about(recording: Recording, seconds: float) -> list[tuple[str, Shown]]:
+    about = recording.about
     motion = about.get("motion", {})
     formats = sorted(read_json(recording.folder / "formats.json"))
     found: list[tuple[str, Shown]] = [
         ("Path", f"{motion.get('path', '–')}, {_TOLD.get(motion.get('source', ''), '–')}"),
-        ("Recorded", f"{1e-9 * (last - first):.1f} s of {motion.get('duration_s', 0.0):.1f} s"),
+        ("Recorded", f"{seconds:.1f} s of {motion.get('duration_s', 0.0):.1f} s"),
         ("Stands still at first", f"{motion.get('still_s', 0.0):g} s"),
         ("Gravity that IMUs feel", f"{recording.gravity:g} m/s²"),
         ("Frame of the truth", recording.body_name),
@@ -103,23 +110,31 @@ def _about(recording: Recording) -> list[tuple[str, Shown]]:
     return found
 
 
-def _row(recording: Recording, sensor: RecordedSensor) -> list[Shown]:
-    stamps, begin = sensor.stamps, recording.span[0]
-    told = next(s for s in recording.about["streams"] if s["folder"].endswith(f"/{sensor.key}"))
-    ends = (
-        [f"{1e-9 * (int(stamp) - begin):.3f} s" for stamp in stamps[[0, -1]]]
-        if len(stamps)
-        else ["–"] * 2
-    )
+def _row(recording: Recording, sensor: RecordedSensor, begin: int) -> list[Shown]:
+    count, *ends = _extent(recording, sensor)
     size = sum(path.stat().st_size for path in sensor.folder.rglob("*") if path.is_file())
     return [
         Cell(sensor.name, note=f"mav0/{sensor.key}"),
-        str(told["kind"]),
+        str(_told(recording, sensor)["kind"]),
         f"{sensor.rate:g} Hz",
-        thousands(len(stamps)),
-        *ends,
+        thousands(count),
+        *(f"{1e-9 * (stamp - begin):.3f} s" for stamp in ends),
         size_text(size),
     ]
+
+
+def _told(recording: Recording, sensor: RecordedSensor) -> Mapping[str, Any]:
+    streams: list[Mapping[str, Any]] = recording.about["streams"]
+    return next(one for one in streams if one["folder"].endswith(f"/{sensor.key}"))
+
+
+def _extent(recording: Recording, sensor: RecordedSensor) -> tuple[int, int, int]:
+    """Measurements of a sensor, first and last stamp [ns]: as the index has them, or as found."""
+    told = _told(recording, sensor)
+    if "count" in told:
+        return int(told["count"]), int(told["first_ns"] or 0), int(told["last_ns"] or 0)
+    first, last = sensor.span
+    return len(sensor.stamps), first, last
 
 
 def _channels(recording: Recording) -> Iterator[Block]:
@@ -180,6 +195,8 @@ def _lidar(recording: Recording) -> Iterator[Block]:
 
 def _imu(recording: Recording) -> Iterator[Block]:
     for imu in recording.imus:
+        if not _extent(recording, imu)[0]:
+            continue
         found = imu_errors(recording, imu)
         if found is None:
             continue
