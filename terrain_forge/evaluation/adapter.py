@@ -34,10 +34,11 @@ class Adapter(Spec):
 
     The command is words, not a shell's line: `{input}` stands for the folder or file of the
     recording in the `input` format, `{output}` for the file that the program shall write its
-    trajectory to, `{calibration}` for the folder of the recording's calibration files, `{folder}`
-    for the temporary folder that it runs in, `{binary}` for the program that the user named,
-    `{python}` for the interpreter of the environment that `install_system` made, `{driver}` for the
-    folder of our small drivers.
+    trajectory to, `{recording}` for the recording's own folder, `{calibration}` for the folder of
+    its calibration files, `{folder}` for the temporary folder that it runs in, `{binary}` for the
+    program that the user named, `{vocabulary}` for a vocabulary of ORB features, `{python}` for the
+    interpreter of the environment that `install_system` made, `{driver}` for the folder of our
+    small drivers.
     """
 
     name: FileName
@@ -46,6 +47,8 @@ class Adapter(Spec):
     """Kinds of sensors that the recording must hold."""
     input: FileName = "euroc"
     """Format of recordings that it reads, as `terrain-forge record --formats` calls it."""
+    input_options: dict[str, str | int | float | bool] = field(default_factory=dict)
+    """Options of that format, as `dataset: {formats: …}` has them in recipes."""
     command: Annotated[str, MinLen(1)]
     """Program and arguments."""
     output: Annotated[str, MinLen(1)] = "{output}"
@@ -72,13 +75,19 @@ class Adapter(Spec):
     """What it is, and under which licence."""
 
     PLACES: ClassVar[tuple[str, ...]] = (
-        "input", "output", "calibration", "folder", "python", "driver", "binary",
+        "input", "output", "recording", "calibration", "folder", "python", "driver", "binary",
+        "vocabulary",
     )  # fmt: skip
 
     @property
     def needs_binary(self) -> bool:
         """Whether it runs a program that the user must name."""
         return "{binary}" in self.command and not self.binary
+
+    @property
+    def needs_vocabulary(self) -> bool:
+        """Whether it is given a vocabulary of ORB features."""
+        return "{vocabulary}" in self.command
 
     def words(self, places: Mapping[str, str]) -> list[str]:
         """The command with its places filled in.
