@@ -306,9 +306,16 @@ def record(
     help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
     "files; by default all that are installed and find their sensors.",
 )
+@click.option(
+    "--binary",
+    "binaries",
+    multiple=True,
+    metavar="NAME=PATH",
+    help="A program that you have, such as orb-slam2=/opt/ORB_SLAM2/Examples/Stereo/stereo_kitti.",
+)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
 @click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
-@click.option("--install", metavar="NAME", help="Make the environment of a system that pip brings.")
+@click.option("--install", metavar="NAME", help="Make what a system needs.")
 @click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
 @click.option(
     "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
@@ -324,6 +331,7 @@ def record(
 def evaluate(
     paths: tuple[Path, ...],
     systems: str | None,
+    binaries: tuple[str, ...],
     runs: int,
     listed: bool,
     install: str | None,
@@ -356,17 +364,16 @@ def evaluate(
     with Display(("systems",)) as display:
         results = evaluation.evaluate_recording(
             paths[0],
-            evaluation.chosen_systems(systems, paths[0]),
+            evaluation.chosen_systems(systems, paths[0], binaries),
             runs=runs,
             options=options,
             progress=lambda name: display(f"systems: {name}"),
         )
     for line in evaluation.result_lines(results):
         say(line)
-    scores = [one.score for one in results if one.score]
-    for path in evaluation.write_scores(scores, out) if out else ():
+    for path in evaluation.write_results(results, out) if out else ():
         say(str(path))
-    return 0 if scores else FAILED_CHECK
+    return 0 if any(one.score for one in results) else FAILED_CHECK
 
 
 def _score(truth: Path, estimates: tuple[Path, ...], options: Any, out: Path | None) -> int:
