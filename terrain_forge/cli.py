@@ -251,6 +251,55 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
 
 
 @cli.command()
+@_OUT
+@click.option("--path", metavar="NAME", help="The path [default: the recipe's, or the first].")
+@click.option("--from", "begin", type=float, default=0.0, metavar="S", help="From when [s].")
+@click.option("--to", "end", type=float, metavar="S", help="Until when [s], without it.")
+@click.option("--only", metavar="SENSORS", help="Only these sensors, such as camera,imu.")
+@click.option("--formats", metavar="FORMATS", help="Also write these, such as kitti,rosbag2.")
+@click.option("--motion", type=click.Choice(["path", "drive"]), help="What moves the rover.")
+@click.option("--quick", is_flag=True, help="Small pictures, few of them, for a first look.")
+@click.option("--workers", type=int, metavar="N", help="Measurements at once [default: cores].")
+@click.option("--force", is_flag=True, help="Replace another recording; files of others stay.")
+def record(
+    out: Path,
+    begin: float,
+    end: float | None,
+    only: str | None,
+    formats: str | None,
+    workers: int | None,
+    force: bool,
+    **choice: Any,
+) -> None:
+    """Record what the sensors measure in the world built in OUT, into OUT/dataset.
+
+    Killed or interrupted, the same command goes on where it was. Any part, as by --from and --to,
+    has the bytes that it has in the whole.
+    """
+    from terrain_forge import pipeline
+    from terrain_forge.recording import RECORDING
+    from terrain_forge.terminal import tell_recording
+
+    changes = {key: value for key, value in choice.items() if value}
+    if changes.pop("quick", None):
+        changes["profile"] = "quick"
+    if formats is not None:
+        changes["formats"] = _names(formats, "--formats", "kitti,rosbag2")
+    with Display(RECORDING) as display:
+        result = pipeline.record(
+            out,
+            begin=begin,
+            end=end,
+            only=_names(only, example="camera,imu") or (),
+            workers=workers,
+            force=force,
+            progress=display,
+            **changes,
+        )
+    tell_recording(result, display.elapsed)
+
+
+@cli.command()
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--systems",
