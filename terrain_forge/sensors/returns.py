@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, inner, kernel, mix, uniform
+from terrain_forge.base import Array, inlined, inner, kernel, mix, normal, uniform
 from terrain_forge.scene import (
     ACTIVE,
     COPY,
@@ -163,30 +163,6 @@ def follow(columns, nodes, slopes, step, turns, place, speed, base):  # type: ig
 
 
 @inner
-def _normal_quantile(p):  # type: ignore[no-untyped-def]
-    """The standard normal's value below which a part p of it lies.
-
-    Wichura 1988, algorithm AS 241, PPND7 (doi:10.2307/2347330): right to 7 digits.
-    """
-    q = p - 0.5
-    if abs(q) <= 0.425:
-        r = 0.180625 - q * q
-        above = ((59.109374720 * r + 159.29113202) * r + 50.434271938) * r + 3.3871327179
-        below = ((67.187563600 * r + 78.757757664) * r + 17.895169469) * r + 1.0
-        return q * above / below
-    r = np.sqrt(-np.log(p if q < 0.0 else 1.0 - p))
-    if r <= 5.0:
-        r -= 1.6
-        above = ((0.17023821103 * r + 1.3067284816) * r + 2.7568153900) * r + 1.4234372777
-        below = (0.12021132975 * r + 0.73700164250) * r + 1.0
-    else:
-        r -= 5.0
-        above = ((0.017337203997 * r + 0.42868294337) * r + 3.0812263860) * r + 6.6579051150
-        below = (0.012258202635 * r + 0.24197894225) * r + 1.0
-    return -above / below if q < 0.0 else above / below
-
-
-@inner
 def _aim(turn, beam, prisms):  # type: ignore[no-untyped-def]
     """Where a beam points in the lidar's frame, and where its column does."""
     if prisms[0] < 0.0:
@@ -268,8 +244,8 @@ def _reflected(ray, word, lane, hit, x, y, towards, surfaces):  # type: ignore[n
         reflectance = surfaces.rover[word[COPY, lane]]
     else:
         reflectance = surfaces.beyond
-    normal = hit_normal(ray, lane, hit, surfaces.turns)
-    return max(-reflectance * _dot(normal, towards), _DARKEST)
+    upright = hit_normal(ray, lane, hit, surfaces.turns)
+    return max(-reflectance * _dot(upright, towards), _DARKEST)
 
 
 @inlined
@@ -321,7 +297,7 @@ def _measured(exact, power, key, rules):  # type: ignore[no-untyped-def]
     if rules.lost > 0.0 and uniform(mix(key, _LOST)) < rules.lost:
         return 0.0
     if rules.noise > 0.0:
-        exact += rules.noise * _normal_quantile(uniform(mix(key, _NOISE)))
+        exact += rules.noise * normal(mix(key, _NOISE))
     if rules.quantum > 0.0:
         exact = rules.quantum * np.floor(exact / rules.quantum + 0.5)
     return exact if rules.near <= exact <= rules.far else 0.0
