@@ -20,6 +20,7 @@ from terrain_forge.terminal import (
     SEED,
     SET,
     Display,
+    InOrder,
     complete_exporters,
     complete_starters,
     complete_terrain_models,
@@ -32,17 +33,8 @@ from terrain_forge.terminal import (
 )
 
 
-class _InOrder(click.Group):
-    """Lists its commands in the order of their use."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """The order in which they are defined."""
-        del ctx
-        return list(self.commands)
-
-
 @click.group(
-    cls=_InOrder, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+    cls=InOrder, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
 @click.version_option(__version__, prog_name="terrain-forge")
 @click.option("--debug", is_flag=True, help="Log more, and show tracebacks.")

@@ -18,6 +18,7 @@ from .options import OUT as OUT
 from .options import RECIPE as RECIPE
 from .options import SEED as SEED
 from .options import SET as SET
+from .options import InOrder as InOrder
 from .options import names_of as names_of
 from .outcome import finish as finish
 from .outcome import require_preview as require_preview

@@ -33,6 +33,15 @@ FORCE = click.option(
 SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
 
+class InOrder(click.Group):
+    """A group that lists its commands in the order of their use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The order in which they are defined."""
+        del ctx
+        return list(self.commands)
+
+
 def names_of(
     text: str | None, option: str = "--only", example: str = "sdf,mjcf"
 ) -> tuple[str, ...] | None:
