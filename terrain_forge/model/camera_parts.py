@@ -38,7 +38,8 @@ class AutoExposure(Record, Spec):
     kind: Literal["auto"] = "auto"
     """By what the camera sees."""
     level: Annotated[float, Interval(ge=0.01, le=1)] = 0.6
-    """What the brightest tenth of a picture begins at, as a part of the largest value."""
+    """What the brightest tenth of a picture begins at without the sky, as a part of the largest
+    value; less where a bright sky would get white."""
     lag_s: Annotated[float, Interval(ge=0, le=60)] = 0.5
     """Time constant with which it follows [s]; 0 to be right at once."""
     shortest_s: ShutterTime = 2e-5

@@ -13,12 +13,15 @@ from terrain_forge.model import World, merge
 from terrain_forge.scene import APRON, GROUND, MISSED, prepare_wheels
 from terrain_forge.sensors.instrument import Setting
 from terrain_forge.sensors.scenery import Scenery
-from terrain_forge.terrain import Ripples
+from terrain_forge.terrain import Ripples, mask_weight
 from terrain_forge.truth import craters_of
 
 CLASSES = ("ground", "crater", "rock", "ripple", "track", "rover", "sky", "beyond")
 """Classes of pixels by their numbers; `beyond` is the ground beyond the site."""
 SOIL, CRATER, ROCK, RIPPLE, TRACK, ROVER, SKY, BEYOND = range(len(CLASSES))
+
+_KEPT_DEPTH = 0.5
+_FEWEST_CELLS = 4.0
 
 
 class Labels:
@@ -64,17 +67,27 @@ def labels_of(setting: Setting) -> Labels:
 
 
 def _kinds(world: World) -> NDArray[np.uint8]:
-    """Class of each node: bedforms where their layer moves it, craters within their rims."""
+    """Class of each node: bedforms where their layer moves it, craters within their rims.
+
+    Craters count that have kept half of their fresh depth and are wide enough for the grid; on old
+    ground the others are everywhere.
+    """
     site, ground = world.site, world.ground
     kinds = np.zeros(ground.shape, dtype=np.uint8)
-    heights = ground.elevation.astype(np.float64)
+    window, heights = world.window, ground.elevation.astype(np.float64)
     for layer in site.recipe.terrain.layers:
         if isinstance(layer, Ripples):
-            moved = layer.masked_relief(site=site, window=world.window, elevation=heights)
-            kinds[np.abs(moved) > 0.0] = RIPPLE
-    for _, craters in craters_of(world):
-        places = np.ascontiguousarray((craters.xy - ground.origin) / ground.spacing)
-        _stamp(places, 0.5 * craters.diameter / ground.spacing, np.uint8(CRATER), kinds)
+            kinds[layer.masked_relief(site=site, window=window, elevation=heights) != 0.0] = RIPPLE
+    for made, craters in craters_of(world):
+        kept = craters.depth >= _KEPT_DEPTH * craters.fresh_depth
+        seen = craters.select(kept & (craters.diameter >= _FEWEST_CELLS * ground.spacing))
+        places = np.ascontiguousarray((seen.xy - ground.origin) / ground.spacing)
+        within = kinds.copy()
+        _stamp(places, 0.5 * seen.diameter / ground.spacing, np.uint8(CRATER), within)
+        if made.mask is not None:
+            weight = mask_weight(made.mask, site=site, window=window, elevation=heights)
+            within = np.where(weight < 0.5, kinds, within)
+        kinds = within
     return kinds
 
 

@@ -6,12 +6,17 @@ import math
 from collections.abc import Callable
 from functools import lru_cache
 
+from terrain_forge.base import Mask
 from terrain_forge.model import AutoExposure, FixedExposure
 from terrain_forge.sensors.exposure import Picture, Shutter
 
 LOOK = 32, 18
 """Columns and rows of the small pictures that are metered."""
 _BRIGHTEST = 0.9
+_SKY = 0.95
+"""What the brightest tenth of a whole picture begins at, at most: the sky stays below white."""
+_FEWEST = 0.1
+"""Part of a picture that is metered for itself where it is no sky."""
 _LAGS = 4.0
 """Time constants that are looked back."""
 _LOOKS = 6.0
@@ -29,7 +34,7 @@ class Meter:
         *,
         rate: float,
         enough: float,
-        look: Callable[[int], Picture],
+        look: Callable[[int], tuple[Picture, Mask]],
     ) -> None:
         """Begin to meter.
 
@@ -37,7 +42,8 @@ class Meter:
             spec: How pictures are exposed.
             rate: Of the pictures [Hz].
             enough: Radiance times time that fills a pixel [W s/(m² sr)].
-            look: A small picture's radiance at the time of a picture's number.
+            look: A small picture's radiance at a picture's time, shape [height, width,
+                channels], and which of its pixels are sky, shape [height, width].
         """
         self._spec, self._rate, self._enough = spec, rate, enough
         self._look = look
@@ -68,8 +74,14 @@ class Meter:
         """Logarithm to the base of 2 of the time that a look wants [s], at a gain of 1."""
         spec = self._spec
         assert isinstance(spec, AutoExposure)
-        values = sorted(self._look(number).ravel().tolist())
-        bright = values[int(_BRIGHTEST * (len(values) - 1))]
-        least = self._enough / (spec.most_gain * spec.longest_s)
-        most = self._enough / spec.shortest_s
-        return math.log2(spec.level * self._enough / min(max(bright, 1e-3 * least), 1e3 * most))
+        radiance, sky = self._look(number)
+        metered = radiance[~sky] if (~sky).mean() >= _FEWEST else radiance
+        bright = max(_brightest(radiance) / _SKY, _brightest(metered) / spec.level)
+        least, most = self._enough / spec.longest_s, self._enough / spec.shortest_s
+        return math.log2(self._enough / min(max(bright, 1e-6 * least), 1e6 * most))
+
+
+def _brightest(radiance: Picture) -> float:
+    """What the brightest tenth of some pixels begins at."""
+    values = sorted(radiance.ravel().tolist())
+    return float(values[int(_BRIGHTEST * (len(values) - 1))])

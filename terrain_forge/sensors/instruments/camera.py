@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array, RecipeError, portable
+from terrain_forge.base import Array, Mask, RecipeError, portable
 from terrain_forge.model import CameraSensor, mix
 from terrain_forge.scene import MISSED
 from terrain_forge.sensors import channels
@@ -305,8 +305,8 @@ class CameraFrames(Frames):
             look=self._look,
         )
 
-    def _look(self, number: int) -> Picture:
-        """A small picture of what a picture's number sees."""
+    def _look(self, number: int) -> tuple[Picture, Mask]:
+        """A small picture of what a picture's number sees, and where it is sky."""
         lens, (columns, rows) = self.lens(self.styles["data"]), LOOK
         x = (np.arange(columns) + 0.5) * lens.width / columns - 0.5
         y = (np.arange(rows) + 0.5) * lens.height / rows - 0.5
@@ -316,7 +316,8 @@ class CameraFrames(Frames):
         eye = self.eye(time)
         position, rotation = eye.middle
         still = np.tile(position, (rows, 1)), np.tile(rotation, (rows, 1, 1))
-        return self._see(rays, Eye(eye.time, np.full(rows, eye.time), *still)).radiance
+        seen = self._see(rays, Eye(eye.time, np.full(rows, eye.time), *still))
+        return seen.radiance, seen.instance == MISSED
 
     def _driven(self, time: float) -> float:
         """How far along its motion the rover has left tracks [m]."""

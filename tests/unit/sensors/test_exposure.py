@@ -150,11 +150,13 @@ def test_electrons_follow_from_the_optics():
     assert 20.0 * 1e-3 * electrons_per_radiance(_camera()) == pytest.approx(0.5 * photons)
 
 
-def _meter(spec, radiance, rate=10.0, seen=None):
+def _meter(spec, radiance, *, rate=10.0, seen=None, above=1.0):
     def look(number):
         if seen is not None:
             seen.append(number)
-        return np.full((18, 32, 1), radiance(number), np.float32)
+        sky = np.arange(18)[:, None] < 6 + np.zeros(32)
+        image = np.where(sky, above, 1.0) * radiance(number)
+        return image[:, :, None].astype(np.float32), sky
 
     return Meter(spec, rate=rate, enough=0.02, look=look)
 
@@ -179,6 +181,13 @@ def test_the_shutter_keeps_to_its_limits_and_then_amplifies():
         found = _meter(spec, lambda _, value=radiance: value).shutter(3)
         assert tuple(found) == pytest.approx(shutter, rel=0.006)
     assert _meter(FixedExposure(time_s=0.003, gain=2.0), None).shutter(9) == (0.003, 2.0)
+
+
+def test_the_ground_is_metered_until_the_sky_gets_white():
+    """At 0.5 for the ground the sky may be 1.9 times as bright; at 3.8 times the shutter halves."""
+    spec = AutoExposure(level=0.5, lag_s=0.0)
+    found = [_meter(spec, lambda _: 10.0, above=above).shutter(0).time for above in (0, 1.8, 3.8)]
+    assert found == pytest.approx([1e-3, 1e-3, 5e-4], rel=0.006)
 
 
 def test_few_looks_serve_many_pictures():
