@@ -256,6 +256,7 @@ def test_a_wide_beam_mixes_what_it_spans_and_nothing_else(hill):
     line = take_sweep(hill, thin, 2)
     fans = {r: take_sweep(hill, thin.replace(divergence_mrad=20.0, returns=r), 2)
             for r in ("first", "strongest", "last")}  # fmt: skip
+    plain_table = {"channels": 16, "vertical_fov_deg": 30.0}
     # The same beams, each by many thin ones within its cone.
     lows, highs = [], []
     for turn in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
@@ -264,7 +265,9 @@ def test_a_wide_beam_mixes_what_it_spans_and_nothing_else(hill):
             table = np.degrees(thin.elevations) + up
             side = -left / np.cos(np.radians(table))
             near = thin.replace(
-                elevations_deg=tuple(table.tolist()), azimuth_offsets_deg=tuple(side.tolist())
+                **plain_table,
+                elevations_deg=tuple(table.tolist()),
+                azimuth_offsets_deg=tuple(side.tolist()),
             )
             sweep, image = take_sweep(hill, near, 2), np.full((180, 12), np.nan)
             image[sweep.column, sweep.ring] = sweep.distance
@@ -368,11 +371,15 @@ def test_a_motion_shorter_than_a_sweep_is_refused(hill):
     [
         ({"elevations_deg": [0, 1], "azimuth_offsets_deg": [0]}, "azimuth_offsets_deg has 1 num"),
         ({"firing_times_us": [0, 1]}, "firing_times_us has 2 numbers, not 16"),
+        ({"elevations_deg": [0, 1], "firing_times_us": [1, 2]}, "none is 0"),
         ({"elevations_deg": [0, 1], "firing_times_us": [0, 60]}, "before the next column, 55.5556"),
         ({"range_min_m": 100}, "range_min_m must be below range_max_m"),
         ({"firing_period_us": 2e5}, "firing_period_us must be"),
         ({"channels": 1000, "horizontal_samples": 100_000}, "more than 4000000 points"),
         ({"prism_deviations_deg": [1, 1]}, "no effect without prism_rpm"),
+        ({"preset": "vlp-16", "channels": 32}, "channels has no effect beside elevations_deg"),
+        ({"preset": "vlp-16", "horizontal_samples": 9}, "no effect beside firing_period_us"),
+        ({"returns": "last"}, "returns has no effect without divergence_mrad"),
         (
             {"preset": "vlp-61"},
             r"unknown preset .did you mean 'vlp-16'.., there are: vlp-16, hdl-32e",
