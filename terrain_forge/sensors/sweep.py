@@ -19,7 +19,15 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import LidarSensor, merge
 from terrain_forge.scene import COHERENT, INCOHERENT, LANES, packet_memory
-from terrain_forge.sensors.beams import DELAY, NANOSECONDS, make_beams, sweep_begin, sweep_columns
+from terrain_forge.sensors.beams import (
+    DELAY,
+    NANOSECONDS,
+    Beams,
+    make_beams,
+    sweep_begin,
+    sweep_columns,
+)
+from terrain_forge.sensors.course import Course, follow
 from terrain_forge.sensors.instrument import Instrument, Setting
 from terrain_forge.sensors.labels import labels_of
 from terrain_forge.sensors.motion import State
@@ -29,11 +37,9 @@ from terrain_forge.sensors.returns import (
     FOUND,
     LAST,
     STRONGEST,
-    Course,
     Points,
     Rules,
     Surfaces,
-    follow,
     gather,
     scan,
 )
@@ -71,41 +77,14 @@ class Sweep(Record):
 
 def take_sweep(setting: Setting, lidar: LidarSensor, number: int) -> Sweep:
     """A sweep, which depends on nothing but these."""
-    begin, columns, beams = (
-        sweep_begin(lidar, number),
-        sweep_columns(lidar, number),
-        make_beams(lidar),
-    )
-    course = _course(setting, lidar, begin, columns)
-    count = len(columns) * len(beams.table)
-    measured = Points(
-        xyz=np.empty((count, 3), np.float32),
-        distance=np.empty(count, np.float32),
-        intensity=np.empty(count, np.float32),
-        instance=np.empty(count, np.int32),
-    )
-    rover = setting.scenery.rover_at(1e-9 * begin + 0.5 * float(columns[-1, 0]))
-    over_chunks(
-        scan,
-        len(beams.table),
-        setting.scenery.scene.handle,
-        COHERENT if lidar.prism_rpm is None else INCOHERENT,
-        rover.bodies,
-        course,
-        beams,
-        _surfaces(setting),
-        _rules(setting, lidar),
-        np.uint64(mix(setting.key(lidar), np.uint64(number))),
-        packet_memory(2 * len(beams.table)),
-        np.empty((len(beams.table), FOUND + 3 * len(beams.rays), LANES)),
-        measured,
-    )
+    columns, beams = sweep_columns(lidar, number), make_beams(lidar)
+    measured = _measured(setting, lidar, number, columns, beams)
+    count, delay = len(measured.distance), beams.table[:, DELAY]
     ring, column = np.empty(count, np.uint16), np.empty(count, np.int32)
     kept = gather(measured, np.argsort(beams.rank), ring, column)
-    delay = beams.table[:, DELAY]
     return Sweep(
         number=number,
-        begin=begin,
+        begin=sweep_begin(lidar, number),
         points=measured.xyz[:kept],
         distance=measured.distance[:kept],
         intensity=measured.intensity[:kept],
@@ -138,6 +117,37 @@ def sweep_count(lidar: LidarSensor, end: float) -> int:
     while count and sweep_begin(lidar, count - 1 + more) > until:
         count -= 1
     return count
+
+
+def _measured(
+    setting: Setting, lidar: LidarSensor, number: int, columns: Array, beams: Beams
+) -> Points:
+    """What all beams of a sweep tell, those without a return too."""
+    scenery, rings = setting.scenery, len(beams.table)
+    begin, count = sweep_begin(lidar, number), len(columns) * rings
+    points = Points(
+        xyz=np.empty((count, 3), np.float32),
+        distance=np.empty(count, np.float32),
+        intensity=np.empty(count, np.float32),
+        instance=np.empty(count, np.int32),
+    )
+    rover = scenery.rover_at(1e-9 * begin + 0.5 * float(columns[-1, 0]))
+    over_chunks(
+        scan,
+        rings,
+        scenery.scene.handle,
+        COHERENT if lidar.prism_rpm is None else INCOHERENT,
+        rover.bodies,
+        _course(setting, lidar, begin, columns),
+        beams,
+        _surfaces(setting),
+        _rules(setting, lidar),
+        np.uint64(mix(setting.key(lidar), np.uint64(number))),
+        packet_memory(2 * rings),
+        np.empty((rings, FOUND + 3 * len(beams.rays), LANES)),
+        points,
+    )
+    return points
 
 
 def _course(setting: Setting, lidar: LidarSensor, begin: int, columns: Array) -> Course:
