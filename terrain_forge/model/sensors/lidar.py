@@ -103,14 +103,25 @@ class LidarSensor(Sensor):
         period = self.firing_period_us
         if period and not 0.05 <= period <= 1e6 / self.rate_hz:
             raise ValueError("firing_period_us must be 0.05 at least, and 1 / rate_hz at most")
+        if min(self.firing_times_us, default=0.0) > 0.0:
+            raise ValueError("firing_times_us must count from the first beam: none is 0")
         if not self.snapshot and max(self.firing_times_us, default=0.0) >= 1e6 * self.column_s:
             raise ValueError(
                 f"firing_times_us must end before the next column, {1e6 * self.column_s:.6g} µs"
             )
         if beams * self.columns > _MOST:
             raise ValueError(f"a sweep has more than {_MOST} points")
-        if self.prism_rpm is None and any(self.prism_deviations_deg):
-            raise ValueError("prism_deviations_deg has no effect without prism_rpm")
+        idle = {
+            "channels": ("beside elevations_deg", bool(self.elevations_deg)),
+            "vertical_fov_deg": ("beside elevations_deg", bool(self.elevations_deg)),
+            "horizontal_samples": ("beside firing_period_us", period > 0.0),
+            "prism_deviations_deg": ("without prism_rpm", self.prism_rpm is None),
+            "returns": ("without divergence_mrad", self.divergence_mrad == 0.0),
+            "echo_separation_m": ("without divergence_mrad", self.divergence_mrad == 0.0),
+        }
+        for name, (where, is_idle) in idle.items():
+            if is_idle and getattr(self, name) != getattr(LidarSensor, name):
+                raise ValueError(f"{name} has no effect {where}")
 
     @property
     def elevations(self) -> Array:
