@@ -54,6 +54,7 @@ from terrain_forge.recording import (
     dataset_folder,
     record_dataset,
     recording_lines,
+    require_recordable,
 )
 from terrain_forge.rovers import resolve_rover, with_sensors
 from terrain_forge.terminal import watched
@@ -138,6 +139,8 @@ def build(
         require_apart(out, inputs)
         removed = require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
+        rover = with_sensors(resolve_rover(recipe.rover, Path(folder)).rover, recipe.sensors)
+        require_recordable(recipe, rover)
         compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
         require_exports(orders, site)
@@ -424,4 +427,5 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     site, orders = plan(recipe, folder=folder), export_orders(recipe)
     yield from site_lines(site, orders)
     rover = with_sensors(resolve_rover(recipe.rover, Path(folder)).rover, recipe.sensors)
+    require_recordable(recipe, rover)
     yield from recording_lines(site, rover.sensors)

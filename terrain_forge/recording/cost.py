@@ -72,7 +72,7 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
         yield "  cost         known when its path is planned on the finished ground"
         return
     length += 2.0 * spec.still_s + spec.ramp_s
-    counts = [length * _rate(one, spec) for one in recorded]
+    counts = [int(length * _rate(one, spec)) + 1 for one in recorded]
     costs = [measurement_cost(one) for one in recorded]
     seconds = pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True))
     size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True))

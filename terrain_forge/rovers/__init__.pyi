@@ -9,5 +9,6 @@ from .catalogue import resolve_rover as resolve_rover
 from .catalogue import rover_of as rover_of
 from .custom import FileRover as FileRover
 from .rig import AnySensor as AnySensor
+from .rig import MoreSensors as MoreSensors
 from .rig import SensorsChoice as SensorsChoice
 from .rig import with_sensors as with_sensors

@@ -175,13 +175,18 @@ def no_flow_file(lens: Lens) -> bytes:
 def stream_figures(channel: str, *, factor: float | None, wide: bool) -> Mapping[str, Any]:
     """What a reader must know of a channel's files."""
     if channel == "depth" and factor is None:
-        return {"unit": "m", "type": "float32", "none": "inf", "of": "Z, along the optical axis"}
+        return {
+            "unit": "m",
+            "type": "float32",
+            "none": "inf",
+            "measures": "Z, along the optical axis",
+        }
     every: dict[str, dict[str, Any]] = {
         "depth": {
             "values_per_metre": factor,
             "farthest_m": _MOST / (factor or 1.0),
             "none": 0,
-            "of": "Z, along the optical axis",
+            "measures": "Z, along the optical axis",
         },
         "disparity": {"values_per_pixel": DISPARITY_FACTOR, "none": 0},
         "occlusion": {"hidden": 255},

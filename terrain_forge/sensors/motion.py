@@ -17,7 +17,7 @@ from terrain_forge.sensors.kinematics import mounted, turning
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-_DEGREE = 5
+_DEGREE, _REACH = 5, 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,6 +167,8 @@ def motion_of_path(trajectory: Trajectory, *, still: float = 0.0, ramp: float = 
                 f"{ramp:g} s"
             )
     step = float(np.median(np.diff(trajectory.time)))
+    if still:  # the curve is at rest where its nearest samples are, four to each side
+        still += _REACH * step
     count = int(np.ceil((length + 2.0 * still + ramp) / step - 1e-9)) + 1
     times: Array = np.asarray(step * np.arange(count), np.float64)
     passed = _eased(times - still, length, ramp) if ramp else np.minimum(times, length)

@@ -8,9 +8,10 @@ import numpy as np
 
 from terrain_forge.base import Array, RecipeError
 from terrain_forge.geometry import shape_triangles
-from terrain_forge.model import Sensor, simple_sensors
+from terrain_forge.model import Rover, Sensor, simple_sensors
 from terrain_forge.sensors.instrument import Frames, Instrument, Setting, instrument_kinds
 from terrain_forge.sensors.links import RoverLinks
+from terrain_forge.sensors.motion import Curve, Motion
 
 _STEP = 0.1
 """Time between the places that are looked at [s]."""
@@ -42,12 +43,31 @@ def check_mounts(setting: Setting, sensors: Iterable[Sensor] | None = None) -> N
             if issubclass(kinds.get(sensor.kind, Instrument), Frames)
         ]
     for sensor in simple_sensors(sensors):
-        _require_outside(sensor, setting)
+        _require_outside(sensor, setting.world.rover, setting.motion)
         _require_above(sensor, setting)
 
 
-def _require_outside(sensor: Sensor, setting: Setting) -> None:
-    rover, motion = setting.world.rover, setting.motion
+def require_free(sensor: Sensor, rover: Rover) -> None:
+    """Refuse a sensor that looks from within the rover at rest, or from below the level it is on.
+
+    Raises:
+        RecipeError: says what to change.
+    """
+    still = Curve(begin=0.0, step=1.0, samples=np.zeros((2, 6)))
+    if not issubclass(instrument_kinds().get(sensor.kind, Instrument), Frames):
+        return
+    for part in sensor.simple:
+        _require_outside(part, rover, Motion(path="", source="path", base=still))
+        height = float(rover.origins[part.link][2] + part.position[2])
+        if height <= 0.0:
+            raise RecipeError(
+                f"{part.name!r} is {-height:.2g} m below the ground that the rover stands on: raise "
+                f"it by its position_m, now {_text(part.position)} m in {part.link!r}",
+                key=("sensors",),
+            )
+
+
+def _require_outside(sensor: Sensor, rover: Rover, motion: Motion) -> None:
     links = RoverLinks(rover, motion)
     moments = np.linspace(0.0, motion.end, _MOMENTS) if motion.links else np.zeros(1)
     for time in moments.tolist():
