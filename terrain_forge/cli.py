@@ -17,6 +17,7 @@ from terrain_forge.terminal import (
     FORCE,
     OUT,
     RECIPE,
+    SCORING,
     SEED,
     SET,
     Display,
@@ -244,7 +245,6 @@ def record(
     has the bytes that it has in the whole.
     """
     from terrain_forge import pipeline
-    from terrain_forge.recording import RECORDING
     from terrain_forge.terminal import tell_recording
 
     changes = {key: value for key, value in choice.items() if value}
@@ -252,7 +252,7 @@ def record(
         changes["profile"] = "quick"
     if formats is not None:
         changes["formats"] = names_of(formats, "--formats", "kitti,rosbag2")
-    with Display(RECORDING) as display:
+    with Display(pipeline.RECORD_STAGES) as display:
         result = pipeline.record(
             out,
             begin=begin,
@@ -274,24 +274,26 @@ def record(
     help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
     "files; by default all that are installed and find their sensors.",
 )
+@click.option(
+    "--binary",
+    "binaries",
+    multiple=True,
+    metavar="NAME=PATH",
+    help="A program that you have, such as orb-slam2=/opt/ORB_SLAM2/Examples/Stereo/stereo_kitti.",
+)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
 @click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
-@click.option("--install", metavar="NAME", help="Make the environment of a system that pip brings.")
+@click.option("--install", metavar="NAME", help="Make what a system needs.")
 @click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
 @click.option(
     "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
 )
-@click.option(
-    "--set",
-    "changes",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="How it is scored, such as align=all, third_by=index or stations_m=0.",
-)
+@SCORING
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
 def evaluate(
     paths: tuple[Path, ...],
     systems: str | None,
+    binaries: tuple[str, ...],
     runs: int,
     listed: bool,
     install: str | None,
@@ -306,7 +308,7 @@ def evaluate(
     TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
     alignment on the first third, drift of the path's length over 10 m.
     """
-    from terrain_forge.evaluation import read_options
+    from terrain_forge.evaluation import chosen_systems, read_options
     from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
 
     options = read_options(changes)
@@ -318,7 +320,8 @@ def evaluate(
         return tell_scores(truth, (estimate, *paths), options=options, out=out)
     if truth or estimate or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
-    return tell_systems(paths[0], systems, runs=runs, options=options, out=out)
+    chosen = chosen_systems(systems, paths[0], binaries)
+    return tell_systems(paths[0], chosen, runs=runs, options=options, out=out)
 
 
 @cli.command()

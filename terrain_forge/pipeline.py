@@ -47,7 +47,14 @@ from terrain_forge.recipe import (
     input_paths,
     require_exports,
 )
-from terrain_forge.recording import RECORDING, Order, Recorded, record_dataset, recording_lines
+from terrain_forge.recording import (
+    RECORDING,
+    Order,
+    Recorded,
+    dataset_folder,
+    record_dataset,
+    recording_lines,
+)
 from terrain_forge.rovers import resolve_rover, with_sensors
 from terrain_forge.terminal import watched
 from terrain_forge.validation import failed_checks
@@ -59,6 +66,8 @@ STAGES = ("compile", *MAKING, "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
+RECORD_STAGES = (*RECORDING, "report page")
+"""Stages of a recording of a built world."""
 
 
 def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
@@ -224,7 +233,14 @@ def export(
             for order in orders:
                 watch(f"export {order.folder}")
                 exports[order.folder] = write_export(world, fresh, order)
-            _assess(world, fresh, exports=tuple(exports.values()), watch=watch, before=before)
+            _assess(
+                world,
+                fresh,
+                exports=tuple(exports.values()),
+                watch=watch,
+                before=before,
+                dataset=dataset_folder(out),
+            )
     mine = tuple(f"{folder}: " for folder in folders)
     failed = (check.name for check in failed_checks(out))
     return all(name in older and not name.startswith(mine) for name in failed)
@@ -268,6 +284,7 @@ def validate(
                 exports=exports_in(manifest),
                 watch=watch,
                 before=before,
+                dataset=dataset_folder(out),
                 every_consumer=every_consumer,
                 drives=drives,
             )
@@ -304,7 +321,8 @@ def record(
         StorageError: if the disk does not take it.
     """
     order = Order(begin=begin, end=end, only=only, workers=workers, force=force)
-    with watched(progress, RECORDING) as watch:
+    with watched(progress, RECORD_STAGES) as watch:
+        place = None
         if not isinstance(world, World):
             place = Path(world).resolve()
             out = out or place
@@ -315,7 +333,14 @@ def record(
         if out is None:
             raise OutputError("a world in memory is recorded into a folder: name one as `out`")
         spec = replace(world.site.recipe.dataset or DatasetSpec(), **changes)
-        return record_dataset(world, Path(out).resolve(), spec, order, watch)
+        from terrain_forge.report import renew_report_page
+
+        out = Path(out).resolve()
+        recorded = record_dataset(world, out, spec, order, watch)
+        if out == place:
+            watch("report page")
+            renew_report_page(world, out)
+        return recorded
 
 
 def _assess(
@@ -325,6 +350,7 @@ def _assess(
     exports: tuple[Export, ...],
     watch: Stopwatch,
     before: FolderState | None = None,
+    dataset: Path | None = None,
     every_consumer: bool = False,
     drives: int | None = None,
 ) -> bool:
@@ -336,6 +362,7 @@ def _assess(
         exports: what was exported into the folder.
         watch: called with what is being done.
         before: what lay in the folder; nothing, if not given.
+        dataset: the folder of the world's recording.
         every_consumer: whether to open the exports in all consumers, whatever the recipe says.
         drives: from how many random starts to drive, instead of what the recipe says.
 
@@ -367,7 +394,9 @@ def _assess(
         )
     watch.figures.update(result.timings)
     watch("report page")
-    write_report_page(world, directory, exports=result.exports, above=above.result())
+    write_report_page(
+        world, directory, exports=result.exports, above=above.result(), dataset=dataset
+    )
     watch("manifest")
     watch.write(directory)
     write_manifest(

@@ -7,9 +7,11 @@ from .checking import site_lines as site_lines
 from .cost import pace as pace
 from .cost import stage_seconds as stage_seconds
 from .manifest import FolderState as FolderState
+from .manifest import altered_files as altered_files
 from .manifest import blaming as blaming
 from .manifest import exports_in as exports_in
 from .manifest import folder_state as folder_state
+from .manifest import foreign_files as foreign_files
 from .manifest import read_manifest as read_manifest
 from .manifest import write_manifest as write_manifest
 from .re_export import chosen_exports as chosen_exports

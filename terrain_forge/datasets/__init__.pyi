@@ -1,6 +1,8 @@
 """Recorded datasets: reading the master recording, and writing other formats from it."""
 
 from .calibration import calibration_files as calibration_files
+from .clouds import LidarMotion as LidarMotion
+from .clouds import on_rover as on_rover
 from .poses import Poses as Poses
 from .poses import tum_text as tum_text
 from .reader import Recording as Recording

@@ -2,6 +2,7 @@
 
 from .cost import recording_lines as recording_lines
 from .driven import motion_of_drive as motion_of_drive
+from .index import dataset_folder as dataset_folder
 from .order import Order as Order
 from .record import RECORDING as RECORDING
 from .record import Recorded as Recorded

@@ -14,8 +14,8 @@ from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.index import INDEX
 from terrain_forge.recording.store import Store
 
-MASTER = "euroc"
-"""What every recording is."""
+MASTER, CALIBRATION = "euroc", "calibration"
+"""What every recording is, and has."""
 _MADE = "formats.json"
 """Which formats were made, with what options, of what."""
 _MOST = 2**24
@@ -47,7 +47,7 @@ def formats_of(spec: DatasetSpec) -> dict[str, Mapping[str, Any]]:
 def write_formats(
     store: Store, formats: Mapping[str, Mapping[str, Any]], progress: Progress
 ) -> dict[str, tuple[str, ...]]:
-    """Write a recording's further formats, those that are there and still of it apart.
+    """Write the calibration and further formats, those that are there and still of it apart.
 
     Returns:
         What each that was written cannot say.
@@ -55,7 +55,8 @@ def write_formats(
     made = _made(store)
     of = hashlib.sha256((store.folder / INDEX).read_bytes()).hexdigest()
     losses = {}
-    for name, options in formats.items():
+    wanted: dict[str, Mapping[str, Any]] = {CALIBRATION: {}, **formats}
+    for name, options in wanted.items():
         told = {"options": dict(options), "of": of}
         if made.get(name) == told and store.holds_folder(name):
             continue
@@ -69,7 +70,8 @@ def write_formats(
             progress=partial(_tell, progress, name),
         )
         store.adopt(name)
-        losses[name] = tuple(report.losses)
+        if report.losses:
+            losses[name] = tuple(report.losses)
         made[name] = told
         store.put(_MADE, (json.dumps(made, indent=1) + "\n").encode())
     return losses

@@ -9,6 +9,8 @@ from .blocks import photograph as photograph
 from .blocks import plot as plot
 from .blocks import table as table
 from .page import write_report_page as write_report_page
+from .recorded.measures import picture_statistics as picture_statistics
+from .renewal import renew_report_page as renew_report_page
 from .section import Built as Built
 from .section import Section as Section
 from .section import take_map as take_map

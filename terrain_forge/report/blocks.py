@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,15 @@ class Cell:
 
 
 Shown = str | Cell
+
+
+class Key(NamedTuple):
+    """A colour of a picture's legend."""
+
+    name: str
+    """What it stands for."""
+    colour: str
+    """As `#rrggbb`, sRGB."""
 
 
 class Block(SimpleNamespace):
@@ -75,7 +85,7 @@ def table(
 def photograph(pixels: NDArray[np.uint8], description: str, caption: str = "") -> Block:
     """A picture as JPEG, a tenth of its PNG; pixels as sRGB, shape [height, width, 3]."""
     images = [(source(jpeg(pixels), "image/jpeg"), pixels.shape[1])]
-    return Block(kind="picture", sources=images, still="", description=description, caption=caption)
+    return _picture(images, description=description, caption=caption)
 
 
 def plot(path: Path, *, description: str, caption: str = "") -> Block:
@@ -83,18 +93,53 @@ def plot(path: Path, *, description: str, caption: str = "") -> Block:
 
     Who wants no motion sees the first picture of an animated one (GIF, WebP).
     """
-    content, still = path.read_bytes(), ""
-    if path.suffix in ANIMATED:
-        if len(content) > LARGEST_ANIMATION:
-            return paragraph(f"{description}: {path.parent.name}/{path.name}, beside this page.")
-        still = source(jpeg(read_picture(path)), "image/jpeg")
-        images = [(source(content, f"image/{path.suffix[1:]}"), 0)]
-    else:
-        parts = panels(read_picture(path))
-        images = [(source(_encoded(part, "PNG"), "image/png"), part.shape[1]) for part in parts]
-    return Block(
-        kind="picture", sources=images, still=still, description=description, caption=caption
+    content = path.read_bytes()
+    if path.suffix not in ANIMATED:
+        return drawing(content, description=description, caption=caption)
+    if len(content) > LARGEST_ANIMATION:
+        return paragraph(f"{description}: {path.parent.name}/{path.name}, beside this page.")
+    form, still = path.suffix[1:], read_picture(path)
+    return animation(content, form, still, description=description, caption=caption)
+
+
+def drawing(content: bytes, *, description: str, caption: str = "") -> Block:
+    """A plot as PNG, whose panels stand below each other on a phone."""
+    parts = panels(read_picture(BytesIO(content)))
+    images = [(source(_encoded(part, "PNG"), "image/png"), part.shape[1]) for part in parts]
+    return _picture(images, description=description, caption=caption)
+
+
+def animation(
+    content: bytes,
+    form: str,
+    still: NDArray[np.uint8],
+    *,
+    description: str,
+    caption: str = "",
+    keys: Sequence[Key] = (),
+) -> Block:
+    """An animated picture (gif, webp); who wants no motion sees a still one."""
+    return _picture(
+        [(source(content, f"image/{form}"), 0)],
+        description=description,
+        caption=caption,
+        still=source(jpeg(still), "image/jpeg"),
+        keys=keys,
     )
+
+
+def _picture(
+    sources: list[tuple[str, int]],
+    *,
+    description: str,
+    caption: str,
+    still: str = "",
+    keys: Sequence[Key] = (),
+) -> Block:
+    return Block(
+        kind="picture", sources=sources, still=still, description=description, caption=caption,
+        keys=keys,
+    )  # fmt: skip
 
 
 def panels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
@@ -130,7 +175,7 @@ def _encoded(pixels: NDArray[np.uint8], form: str, **options: int) -> bytes:
     return buffer.getvalue()
 
 
-def read_picture(path: Path) -> NDArray[np.uint8]:
+def read_picture(path: Path | BytesIO) -> NDArray[np.uint8]:
     """The first picture of a file, sRGB, shape [height, width, 3]."""
     from PIL import Image
 

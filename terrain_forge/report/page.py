@@ -38,6 +38,7 @@ def write_report_page(
     *,
     exports: tuple[Export, ...] = (),
     above: NDArray[np.uint8] | None = None,
+    dataset: Path | None = None,
 ) -> Path:
     """Write `directory`/report.html from the world and from what lies in its built folder.
 
@@ -50,6 +51,7 @@ def write_report_page(
         directory: Its built folder.
         exports: The exports in it.
         above: The picture of `take_map`, where it was taken already.
+        dataset: The folder of its recording; by default `directory`/dataset.
 
     Returns:
         The page's path.
@@ -57,7 +59,7 @@ def write_report_page(
     Raises:
         TerrainForgeError: where Embree is missing, which takes the pictures.
     """
-    built = Built(world, directory, exports, above)
+    built = Built(world, directory, exports, above, dataset)
     found = parts(Section, "terrain_forge.report.sections", SECTIONS)
     sections = [
         {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}

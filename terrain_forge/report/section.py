@@ -12,7 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.datasets import Recording, open_recording
 from terrain_forge.model import Export, World
+from terrain_forge.recording import dataset_folder
 from terrain_forge.report.blocks import ANIMATED, Block
 from terrain_forge.validation import read_json
 
@@ -50,6 +52,8 @@ class Built:
     """The exports in the folder."""
     above: NDArray[np.uint8] | None = None
     """The picture from above, where it was taken already."""
+    dataset: Path | None = None
+    """The folder of its recording, where that is not `dataset` of the built folder."""
 
     def json(self, path: str) -> Content:
         """The content of a JSON file of the folder, empty where it was not written."""
@@ -59,6 +63,16 @@ class Built:
     def validation(self) -> Content:
         """Content of validation/report.json, empty where the world was not validated."""
         return self.json("validation/report.json")
+
+    @cached_property
+    def recording(self) -> Recording | None:
+        """The recording, where there is one.
+
+        Raises:
+            DataError: if it cannot be read.
+        """
+        place = self.dataset or dataset_folder(self.directory)
+        return open_recording(place) if (place / "dataset.json").is_file() else None
 
     @cached_property
     def recipe(self) -> Content:

@@ -82,3 +82,27 @@ def test_evalio_reads_bags(python, written, tmp_path):
         pytest.skip("evalio is not installed")
     text = run(python, "-c", EVALIO, written / "rosbag1", written / "rosbag2", cwd=tmp_path)
     assert text.split() == ["19", "401"] * 2
+
+
+DEBIAN = "/usr/bin/python3"
+TOPICS = """
+import sys, rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    for topic, one in sorted(bag.get_type_and_topic_info().topics.items()):
+        print(topic, one.message_count)
+    print("messages", sum(1 for _ in bag.read_messages()))
+"""
+
+
+def test_ros_itself_reads_the_bag(written):
+    """By Debian's python3-rosbag; all its messages are deserialised."""
+    if subprocess.run([DEBIAN, "-c", "import rosbag"], capture_output=True).returncode:
+        pytest.skip("Debian's python3-rosbag is not installed")
+    bag = written / "rosbag1" / "recording.bag"
+    done = subprocess.run([DEBIAN, "-c", TOPICS, bag], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    counts = {topic: int(count) for topic, count in map(str.split, done.stdout.splitlines())}
+    assert counts["/velodyne_points"] > 0
+    assert counts["/cam0/image_raw"] == counts["/cam1/image_raw"] > 0
+    assert counts["/imu0"] > 100
+    assert counts.pop("messages") == sum(counts.values())

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from tests.helpers import worlds
+from tests.helpers.recordings import write_recording
 from tests.unit.report.test_report_model import boxy_rover
 from tests.unit.report.test_report_page import CHECKS
 
@@ -50,6 +51,7 @@ def page(tmp_path_factory):
     (folder / "validation").mkdir()
     (folder / "validation" / "report.json").write_text(json.dumps({"checks": CHECKS}))
     write_png(folder / "validation" / "drive.png", np.zeros((300, 600, 3), np.uint8))
+    write_recording(folder / "dataset", extras=True)
     return write_report_page(worlds.world(rover=boxy_rover()), folder)
 
 

@@ -33,4 +33,4 @@ class Calibration(DatasetWriter):
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(text)
-        return ("Nothing but calibration.",)
+        return ()

@@ -96,8 +96,12 @@
     scene.updateMatrixWorld();
     light(Number(view.dataset.gain));
     for (const line of [...part("lines").children]) widen(line);
+    for (const points of part("sweep").children) {
+      points.material.size = 3;
+      points.material.sizeAttenuation = false;
+    }
 
-    for (const name of ["rocks", "lines", "rover"]) {
+    for (const name of ["rocks", "lines", "rover", "sweep"]) {
       control(name).addEventListener("change", (event) => {
         part(name).visible = event.target.checked;
         redraw();

@@ -19,13 +19,15 @@ from terrain_forge.report.lines import Line
 from terrain_forge.report.model.ground import Overlay, Relief, coarsen
 from terrain_forge.report.model.rocks import INSTANCING, add_painted, rock_nodes
 from terrain_forge.report.model.rover import rover_nodes
+from terrain_forge.report.recorded.measures import WorldSweep
 from terrain_forge.writers import Gltf
 
 _UNLIT = "KHR_materials_unlit"
 _HALF = 0.5**0.5
 _Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
 """Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
-_LINE_STRIP = 3
+_POINTS, _LINE_STRIP = 0, 3
+_MOST_POINTS, _POINT_HEIGHT = 40_000, 0.02
 _LINE_HEIGHT = 0.12
 _QUALITY = 82
 _BEHIND = 4.0
@@ -38,12 +40,13 @@ def page_model(
     picture: NDArray[np.uint8],
     overlays: Sequence[Overlay],
     lines: Sequence[Line],
+    sweep: WorldSweep | None = None,
 ) -> bytes:
     """The GLB: ground of at most 257² nodes, the largest rocks, lines, the rover at its start.
 
-    The children of its one root are named `ground`, `rocks`, `rover` and `lines`. The ground has
-    the picture, the world from above with north up, which is the first material; those of the
-    overlays, which nothing wears, follow. Lines are laid a little above the ground.
+    The children of its one root are named `ground`, `rocks`, `lines`, `sweep` and `rover`. The
+    ground has the picture, the world from above with north up, which is the first material; those
+    of the overlays, which nothing wears, follow. Lines are laid a little above the ground.
     """
     relief = coarsen(world.ground)
     with TemporaryDirectory() as folder, (Path(folder) / "arrays").open("w+b") as binary:
@@ -53,6 +56,7 @@ def page_model(
             _paint(gltf, overlay.name, overlay.pixels)
         groups["rocks"] = list(rock_nodes(world, relief, gltf))
         groups["lines"] = [_line(gltf, relief, line) for line in lines]
+        groups["sweep"] = [_points(gltf, world, relief, sweep)] if sweep else []
         groups["rover"] = rover_nodes(world.rover, gltf)
         # The root stands upright in glTF's frame; its children are the groups.
         root = {"name": world.site.name, "rotation": _Z_UP_TO_Y_UP}
@@ -108,6 +112,27 @@ def _line(gltf: Gltf, relief: Relief, line: Line) -> dict[str, Any]:
     }
     mesh = gltf.add("meshes", {"primitives": [primitive]})
     return {"name": line.name, "mesh": mesh, "extras": {"driven": line.driven}}
+
+
+def _points(gltf: Gltf, world: World, relief: Relief, sweep: WorldSweep) -> dict[str, Any]:
+    """Points coloured by ring, which rise and sink with the ground below them."""
+    from matplotlib import colormaps
+
+    rows = np.unique(np.linspace(0, len(sweep.points) - 1, _MOST_POINTS).astype(np.int64))
+    points = sweep.points[rows].copy()
+    west, south, east, north = world.ground.bounds
+    inside = np.clip(points[:, :2], (west, south), (east, north))
+    own = world.ground.height_at(inside[:, 0], inside[:, 1])
+    points[:, 2] += relief.height_at(inside) - own + _POINT_HEIGHT
+    share = sweep.ring[rows] / max(sweep.rings - 1, 1)
+    colours = colormaps["plasma"](0.3 + 0.7 * share)[:, :3]
+    attributes = {
+        "POSITION": gltf.add_vertices(points.astype(np.float32), bounded=True),
+        "COLOR_0": gltf.add_vertices(linear_from_srgb(colours).astype(np.float32)),
+    }
+    look = gltf.add("materials", {"name": "sweep", "extensions": {_UNLIT: {}}})
+    primitive = {"attributes": attributes, "material": look, "mode": _POINTS}
+    return {"name": "sweep of a lidar", "mesh": gltf.add("meshes", {"primitives": [primitive]})}
 
 
 def _start(world: World, relief: Relief) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from terrain_forge.report.lines import ground_lines
 from terrain_forge.report.model.ground import MOST_CELLS, overlays
 from terrain_forge.report.model.rocks import MOST, picture_gain, shown_rocks
 from terrain_forge.report.model.scene import page_model
+from terrain_forge.report.recorded.sweep import shown_sweep
 from terrain_forge.report.section import Built, Section
 
 _EFFORT = 5
@@ -28,11 +29,13 @@ class View(Section):
     def blocks(self, built: Built) -> Sequence[Block]:
         """What is shown, how the ground is painted, how high it is drawn, from where."""
         world, painted, lines = built.world, overlays(built.world.ground), ground_lines(built)
-        model = page_model(world, picture=built.map, overlays=painted, lines=lines)
+        sweep = shown_sweep(built)
+        model = page_model(world, picture=built.map, overlays=painted, lines=lines, sweep=sweep)
         parts = (
             ("rocks", "Rocks", len(world.field) > 0),
             ("lines", "Paths", bool(lines)),
             ("rover", "Rover", bool(world.rover.links)),
+            ("sweep", "Lidar sweep", sweep is not None),
         )
         view = Block(
             kind="view",

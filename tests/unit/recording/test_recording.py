@@ -18,6 +18,7 @@ import terrain_forge as tf
 from terrain_forge.base import RecipeError, StorageError, mix
 from terrain_forge.datasets import DatasetWriter, open_recording
 from terrain_forge.datasets import writer as writer_file
+from terrain_forge.datasets.formats.calibration import Calibration
 from terrain_forge.model import sensor_kinds
 from terrain_forge.recording import formats as formats_file
 from terrain_forge.recording import record as record_file
@@ -45,7 +46,8 @@ class Picture(Frames):
         )
 
     def calibration(self):
-        return {"resolution": [4, 2], "intrinsics": [1e-5, 2.0, 1.5, 0.5]}
+        lens = {"distortion_model": "none", "distortion_coefficients": []}
+        return {"resolution": [4, 2], "intrinsics": [1e-5, 2.0, 1.5, 0.5]} | lens
 
     def measure(self, number):
         next(self.made)
@@ -63,6 +65,10 @@ class Sweep(Picture):
     def streams(self):
         return (Stream(name="data", suffix=".npy"),)
 
+    def calibration(self):
+        figures = {"range_min_m": 0.5, "range_max_m": 100.0, "column_period_s": 5e-5}
+        return figures | {"rings": 16, "elevations_deg": [-15.0, 15.0]}
+
     def measure(self, number):
         return {"data": super().measure(number)["data"]}
 
@@ -76,7 +82,13 @@ class Rates(Series):
         return (Stream(name="data", suffix=".csv"),)
 
     def calibration(self):
-        return {"gyroscope_noise_density": self.sensor.gyro_noise}
+        sensor = self.sensor
+        return {
+            "gyroscope_noise_density": sensor.gyro_noise,
+            "gyroscope_random_walk": sensor.gyro_walk,
+            "accelerometer_noise_density": sensor.accelerometer_noise,
+            "accelerometer_random_walk": sensor.accelerometer_walk,
+        }
 
     def samples(self):
         state = self.state(self.times / 1e9)
@@ -354,9 +366,10 @@ class Counting(DatasetWriter):
 
 
 def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_path, monkeypatch):
+    kinds = {"counts": Counting, "calibration": Calibration}
     for module in (writer_file, formats_file):
-        monkeypatch.setattr(module, "dataset_kinds", lambda: {"counts": Counting})
-    with pytest.raises(RecipeError, match=r"'count' \(did you mean 'counts'\?\), .*euroc, counts"):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    with pytest.raises(RecipeError, match=r"'count' \(did you mean 'counts'\?\), .*euroc, counts,"):
         tf.record(world, tmp_path, formats=("count",))
     with pytest.raises(RecipeError, match="greetings: Unexpected keyword"):
         tf.record(world, tmp_path, formats={"counts": {"greetings": "hi"}})

@@ -13,6 +13,7 @@ from terrain_forge.report.model.ground import coarsen, overlays
 from terrain_forge.report.model.rocks import MOST, shown_rocks
 from terrain_forge.report.model.rover import rover_nodes, unit_solid
 from terrain_forge.report.model.scene import page_model
+from terrain_forge.report.recorded.measures import WorldSweep
 from terrain_forge.report.section import Built
 from tests.helpers import worlds
 
@@ -276,3 +277,24 @@ def test_equal_worlds_make_equal_bytes(world, tmp_path):
 
 def test_rover_nodes_of_nobody():
     assert rover_nodes(worlds.no_rover(), None) == []
+
+
+def test_a_sweep_lies_on_the_ground_that_is_shown(world, tmp_path):
+    """On the world's own ground it would sink into the coarser one, or float."""
+    west, south, east, north = world.ground.bounds
+    spread = np.random.default_rng(3).uniform(0.0, 1.0, (50_000, 2))
+    places = np.array([west, south]) + spread * [east - west, north - south]
+    heights = world.ground.height_at(places[:, 0], places[:, 1]) + 0.5
+    points, ring = np.column_stack([places, heights]), np.arange(len(places)) % 4
+    sweep = WorldSweep(points=points, ring=ring, lidar=np.zeros(3), rings=4)
+    glb = model(world, tmp_path, sweep=sweep)
+    (node,) = glb.children("sweep")
+    primitive = glb.primitive(node)
+    assert primitive["mode"] == 0
+    shown = glb.array(primitive["attributes"]["POSITION"])
+    assert len(shown) == 40_000
+    above = shown[:, 2] - coarsen(world.ground).height_at(shown[:, :2].astype(float))
+    np.testing.assert_allclose(above, 0.52, atol=1e-4)
+    colours = glb.array(primitive["attributes"]["COLOR_0"])
+    assert len(np.unique(colours.round(4), axis=0)) == 4
+    assert model(world, tmp_path).children("sweep") == []

@@ -1,0 +1,1 @@
+"""What the page shows of a recording: a film, a sweep, plots, figures."""
