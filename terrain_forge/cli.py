@@ -17,6 +17,7 @@ from terrain_forge.terminal import (
     FORCE,
     OUT,
     RECIPE,
+    SCORING,
     SEED,
     SET,
     Display,
@@ -287,13 +288,7 @@ def record(
 @click.option(
     "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
 )
-@click.option(
-    "--set",
-    "changes",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="How it is scored, such as align=all, third_by=index or stations_m=0.",
-)
+@SCORING
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
 def evaluate(
     paths: tuple[Path, ...],
@@ -313,7 +308,7 @@ def evaluate(
     TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
     alignment on the first third, drift of the path's length over 10 m.
     """
-    from terrain_forge.evaluation import read_options
+    from terrain_forge.evaluation import chosen_systems, read_options
     from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
 
     options = read_options(changes)
@@ -325,7 +320,8 @@ def evaluate(
         return tell_scores(truth, (estimate, *paths), options=options, out=out)
     if truth or estimate or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
-    return tell_systems(paths[0], systems, binaries=binaries, runs=runs, options=options, out=out)
+    chosen = chosen_systems(systems, paths[0], binaries)
+    return tell_systems(paths[0], chosen, runs=runs, options=options, out=out)
 
 
 @cli.command()

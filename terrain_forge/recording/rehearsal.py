@@ -89,5 +89,6 @@ def _require_room(
     if needed + _SPARE > free:
         raise StorageError(
             f"{store.folder} cannot be written: what is missing needs about {size_text(needed)}, "
-            f"the disk has {size_text(free)} free, of which {size_text(_SPARE)} are left; record less by --only, --from, --to or --quick"
+            f"the disk has {size_text(free)} free, of which {size_text(_SPARE)} stay so; record "
+            "less by --only, --from, --to or --quick"
         )

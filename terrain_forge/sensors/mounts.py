@@ -61,8 +61,8 @@ def require_free(sensor: Sensor, rover: Rover) -> None:
         height = float(rover.origins[part.link][2] + part.position[2])
         if height <= 0.0:
             raise RecipeError(
-                f"{part.name!r} is {-height:.2g} m below the ground that the rover stands on: raise "
-                f"it by its position_m, now {_text(part.position)} m in {part.link!r}",
+                f"{part.name!r} is {-height:.2g} m below the ground that the rover stands on: "
+                f"raise it by its position_m, now {_text(part.position)} m in {part.link!r}",
                 key=("sensors",),
             )
 

@@ -16,6 +16,7 @@ from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
 from .options import OUT as OUT
 from .options import RECIPE as RECIPE
+from .options import SCORING as SCORING
 from .options import SEED as SEED
 from .options import SET as SET
 from .options import InOrder as InOrder

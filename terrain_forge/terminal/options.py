@@ -30,6 +30,13 @@ FORCE = click.option(
     is_flag=True,
     help="Also remove files in the older world that are not its own; says which.",
 )
+SCORING = click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="How it is scored, such as align=all, third_by=index or stations_m=0.",
+)
 SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
 

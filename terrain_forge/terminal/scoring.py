@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from terrain_forge import evaluation
-from terrain_forge.evaluation import ScoreOptions
+from terrain_forge.evaluation import Adapter, ScoreOptions
 from terrain_forge.terminal.display import Display
 from terrain_forge.terminal.lines import say
 from terrain_forge.terminal.running import FAILED_CHECK, WRONG_INPUT
@@ -27,19 +27,13 @@ def install_named(name: str) -> int:
 
 
 def tell_systems(
-    world: Path,
-    systems: str | None,
-    *,
-    binaries: Sequence[str],
-    runs: int,
-    options: ScoreOptions,
-    out: Path | None,
+    world: Path, systems: Sequence[Adapter], *, runs: int, options: ScoreOptions, out: Path | None
 ) -> int:
     """Run systems over a world's recording and say how well they did; returns the status."""
     with Display(("systems",)) as display:
         results = evaluation.evaluate_recording(
             world,
-            evaluation.chosen_systems(systems, world, binaries),
+            systems,
             runs=runs,
             options=options,
             progress=lambda name: display(f"systems: {name}"),

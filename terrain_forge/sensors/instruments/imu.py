@@ -79,8 +79,9 @@ class Imu(Series):
         return dict(zip(COLUMNS, self._measured[0].T, strict=True))
 
     def biases(self, times: NDArray[np.int64]) -> Array:
-        """True biases, of rates and specific forces, at times [ns], shape [n, 6]; those of the last
-        sample go on.
+        """True biases, of rates and specific forces, at times [ns], shape [n, 6].
+
+        After the last sample its own go on.
         """
         rows = np.minimum(np.searchsorted(self.times, times), len(self.times) - 1)
         return np.asarray(self._measured[1][rows])
