@@ -5,70 +5,36 @@ What a command's exit status means stands in `terminal/running.py`.
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError, TerrainForgeError
+from terrain_forge.base import OutputError
 from terrain_forge.terminal import (
-    FAILED_CHECK,
-    WRONG_INPUT,
+    DRIVES,
+    FORCE,
+    OUT,
+    RECIPE,
+    SEED,
+    SET,
     Display,
+    InOrder,
     complete_exporters,
-    complete_keys,
-    complete_recipes,
     complete_starters,
     complete_terrain_models,
     completion_script,
-    refuse_raster,
+    names_of,
     run_command,
     run_process,
     say,
     show_log,
 )
 
-if TYPE_CHECKING:
-    from terrain_forge.recipe import RecipeFile
-
-_OUT = click.argument("out", type=click.Path(path_type=Path))
-_RECIPE = click.argument("recipe", type=click.Path(path_type=Path), shell_complete=complete_recipes)
-_SET = click.option(
-    "--set",
-    "changes",
-    multiple=True,
-    metavar="KEY=VALUE",
-    shell_complete=complete_keys,
-    help="Change a key of the recipe, such as terrain.spacing_m=0.25; may be given several times.",
-)
-_DRIVES = click.option(
-    "--drives",
-    type=click.IntRange(1, 10_000),
-    metavar="N",
-    help="Also drive straight on from N random starts, and tell how many arrive.",
-)
-_FORCE = click.option(
-    "--force",
-    is_flag=True,
-    help="Also remove files in the older world that are not its own; says which.",
-)
-_SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
-
-
-class _InOrder(click.Group):
-    """Lists its commands in the order of their use."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """The order in which they are defined."""
-        del ctx
-        return list(self.commands)
-
 
 @click.group(
-    cls=_InOrder, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+    cls=InOrder, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
 @click.version_option(__version__, prog_name="terrain-forge")
 @click.option("--debug", is_flag=True, help="Log more, and show tracebacks.")
@@ -105,9 +71,9 @@ def init(directory: Path, listed: bool, recipe: str) -> None:
 
 
 @cli.command()
-@_RECIPE
-@_SEED
-@_SET
+@RECIPE
+@SEED
+@SET
 def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
     """Check RECIPE, say what it makes and what that costs.
 
@@ -117,24 +83,25 @@ def check(recipe: Path, seed: int | None, changes: tuple[str, ...]) -> None:
     from terrain_forge import pipeline
     from terrain_forge.building import check_raster
     from terrain_forge.dtm import file_to_open
+    from terrain_forge.terminal import load_given, located
 
     if recipe.suffix.lower() not in (".yaml", ".yml") and recipe.is_file():
         for line in check_raster(file_to_open(recipe)):
             say(line)
         return
-    file = _load(recipe, seed, changes)
-    with _located(file):
+    file = load_given(recipe, seed=seed, changes=changes)
+    with located(file):
         for line in pipeline.check(file.recipe, folder=file.folder):
             say(line)
 
 
 @cli.command()
-@_RECIPE
+@RECIPE
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), help="Picture [default: ./NAME_preview.png]."
 )
-@_SEED
-@_SET
+@SEED
+@SET
 def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str, ...]) -> None:
     """Show what RECIPE makes as one picture, quickly.
 
@@ -143,12 +110,12 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     """
     from terrain_forge import pipeline
     from terrain_forge.making import plan
-    from terrain_forge.terminal import require_preview, tell_preview
+    from terrain_forge.terminal import load_given, located, require_preview, tell_preview
 
-    file = _load(recipe, seed, changes)
+    file = load_given(recipe, seed=seed, changes=changes)
     out = out or Path(f"{file.recipe.name}_preview.png")
     require_preview(out)
-    with _located(file), Display(pipeline.MAKING) as display:
+    with located(file), Display(pipeline.MAKING) as display:
         display("plan")
         site = plan(file.recipe, folder=file.folder, progress=display)
         world = pipeline.realise(site, settled=False, progress=display)
@@ -156,20 +123,20 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
 
 
 @cli.command()
-@_RECIPE
+@RECIPE
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), help="Output folder [default: ./NAME]."
 )
-@_SEED
-@_SET
+@SEED
+@SET
 @click.option(
     "--only",
     metavar="FORMATS",
     shell_complete=complete_exporters,
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
-@_DRIVES
-@_FORCE
+@DRIVES
+@FORCE
 def build(
     recipe: Path,
     out: Path | None,
@@ -185,19 +152,19 @@ def build(
     """
     from terrain_forge import pipeline
     from terrain_forge.building import require_apart
-    from terrain_forge.terminal import finish, tell_build
+    from terrain_forge.terminal import finish, load_given, located, tell_build
 
     if drives:
         changes = (*changes, f"validate.drives={drives}")
-    file = _load(recipe, seed, changes)
+    file = load_given(recipe, seed=seed, changes=changes)
     out = out or Path(file.recipe.name)
     require_apart(out.resolve(), [file.path])
-    with _located(file), Display(pipeline.STAGES) as display:
+    with located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
             file.recipe,
             out,
             folder=file.folder,
-            only=_names(only),
+            only=names_of(only),
             force=force,
             progress=display,
         )
@@ -206,7 +173,7 @@ def build(
 
 
 @cli.command()
-@_OUT
+@OUT
 @click.option(
     "--only",
     required=True,
@@ -214,7 +181,7 @@ def build(
     shell_complete=complete_exporters,
     help="Formats to write, such as usd.",
 )
-@_FORCE
+@FORCE
 def export(out: Path, only: str, force: bool) -> None:
     """Write further formats from the world built in OUT.
 
@@ -223,7 +190,7 @@ def export(out: Path, only: str, force: bool) -> None:
     from terrain_forge import pipeline
     from terrain_forge.terminal import finish, tell_exports
 
-    names = _names(only) or ()
+    names = names_of(only) or ()
     with Display(pipeline.export_stages(names)) as display:
         passed = pipeline.export(out, names, force=force, progress=display)
     tell_exports(out, names, display.elapsed)
@@ -231,9 +198,9 @@ def export(out: Path, only: str, force: bool) -> None:
 
 
 @cli.command()
-@_OUT
+@OUT
 @click.option("--quick", is_flag=True, help="Only what a build checks, no other programs.")
-@_DRIVES
+@DRIVES
 def validate(out: Path, quick: bool, drives: int | None) -> None:
     """Validate the world in OUT in all programs that read it.
 
@@ -251,7 +218,7 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
 
 
 @cli.command()
-@_OUT
+@OUT
 @click.option("--path", metavar="NAME", help="The path [default: the recipe's, or the first].")
 @click.option("--from", "begin", type=float, default=0.0, metavar="S", help="From when [s].")
 @click.option("--to", "end", type=float, metavar="S", help="Until when [s], without it.")
@@ -283,13 +250,13 @@ def record(
     if changes.pop("quick", None):
         changes["profile"] = "quick"
     if formats is not None:
-        changes["formats"] = _names(formats, "--formats", "kitti,rosbag2")
+        changes["formats"] = names_of(formats, "--formats", "kitti,rosbag2")
     with Display(pipeline.RECORD_STAGES) as display:
         result = pipeline.record(
             out,
             begin=begin,
             end=end,
-            only=_names(only, example="camera,imu") or (),
+            only=names_of(only, example="camera,imu") or (),
             workers=workers,
             force=force,
             progress=display,
@@ -306,9 +273,16 @@ def record(
     help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
     "files; by default all that are installed and find their sensors.",
 )
+@click.option(
+    "--binary",
+    "binaries",
+    multiple=True,
+    metavar="NAME=PATH",
+    help="A program that you have, such as orb-slam2=/opt/ORB_SLAM2/Examples/Stereo/stereo_kitti.",
+)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
 @click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
-@click.option("--install", metavar="NAME", help="Make the environment of a system that pip brings.")
+@click.option("--install", metavar="NAME", help="Make what a system needs.")
 @click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
 @click.option(
     "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
@@ -324,6 +298,7 @@ def record(
 def evaluate(
     paths: tuple[Path, ...],
     systems: str | None,
+    binaries: tuple[str, ...],
     runs: int,
     listed: bool,
     install: str | None,
@@ -338,72 +313,29 @@ def evaluate(
     TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
     alignment on the first third, drift of the path's length over 10 m.
     """
-    from terrain_forge import evaluation
+    from terrain_forge.evaluation import read_options
+    from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
 
-    options = evaluation.read_options(changes)
+    options = read_options(changes)
     if listed:
-        for line in evaluation.system_lines():
-            say(line)
-        return 0
+        return list_systems()
     if install:
-        folder = evaluation.install_system(evaluation.find_system(install))
-        say(f"{install}: installed in {folder}")
-        return 0
+        return install_named(install)
     if truth and estimate:
-        return _score(truth, (estimate, *paths), options, out)
+        return tell_scores(truth, (estimate, *paths), options=options, out=out)
     if truth or estimate or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
-    with Display(("systems",)) as display:
-        results = evaluation.evaluate_recording(
-            paths[0],
-            evaluation.chosen_systems(systems, paths[0]),
-            runs=runs,
-            options=options,
-            progress=lambda name: display(f"systems: {name}"),
-        )
-    for line in evaluation.result_lines(results):
-        say(line)
-    scores = [one.score for one in results if one.score]
-    for path in evaluation.write_scores(scores, out) if out else ():
-        say(str(path))
-    return 0 if scores else FAILED_CHECK
-
-
-def _score(truth: Path, estimates: tuple[Path, ...], options: Any, out: Path | None) -> int:
-    from terrain_forge.evaluation import score_files, score_lines, write_scores
-
-    scores, failures = score_files(truth, estimates, options)
-    for line in score_lines(scores) if scores else ():
-        say(line)
-    for path in write_scores(scores, out, failures=failures) if out else ():
-        say(str(path))
-    for _, why in failures:
-        say(f"terrain-forge: {why}", err=True)
-    return WRONG_INPUT if failures else 0
+    return tell_systems(paths[0], systems, binaries=binaries, runs=runs, options=options, out=out)
 
 
 @cli.command()
-@_OUT
+@OUT
 @click.option("--no-browser", is_flag=True, help="Only print where the page is.")
 def view(out: Path, no_browser: bool) -> None:
     """Open the report page of the world built in OUT."""
-    from terrain_forge.building import read_manifest
+    from terrain_forge.terminal import show_report
 
-    read_manifest(out)
-    page = (out / "report.html").absolute()
-    if not page.is_file():
-        raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")
-    say(str(page))
-    if not no_browser and not _opened(page):
-        say("no browser could be opened here: open that file in one")
-
-
-def _opened(page: Path) -> bool:
-    """Whether a browser with a window took the page."""
-    import webbrowser
-
-    display = "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
-    return (display or sys.platform != "linux") and webbrowser.open(page.as_uri())
+    show_report(out, opened=not no_browser)
 
 
 @cli.command()
@@ -444,20 +376,11 @@ def completion(shell: str) -> None:
 @click.argument("names", nargs=-1, required=True, shell_complete=complete_terrain_models)
 def fetch(names: tuple[str, ...]) -> None:
     """Fetch the terrain models of NAMES into the cache: products, places, or recipes (.yaml)."""
-    from terrain_forge.dtm import RasterDtm, at_hand, fetch_product
-    from terrain_forge.model import BODIES
+    from terrain_forge.terminal import fetch_given
 
     for name in names:
         with Display(("download",)) as display:
-            if not name.endswith((".yaml", ".yml")):
-                found = str(fetch_product(name, progress=display))
-            else:
-                file = _load(Path(name), None, ())
-                dtm, body = file.recipe.dtm, BODIES[file.recipe.body]
-                found = "needs no file"
-                if isinstance(dtm, RasterDtm):
-                    with _located(file):
-                        found = at_hand(dtm, body=body, progress=display).name
+            found = fetch_given(name, progress=display)
         say(f"{name}: {found}")
 
 
@@ -468,38 +391,6 @@ def sites() -> None:
 
     for line in place_lines():
         say(line)
-
-
-def _load(path: Path, seed: int | None, changes: tuple[str, ...]) -> RecipeFile:
-    from terrain_forge.recipe import load_recipe
-
-    refuse_raster(path)
-    return load_recipe(path, changes=changes if seed is None else (*changes, f"seed={seed}"))
-
-
-def _names(
-    text: str | None, option: str = "--only", example: str = "sdf,mjcf"
-) -> tuple[str, ...] | None:
-    if text is None:
-        return None
-    names = tuple(name.strip() for name in text.split(","))
-    if not all(names):
-        raise OutputError(f"{option} {text!r}: names with commas between them, such as {example}")
-    return names
-
-
-class _located:
-    """Adds the recipe's file and line to errors that name a key of it."""
-
-    def __init__(self, file: RecipeFile) -> None:
-        self._file = file
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, _: Any, error: BaseException | None, __: Any) -> None:
-        if isinstance(error, TerrainForgeError) and error.key:
-            raise type(error)(self._file.locate(error)) from None
 
 
 def main(arguments: list[str]) -> int:

@@ -75,6 +75,32 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
     )
 
 
+def quaternion_from_matrix(rotation: Array) -> Array:
+    """Unit quaternions (w, x, y, z), w not negative, shape [..., 4], of rotations.
+
+    Of the four squares that the trace gives, the largest is the one that is divided by
+    (Shepperd 1978, doi:10.2514/3.55767b).
+    """
+    r = np.asarray(rotation, np.float64)
+    d0, d1, d2 = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    squares = np.stack([1 + d0 + d1 + d2, 1 + d0 - d1 - d2, 1 - d0 + d1 - d2, 1 - d0 - d1 + d2], -1)
+    x, y, z = (r[..., i, j] - r[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
+    xy, xz, yz = (r[..., i, j] + r[..., j, i] for i, j in ((1, 0), (0, 2), (2, 1)))
+    rows = np.stack(
+        [
+            np.stack([squares[..., 0], x, y, z], -1),
+            np.stack([x, squares[..., 1], xy, xz], -1),
+            np.stack([y, xy, squares[..., 2], yz], -1),
+            np.stack([z, xz, yz, squares[..., 3]], -1),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(squares, axis=-1)[..., None, None]
+    row = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
+    unit = row / portable.norm(row)[..., None]
+    return np.asarray(np.where(unit[..., :1] < 0.0, -unit, unit))
+
+
 def rpy_from_quaternion(quaternion: Array) -> Array:
     """Roll, pitch, yaw [rad], wrapped, shape [..., 3], of quaternions (w, x, y, z)."""
     return rpy_from_matrix(matrix_from_quaternion(quaternion))

@@ -4,6 +4,7 @@ from .calibration import calibration_files as calibration_files
 from .clouds import LidarMotion as LidarMotion
 from .clouds import on_rover as on_rover
 from .poses import Poses as Poses
+from .poses import tum_text as tum_text
 from .reader import Recording as Recording
 from .reader import StereoPair as StereoPair
 from .reader import open_recording as open_recording

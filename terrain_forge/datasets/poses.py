@@ -8,7 +8,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, matrix_from_quaternion, portable
+from terrain_forge.base import (
+    Array,
+    DataError,
+    matrix_from_quaternion,
+    portable,
+    quaternion_from_matrix,
+    xyzw,
+)
 
 Stamps = NDArray[np.int64]
 
@@ -25,32 +32,6 @@ def inverse_pose(pose: Array) -> Array:
     back = np.swapaxes(pose[..., :3, :3], -1, -2)
     place = -portable.product(back, pose[..., :3, 3:])[..., 0]
     return pose_matrix(place, back)
-
-
-def quaternion_from_matrix(rotation: Array) -> Array:
-    """Unit quaternions (w, x, y, z), w not negative, shape [..., 4], of rotations.
-
-    Of the four squares that the trace gives, the largest is the one that is divided by
-    (Shepperd 1978, doi:10.2514/3.55767b).
-    """
-    r = np.asarray(rotation, np.float64)
-    d0, d1, d2 = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
-    squares = np.stack([1 + d0 + d1 + d2, 1 + d0 - d1 - d2, 1 - d0 + d1 - d2, 1 - d0 - d1 + d2], -1)
-    x, y, z = (r[..., i, j] - r[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
-    xy, xz, yz = (r[..., i, j] + r[..., j, i] for i, j in ((1, 0), (0, 2), (2, 1)))
-    rows = np.stack(
-        [
-            np.stack([squares[..., 0], x, y, z], -1),
-            np.stack([x, squares[..., 1], xy, xz], -1),
-            np.stack([y, xy, squares[..., 2], yz], -1),
-            np.stack([z, xz, yz, squares[..., 3]], -1),
-        ],
-        axis=-2,
-    )
-    best = np.argmax(squares, axis=-1)[..., None, None]
-    row = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
-    unit = row / portable.norm(row)[..., None]
-    return np.asarray(np.where(unit[..., :1] < 0.0, -unit, unit))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,8 +111,7 @@ class Poses:
 
 def tum_text(poses: Poses) -> str:
     """Poses as TUM's trajectories have them: seconds, place, quaternion x, y, z, w."""
-    turns = np.roll(poses.quaternion, -1, axis=1)
-    rows = np.hstack([poses.position, turns]).tolist()
+    rows = np.hstack([poses.position, xyzw(poses.quaternion)]).tolist()
     return "".join(
         f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(map(repr, row)) + "\n"
         for stamp, row in zip(poses.stamps.tolist(), rows, strict=True)

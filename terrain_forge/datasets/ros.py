@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from terrain_forge.base import Array, FileName, Progress, Spec, portable
+from terrain_forge.base import Array, FileName, Progress, Spec, portable, quaternion_from_matrix
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
 from terrain_forge.datasets.pictures import bits_losses, picture_of
-from terrain_forge.datasets.poses import Poses, inverse_pose, quaternion_from_matrix
+from terrain_forge.datasets.poses import Poses, inverse_pose
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
 from terrain_forge.datasets.ros_series import (

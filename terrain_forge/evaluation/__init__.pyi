@@ -6,10 +6,8 @@ from .adapter import run_system as run_system
 from .alignment import aligned as aligned
 from .alignment import associate as associate
 from .alignment import rigid_motion as rigid_motion
-from .bench import Result as Result
 from .bench import chosen_systems as chosen_systems
 from .bench import evaluate_recording as evaluate_recording
-from .bench import result_lines as result_lines
 from .bench import system_lines as system_lines
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system
@@ -19,6 +17,9 @@ from .files import score_files as score_files
 from .poses import TimedPoses as TimedPoses
 from .poses import checked_poses as checked_poses
 from .poses import read_poses as read_poses
+from .results import Result as Result
+from .results import result_lines as result_lines
+from .results import write_results as write_results
 from .score import Score as Score
 from .score import ScoreOptions as ScoreOptions
 from .score import Spread as Spread

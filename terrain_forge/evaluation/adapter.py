@@ -8,6 +8,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Mapping
@@ -26,6 +27,8 @@ _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _GRACE = 3.0
 """How long a program has to end after it was asked to [s]."""
 _LOG = "output.txt"
+_NOTE = ".used"
+_LAUNCHER = str(Path(__file__).with_name("launcher.py"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,10 +37,11 @@ class Adapter(Spec):
 
     The command is words, not a shell's line: `{input}` stands for the folder or file of the
     recording in the `input` format, `{output}` for the file that the program shall write its
-    trajectory to, `{calibration}` for the folder of the recording's calibration files, `{folder}`
-    for the temporary folder that it runs in, `{binary}` for the program that the user named,
-    `{python}` for the interpreter of the environment that `install_system` made, `{driver}` for the
-    folder of our small drivers.
+    trajectory to, `{recording}` for the recording's own folder, `{calibration}` for the folder of
+    its calibration files, `{folder}` for the temporary folder that it runs in, `{binary}` for the
+    program that the user named, `{vocabulary}` for a vocabulary of ORB features, `{python}` for the
+    interpreter of the environment that `install_system` made, `{driver}` for the folder of our
+    small drivers.
     """
 
     name: FileName
@@ -46,6 +50,8 @@ class Adapter(Spec):
     """Kinds of sensors that the recording must hold."""
     input: FileName = "euroc"
     """Format of recordings that it reads, as `terrain-forge record --formats` calls it."""
+    input_options: dict[str, str | int | float | bool] = field(default_factory=dict)
+    """Options of that format, as `dataset: {formats: …}` has them in recipes."""
     command: Annotated[str, MinLen(1)]
     """Program and arguments."""
     output: Annotated[str, MinLen(1)] = "{output}"
@@ -72,13 +78,19 @@ class Adapter(Spec):
     """What it is, and under which licence."""
 
     PLACES: ClassVar[tuple[str, ...]] = (
-        "input", "output", "calibration", "folder", "python", "driver", "binary",
+        "input", "output", "recording", "calibration", "folder", "python", "driver", "binary",
+        "vocabulary",
     )  # fmt: skip
 
     @property
     def needs_binary(self) -> bool:
         """Whether it runs a program that the user must name."""
         return "{binary}" in self.command and not self.binary
+
+    @property
+    def needs_vocabulary(self) -> bool:
+        """Whether it is given a vocabulary of ORB features."""
+        return "{vocabulary}" in self.command
 
     def words(self, places: Mapping[str, str]) -> list[str]:
         """The command with its places filled in.
@@ -118,7 +130,7 @@ class Run(Record):
     processor_s: float
     """Processor time of it and of what it started and waited for [s]."""
     memory: float
-    """Its largest memory [bytes]."""
+    """The largest memory of it or of one that it started [bytes]; 0 where it had to be killed."""
     log: str
     """Last lines of what it printed."""
 
@@ -164,60 +176,53 @@ def _watched(
 ) -> tuple[str, str, tuple[float, float, float]]:
     """Status, what was wrong, and seconds, processor time and memory of a program."""
     begin = time.monotonic()
+    note = folder / _NOTE
     with (folder / _LOG).open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-I", "-S", _LAUNCHER, str(note), *words], cwd=folder, stdout=log,
+            env={**os.environ, **adapter.environment}, stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
         try:
-            process = subprocess.Popen(
-                words, cwd=folder, env={**os.environ, **adapter.environment}, stdout=log,
-                stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
-        except OSError as error:
-            why = f"{words[0]}: {(error.strerror or str(error)).lower()}"
-            return "failed", why, (0.0, 0.0, 0.0)
-        late = False
-        try:
-            process_status, usage = _wait(process, adapter.timeout_s)
-            if usage is None:
-                late = True
-                process_status, usage = _end(process)
+            late = not _ended(process, adapter.timeout_s)
+            if late:
+                _end(process)
         except BaseException:  # an interrupt too: nothing goes on without its caller
             _end(process)
             raise
         finally:
             _kill(process.pid, signal.SIGKILL)  # what it left behind
-    used = (time.monotonic() - begin, usage[0], usage[1])
+    told = note.read_text(encoding="utf-8") if note.is_file() else "0 0"  # it was killed
+    note.unlink(missing_ok=True)
+    try:
+        processor, memory = map(float, told.split())
+    except ValueError:
+        return "failed", told, (0.0, 0.0, 0.0)
+    used = (time.monotonic() - begin, processor, memory)
     if late:
         return "timeout", f"killed after {adapter.timeout_s:g} s", used
-    if process_status:
-        how = f"signal {-process_status}" if process_status < 0 else f"status {process_status}"
+    if status := process.returncode:
+        how = f"signal {-status}" if status < 0 else f"status {status}"
         lines = (folder / _LOG).read_text(errors="replace").strip().splitlines()
         return "failed", ": ".join([f"ended with {how}", *lines[-1:]]), used
     return "done", "", used
 
 
-def _wait(
-    process: subprocess.Popen[bytes], seconds: float
-) -> tuple[int, tuple[float, float] | None]:
-    """Status, and processor time and memory; None for those where it goes on."""
-    begin, pause = time.monotonic(), 0.005
-    while True:
-        number, status, usage = os.wait4(process.pid, os.WNOHANG)
-        if number:
-            process.returncode = os.waitstatus_to_exitcode(status)
-            return process.returncode, (usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024.0)
-        if time.monotonic() - begin >= seconds:
-            return 0, None
-        time.sleep(pause)
-        pause = min(2.0 * pause, 0.2)
+def _ended(process: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Whether a program ends within a time."""
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
-def _end(process: subprocess.Popen[bytes]) -> tuple[int, tuple[float, float]]:
+def _end(process: subprocess.Popen[bytes]) -> None:
     """End a program and all that it started."""
     for number in (signal.SIGTERM, signal.SIGKILL):
         _kill(process.pid, number)
-        status, usage = _wait(process, _GRACE if number == signal.SIGTERM else 60.0)
-        if usage is not None:
-            return status, usage
-    return 0, (0.0, 0.0)
+        if _ended(process, _GRACE):
+            return
 
 
 def _kill(group: int, number: int) -> None:

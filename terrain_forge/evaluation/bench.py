@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import DataError, ExportError, RecipeError, Record, StorageError
+from terrain_forge.base import DataError, ExportError, OutputError, RecipeError, StorageError
 from terrain_forge.datasets import Recording, open_recording, write_dataset
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
-from terrain_forge.evaluation.catalogue import DRIVERS, find_system, interpreter, known_systems
+from terrain_forge.evaluation.catalogue import (
+    DRIVERS,
+    find_system,
+    interpreter,
+    known_systems,
+    require_ready,
+    vocabulary_of,
+    with_binaries,
+)
 from terrain_forge.evaluation.poses import TimedPoses
-from terrain_forge.evaluation.score import Score, ScoreOptions, score_poses
-from terrain_forge.evaluation.tables import score_plain
+from terrain_forge.evaluation.results import Result, write_results
+from terrain_forge.evaluation.score import ScoreOptions, score_poses
 
 FOLDER = "slam"
 """Where results lie, in the recording's folder."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Result(Record):
-    """One run of a system, and how well it localised."""
-
-    run: Run
-    """The run."""
-    number: int
-    """Which of the system's runs, from 1."""
-    score: Score | None = None
-    """Its score; None where it failed."""
-    frame: str
-    """Whose motion was compared."""
 
 
 def evaluate_recording(
@@ -48,7 +40,7 @@ def evaluate_recording(
     """Run systems over a recording, one after the other, and score them.
 
     What a system does wrong is a result, and the others go on. Trajectories and what the systems
-    printed are kept in the recording's folder `slam`, with evaluation.json.
+    printed are kept in the recording's folder `slam`, with the tables.
 
     Args:
         dataset: The recording's folder, or the world's.
@@ -68,10 +60,7 @@ def evaluate_recording(
             if progress:
                 progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
             results.append(_result(recording, adapter, number, inputs, options))
-    folder = recording.folder / FOLDER
-    folder.mkdir(exist_ok=True)
-    told = json.dumps([result_plain(one) for one in results], indent=1) + "\n"
-    (folder / "evaluation.json").write_text(told, encoding="utf-8")
+    write_results(results, recording.folder / FOLDER)
     return results
 
 
@@ -85,16 +74,8 @@ def _result(
     keep = recording.folder / FOLDER / f"{adapter.name}_{number}"
     shutil.rmtree(keep, ignore_errors=True)
     try:
-        require_sensors(recording, adapter)
-        places = {
-            "input": str(_input(recording, adapter.input, inputs).resolve()),
-            "calibration": str((recording.folder / "calibration").resolve()),
-            "python": str(interpreter(adapter)),
-            "driver": str(DRIVERS),
-            "binary": adapter.binary,
-        }
-        run = run_system(adapter, places, keep=keep)
-    except (DataError, ExportError, RecipeError) as error:
+        run = run_system(adapter, _places(recording, adapter, inputs), keep=keep)
+    except (DataError, ExportError, OutputError, RecipeError) as error:
         run = Run(
             system=adapter.name, status="failed", why=str(error), seconds=0.0, processor_s=0.0,
             memory=0.0, log="",
@@ -107,7 +88,26 @@ def _result(
             score = score_poses(truth, estimate, options)
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
-    return Result(run=run, number=number, score=score, frame=adapter.frame)
+    return Result(run=run, number=number, score=score, frame=adapter.frame, world=recording.name)
+
+
+def _places(recording: Recording, adapter: Adapter, inputs: dict[str, Path]) -> dict[str, str]:
+    """What stands in the command of a system that is ready to be run."""
+    require_sensors(recording, adapter)
+    if adapter.needs_binary:
+        name = adapter.name
+        raise DataError(f"{name} is a program of yours: --binary {name}=PATH")
+    require_ready(adapter)
+    places = {
+        "input": _input(recording, adapter.input, adapter.input_options, inputs),
+        "calibration": _input(recording, "calibration", {}, inputs),
+        "recording": recording.folder.resolve(),
+        "python": interpreter(adapter),
+        "driver": DRIVERS,
+        "binary": adapter.binary,
+        "vocabulary": vocabulary_of(adapter) if adapter.needs_vocabulary else "",
+    }
+    return {name: str(place) for name, place in places.items()}
 
 
 def require_sensors(recording: Recording, adapter: Adapter) -> None:
@@ -151,105 +151,62 @@ def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPo
     """The estimate with times: KITTI's format has only the numbers of its frames."""
     if adapter.format != "kitti":
         return estimate
-    rows = estimate.time.astype(np.intp)
-    if rows[-1] >= len(truth.time):
-        raise DataError(f"{adapter.name}: {len(rows)} poses of {len(truth.time)} frames")
-    return estimate.replace(time=truth.time[rows])
+    told, frames = len(estimate.time), len(truth.time)
+    if told != frames:
+        raise DataError(
+            f"{adapter.name}: {told} poses of {frames} frames, and KITTI's format has no times to "
+            "tell of which"
+        )
+    return estimate.replace(time=truth.time)
 
 
-def _input(recording: Recording, kind: str, inputs: dict[str, Path]) -> Path:
+def _input(
+    recording: Recording, kind: str, options: Mapping[str, Any], inputs: dict[str, Path]
+) -> Path:
     """The recording in a format; what is not there yet is written beside it."""
     if kind == "euroc":
-        return recording.folder
-    if kind not in inputs:
-        folder = recording.folder / kind
-        if not folder.is_dir():
-            folder = recording.folder / FOLDER / "inputs" / kind
+        return recording.folder.resolve()
+    if not options and (recording.folder / kind).is_dir():
+        return (recording.folder / kind).resolve()
+    name = "_".join([kind, *(f"{key}-{value}" for key, value in sorted(options.items()))])
+    if name not in inputs:
+        folder = recording.folder.resolve() / FOLDER / "inputs" / name
         if not folder.is_dir():
             folder.parent.mkdir(parents=True, exist_ok=True)
             try:
-                write_dataset(recording, kind, folder)
+                write_dataset(recording, kind, folder, options)
             except StorageError as error:
                 raise DataError(str(error)) from None
-        inputs[kind] = folder
-    return inputs[kind]
+        inputs[name] = folder
+    return inputs[name]
 
 
-def result_plain(result: Result) -> dict[str, Any]:
-    """A result as JSON values in SI units."""
-    run = result.run
-    return {
-        "system": run.system,
-        "run": result.number,
-        "status": run.status,
-        "why": run.why,
-        "frame": result.frame,
-        "seconds": run.seconds,
-        "processor_s": run.processor_s,
-        "memory_bytes": run.memory,
-        "score": score_plain(result.score) if result.score else None,
-    }
-
-
-def result_lines(results: Sequence[Result]) -> list[str]:
-    """A table of results: of each system the median over its runs, and the range of ATE."""
-    head = (
-        "system", "runs", "tracked [%]", "ATE [m]", "of runs", "TDr median [%]", "TDr rms [%]",
-        "s per frame",
-    )  # fmt: skip
-    rows = [list(head)]
-    for name in dict.fromkeys(one.run.system for one in results):
-        mine = [one for one in results if one.run.system == name]
-        good = [one for one in mine if one.score is not None]
-        if not good:
-            rows.append([name, f"0 of {len(mine)}", f"{mine[0].run.status}: {mine[0].run.why}"])
-            continue
-        scores = [one.score for one in good if one.score is not None]
-        ate = np.array([one.ate.rms for one in scores])
-        drift = [(one.drift.median, one.drift.rms) for one in scores if one.drift]
-        median, rms = np.median(np.array(drift), axis=0) if drift else (np.nan, np.nan)
-        per = float(np.median([one.run.processor_s / max(one.score.poses, 1)  # type: ignore[union-attr]
-                               for one in good]))  # fmt: skip
-        rows.append(
-            [
-                name,
-                f"{len(good)} of {len(mine)}",
-                f"{100.0 * float(np.median([one.tracked for one in scores])):.3g}",
-                f"{float(np.median(ate)):.4g}",
-                f"{ate.min():.3g}–{ate.max():.3g}" if len(ate) > 1 else "",
-                "" if np.isnan(median) else f"{100.0 * median:.3g}",
-                "" if np.isnan(rms) else f"{100.0 * rms:.3g}",
-                f"{per:.3g}",
-            ]
-        )
-    widths = [max(len(row[n]) for row in rows if len(row) == len(head)) for n in range(len(head))]
-    lines = []
-    for row in rows:
-        cells = [row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]
-        lines.append("  ".join(cells).rstrip() if len(row) == len(head) else
-                     f"{row[0].ljust(widths[0])}  {row[1].rjust(widths[1])}  {row[2]}")  # fmt: skip
-    return lines
-
-
-def chosen_systems(names: str | None, dataset: Path | str) -> list[Adapter]:
+def chosen_systems(
+    names: str | None, dataset: Path | str, binaries: Sequence[str] = ()
+) -> list[Adapter]:
     """The systems of some names, or all that are installed and find their sensors.
+
+    Args:
+        names: Names or files with commas between them.
+        dataset: The recording's folder, or the world's.
+        binaries: `NAME=PATH` of programs that the user has; these systems are run too.
 
     Raises:
         DataError: for an unknown name, or if there is no recording.
     """
     if names is not None:
-        return [find_system(name.strip()) for name in names.split(",")]
+        return with_binaries([find_system(name.strip()) for name in names.split(",")], binaries)
     recording = open_recording(dataset)
     found = []
     for adapter in known_systems().values():
         try:
             require_sensors(recording, adapter)
-            interpreter(adapter)
+            require_ready(adapter)
         except DataError:
             continue
         if not adapter.needs_binary:
             found.append(adapter)
-    return found
+    return with_binaries(found, binaries)
 
 
 def system_lines() -> list[str]:
@@ -257,7 +214,8 @@ def system_lines() -> list[str]:
     lines = []
     for name, adapter in known_systems().items():
         try:
-            interpreter(adapter)
+            if not adapter.needs_binary:
+                require_ready(adapter)
             state = "your binary" if adapter.needs_binary else "ready"
         except DataError:
             state = "not installed"

@@ -7,6 +7,8 @@ import shutil
 import subprocess
 import sys
 import venv
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ from terrain_forge.base import (
     reading,
 )
 from terrain_forge.evaluation.adapter import Adapter
+from terrain_forge.evaluation.vocabulary import make_vocabulary, vocabulary_file
 
 GROUP = "terrain_forge.systems"
 """Entry points that name packages with folders of system files, as ours has."""
@@ -55,6 +58,26 @@ def find_system(name: str) -> Adapter:
         known = ", ".join(known_systems())
         raise DataError(f"unknown system {name!r}{hint_at(name, known_systems())}, known: {known}")
     return known_systems()[name]
+
+
+def with_binaries(adapters: Sequence[Adapter], told: Sequence[str]) -> list[Adapter]:
+    """The systems, with the programs of the user that `NAME=PATH` tells; what is new comes last.
+
+    Raises:
+        DataError: for what is no such pair, or names a system that runs no program of a user.
+    """
+    found = {one.name: one for one in adapters}
+    for pair in told:
+        name, equals, path = pair.partition("=")
+        if not equals or not path:
+            raise DataError(f"--binary {pair!r}: NAME=PATH, such as orb-slam2=/opt/stereo_kitti")
+        adapter = found.get(name) or find_system(name)
+        if "{binary}" not in adapter.command:
+            raise DataError(f"--binary {name}: that system runs no program of yours")
+        place = Path(path).expanduser()
+        binary = str(place.absolute()) if place.exists() else path
+        found[adapter.name] = replace(adapter, binary=binary)
+    return list(found.values())
 
 
 def read_system(path: Path) -> Adapter:
@@ -110,14 +133,50 @@ def interpreter(adapter: Adapter) -> Path:
     return _python(folder)
 
 
-def install_system(adapter: Adapter) -> Path:
-    """Make the environment of a system anew and install its packages by pip; returns its folder.
+def require_ready(adapter: Adapter) -> None:
+    """Refuse a system whose environment or vocabulary was not made yet.
 
     Raises:
-        DataError: if it needs none, or pip cannot install them; tells pip's last line.
+        DataError: says how it is made.
     """
-    if not adapter.packages:
+    interpreter(adapter)
+    if adapter.needs_vocabulary:
+        vocabulary_of(adapter)
+
+
+def vocabulary_of(adapter: Adapter) -> Path:
+    """The vocabulary for a system: ORB-SLAM's own where its program lies in its source, or ours.
+
+    Raises:
+        DataError: if there is none yet; says how it is made.
+    """
+    if adapter.binary:
+        for folder in Path(adapter.binary).resolve().parents:
+            if (own := folder / "Vocabulary" / "ORBvoc.txt").is_file():
+                return own
+    path = vocabulary_file()
+    if not path.is_file():
+        raise DataError(
+            f"{adapter.name} needs a vocabulary: terrain-forge evaluate --install {adapter.name}"
+        )
+    return path
+
+
+def install_system(adapter: Adapter) -> Path:
+    """Make what a system needs anew: its environment, by pip, and a vocabulary of ORB features.
+
+    Returns:
+        The folder of the environment, or else the vocabulary.
+
+    Raises:
+        DataError: if it needs nothing, or pip cannot install it; tells pip's last line.
+    """
+    if not adapter.packages and not adapter.needs_vocabulary:
         raise DataError(f"{adapter.name} needs no packages: {adapter.about or 'nothing to do'}")
+    if adapter.needs_vocabulary:
+        vocabulary = make_vocabulary()
+        if not adapter.packages:
+            return vocabulary
     folder = environment(adapter)
     shutil.rmtree(folder, ignore_errors=True)
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -14,6 +14,7 @@ from terrain_forge.base import (
     Record,
     matrix_from_quaternion,
     portable,
+    quaternion_from_matrix,
     read_text,
     shaped,
 )
@@ -60,10 +61,7 @@ class TimedPoses(Record):
             position: Its origin in this frame [m], shape [3].
             rotation: From it to this frame, shape [3, 3].
         """
-        from scipy.spatial.transform import Rotation
-
-        turned = portable.product(self.rotation, rotation)
-        quaternion = np.roll(Rotation.from_matrix(turned).as_quat(), 1, axis=-1)
+        quaternion = quaternion_from_matrix(portable.product(self.rotation, rotation))
         place = self.position + portable.product(self.rotation, position)
         return self.replace(position=place, quaternion=quaternion)
 

@@ -96,13 +96,17 @@ def score_plain(score: Score) -> dict[str, Any]:
 
 def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = ()) -> list[Path]:
     """Write evaluation.json, evaluation.csv and evaluation.tex; returns them."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"evaluation.{ending}" for ending in ("json", "csv", "tex")]
     whole = {
         "scores": [score_plain(one) for one in scores],
         "failed": [{"trajectory": name, "why": why} for name, why in failures],
     }
-    rows = score_rows(scores)
+    return write_table(score_rows(scores), whole, folder)
+
+
+def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
+    """Write a table as evaluation.csv and evaluation.tex, and all of it as evaluation.json."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"evaluation.{ending}" for ending in ("json", "csv", "tex")]
     texts = (
         json.dumps(whole, indent=1) + "\n",
         "".join(",".join(map(quoted, row)) + "\n" for row in rows),
@@ -113,9 +117,12 @@ def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = 
     return paths
 
 
+_ESCAPED = str.maketrans({**{mark: f"\\{mark}" for mark in "%_&#${}"}, "\\": r"\textbackslash{}"})
+
+
 def _latex(rows: list[list[str]]) -> str:
     def line(row: list[str]) -> str:
-        return " & ".join(cell.replace("%", r"\%").replace("_", r"\_") for cell in row) + r" \\"
+        return " & ".join(cell.translate(_ESCAPED) for cell in row) + r" \\"
 
     first, *rest = map(line, rows)
     head = rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}"

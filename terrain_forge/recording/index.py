@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +58,7 @@ def write_index(
     folders: Sequence[Folder],
     *,
     spec: DatasetSpec,
-    spans: dict[str, Spans],
+    spans: Mapping[str, Spans],
 ) -> dict[str, int]:
     """Write all that tells of the measurements which are there; dataset.json last.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +14,10 @@ from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import seconds_of
 from terrain_forge.recording.formats import formats_of, write_formats
-from terrain_forge.recording.index import dataset_folder, recorded_spans, write_index
-from terrain_forge.recording.order import Order, joined
+from terrain_forge.recording.index import dataset_folder, write_index
+from terrain_forge.recording.order import Order
 from terrain_forge.recording.plan import PLAN, differences, plan_of, plan_text, require_same
-from terrain_forge.recording.rehearsal import first_measurements, require_formats, require_room
-from terrain_forge.recording.rig import folders_of
+from terrain_forge.recording.rehearsal import rehearse
 from terrain_forge.recording.setting import (
     checked,
     open_setting,
@@ -28,8 +26,7 @@ from terrain_forge.recording.setting import (
     with_rig,
 )
 from terrain_forge.recording.store import Store
-from terrain_forge.recording.task import Task, measured, missing
-from terrain_forge.sensors import check_mounts, instruments_of
+from terrain_forge.recording.task import Work, measured, work_of
 
 RECORDING = ("load", "scene", "rehearsal", "recording", "tables", "formats")
 """Stages of a recording."""
@@ -85,51 +82,33 @@ def record_dataset(
         watch("scene")
         with open_setting(world, spec, progress=watch) as setting, Store(folder) as store:
             tell_unmeasured(setting)
-            folders = folders_of(instruments_of(setting), quick=spec.profile == "quick")
-            chosen = order.chosen(folders, world.rover.sensors)
-            check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
-            for one in chosen:
-                one.instrument.check()
-            order.require_some(chosen, setting.motion)
             if not (folder / PLAN).exists() and store.size:
                 differing = [f"no {PLAN}"]
                 require_same(folder, [] if order.force else differing)
-            anew = bool(differing)
-            spans = {} if anew else recorded_spans(store)
-            tasks = missing(chosen, order, None if anew else store)
+            work = work_of(setting, store, spec=spec, order=order, anew=bool(differing))
             watch("rehearsal")
-            taking = [one for one in folders if one in chosen or one.sensor.name in spans]
-            firsts = first_measurements(taking if tasks or formats else (), order)
-            names = [one.sensor.name for one in taking]
-            begin = order.span[0]
-            require_formats(formats, firsts, setting, folders, spec=spec, names=names, begin=begin)
-            tables = [one for one in chosen if one.is_table]
-            gained, more = store.size if anew else 0, len(formats)
-            require_room(store, tasks, firsts, tables, order, formats=more, gained=gained)
-            if anew:
+            rehearse(work, store, formats)
+            if work.anew:
                 store.clear()
             if not store.holds(PLAN):
                 store.put(PLAN, plan_text(plan))
-            _measure_all(store, tasks, order, watch)
+            _measure_all(store, work, watch)
             watch("tables")
-            for one in chosen:
-                name = one.sensor.name
-                spans[name] = joined((*spans.get(name, ()), order.span))
-            streams = write_index(store, setting, folders, spec=spec, spans=spans)
+            streams = write_index(store, setting, work.rig, spec=spec, spans=work.spans)
             losses = write_formats(store, formats, watch)
             store.settle()
             return Recorded(
-                folder=folder, made=len(tasks), streams=streams, size=store.size, losses=losses
+                folder=folder, made=len(work.tasks), streams=streams, size=store.size, losses=losses
             )
 
 
-def _measure_all(store: Store, tasks: Sequence[Task], order: Order, watch: Stopwatch) -> None:
+def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
     """Make measurements side by side, and write each as a whole."""
+    tasks, workers = work.tasks, work.order.workers or os.cpu_count() or 1
     costs = [seconds_of(task.folder.sensor) for task in tasks]
     whole, done = sum(costs), 0.0
     watch.expect({"recording": whole})
     watch("recording")
-    workers = order.workers or os.cpu_count() or 1
     since = time.monotonic()
     count = 0
     try:

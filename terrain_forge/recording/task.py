@@ -1,21 +1,23 @@
-"""Measurements that are to be made, and how they are, side by side."""
+"""What is to be measured, and how it is, side by side."""
 
 from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from terrain_forge.base import in_turn, worker_threads
-from terrain_forge.recording.index import file_name
-from terrain_forge.recording.order import Order, within
-from terrain_forge.recording.rig import Folder
+from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recording.index import file_name, recorded_spans
+from terrain_forge.recording.order import Order, Spans, joined, within
+from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.store import Store
-from terrain_forge.sensors import Frames
+from terrain_forge.sensors import Frames, Setting, check_mounts, instruments_of
 
 _AHEAD = 2
 """Measurements that wait to be written, for each that is made."""
@@ -39,6 +41,56 @@ class Task(NamedTuple):
         """Its files by the names of the instrument's streams."""
         at = int(self.folder.times[self.number])
         return {stream: file_name(self.folder, stream, at) for stream in self.folder.streams}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """What a recording has to do."""
+
+    spec: DatasetSpec
+    """How it is recorded."""
+    order: Order
+    """Which part of it is asked for."""
+    setting: Setting
+    """In what is measured."""
+    rig: Sequence[Folder]
+    """The folders of the whole rig."""
+    anew: bool
+    """Whether what is there goes."""
+    tasks: Sequence[Task]
+    """What is to be measured."""
+    chosen: Sequence[Folder]
+    """The folders that are asked for."""
+    spans: Mapping[str, Spans]
+    """What will be there in the end, by the sensors' names."""
+
+    @property
+    def folders(self) -> list[Folder]:
+        """The folders that will be there in the end."""
+        return [one for one in self.rig if one.sensor.name in self.spans]
+
+
+def work_of(setting: Setting, store: Store, *, spec: DatasetSpec, order: Order, anew: bool) -> Work:
+    """What is asked for and not there.
+
+    Raises:
+        OutputError: for a sensor that does not exist, or measures nothing in the time.
+        RecipeError: if one cannot measure where it is.
+    """
+    rig = folders_of(instruments_of(setting), quick=spec.profile == "quick")
+    chosen = order.chosen(rig, setting.world.rover.sensors)
+    check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
+    for one in chosen:
+        one.instrument.check()
+    order.require_some(chosen, setting.motion)
+    spans = {} if anew else recorded_spans(store)
+    for name in (one.sensor.name for one in chosen):
+        spans[name] = joined((*spans.get(name, ()), order.span))
+    tasks = missing(chosen, order, None if anew else store)
+    return Work(
+        spec=spec, order=order, setting=setting, rig=rig, anew=anew, tasks=tasks, chosen=chosen,
+        spans=spans,
+    )  # fmt: skip
 
 
 def missing(folders: Sequence[Folder], order: Order, store: Store | None) -> list[Task]:

@@ -25,19 +25,6 @@ def files_text(stamps: Sequence[int], suffix: str) -> bytes:
     return _joined([f"{STAMP},filename", *(f"{stamp},{stamp}{suffix}" for stamp in stamps)])
 
 
-def poses_text(stamps: NDArray[np.int64], position: Array, quaternion: Array) -> bytes:
-    """Poses in TUM's format: seconds, place, quaternion x, y, z, w; no second loses a digit."""
-    rows = zip(stamps.tolist(), position.tolist(), quaternion.tolist(), strict=True)
-    return _joined(
-        ["# timestamp [s] x y z [m] qx qy qz qw"]
-        + [
-            f"{stamp // 10**9}.{stamp % 10**9:09} "
-            + " ".join(map(repr, (*place, *turn[1:], turn[0])))
-            for stamp, place, turn in rows
-        ]
-    )
-
-
 def yaml_text(values: Mapping[str, Any], comment: str) -> bytes:
     """Plain values as YAML that readers of 1.1 and 1.2 take alike; inner mappings are blocks."""
     return _joined([f"# {comment}", *_block(values)])

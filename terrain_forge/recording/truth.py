@@ -7,15 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, portable
+from terrain_forge.base import quaternion_from_matrix
+from terrain_forge.datasets import Poses, tum_text
 from terrain_forge.recording.rig import Folder, body_of
-from terrain_forge.recording.texts import poses_text, table_text
+from terrain_forge.recording.texts import table_text
 from terrain_forge.sensors import NANOSECONDS, Setting, State
 
 EPOCH = 1_600_000_000 * NANOSECONDS
 """The stamp of time 0 [ns]."""
 _LEAST_RATE = 200
 """Of the body's truth [Hz]."""
+_HEAD = "# timestamp [s] x y z [m] qx qy qz qw\n"
 _COLUMNS = (
     *("p_RS_R_x [m]", "p_RS_R_y [m]", "p_RS_R_z [m]"),
     *("q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"),
@@ -43,7 +45,9 @@ def body_table(
     biases = np.zeros((len(times), 6))
     if body is not None and (told := getattr(body.instrument, "biases", None)) is not None:
         biases = told(times)
-    values = np.hstack([state.position, quaternions(state.rotation), state.velocity, biases])
+    values = np.hstack(
+        [state.position, quaternion_from_matrix(state.rotation), state.velocity, biases]
+    )
     table = dict(zip(_COLUMNS, values.T, strict=True))
     return table_text(table, times + EPOCH), _poses(base, times)
 
@@ -54,24 +58,9 @@ def sensor_poses(folder: Folder, times: NDArray[np.int64]) -> bytes:
 
 
 def _poses(state: State, times: NDArray[np.int64]) -> bytes:
-    return poses_text(times + EPOCH, state.position, quaternions(state.rotation))
-
-
-def quaternions(rotation: Array) -> Array:
-    """Unit quaternions (w, x, y, z), w not negative, shape [n, 4], of rotations, shape [n, 3, 3].
-
-    Each is a row of q qᵀ, the longest one (Shepperd 1978, doi:10.2514/3.55767b).
-    """
-    r = rotation
-    trace = r[:, 0, 0] + r[:, 1, 1] + r[:, 2, 2]
-    squares = np.empty((len(r), 4, 4))
-    squares[:, 0, 0] = 1.0 + trace
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        squares[:, i + 1, i + 1] = 1.0 - trace + 2.0 * r[:, i, i]
-        squares[:, 0, i + 1] = squares[:, i + 1, 0] = r[:, k, j] - r[:, j, k]
-        squares[:, j + 1, k + 1] = squares[:, k + 1, j + 1] = r[:, j, k] + r[:, k, j]
-    longest = np.argmax(np.diagonal(squares, axis1=1, axis2=2), axis=1)
-    row = squares[np.arange(len(r)), longest]
-    unit = row / portable.norm(row)[:, None]
-    return np.asarray(np.where(unit[:, :1] < 0.0, -unit, unit))
+    poses = Poses(
+        stamps=times + EPOCH,
+        position=state.position,
+        quaternion=quaternion_from_matrix(state.rotation),
+    )
+    return (_HEAD + tum_text(poses)).encode()

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, mix, over_chunks, poisson
+from terrain_forge.base import Array, inner, kernel, mix, normal, normals, over_chunks, poisson
 from terrain_forge.model import CameraSensor, Equidistant
 from terrain_forge.sensors.lens import Lens, rays_of
 
@@ -27,7 +26,6 @@ _PHOTON = 3.61e-19
 """Energy of a photon of 550 nm [J]."""
 _FEW = 40.0
 """Electrons up to which a pixel's are drawn by Poisson's law."""
-_BINS, _OUTER = 4096, 8
 _PRNU, _DSNU = 1, 2
 
 
@@ -51,16 +49,15 @@ class Chip:
         self.per_radiance = sensitivity * electrons_per_radiance(sensor)
         """Electrons per second and radiance on the axis [e m² sr/(W s)]."""
         noise, shape = sensor.noise, (lens.height, lens.width, channels)
-        self.response = np.empty(shape, dtype=np.float32)
-        """What a pixel counts as a part of what one on the axis does."""
-        self.dark = np.empty(shape, dtype=np.float32)
-        """Electrons that a pixel always has [e]."""
         bright = vignetting(sensor, lens)[:, :, None]
-        _draw(
-            np.uint64(mix(key, _PRNU)), _table(), np.float32(noise.prnu), self.response.reshape(-1)
-        )
-        self.response = np.maximum(bright * (1.0 + self.response), 0.0).astype(np.float32)
-        _draw(np.uint64(mix(key, _DSNU)), _table(), np.float32(noise.dsnu_e), self.dark.reshape(-1))
+
+        def drawn(what: int) -> Array:
+            return np.asarray(normals(np.uint64(mix(key, what)), math.prod(shape)).reshape(shape))
+
+        self.response = bright * (1.0 + noise.prnu * drawn(_PRNU)).clip(0.0).astype(np.float32)
+        """What a pixel counts as a part of what one on the axis does."""
+        self.dark = (noise.dsnu_e * drawn(_DSNU)).astype(np.float32)
+        """Electrons that a pixel always has [e]."""
 
     @property
     def highest(self) -> int:
@@ -90,7 +87,6 @@ class Chip:
             blurred.reshape(-1),
             self.response.reshape(-1),
             self.dark.reshape(-1),
-            _table(),
             key,
             self.per_radiance * shutter.time,
             float(noise.shot),
@@ -181,64 +177,15 @@ def _gaussian(width: float) -> Picture:
 
 
 @cache
-def _table() -> Array:
-    """Standard normal deviates at equal steps of probability, shape [bins + 1]; 0 at both ends."""
-    normal = NormalDist()
-    inside = [normal.inv_cdf(n / _BINS) for n in range(1, _BINS)]
-    return np.array([0.0, *inside, 0.0])
-
-
-@cache
 def _curve(gamma: float, highest: int) -> NDArray[np.uint16]:
     """Values of linear ones of 16 bits."""
     curve = [highest * (n / 65535) ** (1.0 / gamma) for n in range(65536)]
     return np.round(curve).astype(np.uint16)
 
 
-@inner
-def _tail(p):  # type: ignore[no-untyped-def]
-    """Standard normal deviate of a small probability (Wichura 1988, AS 241), negative."""
-    r = min(np.sqrt(-np.log(p)), 5.0) - 1.6
-    above = 7.74545014278341407640e-4
-    above = above * r + 2.27238449892691845833e-2
-    above = above * r + 2.41780725177450611770e-1
-    above = above * r + 1.27045825245236838258
-    above = above * r + 3.64784832476320460504
-    above = above * r + 5.76949722146069140550
-    above = above * r + 4.63033784615654529590
-    above = above * r + 1.42343711074968357734
-    below = 1.05075007164441684324e-9
-    below = below * r + 5.47593808499534494600e-4
-    below = below * r + 1.51986665636164571966e-2
-    below = below * r + 1.48103976427480074590e-1
-    below = below * r + 6.89767334985100004550e-1
-    below = below * r + 1.67638483018380384940
-    below = below * r + 2.05319162663775882187
-    below = below * r + 1.0
-    return -above / below
-
-
-@inner
-def _normal(hashed, table):  # type: ignore[no-untyped-def]
-    """Standard normal deviate of a hash: linear in a table but for its outer bins."""
-    n = np.int64(hashed >> np.uint64(52))
-    part = (np.float64(hashed & np.uint64(0xFFFFFFFFFFFFF)) + 0.5) * (1.0 / 4503599627370496.0)
-    if n < _OUTER:
-        return _tail((n + part) * (1.0 / _BINS))
-    if n >= _BINS - _OUTER:
-        return -_tail((_BINS - n - part) * (1.0 / _BINS))
-    return table[n] + part * (table[n + 1] - table[n])
-
-
-@kernel
-def _draw(key, table, deviation, out):  # type: ignore[no-untyped-def]
-    for n in range(len(out)):
-        out[n] = deviation * _normal(mix(key, n), table)
-
-
 @kernel
 def _count(  # type: ignore[no-untyped-def]
-    first, last, radiance, response, dark, table, key, per_radiance, shot, read, well, gain, top,
+    first, last, radiance, response, dark, key, per_radiance, shot, read, well, gain, top,
     values,
 ):  # fmt: skip
     """Count electrons, read them, and round."""
@@ -247,9 +194,9 @@ def _count(  # type: ignore[no-untyped-def]
         mean = radiance[n] * response[n] * per_radiance
         hashed = mix(key, n)
         if shot > 0.0 and mean < _FEW:
-            electrons = poisson(hashed, mean) + read * _normal(mix(hashed, 1), table)
+            electrons = poisson(hashed, mean) + read * normal(mix(hashed, 1))
         else:
-            electrons = mean + np.sqrt(shot * mean + reading) * _normal(hashed, table)
+            electrons = mean + np.sqrt(shot * mean + reading) * normal(hashed)
         value = (min(electrons, well) + dark[n]) * gain + 0.5
         values[n] = np.uint16(min(max(value, 0.0), top))
 

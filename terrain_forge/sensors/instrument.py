@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, parts, quaternion_from_rpy, stage_key
+from terrain_forge.base import Array, mix, normals, parts, quaternion_from_rpy, stage_key
 from terrain_forge.base import matrix_from_quaternion as matrix
 from terrain_forge.model import Sensor, World
 from terrain_forge.sensors.motion import Motion, State
@@ -91,6 +92,11 @@ class Instrument:
     def _origin(self) -> Array:
         """Where its link's frame lies in base_link's [m], if it does not move there."""
         return np.asarray(self.setting.world.rover.origins[self.sensor.link])
+
+    def drawn(self, what: int, *shape: int) -> Array:
+        """Standard normal numbers of its own that are drawn once; `what` tells them from others."""
+        key = np.uint64(mix(self.setting.key(self.sensor), what))
+        return np.asarray(normals(key, math.prod(shape)).reshape(shape))
 
     def state(self, time: Array) -> State:
         """The state of the sensor's own frame at times [s]."""

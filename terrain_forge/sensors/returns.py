@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inlined, inner, kernel, mix, uniform
+from terrain_forge.base import Array, inlined, inner, kernel, mix, normal, uniform
 from terrain_forge.scene import (
     ACTIVE,
     COPY,
@@ -23,17 +23,8 @@ from terrain_forge.scene import (
     meet8,
     set_ray,
 )
-from terrain_forge.sensors.beams import (
-    COS_AZIMUTH,
-    COS_ELEVATION,
-    COS_TURN,
-    DELAY,
-    ELEVATION,
-    OFFSET,
-    SIN_AZIMUTH,
-    SIN_ELEVATION,
-    SIN_TURN,
-)
+from terrain_forge.sensors.beams import DELAY
+from terrain_forge.sensors.course import aim_of, beside, turned
 
 _NEAREST = 0.01
 """Range below which the power of a return grows no more [m]."""
@@ -50,19 +41,6 @@ POWER, OWNER = FOUND + 1, FOUND + 2
 """Rows of a packet's numbers: a beam's direction in the lidar's frame, where it begins there and in
 the scene's frame, a ray's direction in the scene's frame; then of each ray the distance (infinite
 where it met nothing), the power and what it met."""
-
-
-class Course(NamedTuple):
-    """Where the lidar and the rover are when its columns fire."""
-
-    turns: Array
-    """Cosine and sine of how far the lidar has turned, or each prism has, shape [columns, 4]."""
-    place: Array
-    """Place in the scene's frame [m] and rotation to it at each column, shape [columns, 12]."""
-    speed: Array
-    """Their derivatives [1/s], shape [columns, 12]."""
-    base: Array
-    """base_link in the scene's frame, [turn | place], shape [columns, 3, 4]."""
 
 
 class Surfaces(NamedTuple):
@@ -132,111 +110,6 @@ class Points(NamedTuple):
     """Id of a rock, or -1 ground, -3 beyond it, -4 rover, shape [points]."""
 
 
-@kernel
-def follow(columns, nodes, slopes, step, turns, place, speed, base):  # type: ignore[no-untyped-def]
-    """Fill in a course from states at equal steps, by cubic Hermite polynomials.
-
-    Rows of `columns` are those of `sweep_columns`; rows of `nodes` hold 12 numbers of the lidar,
-    [place, rotation], and 12 of base_link, `slopes` their derivatives.
-    """
-    for n in range(len(columns)):
-        for i in range(2):
-            angle = 2.0 * np.pi * columns[n, 1 + i]
-            turns[n, 2 * i], turns[n, 2 * i + 1] = np.cos(angle), np.sin(angle)
-        at = columns[n, 0] / step
-        k = np.int64(min(max(at, 0.0), len(nodes) - 2.0))
-        t = at - k
-        s = 1.0 - t
-        p, q = s * s * (1.0 + 2.0 * t), t * t * (1.0 + 2.0 * s)
-        a, b = s * s * t * step, -t * t * s * step
-        dp, da, db = -6.0 * s * t / step, s * (s - 2.0 * t), t * (t - 2.0 * s)
-        for i in range(24):
-            y, z, u, v = nodes[k, i], nodes[k + 1, i], slopes[k, i], slopes[k + 1, i]
-            value = p * y + q * z + a * u + b * v
-            if i < 12:
-                place[n, i] = value
-                speed[n, i] = dp * (y - z) + da * u + db * v
-            elif i < 15:
-                base[n, i - 12, 3] = value
-            else:
-                base[n, (i - 15) // 3, (i - 15) % 3] = value
-
-
-@inner
-def _normal_quantile(p):  # type: ignore[no-untyped-def]
-    """The standard normal's value below which a part p of it lies.
-
-    Wichura 1988, algorithm AS 241, PPND7 (doi:10.2307/2347330): right to 7 digits.
-    """
-    q = p - 0.5
-    if abs(q) <= 0.425:
-        r = 0.180625 - q * q
-        above = ((59.109374720 * r + 159.29113202) * r + 50.434271938) * r + 3.3871327179
-        below = ((67.187563600 * r + 78.757757664) * r + 17.895169469) * r + 1.0
-        return q * above / below
-    r = np.sqrt(-np.log(p if q < 0.0 else 1.0 - p))
-    if r <= 5.0:
-        r -= 1.6
-        above = ((0.17023821103 * r + 1.3067284816) * r + 2.7568153900) * r + 1.4234372777
-        below = (0.12021132975 * r + 0.73700164250) * r + 1.0
-    else:
-        r -= 5.0
-        above = ((0.017337203997 * r + 0.42868294337) * r + 3.0812263860) * r + 6.6579051150
-        below = (0.012258202635 * r + 0.24197894225) * r + 1.0
-    return -above / below if q < 0.0 else above / below
-
-
-@inner
-def _aim(turn, beam, prisms):  # type: ignore[no-untyped-def]
-    """Where a beam points in the lidar's frame, and where its column does."""
-    if prisms[0] < 0.0:
-        # Behind, then clockwise: the azimuth is π less the angle turned by.
-        cos, sin = -turn[0], turn[1]
-        ahead = cos * beam[COS_AZIMUTH] + sin * beam[SIN_AZIMUTH]
-        left = sin * beam[COS_AZIMUTH] - cos * beam[SIN_AZIMUTH]
-        flat = beam[COS_ELEVATION]
-        column = cos * beam[COS_TURN] + sin * beam[SIN_TURN]
-        aside = sin * beam[COS_TURN] - cos * beam[SIN_TURN]
-        return (flat * ahead, flat * left, beam[SIN_ELEVATION]), (column, aside)
-    left = prisms[0] * turn[1] + prisms[1] * turn[3] - beam[OFFSET]
-    up = prisms[0] * turn[0] + prisms[1] * turn[2] + beam[ELEVATION]
-    angle = np.sqrt(left * left + up * up)
-    part = np.sin(angle) / angle if angle > 1e-12 else 1.0
-    return (np.cos(angle), part * left, part * up), (1.0, 0.0)
-
-
-@inner
-def _beside(direction, sideways, upwards):  # type: ignore[no-untyped-def]
-    """A direction beside another one, by small angles."""
-    x, y, z = direction
-    flat = np.sqrt(x * x + y * y)
-    a, b = (-y / flat, x / flat) if flat > 1e-9 else (0.0, 1.0)
-    x, y, z = (
-        x + sideways * a - upwards * b * z,
-        y + sideways * b + upwards * a * z,
-        z + upwards * (b * x - a * y),
-    )
-    length = np.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
-
-
-@inner
-def _turned(place, speed, late, direction):  # type: ignore[no-untyped-def]
-    """A direction of the lidar's frame in the scene's, some time after a column."""
-    x, y, z = direction
-    return (
-        (place[3] + late * speed[3]) * x
-        + (place[4] + late * speed[4]) * y
-        + (place[5] + late * speed[5]) * z,
-        (place[6] + late * speed[6]) * x
-        + (place[7] + late * speed[7]) * y
-        + (place[8] + late * speed[8]) * z,
-        (place[9] + late * speed[9]) * x
-        + (place[10] + late * speed[10]) * y
-        + (place[11] + late * speed[11]) * z,
-    )
-
-
 @inner
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -268,8 +141,8 @@ def _reflected(ray, word, lane, hit, x, y, towards, surfaces):  # type: ignore[n
         reflectance = surfaces.rover[word[COPY, lane]]
     else:
         reflectance = surfaces.beyond
-    normal = hit_normal(ray, lane, hit, surfaces.turns)
-    return max(-reflectance * _dot(normal, towards), _DARKEST)
+    upright = hit_normal(ray, lane, hit, surfaces.turns)
+    return max(-reflectance * _dot(upright, towards), _DARKEST)
 
 
 @inlined
@@ -321,7 +194,7 @@ def _measured(exact, power, key, rules):  # type: ignore[no-untyped-def]
     if rules.lost > 0.0 and uniform(mix(key, _LOST)) < rules.lost:
         return 0.0
     if rules.noise > 0.0:
-        exact += rules.noise * _normal_quantile(uniform(mix(key, _NOISE)))
+        exact += rules.noise * normal(mix(key, _NOISE))
     if rules.quantum > 0.0:
         exact = rules.quantum * np.floor(exact / rules.quantum + 0.5)
     return exact if rules.near <= exact <= rules.far else 0.0
@@ -338,11 +211,11 @@ def _prepare(course, beam, first, filled, rules, lanes):  # type: ignore[no-unty
     late = beam[DELAY]
     for lane in range(filled):
         place, speed = course.place[first + lane], course.speed[first + lane]
-        aim, root = _aim(course.turns[first + lane], beam, rules.prisms)
+        aim, root = aim_of(course.turns[first + lane], beam, rules.prisms)
         x, y = rules.origin * root[0], rules.origin * root[1]
         lanes[AIM, lane], lanes[AIM + 1, lane], lanes[AIM + 2, lane] = aim
         lanes[ROOT, lane], lanes[ROOT + 1, lane] = x, y
-        moved = _turned(place, speed, late, (x, y, 0.0))
+        moved = turned(place, speed, late, (x, y, 0.0))
         for axis in range(3):
             lanes[START + axis, lane] = place[axis] + late * speed[axis] + moved[axis]
 
@@ -359,8 +232,8 @@ def _trace(  # type: ignore[no-untyped-def]
     for lane in range(filled):
         aim = _vector(lanes, AIM, lane)
         if k > 0:
-            aim = _beside(aim, spread[0], spread[1])
-        towards = _turned(course.place[first + lane], course.speed[first + lane], late, aim)
+            aim = beside(aim, spread[0], spread[1])
+        towards = turned(course.place[first + lane], course.speed[first + lane], late, aim)
         lanes[TOWARDS, lane], lanes[TOWARDS + 1, lane], lanes[TOWARDS + 2, lane] = towards
         set_ray(ray, word, lane, _vector(lanes, START, lane), towards, 0.0, reach)
     meet8(scene, bodies, course.base[first : first + LANES], query, ray, own)

@@ -20,6 +20,7 @@ from terrain_forge.base import (
 from terrain_forge.model import LidarSensor, merge
 from terrain_forge.scene import COHERENT, INCOHERENT, LANES, packet_memory
 from terrain_forge.sensors.beams import DELAY, NANOSECONDS, make_beams, sweep_begin, sweep_columns
+from terrain_forge.sensors.course import Course, follow
 from terrain_forge.sensors.instrument import Instrument, Setting
 from terrain_forge.sensors.labels import labels_of
 from terrain_forge.sensors.motion import State
@@ -29,11 +30,9 @@ from terrain_forge.sensors.returns import (
     FOUND,
     LAST,
     STRONGEST,
-    Course,
     Points,
     Rules,
     Surfaces,
-    follow,
     gather,
     scan,
 )

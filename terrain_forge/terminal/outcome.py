@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ import click
 import numpy as np
 
 from terrain_forge.base import OutputError, size_text
-from terrain_forge.building import BuildResult
+from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
@@ -114,6 +115,21 @@ def tell_openings(out: Path, exports: Sequence[Export]) -> None:
         say(f"    {opening.title}: {command}")
 
 
+def show_report(out: Path, *, opened: bool) -> None:
+    """Say where a world's report page is, and open it, if asked.
+
+    Raises:
+        OutputError: if it has none.
+    """
+    read_manifest(out)
+    page = (out / "report.html").absolute()
+    if not page.is_file():
+        raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")
+    say(str(page))
+    if opened and not _opened(page):
+        say("no browser could be opened here: open that file in one")
+
+
 def finish(passed: bool, out: Path) -> None:
     """Name the checks that failed; ends the command with its status where `passed` is false."""
     failed = failed_checks(out)
@@ -123,6 +139,14 @@ def finish(passed: bool, out: Path) -> None:
         count = "a validation check" if len(failed) == 1 else f"{len(failed)} validation checks"
         say(f"{out}: {count} failed, see {_report(out)}", err=True)
         raise click.exceptions.Exit(FAILED_CHECK)
+
+
+def _opened(page: Path) -> bool:
+    """Whether a browser with a window took the page."""
+    import webbrowser
+
+    display = "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
+    return (display or sys.platform != "linux") and webbrowser.open(page.as_uri())
 
 
 def _report(out: Path) -> Path:

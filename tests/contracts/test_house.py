@@ -96,7 +96,7 @@ def loaded(tree: ast.AST) -> Iterator[ast.AST]:
     """All nodes but those of `if TYPE_CHECKING:`."""
     apart: set[ast.AST] = set()
     for node in ast.walk(tree):  # from the outside in
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
             apart.update(ast.walk(node))
         if node not in apart:
             yield node

@@ -79,10 +79,19 @@ def _one(camera: RecordedCamera) -> str:
 
 
 def _rectified(pair: StereoPair) -> str:
-    told = _pinhole(pair.left, 1, straight=True)
-    return _head("Rectified") + lines(
-        {**told, "Stereo.b": pair.baseline, "Stereo.ThDepth": _THRESHOLD}
-    )
+    """Two equal cameras; with the word `Rectified` ORB-SLAM3 prints a second one that it lacks."""
+    zero = dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0)
+    found: dict[str, Any] = {}
+    for number in (1, 2):
+        found |= _pinhole(pair.left, number, straight=True)
+        found |= {f"Camera{number}.{word}": value for word, value in zero.items()}
+    return _head("PinHole") + lines({**found, "Stereo.ThDepth": _THRESHOLD}) + _apart(pair)
+
+
+def _apart(pair: StereoPair) -> str:
+    apart = np.eye(4)
+    apart[0, 3] = pair.baseline
+    return opencv_matrix("Stereo.T_c1_c2", apart, "f")
 
 
 def _stereo(pair: StereoPair) -> str:
@@ -96,10 +105,7 @@ def _stereo(pair: StereoPair) -> str:
                 f"{name}.overlappingBegin": 0,
                 f"{name}.overlappingEnd": pair.left.size[0] - 1,
             }
-    apart = np.eye(4)
-    apart[0, 3] = pair.baseline
-    placed = opencv_matrix("Stereo.T_c1_c2", apart)
-    return _head(_kind(pair.left)) + lines({**found, "Stereo.ThDepth": _THRESHOLD}) + placed
+    return _head(_kind(pair.left)) + lines({**found, "Stereo.ThDepth": _THRESHOLD}) + _apart(pair)
 
 
 def _inertial(rig: Rig, pair: StereoPair) -> str:
@@ -111,7 +117,7 @@ def _inertial(rig: Rig, pair: StereoPair) -> str:
         "IMU.AccWalk": rig.noise.accelerometer_walk,
         "IMU.Frequency": float(rig.imu.rate),
     }
-    return opencv_matrix("IMU.T_b_c1", pair.left.body_pose) + lines(noise)
+    return opencv_matrix("IMU.T_b_c1", pair.left.body_pose, "f") + lines(noise)
 
 
 def _end(camera: RecordedCamera) -> str:

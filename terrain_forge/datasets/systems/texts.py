@@ -26,11 +26,11 @@ def row(values: Iterable[float]) -> str:
     return f"[{', '.join(map(number, values))}]"
 
 
-def opencv_matrix(name: str, values: Array) -> str:
-    """A matrix as OpenCV stores it."""
+def opencv_matrix(name: str, values: Array, kind: str = "d") -> str:
+    """A matrix as OpenCV stores it: of doubles, or of floats (`f`) where a reader expects these."""
     rows, columns = values.shape
     return (
-        f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n"
+        f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: {kind}\n"
         f"   data: {row(values.ravel().tolist())}\n"
     )
 

@@ -6,8 +6,7 @@ import json
 import math
 from typing import Any
 
-from terrain_forge.base import Array, xyzw
-from terrain_forge.datasets.poses import quaternion_from_matrix
+from terrain_forge.base import Array, quaternion_from_matrix, xyzw
 from terrain_forge.datasets.streams import RecordedCamera
 from terrain_forge.datasets.systems.rig import Rig, four, model_of
 from terrain_forge.datasets.systems.texts import OPENCV, lines, opencv_matrix, remark, row

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, RecipeError, kernel, mix, normal, normals
+from terrain_forge.base import Array, RecipeError, kernel, mix, normal
 from terrain_forge.model import ImuSensor
 from terrain_forge.sensors.instrument import NANOSECONDS, Series, Setting, Stream
 
@@ -111,24 +111,20 @@ class Imu(Series):
     def _start(self) -> Array:
         """Biases at the start, shape [6]."""
         sensor = self.sensor
-        return _of_both(sensor.gyro_bias, sensor.accelerometer_bias) * self._drawn(_START, 6)
+        return _of_both(sensor.gyro_bias, sensor.accelerometer_bias) * self.drawn(_START, 6)
 
     @cached_property
     def _response(self) -> Array:
         """What true rates and specific forces give without bias and noise, shape [6, 6]."""
         sensor, found = self.sensor, np.zeros((6, 6))
-        scales = _of_both(sensor.gyro_scale, sensor.accelerometer_scale) * self._drawn(_SCALE, 6)
-        turns = sensor.misalignment * self._drawn(_ALIGNMENT, 18).reshape(2, 3, 3)
+        scales = _of_both(sensor.gyro_scale, sensor.accelerometer_scale) * self.drawn(_SCALE, 6)
+        turns = sensor.misalignment * self.drawn(_ALIGNMENT, 2, 3, 3)
         for device in range(2):
             own = slice(3 * device, 3 * device + 3)
             found[own, own] = turns[device]
         np.fill_diagonal(found, 1.0 + scales)
-        found[:3, 3:] = sensor.gyro_g_sensitivity * self._drawn(_GRAVITY, 9).reshape(3, 3)
+        found[:3, 3:] = sensor.gyro_g_sensitivity * self.drawn(_GRAVITY, 3, 3)
         return found
-
-    def _drawn(self, what: int, count: int) -> Array:
-        """Standard normal numbers that are drawn once."""
-        return np.asarray(normals(np.uint64(mix(self._key, what)), count))
 
 
 def _of_both(gyro: float, accelerometer: float) -> Array:

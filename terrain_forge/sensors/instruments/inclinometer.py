@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from terrain_forge.base import Array, mix, normals, portable
+from terrain_forge.base import Array, portable
 from terrain_forge.model import InclinometerSensor
 from terrain_forge.sensors.instrument import NANOSECONDS, Series, Stream
 
@@ -50,9 +50,8 @@ class Inclinometer(Series):
             ],
             axis=1,
         )
-        key = np.uint64(mix(self.setting.key(sensor), _NOISE))
-        noise = normals(key, angles.size).reshape(angles.shape)
-        angles += self._bias + math.radians(sensor.noise_deg) * noise
+        angles += self._bias
+        angles += math.radians(sensor.noise_deg) * self.drawn(_NOISE, *angles.shape)
         if step := math.radians(sensor.step_deg):
             angles = step * np.rint(angles / step)
         most = math.radians(sensor.range_deg)
@@ -60,5 +59,4 @@ class Inclinometer(Series):
 
     @property
     def _bias(self) -> Array:
-        key = np.uint64(mix(self.setting.key(self.sensor), _BIAS))
-        return np.asarray(math.radians(self.sensor.bias_deg) * normals(key, 2))
+        return np.asarray(math.radians(self.sensor.bias_deg) * self.drawn(_BIAS, 2))

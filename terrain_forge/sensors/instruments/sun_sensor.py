@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, mix, normals, portable
+from terrain_forge.base import Array, portable
 from terrain_forge.model import SunSensor
 from terrain_forge.sensors.instrument import NANOSECONDS, Series, Stream
 from terrain_forge.sensors.mounts import check_mounts
@@ -56,9 +56,8 @@ class SunSensing(Series):
         true = (state.rotation * sun[None, :, None]).sum(axis=1)
         seen = (true[:, 2] >= math.cos(0.5 * math.radians(self.sensor.fov_deg))) & (sun[2] > 0.0)
         seen[seen] = self._unhidden(state.position[seen], times[seen])
-        error = self._noise(len(true))
-        error += self._bias
-        found = true + _across(true, error)
+        noise = math.radians(self.sensor.noise_deg) * self.drawn(_NOISE, len(true), 2)
+        found = true + _across(true, noise + self._bias)
         found /= portable.norm(found)[:, None]
         shown = np.where(seen[:, None], found, 0.0)
         return dict(zip(COLUMNS, (*shown.T, seen.astype(np.int64)), strict=True))
@@ -77,16 +76,10 @@ class SunSensing(Series):
             free[own] = np.isinf(hits.distance)
         return free
 
-    def _noise(self, count: int) -> Array:
-        key = np.uint64(mix(self.setting.key(self.sensor), _NOISE))
-        noise = normals(key, 2 * count).reshape(count, 2)
-        return np.asarray(math.radians(self.sensor.noise_deg) * noise)
-
     @property
     def _bias(self) -> Array:
         """Errors that stay in two ways across [rad], shape [2]."""
-        key = np.uint64(mix(self.setting.key(self.sensor), _BIAS))
-        return np.asarray(math.radians(self.sensor.bias_deg) * normals(key, 2))
+        return np.asarray(math.radians(self.sensor.bias_deg) * self.drawn(_BIAS, 2))
 
 
 def _across(directions: Array, angles: Array) -> Array:

@@ -60,20 +60,19 @@ def test_every_number_is_a_number(rig):
 def test_orb_slam(rig):
     lens, files = rig
     stereo = opencv(files["orbslam3/stereo.yaml"])
-    kinds = {"straight": "Rectified", "bent": "PinHole", "fisheye": "KannalaBrandt8"}
+    kinds = {"straight": "PinHole", "bent": "PinHole", "fisheye": "KannalaBrandt8"}
     assert stereo.getNode("Camera.type").string() == kinds[lens]
     assert stereo.getNode("File.version").string() == "1.0"
     assert [stereo.getNode(f"Camera1.{n}").real() for n in ("fx", "cx")] == [FOCAL, 31.5]
     assert stereo.getNode("Camera.fps").isInt()
-    if lens == "straight":
-        assert stereo.getNode("Stereo.b").real() == pytest.approx(BASELINE)
-    else:
-        apart = stereo.getNode("Stereo.T_c1_c2").mat()
-        assert apart[0, 3] == pytest.approx(BASELINE)
-        assert stereo.getNode("Camera2.k2").real() == (0.02 if lens == "bent" else 1e-3)
+    apart = stereo.getNode("Stereo.T_c1_c2").mat()
+    assert apart[0, 3] == pytest.approx(BASELINE)
+    assert apart.dtype == np.float32  # ORB-SLAM3 reads its bytes as floats, whatever they are
+    second = {"straight": 0.0, "bent": 0.02, "fisheye": 1e-3}
+    assert stereo.getNode("Camera2.k2").real() == second[lens]
     inertial = opencv(files["orbslam3/stereo_inertial.yaml"])
     pose = inertial.getNode("IMU.T_b_c1").mat()
-    np.testing.assert_allclose(IMU @ pose, LEFT, atol=1e-12)
+    np.testing.assert_allclose(IMU @ pose, LEFT, atol=1e-6)
     assert inertial.getNode("IMU.GyroWalk").real() == 1.9e-5
     assert b"has 9.81 m/s^2 built in" in files["orbslam3/stereo_inertial.yaml"]
     assert files["orbslam3/times.txt"] == b"1600000000000000000\n1600000000200000000\n"

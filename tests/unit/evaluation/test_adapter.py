@@ -40,7 +40,7 @@ def test_what_it_writes_is_read_and_its_cost_told(tmp_path):
     assert len(run.estimate.time) == 50
     assert run.estimate.position[-1] == pytest.approx([49, 0, 0])
     assert 0.0 < run.processor_s <= run.seconds + 0.1
-    assert run.memory > 60e6
+    assert 60e6 < run.memory < 90e6  # its own, not that of these tests
     assert "tracked all" in run.log
     assert (tmp_path / "kept" / "output.txt").read_text() == "tracked all\n"
     assert (tmp_path / "kept" / "fake.tum").read_text() == TRUTH

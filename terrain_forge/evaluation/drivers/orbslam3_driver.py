@@ -1,0 +1,33 @@
+"""ORB-SLAM3 over a stereo pair: RECORDING TRAJECTORY VOCABULARY CALIBRATION.
+
+Pictures come at the pace of the recording, as in its own examples: its mapping runs beside.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import pyorbslam3
+from recorded import names
+
+dataset, output, vocabulary, calibration = sys.argv[1:5]
+pair = [Path(dataset) / "mav0" / key for key in ("cam0", "cam1")]
+pictures = [names(folder) for folder in pair]
+if [stamp for stamp, _ in pictures[0]] != [stamp for stamp, _ in pictures[1]]:
+    sys.exit("cam0 and cam1 have pictures of different times")
+slam = pyorbslam3.Slam(
+    vocabulary, Path(calibration) / "orbslam3" / "stereo.yaml", pyorbslam3.Sensor.STEREO
+)
+begin, first = time.monotonic(), pictures[0][0][0]
+for (stamp, left), (_, right) in zip(*pictures, strict=True):
+    files = pair[0] / "data" / left, pair[1] / "data" / right
+    images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
+    if any(image is None for image in images):
+        sys.exit(f"{files[0]} or {files[1]} is no picture")
+    time.sleep(max(0.0, begin + (stamp - first) * 1e-9 - time.monotonic()))
+    slam.track_stereo(*images, stamp * 1e-9)
+slam.shutdown()
+slam.save_trajectory_tum(output)

@@ -1,0 +1,212 @@
+"""A system of ROS 1 over a bag: BINARY BAG TRAJECTORY, and what it publishes.
+
+BINARY is a catkin workspace (a folder with devel/setup.bash, install/setup.bash or setup.bash), a
+launch file, or a program. A master of its own is started, the system, and a recorder of the topics;
+then the bag is played. roscore, rosparam, rosbag and roslaunch are those of the workspace or of the
+PATH; the recorded bag is read by the library rosbags.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from recorded import about, quaternion_of, write_pose
+
+POINTS = "/velodyne_points"
+Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""From axes z forward, x left, y up to x forward, y left, z up."""
+GRACE = 30.0
+
+
+def arguments() -> argparse.Namespace:
+    """What the command says."""
+    parser = argparse.ArgumentParser()
+    for name in ("binary", "bag", "trajectory"):
+        parser.add_argument(name, type=Path)
+    parser.add_argument("--recording", type=Path, required=True)
+    parser.add_argument("--launch", default="", help="what roslaunch starts of a workspace")
+    parser.add_argument("--lidars", default="", help="RINGS=WORD,… for LIDAR in --launch")
+    parser.add_argument("--topic", required=True, help="of nav_msgs/Odometry")
+    parser.add_argument("--correction", help="topic of TransformStamped, from --topic's frame")
+    parser.add_argument("--axes", choices=["x-forward", "z-forward"], default="x-forward")
+    parser.add_argument("--rate", type=float, default=1.0, help="times as quick as the recording")
+    parser.add_argument("--delay", type=float, default=5.0, help="for the system to start [s]")
+    parser.add_argument("--settle", type=float, default=5.0, help="for it to end [s]")
+    return parser.parse_args()
+
+
+def system_of(told: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """What comes before each program of ROS, and the command that starts the system."""
+    binary = told.binary
+    if binary.is_dir():
+        setups = [binary / name / "setup.bash" for name in ("devel", "install", "")]
+        setup = next((one for one in setups if one.is_file()), None)
+        if setup is None:
+            sys.exit(f"{binary} has no devel/setup.bash, install/setup.bash or setup.bash")
+        launch = told.launch.replace("LIDAR", lidar_word(told) if told.lidars else "")
+        sourced = f'source {shlex.quote(str(setup))} && exec "$@"'
+        return ["bash", "-c", sourced, "bash"], ["roslaunch", *shlex.split(launch)]
+    if binary.suffix == ".launch":
+        return [], ["roslaunch", str(binary)]
+    return [], [str(binary)]
+
+
+def lidar_word(told: argparse.Namespace) -> str:
+    """What the launch file of the recorded lidar is called."""
+    words: dict[str, str] = dict(pair.split("=") for pair in told.lidars.split(","))
+    streams = {Path(one["folder"]).name: one for one in about(told.recording)["streams"]}
+    name = streams["lidar0"]["name"]
+    lidar = next(one for one in about(told.recording)["sensors"] if one["name"] == name)
+    rings = str(len(lidar["elevations_deg"]) or int(lidar["channels"]))
+    if rings not in words:
+        sys.exit(f"the lidar has {rings} rings, the system knows {', '.join(words)}")
+    return words[rings]
+
+
+class Programs:
+    """Programs of ROS with a master of their own; all are ended at the end."""
+
+    def __init__(self, before: list[str]) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.before, self.running = before, []  # type: list[str], list[Any]
+        here = Path.cwd()
+        more = {"ROS_MASTER_URI": f"http://127.0.0.1:{self.port}", "ROS_HOME": str(here / "ros")}
+        self.environment = {**os.environ, **more, "ROS_HOSTNAME": "127.0.0.1"}
+
+    def start(self, *words: str) -> subprocess.Popen[bytes]:
+        """Start a program in a group of its own."""
+        try:
+            process = subprocess.Popen(
+                [*self.before, *words], env=self.environment, start_new_session=True
+            )
+        except OSError as error:
+            sys.exit(f"{words[0]}: {(error.strerror or str(error)).lower()}")
+        self.running.append(process)
+        return process
+
+    def run(self, *words: str) -> int:
+        """Run a program to its end."""
+        return self.start(*words).wait()
+
+    def end(self, process: subprocess.Popen[bytes]) -> None:
+        """Interrupt a program as Ctrl-C does, and kill what is left of it."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            try:
+                os.killpg(process.pid, number)
+                process.wait(GRACE)
+            except ProcessLookupError:
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        process.wait()
+
+    def end_all(self) -> None:
+        """End all, the last first."""
+        while self.running:
+            self.end(self.running.pop())
+
+
+def play(told: argparse.Namespace, recorded: Path) -> None:
+    """Run the system over the bag and record what it publishes."""
+    before, command = system_of(told)
+    programs = Programs(before)
+    try:
+        programs.start("roscore", "-p", str(programs.port))
+        begin = time.monotonic()
+        while programs.run("rosparam", "set", "/use_sim_time", "true"):
+            if time.monotonic() - begin > GRACE:
+                sys.exit("roscore did not start")
+            time.sleep(0.5)
+        topics = [told.topic, *([told.correction] if told.correction else [])]
+        recorder = programs.start("rosbag", "record", "-O", str(recorded), "--buffsize=0", *topics)
+        system = programs.start(*command)
+        played = ["/tf_static", POINTS, *imus(told.recording)]
+        player = programs.start(
+            *("rosbag", "play", "--clock", "--quiet", f"--delay={told.delay:g}"),
+            *(f"--rate={told.rate:g}", str(told.bag), "--topics", *played),
+        )
+        while player.poll() is None:
+            if (status := system.poll()) not in (None, 0):
+                sys.exit(f"{' '.join(command)} ended with status {status} while the bag was played")
+            time.sleep(0.1)
+        if player.returncode:
+            sys.exit(f"rosbag play ended with status {player.returncode}")
+        time.sleep(told.settle)
+        programs.end(recorder)
+    finally:
+        programs.end_all()
+    if not recorded.is_file():
+        sys.exit("rosbag record wrote no bag")
+
+
+def imus(recording: Path) -> list[str]:
+    """Topics of the IMUs."""
+    streams = about(recording)["streams"]
+    return [f"/{Path(one['folder']).name}" for one in streams if one["kind"] == "imu"]
+
+
+def matrix_of(place: Any, turn: Any) -> Any:
+    """A pose of a message, shape [4, 4]."""
+    x, y, z, w = np.array([turn.x, turn.y, turn.z, turn.w]) / np.linalg.norm(
+        [turn.x, turn.y, turn.z, turn.w]
+    )
+    found = np.eye(4)
+    found[:3, 3] = place.x, place.y, place.z
+    found[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return found
+
+
+def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
+    """Poses by their stamps [ns], each with the correction that was the last when it came."""
+    from rosbags.highlevel import AnyReader
+
+    poses: dict[int, Any] = {}
+    correction = np.eye(4)
+    axes = np.eye(4)
+    if told.axes == "z-forward":
+        axes[:3, :3] = Z_FORWARD
+    with AnyReader([recorded]) as bag:
+        for connection, _, raw in bag.messages():
+            message: Any = bag.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            if connection.topic == told.correction:
+                moved = message.transform
+                correction = matrix_of(moved.translation, moved.rotation)
+            elif connection.topic == told.topic:
+                pose = message.pose.pose
+                whole = correction @ matrix_of(pose.position, pose.orientation)
+                poses[stamp] = axes @ whole @ axes.T
+    return dict(sorted(poses.items()))
+
+
+def main() -> None:
+    """Play, and write the trajectory."""
+    told = arguments()
+    recorded = Path.cwd() / "published.bag"
+    play(told, recorded)
+    poses = published(told, recorded)
+    if not poses:
+        sys.exit(f"nothing was published on {told.topic}")
+    with told.trajectory.open("w", encoding="utf-8") as file:
+        for stamp, pose in poses.items():
+            write_pose(file, stamp, pose[:3, 3], quaternion_of(pose[:3, :3]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""Results of systems as tables: of each the median over its runs, and the range of its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import Record
+from terrain_forge.evaluation.adapter import Run
+from terrain_forge.evaluation.paper import SETUP, paper_figure
+from terrain_forge.evaluation.score import Score
+from terrain_forge.evaluation.tables import score_plain, write_table
+
+_HEAD = (
+    "system", "runs", "length [m]", "tracked [%]", "ATE [m]", "ATE of runs [m]",
+    "TDr median [%]", "TDr rms [%]", "processor [s/frame]", "memory [MB]",
+)  # fmt: skip
+_PAPER = "in the paper", "its ATE [m]", "its TDr [%]"
+_LAST = "result"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Result(Record):
+    """One run of a system, and how well it localised."""
+
+    run: Run
+    """The run."""
+    number: int
+    """Which of the system's runs, from 1."""
+    score: Score | None = None
+    """Its score; None where it failed."""
+    frame: str
+    """Whose motion was compared."""
+    world: str
+    """The world that was recorded."""
+
+
+def result_plain(result: Result) -> dict[str, Any]:
+    """A result as JSON values in SI units."""
+    run = result.run
+    paper = paper_figure(run.system, result.world)
+    return {
+        "system": run.system,
+        "world": result.world,
+        "run": result.number,
+        "status": run.status,
+        "why": run.why,
+        "frame": result.frame,
+        "seconds": run.seconds,
+        "processor_s": run.processor_s,
+        "memory_bytes": run.memory,
+        "score": score_plain(result.score) if result.score else None,
+        "paper": paper and vars(paper).copy(),
+    }
+
+
+def result_rows(results: Sequence[Result]) -> list[list[str]]:
+    """The cells of the table, its heading first; the paper's figures where there are any."""
+    names = list(dict.fromkeys(one.run.system for one in results))
+    paper = {one.run.system: paper_figure(one.run.system, one.world) for one in results}
+    beside = any(paper.values())
+    rows = [[*_HEAD, *(_PAPER if beside else ()), _LAST]]
+    for name in names:
+        mine = [one for one in results if one.run.system == name]
+        row = [name, *_figures(mine)]
+        if beside:
+            told = paper[name]
+            row += [told.system, f"{told.ate:.4g}", _percent(told.drift)] if told else [""] * 3
+        wrong = [one.run for one in mine if one.score is None]
+        rows.append([*row, f"{wrong[0].status}: {wrong[0].why}" if wrong else "done"])
+    return rows
+
+
+def _figures(results: Sequence[Result]) -> list[str]:
+    """Cells of a system's runs."""
+    good = [(one.score, one.run) for one in results if one.score is not None]
+    runs = f"{len(good)} of {len(results)}"
+    if not good:
+        return [runs, *[""] * (len(_HEAD) - 2)]
+    ate = np.array([score.ate.rms for score, _ in good])
+    drifts = [score.drift for score, _ in good if score.drift]
+    return [
+        runs,
+        f"{_median(score.length for score, _ in good):.4g}",
+        _percent(_median(score.tracked for score, _ in good)),
+        f"{np.median(ate):.4g}",
+        f"{ate.min():.3g} to {ate.max():.3g}" if len(ate) > 1 else "",
+        _percent(_median(one.median for one in drifts)) if drifts else "",
+        _percent(_median(one.rms for one in drifts)) if drifts else "",
+        f"{_median(run.processor_s / max(score.poses, 1) for score, run in good):.3g}",
+        f"{_median(run.memory / 1e6 for _, run in good):.0f}",
+    ]
+
+
+def _median(values: Any) -> float:
+    return float(np.median(list(values)))
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.3g}"
+
+
+def result_lines(results: Sequence[Result]) -> list[str]:
+    """The table as text; columns that are empty in all rows are left out."""
+    whole = [row[:-1] for row in result_rows(results)]
+    kept = [n for n in range(len(whole[0])) if any(row[n] for row in whole[1:])]
+    rows = [[row[n] for n in kept] for row in whole]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row, (*_, told) in zip(rows, result_rows(results), strict=True):
+        cells = [row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]
+        lines.append("  ".join(cells).rstrip())
+        if told not in (_LAST, "done"):
+            lines[-1] += f"  {told}"
+    if any(_PAPER[0] in row for row in whole[:1]):
+        lines.append(SETUP)
+    return lines
+
+
+def write_results(results: Sequence[Result], folder: Path) -> list[Path]:
+    """Write evaluation.json, evaluation.csv, evaluation.tex and evaluation.txt; returns them."""
+    plain = [result_plain(one) for one in results]
+    paths = write_table(result_rows(results), plain, folder)
+    text = folder / "evaluation.txt"
+    text.write_text("\n".join(result_lines(results)) + "\n", encoding="utf-8")
+    return [*paths, text]

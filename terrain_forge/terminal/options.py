@@ -1,0 +1,58 @@
+"""What commands take: arguments and options that several of them share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from terrain_forge.base import OutputError
+from terrain_forge.terminal.completion import complete_keys, complete_recipes
+
+OUT = click.argument("out", type=click.Path(path_type=Path))
+RECIPE = click.argument("recipe", type=click.Path(path_type=Path), shell_complete=complete_recipes)
+SET = click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    shell_complete=complete_keys,
+    help="Change a key of the recipe, such as terrain.spacing_m=0.25; may be given several times.",
+)
+DRIVES = click.option(
+    "--drives",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="Also drive straight on from N random starts, and tell how many arrive.",
+)
+FORCE = click.option(
+    "--force",
+    is_flag=True,
+    help="Also remove files in the older world that are not its own; says which.",
+)
+SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
+
+
+class InOrder(click.Group):
+    """A group that lists its commands in the order of their use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The order in which they are defined."""
+        del ctx
+        return list(self.commands)
+
+
+def names_of(
+    text: str | None, option: str = "--only", example: str = "sdf,mjcf"
+) -> tuple[str, ...] | None:
+    """The names with commas between them that an option was given.
+
+    Raises:
+        OutputError: if one is empty.
+    """
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        raise OutputError(f"{option} {text!r}: names with commas between them, such as {example}")
+    return names

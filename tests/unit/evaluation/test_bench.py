@@ -1,0 +1,219 @@
+"""Systems over a recording: who is known, what they are given, what becomes of what they do."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from terrain_forge.base import DataError
+from terrain_forge.datasets import open_recording
+from terrain_forge.evaluation import (
+    ScoreOptions,
+    chosen_systems,
+    evaluate_recording,
+    find_system,
+    install_system,
+    known_systems,
+    result_lines,
+)
+from terrain_forge.evaluation.bench import truth_of
+from terrain_forge.evaluation.catalogue import read_system, with_binaries
+from terrain_forge.evaluation.paper import paper_figure
+from tests.helpers import command_line
+from tests.helpers.recordings import write_recording
+
+_NOISY = """
+    lines = [l.split() for l in open(f"{source}/truth/cam0.tum") if l[0] != "#"]
+    with open(target, "w") as file:
+        for n, (t, x, *rest) in enumerate(lines):
+            file.write(" ".join([t, str(float(x) + (-1) ** n * 0.01), *rest]) + "\\n")
+"""
+"""Copies the truth with an error of 1 cm to and fro."""
+_KITTI = """
+    import shutil
+    shutil.copy(f"{source}/poses/00.txt", target)
+"""
+_SHORT = """
+    lines = open(f"{source}/poses/00.txt").readlines()
+    open(target, "w").writelines(lines[:-1])
+"""
+
+
+@pytest.fixture(scope="module")
+def _recorded(tmp_path_factory):
+    return write_recording(tmp_path_factory.mktemp("bench") / "dataset")
+
+
+@pytest.fixture
+def dataset(_recorded, tmp_path):
+    return shutil.copytree(_recorded, tmp_path / "dataset")
+
+
+@pytest.fixture
+def system(tmp_path):
+    """Writes a system as whoever brings one does: a program, and a YAML file."""
+
+    def write(name, body, **keys):
+        program = tmp_path / f"{name}.py"
+        program.write_text("import sys\nsource, target = sys.argv[1:]\n" + textwrap.dedent(body))
+        told = {"command": f"{sys.executable} {program} {{input}} {{output}}", "frame": "cam0"}
+        (tmp_path / f"{name}.yaml").write_text(json.dumps({**told, **keys}))  # JSON is YAML
+        return str(tmp_path / f"{name}.yaml")
+
+    return write
+
+
+def test_each_goes_its_way_and_the_others_go_on(dataset, system, tmp_path):
+    names = [
+        system("noisy", _NOISY, needs=["stereo"]),
+        system("missing", "", command="/nowhere/orb {input}"),
+        system("silent", "pass"),
+        system("kitti", _KITTI, input="kitti", format="kitti"),
+        system("halted", _SHORT, input="kitti", format="kitti"),
+        system("tactile", "", needs=["odometry"]),
+        system("orb", "", command="{binary} {input}"),
+        system("wrong_format", "", input="vhs"),
+        system("placeless", "", command="run {inputs}"),
+    ]
+    options = "--systems", ",".join(names), "--set", "align=origin", "-o", tmp_path / "o"
+    done = command_line.run("evaluate", dataset, *options)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((dataset / "slam" / "evaluation.json").read_text())
+    found = {one["system"]: (one["status"], one["why"]) for one in told}
+    assert found == {
+        "noisy": ("done", ""),
+        "missing": ("failed", "/nowhere/orb: no such file or directory"),
+        "silent": ("lost", "wrote no trajectory (silent.tum)"),
+        "kitti": ("done", ""),
+        "halted": (
+            "lost",
+            "halted: 4 poses of 5 frames, and KITTI's format has no times to tell of which",
+        ),
+        "tactile": ("failed", "tactile needs odometry, which was not recorded"),
+        "orb": ("failed", "orb is a program of yours: --binary orb=PATH"),
+        "wrong_format": ("failed", found["wrong_format"][1]),
+        "placeless": ("failed", found["placeless"][1]),
+    }
+    assert "unknown dataset format 'vhs'" in found["wrong_format"][1]
+    assert "command has {inputs}, known: {input}" in found["placeless"][1]
+    scores = {one["system"]: one["score"] for one in told if one["score"]}
+    assert scores["kitti"]["ate_m"]["rms"] < 1e-9
+    assert scores["noisy"]["ate_m"]["rms"] == pytest.approx(0.02 * 0.4**0.5, rel=1e-6)  # 2 of 5
+    assert (dataset / "slam" / "noisy_1" / "noisy.tum").is_file()
+    with (tmp_path / "o" / "evaluation.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["system"] for row in rows] == list(found)
+    assert rows[0]["tracked [%]"] == "100"
+    assert float(rows[0]["processor [s/frame]"]) > 0 < float(rows[0]["memory [MB]"])
+    assert rows[2]["result"].startswith("lost: wrote no")
+    for ending in ("tex", "txt"):
+        assert "noisy" in (tmp_path / "o" / f"evaluation.{ending}").read_text()
+
+
+def test_runs_have_a_spread(dataset, system):
+    body = "import pathlib\n" + textwrap.dedent(_NOISY).replace(
+        "0.01", "0.01 * (1 + len(list(pathlib.Path(source).glob('slam/*/*.tum'))))"
+    )
+    options = ScoreOptions(align="none")
+    adapter = find_system(system("noisy", body))
+    results = evaluate_recording(dataset, [adapter], runs=3, options=options)
+    ate = [one.score.ate.rms for one in results]
+    assert ate == pytest.approx([0.01, 0.02, 0.03])
+    row = result_lines(results)[1]
+    assert "3 of 3" in row
+    assert row.split()[6:10] == ["0.02", "0.01", "to", "0.03"]
+
+
+def test_a_binary_is_named_by_its_path(dataset, tmp_path):
+    """ORB-SLAM2 as documented: its three arguments, its file, its format."""
+    program = tmp_path / "ORB_SLAM2" / "Examples" / "Stereo" / "stereo_kitti"
+    program.parent.mkdir(parents=True)
+    program.write_text(
+        f"#!{sys.executable}\nimport shutil, sys\n"
+        "vocabulary, settings, sequence = sys.argv[1:]\n"
+        "assert open(vocabulary).read() == 'words'\n"
+        "assert 'Camera.bf' in open(settings).read()\n"
+        "assert len(open(f'{sequence}/times.txt').readlines()) == 5\n"
+        "shutil.copy(f'{sequence}/../../poses/00.txt', 'CameraTrajectory.txt')\n"
+    )
+    program.chmod(0o755)
+    (tmp_path / "ORB_SLAM2" / "Vocabulary").mkdir()
+    (tmp_path / "ORB_SLAM2" / "Vocabulary" / "ORBvoc.txt").write_text("words")
+    systems = chosen_systems("orb-slam2", dataset, [f"orb-slam2={program}"])
+    (result,) = evaluate_recording(dataset, systems)
+    assert result.run.status == "done", result.run.log
+    assert result.score.ate.rms < 1e-9
+    for told, why in {
+        "orb-slam2": "NAME=PATH",
+        "orb-slam=/x": r"unknown system 'orb-slam' \(did you mean",
+        "kiss-icp=/x": "kiss-icp: that system runs no program of yours",
+    }.items():
+        with pytest.raises(DataError, match=why):
+            with_binaries([], [told])
+
+
+def test_without_a_vocabulary_its_making_is_told(dataset, monkeypatch, tmp_path):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "none"))
+    (result,) = evaluate_recording(dataset, with_binaries([], ["orb-slam2=/bin/true"]))
+    assert result.run.why == (
+        "orb-slam2 needs a vocabulary: terrain-forge evaluate --install orb-slam2"
+    )
+
+
+def test_the_catalogue_is_whole(dataset):
+    six = {"orb-slam2", "rtab-map", "libviso2", "a-loam", "lego-loam", "hdl-graph-slam"}
+    assert six <= known_systems().keys()
+    places = dict.fromkeys(find_system("imu").PLACES, "x")
+    for name, adapter in known_systems().items():
+        assert adapter.name == name
+        assert adapter.about
+        assert len(adapter.words(places)) > 1
+        assert adapter.needs_binary == (name in six)
+        if "lidar0" in adapter.frame or "cam0" in adapter.frame:
+            assert len(truth_of(open_recording(dataset), adapter.frame).time) > 1
+    listed = command_line.run("evaluate", "--list").stdout
+    assert [line.split()[0] for line in listed.splitlines()] == list(known_systems())
+    with pytest.raises(DataError, match="needs no packages"):
+        install_system(find_system("imu"))
+
+
+def test_by_default_those_that_are_there_and_find_their_sensors(dataset, monkeypatch, tmp_path):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))  # nothing is installed
+    assert [one.name for one in chosen_systems(None, dataset)] == ["imu", "stereo-odometry"]
+    more = chosen_systems(None, dataset, ["libviso2=viso"])
+    assert [one.binary for one in more] == ["", "", "viso"]
+
+
+WRONG = {
+    "- a list": "a system is a mapping of keys",
+    "needs: [radar]\ncommand: x": r"needs.0: Input should be 'mono', 'stereo'",
+    "needs: [imu]": "command: ",
+    "command: x\nformat: ply": "format: Input should be 'tum'",
+    "command: x\nspeed: 3": "speed: ",
+    "command: [x": "expected",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_wrong_file_is_told(tmp_path, text):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(DataError, match=WRONG[text]) as error:
+        read_system(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_papers_figures_stand_beside_those_of_its_paths():
+    assert paper_figure("lego-loam", "gale-short").ate == 0.63
+    assert paper_figure("orb-slam3", "gale_long").system == "ORB-SLAM2"
+    assert paper_figure("orb-slam2", "hello-mars") is None
+    assert paper_figure("kiss-icp", "gale-long") is None
+    drift = [paper_figure(name, "gale-long").drift for name in ("libviso2", "hdl-graph-slam")]
+    np.testing.assert_allclose(drift, [0.0034, 0.603])

@@ -1,0 +1,178 @@
+"""Systems of ROS 1 through the player, with programs of ROS that only look like it."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import textwrap
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from terrain_forge.evaluation import chosen_systems, evaluate_recording, read_poses
+from tests.helpers.recordings import write_recording
+
+pytest.importorskip("rosbags", reason="rosbags is not installed")
+
+_FAKE = """
+import os, signal, sys, time
+sys.path[:] = {path!r}
+name = os.path.basename(sys.argv[0])
+open({log!r}, "a").write(" ".join([name, *sys.argv[1:]]) + "\\n")
+class Interrupted(Exception):
+    pass
+def interrupt(*_):
+    raise Interrupted
+signal.signal(signal.SIGINT, interrupt)
+if name in ("roscore", "roslaunch", "alone"):
+    try:
+        time.sleep(60)
+    except Interrupted:
+        sys.exit(0)
+elif name == "rosbag" and sys.argv[1] == "record":
+    target, wanted = sys.argv[3], sys.argv[5:]
+    try:
+        time.sleep(60)
+    except Interrupted:  # only a recorder that is interrupted writes its bag
+        exec(open({writer!r}).read())
+"""
+_WRITER = """
+import numpy as np
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+store = get_typestore(Stores.ROS1_NOETIC)
+make = lambda kind, *values: store.types[kind](*values)
+Time = store.types["builtin_interfaces/msg/Time"]
+def pose_of(row):
+    place = make("geometry_msgs/msg/Point", *row[:3])
+    turn = make("geometry_msgs/msg/Quaternion", *row[3:])
+    return make("geometry_msgs/msg/Pose", place, turn)
+twist = make("geometry_msgs/msg/Twist", *[make("geometry_msgs/msg/Vector3", 0, 0, 0)] * 2)
+none = np.zeros(36)
+with Writer(target) as bag:
+    kind = "nav_msgs/msg/Odometry"
+    odometry = bag.add_connection(wanted[0], kind, typestore=store)
+    rows = [l.split() for l in open(truth) if l[0] != "#"]
+    for number, (stamp, *row) in enumerate(rows):
+        row = np.array(row, float)
+        when = int(stamp.split(".")[0]), int(stamp.split(".")[1])
+        header = make("std_msgs/msg/Header", number, Time(*when), "map")
+        nano = when[0] * 10**9 + when[1]
+        if len(wanted) > 1 and number == 3:  # from here on its odometry is 1 m off in x
+            moved = make("geometry_msgs/msg/Vector3", -1.0, 0.0, 0.0)
+            turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+            moved = make("geometry_msgs/msg/Transform", moved, turn)
+            told = "geometry_msgs/msg/TransformStamped"
+            correction = bag.add_connection(wanted[1], told, typestore=store)
+            moved = make(told, header, "odom", moved)
+            bag.write(correction, nano, store.serialize_ros1(moved, told))
+        if len(wanted) > 1 and number >= 3:
+            row[0] += 1.0
+        if z_forward:
+            row = row[[1, 2, 0, 4, 5, 3, 6]]  # z forward, x left, y up, as LeGO-LOAM's are
+        pose = make("geometry_msgs/msg/PoseWithCovariance", pose_of(row), none)
+        moving = make("geometry_msgs/msg/TwistWithCovariance", twist, none)
+        message = make(kind, header, "camera", pose, moving)
+        bag.write(odometry, nano + 10**7, store.serialize_ros1(message, kind))
+"""
+
+
+@pytest.fixture
+def ros(tmp_path, monkeypatch):
+    """A recording, and programs of ROS first on the PATH that tell what they were given."""
+    dataset = write_recording(tmp_path / "dataset")
+    about = json.loads((dataset / "dataset.json").read_text())
+    about["sensors"][0]["elevations_deg"] = list(range(-15, 16, 2))
+    (dataset / "dataset.json").write_text(json.dumps(about))
+    programs = tmp_path / "ros"
+    programs.mkdir()
+    writer, log = tmp_path / "writer.py", tmp_path / "log"
+    body = textwrap.dedent(_FAKE).format(path=sys.path, log=str(log), writer=str(writer))
+    for name in ("roscore", "rosparam", "rosbag", "roslaunch", "alone"):
+        (programs / name).write_text(f"#!{sys.executable} -S\n{body}")
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
+
+    def run(name, binary, *, z_forward=False):
+        truth = dataset / "truth" / "lidar0.tum"
+        writer.write_text(f"truth, z_forward = {str(truth)!r}, {z_forward}\n" + _WRITER)
+        (adapter,) = chosen_systems(name, dataset, [f"{name}={binary}"])
+        quick = adapter.command + " --delay 0 --settle 0"
+        (result,) = evaluate_recording(dataset, [replace(adapter, command=quick)])
+        return result, log.read_text().splitlines() if log.exists() else []
+
+    return run, tmp_path
+
+
+def _workspace(folder: Path) -> Path:
+    (folder / "devel").mkdir(parents=True)
+    (folder / "devel" / "setup.bash").write_text("export SOURCED=yes\n")
+    return folder
+
+
+def _require_truth(run, place):
+    """Each pose, place and rotation, is the lidar's true one."""
+    assert run.status == "done", run.log
+    truth = read_poses(place / "dataset" / "truth" / "lidar0.tum")
+    np.testing.assert_allclose(run.estimate.time, truth.time, atol=1e-6)
+    np.testing.assert_allclose(run.estimate.position, truth.position, atol=1e-7)
+    alike = np.abs((run.estimate.quaternion * truth.quaternion).sum(axis=1))
+    np.testing.assert_allclose(alike, 1.0, atol=1e-9)
+    assert np.ptp(truth.quaternion, axis=0).min() > 1e-4  # it turns about all axes
+
+
+def test_a_workspace_is_sourced_launched_and_played_to(ros):
+    run, place = ros
+    result, log = run("a-loam", _workspace(place / "my catkin"))
+    _require_truth(result.run, place)
+    assert log[0].startswith("roscore -p ")
+    assert log[1] == "rosparam set /use_sim_time true"
+    assert "roslaunch aloam_velodyne aloam_velodyne_VLP_16.launch rviz:=false" in log
+    (record,) = [line for line in log if line.startswith("rosbag record")]
+    assert record.endswith("--buffsize=0 /aft_mapped_to_init")
+    (play,) = [line for line in log if line.startswith("rosbag play --clock")]
+    assert "recording.bag --topics /tf_static /velodyne_points /imu0" in play
+
+
+@pytest.mark.slow
+def test_axes_with_z_forward_are_turned(ros):
+    run, place = ros
+    result, log = run("lego-loam", place / "ros" / "alone", z_forward=True)
+    _require_truth(result.run, place)
+    assert "alone" in log
+
+
+@pytest.mark.slow
+def test_corrections_of_the_graph_are_applied_from_when_they_came(ros):
+    run, place = ros
+    (place / "mine.launch").write_text("<launch/>")
+    result, log = run("hdl-graph-slam", place / "mine.launch")
+    _require_truth(result.run, place)
+    assert f"roslaunch {place / 'mine.launch'}" in log
+    assert any(line.endswith("/odom /hdl_graph_slam/odom2pub") for line in log)
+
+
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        ("exit 3", "ended with status 3 while the bag was played"),
+        (None, "program: no such file or directory"),
+        ("folder", "has no devel/setup.bash, install/setup.bash or setup.bash"),
+    ],
+)
+def test_what_goes_wrong_is_told(ros, program, why):
+    run, place = ros
+    binary = place / "program"
+    if program == "folder":
+        binary.mkdir()
+    elif program:
+        binary.write_text(f"#!/bin/sh\n{program}\n")
+        binary.chmod(0o755)
+        play = place / "ros" / "rosbag"
+        play.write_text(play.read_text() + "\nif 'play' in sys.argv:\n    time.sleep(20)\n")
+    result, _ = run("a-loam", binary)
+    assert result.run.status == "failed"
+    assert why in result.run.why
