@@ -27,7 +27,7 @@ _PICTURES, _PAIRS, _SWEEPS = 8, 4, 60
 """How many of each the figures are of, at most."""
 _LEAST_ROWS = 64
 _DISPARITIES = 128
-_WRONG_PX = 1.0
+_WRONG_PX, _FULL = 1.0, 99.5
 _LEAST_SAMPLES, _MOST_SAMPLES, _UNEVEN_NS = 64, 2**20, 2.0
 
 
@@ -103,10 +103,12 @@ def _matched(recording: Recording, pair: StereoPair, numbers: list[int]) -> Cove
     )  # fmt: skip
     focal, shares, wrong = pair.left.intrinsics[0] * pair.baseline, [], []
     for number in numbers:
-        eyes = (
-            (255 * np.atleast_3d(intensities(recording, one, number)).mean(axis=2)).astype(np.uint8)
+        seen_by = [
+            np.atleast_3d(intensities(recording, one, number)).mean(axis=2)
             for one in (pair.left, pair.right)
-        )
+        ]
+        full = max(float(np.percentile(seen_by[0], _FULL)), 1e-6)  # the same for both eyes
+        eyes = ((255 * np.minimum(one / full, 1.0)).astype(np.uint8) for one in seen_by)
         found = matcher.compute(*eyes) / 16.0
         ground = np.ones(found.shape, bool)
         ground[:, :most] = False  # the right eye does not see all of it
