@@ -24,7 +24,7 @@ from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_po
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
 OutputFormat = Literal["tum", "euroc", "kitti"]
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
-_GRACE = 3.0
+_GRACE = 10.0
 """How long a program has to end after it was asked to [s]."""
 _LOG = "output.txt"
 _NOTE = ".used"

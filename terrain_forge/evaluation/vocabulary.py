@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,7 @@ def make_vocabulary(progress: Progress = silent) -> Path:
     path = vocabulary_file()
     if path.is_file():
         return path
+    _opencv()  # before worlds are made
     text = train_vocabulary([orb_descriptors(image) for image in _pictures(progress)])
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_name(f".{os.getpid()}.{path.name}")
@@ -68,13 +70,17 @@ def orb_descriptors(image: NDArray[np.uint8]) -> Descriptors:
     Raises:
         DataError: if OpenCV is missing.
     """
+    finder = _opencv().ORB_create(nfeatures=_FEATURES, fastThreshold=10)
+    _, found = finder.detectAndCompute(image, None)
+    return np.zeros((0, 32), np.uint8) if found is None else np.asarray(found, np.uint8)
+
+
+def _opencv() -> Any:
     try:
         import cv2
     except ImportError:
         raise DataError("a vocabulary needs OpenCV: pip install 'terrain-forge[slam]'") from None
-    finder = cv2.ORB_create(nfeatures=_FEATURES, fastThreshold=10)  # type: ignore[attr-defined]
-    _, found = finder.detectAndCompute(image, None)
-    return np.zeros((0, 32), np.uint8) if found is None else np.asarray(found, np.uint8)
+    return cv2
 
 
 def _pictures(progress: Progress) -> Iterator[NDArray[np.uint8]]:

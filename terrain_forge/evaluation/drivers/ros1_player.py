@@ -9,6 +9,7 @@ PATH; the recorded bag is read by the library rosbags.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import shlex
 import signal
@@ -26,6 +27,8 @@ POINTS = "/velodyne_points"
 Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From axes z forward, x left, y up to x forward, y left, z up."""
 GRACE = 30.0
+ABANDONED = 8.0
+"""How long all have to end once this program was told to [s]."""
 
 
 def arguments() -> argparse.Namespace:
@@ -112,6 +115,17 @@ class Programs:
                 continue
         process.wait()
 
+    def abandon(self) -> None:
+        """End all at once and soon, and this program too."""
+        for number in (signal.SIGINT, signal.SIGKILL):
+            for process in self.running:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, number)
+            until = time.monotonic() + ABANDONED
+            while time.monotonic() < until and any(one.poll() is None for one in self.running):
+                time.sleep(0.05)
+        os._exit(143)
+
     def end_all(self) -> None:
         """End all, the last first."""
         while self.running:
@@ -122,6 +136,7 @@ def play(told: argparse.Namespace, recorded: Path) -> None:
     """Run the system over the bag and record what it publishes."""
     before, command = system_of(told)
     programs = Programs(before)
+    signal.signal(signal.SIGTERM, lambda *_: programs.abandon())
     try:
         programs.start("roscore", "-p", str(programs.port))
         begin = time.monotonic()

@@ -158,6 +158,27 @@ def test_a_binary_is_named_by_its_path(dataset, tmp_path):
             with_binaries([], [told])
 
 
+OTHERS = {
+    "rtab-map": "source, target = words[-1], words[words.index('--output') + 1]\n"
+    "target += '/rtabmap_poses.txt'\n",
+    "libviso2": "source, target = words\n",
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_binaries_of_kitti(dataset, tmp_path, name):
+    program = tmp_path / "program"
+    program.write_text(
+        f"#!{sys.executable}\nimport shutil, sys\nwords = sys.argv[1:]\n{OTHERS[name]}"
+        "assert 'P1:' in open(f'{source}/calib.txt').read()\n"
+        "shutil.copy(f'{source}/../../poses/00.txt', target)\n"
+    )
+    program.chmod(0o755)
+    (result,) = evaluate_recording(dataset, with_binaries([], [f"{name}={program}"]))
+    assert result.run.status == "done", result.run.log
+    assert result.score.ate.rms < 1e-9
+
+
 def test_without_a_vocabulary_its_making_is_told(dataset, monkeypatch, tmp_path):
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "none"))
     (result,) = evaluate_recording(dataset, with_binaries([], ["orb-slam2=/bin/true"]))

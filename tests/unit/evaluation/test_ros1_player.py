@@ -25,6 +25,7 @@ open({log!r}, "a").write(" ".join([name, *sys.argv[1:]]) + "\\n")
 class Interrupted(Exception):
     pass
 def interrupt(*_):
+    open({log!r}, "a").write(name + " was interrupted\\n")
     raise Interrupted
 signal.signal(signal.SIGINT, interrupt)
 if name in ("roscore", "roslaunch", "alone"):
@@ -96,12 +97,12 @@ def ros(tmp_path, monkeypatch):
         (programs / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
 
-    def run(name, binary, *, z_forward=False):
+    def run(name, binary, *, z_forward=False, **changes):
         truth = dataset / "truth" / "lidar0.tum"
         writer.write_text(f"truth, z_forward = {str(truth)!r}, {z_forward}\n" + _WRITER)
         (adapter,) = chosen_systems(name, dataset, [f"{name}={binary}"])
         quick = adapter.command + " --delay 0 --settle 0"
-        (result,) = evaluate_recording(dataset, [replace(adapter, command=quick)])
+        (result,) = evaluate_recording(dataset, [replace(adapter, command=quick, **changes)])
         return result, log.read_text().splitlines() if log.exists() else []
 
     return run, tmp_path
@@ -155,6 +156,22 @@ def test_corrections_of_the_graph_are_applied_from_when_they_came(ros):
     assert any(line.endswith("/odom /hdl_graph_slam/odom2pub") for line in log)
 
 
+def _linger(place):
+    """The bag is played for longer than anyone waits."""
+    play = place / "ros" / "rosbag"
+    play.write_text(play.read_text() + "\nif 'play' in sys.argv:\n    time.sleep(20)\n")
+
+
+@pytest.mark.slow
+def test_none_of_its_programs_outlives_the_timeout(ros):
+    run, place = ros
+    _linger(place)
+    result, log = run("a-loam", place / "ros" / "alone", timeout_s=2.0)
+    assert (result.run.status, result.run.why) == ("timeout", "killed after 2 s")
+    ended = sorted(line.split()[0] for line in log if line.endswith("was interrupted"))
+    assert ended == ["alone", "rosbag", "rosbag", "roscore"]
+
+
 @pytest.mark.parametrize(
     ("program", "why"),
     [
@@ -171,8 +188,7 @@ def test_what_goes_wrong_is_told(ros, program, why):
     elif program:
         binary.write_text(f"#!/bin/sh\n{program}\n")
         binary.chmod(0o755)
-        play = place / "ros" / "rosbag"
-        play.write_text(play.read_text() + "\nif 'play' in sys.argv:\n    time.sleep(20)\n")
+        _linger(place)
     result, _ = run("a-loam", binary)
     assert result.run.status == "failed"
     assert why in result.run.why

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
-from terrain_forge.base import DataError
-from terrain_forge.evaluation.vocabulary import orb_descriptors, train_vocabulary
+from terrain_forge.base import DataError, OutputError
+from terrain_forge.evaluation.vocabulary import make_vocabulary, orb_descriptors, train_vocabulary
 
 
 def _alike(rng, centre, count, flips):
@@ -78,6 +79,28 @@ def test_features_that_are_all_alike_or_too_few():
     assert train_vocabulary([same], branches=4) == "4 6 0 0"
     with pytest.raises(DataError, match="of 3 descriptors: at least 10"):
         train_vocabulary([same[:3]])
+
+
+def test_without_opencv_no_world_is_made_in_vain(monkeypatch, tmp_path):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(DataError, match=r"pip install 'terrain-forge\[slam\]'"):
+        make_vocabulary(progress=pytest.fail)  # which is told of each world
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", "off")
+    with pytest.raises(OutputError, match="TERRAIN_FORGE_CACHE is off"):
+        make_vocabulary()
+
+
+@pytest.mark.slow
+def test_it_is_trained_on_worlds_of_ours_once(monkeypatch, tmp_path):
+    pytest.importorskip("cv2", reason="OpenCV is not installed")
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    path = make_vocabulary()
+    head, nodes = _read(path.read_text())
+    assert head == [10, 6, 0, 0]
+    assert len(nodes) > 5000
+    path.write_text("kept")
+    assert make_vocabulary().read_text() == "kept"
 
 
 def test_descriptors_of_a_picture():

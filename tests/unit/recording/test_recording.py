@@ -322,7 +322,7 @@ def test_the_command_ends_with_one_line_and_its_status(world, tmp_path, monkeypa
         done = run("record", tmp_path, "--only", "eye")
     assert done.returncode == 130
     assert re.search(
-        r"^interrupted, 5 of 56 measurements are in .*goes on from there$", done.stderr, re.M
+        r"^interrupted, 5 of 58 measurements are in .*goes on from there$", done.stderr, re.M
     )
     done = run("record", tmp_path, "--only", "eye", "--to", "10", "--workers", "2")
     assert done.returncode == 0, done.stderr

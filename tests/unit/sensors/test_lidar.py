@@ -264,7 +264,10 @@ def test_a_wide_beam_mixes_what_it_spans_and_nothing_else(hill):
             table = np.degrees(thin.elevations) + up
             side = -left / np.cos(np.radians(table))
             near = thin.replace(
-                elevations_deg=tuple(table.tolist()), azimuth_offsets_deg=tuple(side.tolist())
+                channels=16,
+                vertical_fov_deg=30.0,
+                elevations_deg=tuple(table.tolist()),
+                azimuth_offsets_deg=tuple(side.tolist()),
             )
             sweep, image = take_sweep(hill, near, 2), np.full((180, 12), np.nan)
             image[sweep.column, sweep.ring] = sweep.distance
