@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -24,8 +23,10 @@ from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_po
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
 OutputFormat = Literal["tum", "euroc", "kitti"]
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
-_GRACE = 10.0
-"""How long a program has to end after it was asked to [s]."""
+_GRACE = 15.0
+"""How long a launcher has to end its program and itself [s]."""
+_KEPT = 2**24
+"""Bytes of what a program printed or wrote that are kept."""
 _LOG = "output.txt"
 _NOTE = ".used"
 _LAUNCHER = str(Path(__file__).with_name("launcher.py"))
@@ -161,9 +162,8 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             keep.mkdir(parents=True, exist_ok=True)
             for path in [folder / _LOG, *_found(folder, pattern)[:1]]:
                 if path.is_file():
-                    shutil.copyfile(path, keep / path.name)
-        log = folder / _LOG
-        last = log.read_text(errors="replace")[-4000:] if log.is_file() else ""
+                    (keep / path.name).write_bytes(_end_of(path, _KEPT))
+        last = _end_of(folder / _LOG, 4000).decode(errors="replace")
     seconds, processor, memory = used
     return Run(
         system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
@@ -191,7 +191,7 @@ def _watched(
             _end(process)
             raise
         finally:
-            _kill(process.pid, signal.SIGKILL)  # what it left behind
+            _kill(process.pid, signal.SIGKILL)
     told = note.read_text(encoding="utf-8") if note.is_file() else "0 0"  # it was killed
     note.unlink(missing_ok=True)
     try:
@@ -203,9 +203,18 @@ def _watched(
         return "timeout", f"killed after {adapter.timeout_s:g} s", used
     if status := process.returncode:
         how = f"signal {-status}" if status < 0 else f"status {status}"
-        lines = (folder / _LOG).read_text(errors="replace").strip().splitlines()
+        lines = _end_of(folder / _LOG, 4000).decode(errors="replace").strip().splitlines()
         return "failed", ": ".join([f"ended with {how}", *lines[-1:]]), used
     return "done", "", used
+
+
+def _end_of(path: Path, most: int) -> bytes:
+    """The last bytes of a file; none where it is not there."""
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - most, 0))
+        return file.read(most)
 
 
 def _ended(process: subprocess.Popen[bytes], seconds: float) -> bool:
@@ -218,11 +227,11 @@ def _ended(process: subprocess.Popen[bytes], seconds: float) -> bool:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and all that it started."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        _kill(process.pid, number)
-        if _ended(process, _GRACE):
-            return
+    """End a program and all that it started, which its launcher does."""
+    process.terminate()
+    if not _ended(process, _GRACE):
+        process.kill()
+        process.wait()
 
 
 def _kill(group: int, number: int) -> None:
@@ -233,10 +242,11 @@ def _kill(group: int, number: int) -> None:
 
 
 def _found(folder: Path, pattern: str) -> list[Path]:
+    """Files of its own folder that a pattern names; no link leads out of it."""
+    inside = folder.resolve()
     path = Path(pattern)
-    if path.is_absolute():
-        return [path] if path.is_file() else []
-    return sorted(one for one in folder.glob(pattern) if one.is_file())
+    named = [path] if path.is_absolute() else sorted(folder.glob(pattern))
+    return [p for p in named if p.is_file() and p.resolve().is_relative_to(inside)]
 
 
 def _estimate(folder: Path, pattern: str, adapter: Adapter) -> tuple[TimedPoses | None, str]:

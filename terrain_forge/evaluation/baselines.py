@@ -9,25 +9,31 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, matrix_from_quaternion, portable
-from terrain_forge.datasets import Recording, open_recording
+from terrain_forge.base import Array, DataError, ExportError, matrix_from_quaternion, portable
+from terrain_forge.datasets import Recording, open_recording, rectified_pair, straight_stream
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.visual_odometry import stereo_odometry
 
 
 def stereo(recording: Recording) -> TimedPoses:
     """Our stereo odometry over the first rectified pair."""
-    pairs = [pair for pair in recording.pairs if pair.rectified]
-    if not pairs:
-        raise DataError("stereo odometry needs a rectified stereo pair, none was recorded")
-    left, right = pairs[0].left, pairs[0].right
+    try:
+        pair = rectified_pair(recording, "", "stereo odometry")
+    except ExportError as error:
+        raise DataError(str(error)) from None
+    left, right = pair.left, pair.right
+    stream = straight_stream(left)
     focal, _, column, row = left.intrinsics.tolist()
 
     def images() -> Iterator[tuple[float, NDArray[np.uint8], NDArray[np.uint8]]]:
         for number, stamp in enumerate(left.stamps.tolist()):
-            yield stamp * 1e-9, _grey(left.image(number)), _grey(right.image(number))
+            yield (
+                stamp * 1e-9,
+                _grey(left.image(number, stream)),
+                _grey(right.image(number, stream)),
+            )
 
-    return stereo_odometry(images(), focal=focal, centre=(column, row), baseline=pairs[0].baseline)
+    return stereo_odometry(images(), focal=focal, centre=(column, row), baseline=pair.baseline)
 
 
 def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

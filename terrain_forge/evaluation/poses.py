@@ -20,6 +20,7 @@ from terrain_forge.base import (
 )
 
 _MAX_FILE = 2**30
+_FARTHEST = 1e9
 _UNIT = 1e-2
 """How far the length of a quaternion may be from 1: systems write few digits."""
 
@@ -169,6 +170,7 @@ def checked_poses(
     values = np.column_stack([time, position, quaternion])
     refuse(np.asarray(~np.isfinite(values).all(axis=1)), "a value is not a finite number")
     refuse(np.concatenate([[False], np.diff(time) <= 0.0]), "its time is not after the one before")
+    refuse(np.asarray(np.abs(position).max(axis=1) > _FARTHEST), "it is farther than 1e9 m away")
     length = portable.norm(quaternion)
     refuse(np.abs(length - 1.0) > _UNIT, "its quaternion is not of length one")
     return TimedPoses(

@@ -169,11 +169,13 @@ def _segments(
 ) -> tuple[Array, Array]:
     """Relative errors of the length of pieces of the path, and the poses where they begin and end.
 
-    A piece begins at each pose and ends at the first that is as far on by the true path.
+    A piece begins at each station, or pose, and ends at the first that is as far on by the true
+    path; stations are taken a little closer where the length is no multiple of their distance.
     """
     whole = truth.stations
     true_at, told_at, rows = whole, estimate.stations, np.arange(len(whole))
     if apart:
+        apart = over / np.ceil(over / apart - 1e-9)
         wanted = np.arange(0.0, whole[-1] + 1e-9, apart)
         moves = np.concatenate([[True], np.diff(whole) > 0.0])  # one time for each station
         time = np.interp(wanted, whole[moves], truth.time[moves])
@@ -181,6 +183,8 @@ def _segments(
         told_at = _lengths(estimate, time)
         rows = np.clip(np.searchsorted(truth.time, time), 0, len(whole) - 1)
     ends = np.searchsorted(true_at, true_at + over * (1.0 - 1e-12))
+    if apart:  # along the path, not along the lines between stations, which are shorter
+        ends = np.arange(len(true_at)) + round(over / apart)
     begins = np.flatnonzero(ends < len(true_at))
     ends = ends[begins]
     true = true_at[ends] - true_at[begins]

@@ -120,7 +120,7 @@ def _calibration(folder: Folder, body: Folder | None) -> bytes:
             "sensor_type": folder.sensor.kind,
             "comment": folder.sensor.name,
             "T_BS": matrix(from_body(folder, body)),
-            "rate_hz": folder.rate,
+            "rate_hz": int(folder.rate) if folder.rate == int(folder.rate) else folder.rate,
             **folder.instrument.calibration(),
         },
         "T_BS: from the sensor's frame to the body's; SI units",

@@ -101,7 +101,7 @@ def calibration_of(sensor: CameraSensor, *, rectified: bool) -> dict[str, Any]:
         "camera_model": "pinhole",
         "intrinsics": [fu, fv, cu, cv],
         "distortion_model": bent.MODEL if bent else "none",
-        "distortion_coefficients": list(bent.k) if bent else [],
+        "distortion_coefficients": list(bent.k) if bent else [0.0] * 4,
     }
 
 
