@@ -61,8 +61,8 @@ class Adapter(Spec):
     format: OutputFormat = "tum"
     """Format of the trajectory."""
     frame: FileName = "base_link"
-    """Whose motion the trajectory is: `base_link`, or a sensor's folder such as `cam0`, `lidar0` or
-    `imu0`."""
+    """Whose motion the trajectory is: `base_link`, a sensor's folder such as `cam0`, `lidar0` or
+    `imu0`, or `body`: that of the first IMU, or base_link where none was recorded."""
     timeout_s: Annotated[float, Interval(ge=1, le=1e6)] = 3600.0
     """When it is killed [s]."""
     environment: dict[str, str] = field(default_factory=dict)
