@@ -60,7 +60,7 @@ def evaluate_recording(
             if progress:
                 progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
             results.append(_result(recording, adapter, number, inputs, options))
-    write_results(results, recording.folder / FOLDER)
+            write_results(results, recording.folder / FOLDER)  # an interrupt loses one run only
     return results
 
 
@@ -74,7 +74,12 @@ def _result(
     keep = recording.folder / FOLDER / f"{adapter.name}_{number}"
     shutil.rmtree(keep, ignore_errors=True)
     try:
-        run = run_system(adapter, _places(recording, adapter, inputs), keep=keep)
+        places = _places(recording, adapter, inputs)
+        before = _state(recording.folder)
+        run = run_system(adapter, places, keep=keep)
+        if changed := sorted(before ^ _state(recording.folder)):
+            why = f"it changed the recording: {changed[0][0]}; record it again"
+            run = run.replace(status="failed", why=why, estimate=None)
     except (DataError, ExportError, OutputError, RecipeError) as error:
         run = Run(
             system=adapter.name, status="failed", why=str(error), seconds=0.0, processor_s=0.0,
@@ -89,6 +94,17 @@ def _result(
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
     return Result(run=run, number=number, score=score, frame=adapter.frame, world=recording.name)
+
+
+def _state(folder: Path) -> set[tuple[str, int, int]]:
+    """Name, size and time of change of each file of a recording, results apart."""
+    return {
+        (path.relative_to(folder).as_posix(), stat.st_size, stat.st_mtime_ns)
+        for path in folder.rglob("*")
+        if path.relative_to(folder).parts[0] != FOLDER
+        and (stat := path.lstat())
+        and not path.is_dir()
+    }
 
 
 def _places(recording: Recording, adapter: Adapter, inputs: dict[str, Path]) -> dict[str, str]:

@@ -109,6 +109,31 @@ def _lives(number):
         return False
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="sessions of their own end on Linux alone")
+@pytest.mark.parametrize("sleeps", [0, 60])
+def test_what_it_left_in_a_session_of_its_own_ends_with_it(tmp_path, sleeps):
+    body = f"""
+    import subprocess
+    child = subprocess.Popen(
+        [{sys.executable!r}, '-c', 'import time; time.sleep(60)'], start_new_session=True
+    )
+    open({str(tmp_path / "child")!r}, 'w').write(str(child.pid))
+    time.sleep({sleeps})
+    """
+    run = _system(tmp_path, body + COPY.replace("\n", "\n    "), timeout_s=1.5)
+    assert run.status == ("timeout" if sleeps else "done")
+    assert not _lives(int((tmp_path / "child").read_text()))
+
+
+def test_a_trajectory_outside_its_folder_is_none_of_its_own(tmp_path):
+    (tmp_path / "old.tum").write_text(TRUTH)
+    run = _system(tmp_path, "pass", output=str(tmp_path / "old.tum"))
+    assert run.status == "lost"
+    run = _system(tmp_path, f"os.symlink({str(tmp_path / 'old.tum')!r}, target)")
+    assert run.status == "lost"
+    assert not (tmp_path / "kept" / "fake.tum").exists()
+
+
 def test_a_command_that_cannot_be_filled_in_is_told():
     for command, told in {
         "run {inptu}": "command has {inptu}, known: {input}, {output}",

@@ -129,8 +129,8 @@ def test_a_workspace_is_sourced_launched_and_played_to(ros):
     run, place = ros
     result, log = run("a-loam", _workspace(place / "my catkin"))
     _require_truth(result.run, place)
-    assert log[0].startswith("roscore -p ")
-    assert log[1] == "rosparam set /use_sim_time true"
+    assert any(line.startswith("roscore -p ") for line in log[:2])  # it begins beside the next
+    assert "rosparam set /use_sim_time true" in log[:2]
     assert "roslaunch aloam_velodyne aloam_velodyne_VLP_16.launch rviz:=false" in log
     (record,) = [line for line in log if line.startswith("rosbag record")]
     assert record.endswith("--buffsize=0 /aft_mapped_to_init")
