@@ -207,6 +207,10 @@ class Recording:
             values = rows["values"]
             if not np.isfinite(values).all():
                 raise DataError(f"{where}: a value is no number")
+            length = portable.norm(values[:, 3:])
+            if np.abs(length - 1.0).max(initial=0.0) > 1e-6:
+                row = int(np.argmax(np.abs(length - 1.0)))
+                raise DataError(f"{where}:{row + 1}: its quaternion is not of length one")
         stamps = rows["second"] * 10**9 + rows["fraction"]
         ascending(stamps, where)
         turns = np.roll(values[:, 3:], 1, axis=1)

@@ -70,7 +70,9 @@ class RecordedSensor:
             found = np.asarray(self.value(name), np.float64).ravel()
             if found.size not in count or not np.isfinite(found).all():
                 wanted = " or ".join(map(str, count))
-                raise DataError(f"{name} of {self.place}: {found.size} numbers, not {wanted}")
+                raise DataError(
+                    f"{name} of {self.place}: {found.size} numbers, {wanted} finite ones are needed"
+                )
             return found
 
     @cached_property
@@ -292,7 +294,7 @@ class RecordedSeries(RecordedSensor):
                 with reading(where):
                     rows = np.loadtxt(lines, kinds, delimiter=",", ndmin=1, comments=None)
                     if not np.isfinite(rows["values"]).all():
-                        raise DataError("a value is no number")
+                        raise DataError(f"{where}: a value is no number")
                 ascending(np.concatenate([last, rows["stamp"]]), where)
                 last = rows["stamp"][-1:]
                 yield rows["stamp"], rows["values"]
