@@ -7,6 +7,7 @@ import importlib
 import json
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -242,3 +243,16 @@ def test_threads_begin_in_one_place():
     files = [*PACKAGE.rglob("*.py"), *(ROOT / "exporters").rglob("*.py")]
     found = [path for path in files if any(word in path.read_text() for word in words)]
     assert found == [PACKAGE / "base" / "threads.py"]
+
+
+def test_every_package_comes_with_the_wheel():
+    """Setuptools takes the list as it is; what it lacks, only an installed wheel would miss."""
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    homes = {"terrain_forge": PACKAGE, "terrain_forge.exporters": ROOT / "exporters"}
+    found = {
+        ".".join([name, *path.parent.relative_to(home).parts])
+        for name, home in homes.items()
+        for path in home.rglob("__init__.py")
+    }
+    data = {"terrain_forge.dtm_samples", "terrain_forge.recipes"}
+    assert set(listed) == found | data
