@@ -32,6 +32,8 @@ ROOMS = {
     "datasets": "Datasets",
     "model": "Values that stages hand on",
     "base": "Errors and parts",
+    "recording": "Recordings",
+    "evaluation": "Evaluation of localisation",
 }
 """Rooms with names in `terrain_forge`, as the reference lists them."""
 

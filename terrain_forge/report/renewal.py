@@ -34,6 +34,10 @@ def renew_report_page(world: World, out: Path) -> None:
         with updating(out, foreign=foreign) as fresh:
             write_report_page(world, fresh, exports=exports, dataset=dataset_folder(out))
             write_manifest(world.site, fresh, exports=exports, altered=altered, foreign=foreign)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            "the recording is complete, its report page is not renewed"
+        ) from None
     except Exception as error:
         why = " ".join(str(error).split())[:300] or type(error).__name__
         _log.warning("recorded, but the report page is not written anew: %s", why)

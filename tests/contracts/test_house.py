@@ -256,3 +256,16 @@ def test_every_package_comes_with_the_wheel():
     }
     data = {"terrain_forge.dtm_samples", "terrain_forge.recipes"}
     assert set(listed) == found | data
+
+
+def test_every_room_of_the_package_has_a_title_on_the_site():
+    """The site's own packages are not here, so its hooks are read, not run."""
+    tree = ast.parse((ROOT / "docs" / "site_hooks.py").read_text())
+    (titles,) = [
+        ast.literal_eval(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "ROOMS"
+    ]
+    stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
+    rooms = {node.module for node in stub.body if isinstance(node, ast.ImportFrom)}
+    assert rooms <= titles.keys()
