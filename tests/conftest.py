@@ -1,5 +1,6 @@
 import gc
 import os
+import signal
 import sys
 from functools import partial
 
@@ -20,6 +21,13 @@ def small_world():
 def build(tmp_path_factory):
     """Compiles one of the small programs of tests/consumers, or skips the test."""
     return partial(compile_program, tmp_path_factory.mktemp("consumers"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _interrupts():
+    """Who runs the tests in the background may have them ignore interrupts, which some raise."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -84,14 +84,17 @@ def read_probe(beside: str, name: str) -> str:
     return Path(beside).with_name(name).read_text(encoding="utf-8")
 
 
-@cache
 def python_with(module: str, variable: str) -> Path:
     """A Python interpreter that can import a module: our own, or the one that a variable names.
 
     Raises:
         NotRun: if neither can.
     """
-    chosen = os.environ.get(variable)
+    return _python_with(module, variable, os.environ.get(variable, ""))
+
+
+@cache
+def _python_with(module: str, variable: str, chosen: str) -> Path:
     if not chosen:
         if find_spec(module) is None:
             raise NotRun(f"{module} is not installed here, and {variable} names no Python with it")
