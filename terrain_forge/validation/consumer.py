@@ -7,7 +7,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -90,11 +89,7 @@ def python_with(module: str, variable: str) -> Path:
     Raises:
         NotRun: if neither can.
     """
-    return _python_with(module, variable, os.environ.get(variable, ""))
-
-
-@cache
-def _python_with(module: str, variable: str, chosen: str) -> Path:
+    chosen = os.environ.get(variable)
     if not chosen:
         if find_spec(module) is None:
             raise NotRun(f"{module} is not installed here, and {variable} names no Python with it")

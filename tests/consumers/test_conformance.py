@@ -166,7 +166,6 @@ def test_a_rounded_size_is_no_error_of_a_rock_that_is_mostly_buried(mixed, tmp_p
 
 def test_what_is_not_installed_is_not_run(mixed, tmp_path, monkeypatch):
     monkeypatch.setenv("TERRAIN_FORGE_DRAKE_PYTHON", str(tmp_path / "nowhere"))
-    python_with.cache_clear()
     with pytest.raises(NotRun, match="is no Python"):
         python_with("pydrake", "TERRAIN_FORGE_DRAKE_PYTHON")
     export = Export(folder="drake", kind="drake", options={})
@@ -174,7 +173,6 @@ def test_what_is_not_installed_is_not_run(mixed, tmp_path, monkeypatch):
     (entry,), reading = read(sample, tmp_path, export, DRAKE, drake.Options(), tmp_path)
     assert (entry.status, reading, entry.check) == ("not run", None, None)
     assert "not run: " in table_text([vars(entry)])
-    python_with.cache_clear()
 
 
 def test_an_export_that_cannot_be_read_fails(mixed, tmp_path):
