@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead, worker_threads
+from terrain_forge import report
+from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead
 from terrain_forge.building import (
     BuildResult,
-    FolderState,
     blaming,
     chosen_exports,
     dtm_lines,
@@ -34,7 +34,6 @@ from terrain_forge.building import (
     updating,
     write_export,
     write_files,
-    write_manifest,
 )
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
@@ -42,7 +41,6 @@ from terrain_forge.recipe import (
     DatasetSpec,
     ExportOrder,
     Recipe,
-    ValidateSpec,
     export_orders,
     input_paths,
     require_exports,
@@ -56,7 +54,7 @@ from terrain_forge.recording import (
     recording_lines,
     require_recordable,
 )
-from terrain_forge.rovers import resolve_rover, with_sensors
+from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
 from terrain_forge.validation import failed_checks
 
@@ -139,10 +137,9 @@ def build(
         require_apart(out, inputs)
         removed = require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
-        rover = with_sensors(resolve_rover(recipe.rover, Path(folder)).rover, recipe.sensors)
-        require_recordable(recipe, rover)
         compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
+        require_recordable(recipe, rover_of(site))
         require_exports(orders, site)
         watch.expect(stage_seconds(site, orders))
         with replacing(out, force=force) as directory:
@@ -191,7 +188,7 @@ def _write_whole(
 ) -> tuple[tuple[Export, ...], bool]:
     """Write all of a world into an empty folder; its exports, and whether all checks passed."""
     exports = write_files(world, directory, orders=orders, watch=watch)
-    return exports, _assess(world, directory, exports=exports, watch=watch)
+    return exports, report.assess(world, directory, exports=exports, watch=watch)
 
 
 def export(
@@ -236,7 +233,7 @@ def export(
             for order in orders:
                 watch(f"export {order.folder}")
                 exports[order.folder] = write_export(world, fresh, order)
-            _assess(
+            report.assess(
                 world,
                 fresh,
                 exports=tuple(exports.values()),
@@ -281,7 +278,7 @@ def validate(
         require_readable_recipe(world, out)
         before = folder_state(out, manifest)
         with updating(out, foreign=before.foreign) as fresh, blaming(out, before.altered):
-            return _assess(
+            return report.assess(
                 world,
                 fresh,
                 exports=exports_in(manifest),
@@ -346,72 +343,6 @@ def record(
         return recorded
 
 
-def _assess(
-    world: World,
-    directory: Path,
-    *,
-    exports: tuple[Export, ...],
-    watch: Stopwatch,
-    before: FolderState | None = None,
-    dataset: Path | None = None,
-    every_consumer: bool = False,
-    drives: int | None = None,
-) -> bool:
-    """Validate what lies in the folder, write its report page, timings and manifest.
-
-    Args:
-        world: the world.
-        directory: the output folder.
-        exports: what was exported into the folder.
-        watch: called with what is being done.
-        before: what lay in the folder; nothing, if not given.
-        dataset: the folder of the world's recording.
-        every_consumer: whether to open the exports in all consumers, whatever the recipe says.
-        drives: from how many random starts to drive, instead of what the recipe says.
-
-    Returns:
-        Whether every check passed.
-    """
-    from terrain_forge.report import take_map, write_report_page
-    from terrain_forge.validation import validate as validate_world
-
-    watch("validation")
-    before = before or FolderState()
-    spec = world.site.recipe.validate or ValidateSpec()
-    if every_consumer:
-        spec = replace(spec, consumers="all")
-    if drives:
-        spec = replace(spec, drives=drives)
-    with worker_threads(1) as pool:
-        # The page's largest picture is all rays, which leave Python's lock to the checks.
-        above = pool.submit(take_map, world)
-        result = validate_world(
-            world,
-            directory,
-            spec=spec,
-            exports=exports,
-            altered=tuple(before.altered),
-            foreign=before.foreign,
-            earlier=before.assessment,
-            progress=lambda part, share: watch(f"validation: {part}", share),
-        )
-    watch.figures.update(result.timings)
-    watch("report page")
-    write_report_page(
-        world, directory, exports=result.exports, above=above.result(), dataset=dataset
-    )
-    watch("manifest")
-    watch.write(directory)
-    write_manifest(
-        world.site,
-        directory,
-        exports=result.exports,
-        altered=before.altered,
-        foreign=before.foreign,
-    )
-    return result.passed
-
-
 def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     """Lines that say what a recipe will make; the DTM comes first, even where it cannot serve.
 
@@ -426,6 +357,6 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
         return
     site, orders = plan(recipe, folder=folder), export_orders(recipe)
     yield from site_lines(site, orders)
-    rover = with_sensors(resolve_rover(recipe.rover, Path(folder)).rover, recipe.sensors)
+    rover = rover_of(site)
     require_recordable(recipe, rover)
     yield from recording_lines(site, rover.sensors)

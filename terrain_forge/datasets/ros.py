@@ -6,7 +6,7 @@ import heapq
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from terrain_forge.datasets.streams import (
     RecordedSensor,
     RecordedSeries,
 )
+from terrain_forge.datasets.writer import DatasetWriter, needed
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -53,6 +54,19 @@ class RosOptions(Spec):
     where a system's own answer would be a second parent of base_link."""
     depth: bool = False
     """Write the cameras' true depth as images of 32-bit metres."""
+
+
+class RosBag(DatasetWriter):
+    """A format of bags, which a module of rosbags writes."""
+
+    library: ClassVar[str]
+    """The module."""
+
+    def check(self, recording: Recording, options: Any) -> None:
+        """Refuse names of sensors that were not recorded."""
+        needed(self.library, f"the format {self.kind}")
+        for name in options.sensors:
+            recording.sensor(name)
 
 
 @dataclass(frozen=True, kw_only=True)

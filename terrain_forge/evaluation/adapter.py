@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -160,9 +161,11 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             status, why = ("done", "") if estimate is not None else ("lost", wrong)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
-            for path in [folder / _LOG, *_found(folder, pattern)[:1]]:
-                if path.is_file():
-                    (keep / path.name).write_bytes(_end_of(path, _KEPT))
+            (keep / _LOG).write_bytes(_end_of(folder / _LOG, _KEPT))
+            trajectory = keep / f"{adapter.name}.{adapter.format}"
+            trajectory.unlink(missing_ok=True)  # an earlier run's
+            for path in _found(folder, pattern)[:1]:
+                shutil.copyfile(path, trajectory)
         last = _end_of(folder / _LOG, 4000).decode(errors="replace")
     seconds, processor, memory = used
     return Run(

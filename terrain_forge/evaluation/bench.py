@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -72,7 +71,6 @@ def _result(
     options: ScoreOptions | None,
 ) -> Result:
     keep = recording.folder / FOLDER / f"{adapter.name}_{number}"
-    shutil.rmtree(keep, ignore_errors=True)
     try:
         places = _places(recording, adapter, inputs)
         before = _state(recording.folder)

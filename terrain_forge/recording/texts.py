@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array
+from terrain_forge.writers import yaml_number
 
 STAMP = "#timestamp [ns]"
 
@@ -56,8 +57,7 @@ def _flow(value: Any) -> str:
         return "null" if value is None else str(bool(value)).lower()
     if isinstance(value, (int, np.integer)):
         return str(int(value))
-    text = repr(float(value))
-    return text.replace("e", ".0e") if "e" in text and "." not in text else text  # 1.1's floats
+    return yaml_number(value)
 
 
 _WORDS = {"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"}

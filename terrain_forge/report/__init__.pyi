@@ -1,5 +1,6 @@
 """The report page of a built world."""
 
+from .assessing import assess as assess
 from .blocks import Block as Block
 from .blocks import Cell as Cell
 from .blocks import facts as facts

@@ -34,3 +34,4 @@ from .xml import element as element
 from .xml import leaves as leaves
 from .xml import numbers as numbers
 from .xml import write_xml as write_xml
+from .yaml import yaml_number as yaml_number

@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 
 from terrain_forge.base import ExportError, Progress, Spec
 from terrain_forge.datasets.reader import Recording
-from terrain_forge.datasets.ros import RosMessages, RosOptions, in_order, losses
+from terrain_forge.datasets.ros import RosBag, RosMessages, RosOptions, in_order, losses
 from terrain_forge.datasets.ros_parts import TRANSFORMS
-from terrain_forge.datasets.writer import DatasetWriter, needed
 
 NAME = "recording.bag"
 
@@ -20,18 +19,13 @@ class Options(RosOptions):
     """Options of a ROS 1 bag."""
 
 
-class Rosbag1(DatasetWriter):
+class Rosbag1(RosBag):
     """Writes one uncompressed bag of version 2.0."""
 
     kind: ClassVar[str] = "rosbag1"
     title: ClassVar[str] = "ROS 1 bag"
     Options: ClassVar[type[Spec]] = Options
-
-    def check(self, recording: Recording, options: Any) -> None:
-        """Refuse names of sensors that were not recorded."""
-        needed("rosbags.rosbag1", "the format rosbag1")
-        for name in options.sensors:
-            recording.sensor(name)
+    library: ClassVar[str] = "rosbags.rosbag1"
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

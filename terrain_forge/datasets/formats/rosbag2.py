@@ -8,8 +8,7 @@ from typing import Any, ClassVar, Literal
 
 from terrain_forge.base import ExportError, Progress, Spec
 from terrain_forge.datasets.reader import Recording
-from terrain_forge.datasets.ros import RosMessages, RosOptions, in_order, losses
-from terrain_forge.datasets.writer import DatasetWriter, needed
+from terrain_forge.datasets.ros import RosBag, RosMessages, RosOptions, in_order, losses
 
 _VERSION: Literal[8] = 8
 """Of the metadata: what Humble and later read."""
@@ -26,18 +25,17 @@ class Options(RosOptions):
     such chunks."""
 
 
-class Rosbag2(DatasetWriter):
+class Rosbag2(RosBag):
     """Writes a bag: a folder with metadata.yaml and one file."""
 
     kind: ClassVar[str] = "rosbag2"
     title: ClassVar[str] = "ROS 2 bag"
     Options: ClassVar[type[Spec]] = Options
+    library: ClassVar[str] = "rosbags.rosbag2"
 
     def check(self, recording: Recording, options: Any) -> None:
-        """Refuse names of sensors that were not recorded, and compressed sqlite3."""
-        needed("rosbags.rosbag2", "the format rosbag2")
-        for name in options.sensors:
-            recording.sensor(name)
+        """Also refuse compressed sqlite3."""
+        super().check(recording, options)
         if options.storage == "sqlite3" and options.compression != "none":
             raise ExportError("rosbag2: compression zstd needs storage mcap, not sqlite3")
 

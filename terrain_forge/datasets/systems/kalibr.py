@@ -6,7 +6,8 @@ from terrain_forge.base import Array, portable
 from terrain_forge.datasets.poses import inverse_pose
 from terrain_forge.datasets.streams import RecordedCamera
 from terrain_forge.datasets.systems.rig import Rig, four, model_of
-from terrain_forge.datasets.systems.texts import OPENCV, lines, nested, number, remark, row
+from terrain_forge.datasets.systems.texts import OPENCV, lines, nested, remark, row
+from terrain_forge.writers import yaml_number
 
 _IDENTITY = "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
 
@@ -104,7 +105,7 @@ def _estimator(rig: Rig) -> str:
     cameras = len(rig.cameras)
     return (
         remark(rig.gravity, "What is not said here is OpenVINS's default for EuRoC.")
-        + f"gravity_mag: {number(rig.recording.gravity)}\n"
+        + f"gravity_mag: {yaml_number(rig.recording.gravity)}\n"
         + lines(
             {
                 "verbosity": '"INFO"',

@@ -10,7 +10,8 @@ from terrain_forge.datasets.poses import inverse_pose
 from terrain_forge.datasets.ros import projection_of
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar
 from terrain_forge.datasets.systems.rig import Rig
-from terrain_forge.datasets.systems.texts import lines, number, remark, row
+from terrain_forge.datasets.systems.texts import lines, remark, row
+from terrain_forge.writers import yaml_number
 
 
 def ros_files(rig: Rig) -> dict[str, str]:
@@ -58,7 +59,8 @@ def lidar_files(rig: Rig) -> dict[str, str]:
                 "Deskewing is off: at a rover's speeds KISS-ICP's model of constant velocity feeds",
                 "its own jitter back (at 0.16 m/s over 60 m: 8 m off with it, 0.08 m without).",
             )
-            + f"data:\n  deskew: false\n  max_range: {number(far)}\n  min_range: {number(near)}\n"
+            + f"data:\n  deskew: false\n  max_range: {yaml_number(far)}\n"
+            + f"  min_range: {yaml_number(near)}\n"
         )
         if rig.imu:
             found["lio_sam/params.yaml"] = _lio_sam(rig, lidar)

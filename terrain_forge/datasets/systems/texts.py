@@ -6,24 +6,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from terrain_forge.base import Array
+from terrain_forge.writers import yaml_number
 
 OPENCV = "%YAML:1.0\n"
 """First line of what OpenCV reads."""
 
 
-def number(value: float) -> str:
-    """A number that reads back as it is, with a point even before an exponent.
-
-    YAML 1.1 takes 1e-05 for a word, and OpenCV 1 for no real number.
-    """
-    text = repr(float(value))
-    head, mark, power = text.partition("e")
-    return f"{head if '.' in head else f'{head}.0'}{mark}{power}"
-
-
 def row(values: Iterable[float]) -> str:
     """Numbers in brackets."""
-    return f"[{', '.join(map(number, values))}]"
+    return f"[{', '.join(map(yaml_number, values))}]"
 
 
 def opencv_matrix(name: str, values: Array, kind: str = "d") -> str:
@@ -47,7 +38,7 @@ def lines(values: Mapping[str, Any], indent: str = "") -> str:
     def told(value: Any) -> str:
         if isinstance(value, bool):
             return str(value).lower()
-        return number(value) if isinstance(value, float) else str(value)
+        return yaml_number(value) if isinstance(value, float) else str(value)
 
     return "".join(f"{indent}{key}: {told(value)}\n" for key, value in values.items())
 
