@@ -28,7 +28,7 @@ FLOORS = (
     ("paths",),
     ("rocks", "geometry"),
     ("terrain", "scene"),
-    ("dtm", "rovers", "writers"),
+    ("dtm", "rovers", "writers", "sky"),
     ("model",),
     ("base",),
 )

@@ -21,7 +21,7 @@ from tests.helpers.places import ROOT, parsed
 ORDER = [
     {"base"},
     {"model"},
-    {"dtm", "rovers", "writers"},
+    {"dtm", "rovers", "writers", "sky"},
     {"terrain", "scene"},
     {"rocks", "geometry"},
     {"paths"},
