@@ -22,7 +22,7 @@ FLOORS = (
     ("recording", "evaluation"),
     ("building", "exporters"),
     ("validation", "datasets"),
-    ("driving", "sensors"),
+    ("driving", "sensors", "illumination"),
     ("making",),
     ("recipe", "truth"),
     ("paths",),

@@ -26,6 +26,7 @@ from terrain_forge.terminal import (
     complete_starters,
     complete_terrain_models,
     completion_script,
+    illumination,
     names_of,
     run_command,
     run_process,
@@ -162,12 +163,7 @@ def build(
     require_apart(out.resolve(), [file.path])
     with located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
-            file.recipe,
-            out,
-            folder=file.folder,
-            only=names_of(only),
-            force=force,
-            progress=display,
+            file.recipe, out, folder=file.folder, only=names_of(only), force=force, progress=display
         )
     tell_build(result, out, display.elapsed)
     finish(result.passed, out)
@@ -322,6 +318,9 @@ def evaluate(
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
     chosen = chosen_systems(systems, paths[0], binaries)
     return tell_systems(paths[0], chosen, runs=runs, options=options, out=out)
+
+
+cli.add_command(illumination)
 
 
 @cli.command()

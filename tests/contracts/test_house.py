@@ -27,7 +27,7 @@ ORDER = [
     {"paths"},
     {"recipe", "truth"},
     {"making"},
-    {"driving", "sensors"},
+    {"driving", "sensors", "illumination"},
     {"validation", "datasets"},
     {"building", "exporters"},
     {"recording", "evaluation"},
