@@ -44,11 +44,12 @@ def crater(distance: np.ndarray, diameter: float) -> np.ndarray:
     return diameter * np.where(x > 1.5, 0.0, profile)
 
 
-def add_craters(heights: np.ndarray, posting: float, seed: int) -> None:
-    """Stamp craters of 8 to 90 m, N(≥D) = 10^-1.1 D^-2 per m² (Trask), most of them worn."""
+def add_craters(
+    heights: np.ndarray, posting: float, seed: int, smallest: float = 8.0, largest: float = 90.0
+) -> None:
+    """Stamp craters, N(≥D) = 10^-1.1 D^-2 per m² (Trask), most of them worn."""
     random = np.random.default_rng(seed)
     rows, columns = heights.shape
-    largest, smallest = 90.0, 8.0
     density = 10**-1.1 * (smallest**-2 - largest**-2)
     count = random.poisson(density * rows * columns * posting**2)
     u = random.random(count)
@@ -87,6 +88,9 @@ def main() -> None:
     mare = self_affine((320, 320), 2.0, 0.76, 0.035, seed=1969)
     add_craters(mare, 2.0, seed=11)
     write("moon_mare_synthetic.tif", mare - 1900.0, 2.0, "IAU_2015:30110", 711000.0, 20600.0)
+    pole = self_affine((360, 360), 10.0, 0.8, 0.1, seed=1972)
+    add_craters(pole, 10.0, seed=13, smallest=40.0, largest=800.0)
+    write("moon_pole_synthetic.tif", pole + 1200.0, 10.0, "IAU_2015:30135", -8000.0, 5200.0)
 
 
 if __name__ == "__main__":

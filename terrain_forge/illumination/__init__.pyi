@@ -1,7 +1,7 @@
 """Where the Sun shines and the Earth is seen: horizons, shadows, hours of light over a period."""
 
 from .horizon import Relief as Relief
-from .horizon import horizon as horizon
+from .horizon import horizon_slopes as horizon_slopes
 from .land import Land as Land
 from .land import Source as Source
 from .land import find_land as find_land

@@ -85,14 +85,18 @@ def _two(above: Above) -> list[tuple[str, Array]]:
 
 def write_film(
     path: Path, land: Land, light: Light, above: Above, captions: list[str], frames: int
-) -> None:
-    """Write the map under the moving Sun, north up, as an animated WebP."""
-    chosen = np.unique(np.linspace(0, len(captions) - 1, frames).round().astype(int)).tolist()
+) -> bool:
+    """Write the map under the moving Sun, north up, as an animated WebP; not where it is night."""
+    day = np.flatnonzero(light.moments.reshape(len(captions), -1).any(axis=1))
+    if not len(day):
+        return False
+    chosen = day[np.unique(np.linspace(0, len(day) - 1, frames).round().astype(int))].tolist()
     made = [shaded(land, above.sun[n], light.moments[n], captions[n]) for n in chosen]
     made[0].save(
         path, format="WEBP", save_all=True, append_images=made[1:], duration=_FRAME_MS, loop=0,
-        quality=70, method=3,
+        quality=85, method=3,
     )  # fmt: skip
+    return True
 
 
 def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> Image.Image:
@@ -102,7 +106,7 @@ def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> 
         1.0 + rise_east**2 + rise_north**2
     )
     shine = np.maximum(facing, 0.0) * percent / 100.0
-    grey = 0.02 + 0.75 * np.sqrt(shine)  # grazing light would else be black in a picture
+    grey = 0.02 + 0.55 * shine / max(float(np.percentile(shine, 98.0)), 1e-6)
     colour = np.stack([grey, grey, grey + 0.03], axis=-1)
     return _picture(np.asarray(255.0 * np.clip(srgb_from_linear(colour), 0.0, 1.0)), caption)
 

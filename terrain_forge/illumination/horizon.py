@@ -57,7 +57,7 @@ class Relief:
         )
 
 
-def horizon(reliefs: tuple[Relief, ...], points: Array, azimuth: float) -> Array:
+def horizon_slopes(reliefs: tuple[Relief, ...], points: Array, azimuth: float) -> Array:
     """Slope of the horizon [m/m] in a direction, over grids of which each lies within the next.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, OutputError, Record, shaped
-from terrain_forge.illumination.horizon import LOWEST, horizon
+from terrain_forge.illumination.horizon import LOWEST, horizon_slopes
 from terrain_forge.illumination.land import Land
 from terrain_forge.model import Ephemeris, Site
 from terrain_forge.sky import Above, days_of, highest_declination, look_up
@@ -115,7 +115,7 @@ def light_over(
     highest = _highest(ephemeris, lonlat[1], turns)
     never = np.ones(count, bool)
     for k, azimuth in enumerate(turns):
-        slopes = horizon(land.reliefs, land.points, float(azimuth))
+        slopes = horizon_slopes(land.reliefs, land.points, float(azimuth))
         tilt = _tilt(land.points, float(azimuth), site.body.mean_radius)
         rows[k] = np.arctan(slopes) + tilt
         never &= rows[k] > highest[k] + 0.5 * float(above.sun_diameter.max())
@@ -123,7 +123,7 @@ def light_over(
     if exact:
         for at in range(len(moments)):
             for name, turn in bodies:
-                add(name, at, horizon(land.reliefs, land.points, float(turn[at])))
+                add(name, at, horizon_slopes(land.reliefs, land.points, float(turn[at])))
             progress(0.5 + 0.5 * (at + 1) / len(moments))
     else:
         for name, turn in bodies:

@@ -99,8 +99,9 @@ def illuminate(
     hours = len(moments) * step / timedelta(hours=1)
     write_hours(out / "sunlight_hours.png", light, hours)
     lines += ["sunlight_hours.png", "illumination.json, where Sun and Earth stand"]
-    if len(light.moments):
-        write_film(out / "shadows.webp", land, light, above, captions, _FRAMES)
+    if len(light.moments) and write_film(
+        out / "shadows.webp", land, light, above, captions, _FRAMES
+    ):
         lines.append("shadows.webp")
     heading = (
         f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; looked {land.told}",

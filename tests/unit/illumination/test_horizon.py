@@ -12,7 +12,7 @@ from rasterio.transform import from_origin
 
 import terrain_forge as tf
 from terrain_forge.base import DataError, OutputError, RecipeError
-from terrain_forge.illumination import Relief, Source, Wish, horizon, illuminate, seen_part
+from terrain_forge.illumination import Relief, Source, Wish, horizon_slopes, illuminate, seen_part
 from terrain_forge.making import place_of, plan
 from terrain_forge.model import MARS, MOON, Heightfield
 from terrain_forge.sky import days_of, look_up, read_time
@@ -40,16 +40,16 @@ def test_horizons_are_those_of_dense_rays():
         [(ground.east[c], ground.north[r], ground.elevation[r, c]) for r, c in places]
     )
     points[:, 2] += 0.5
-    away = np.arange(0.5, 700.0, 0.05)
+    away = np.geomspace(0.5, 700.0, 20_000)
     for azimuth in (*np.arange(8) * np.pi / 4.0, *random.uniform(0.0, 6.28, 8)):
-        found = horizon((relief,), points, float(azimuth))
+        found = horizon_slopes((relief,), points, float(azimuth))
         for point, slope in zip(points, found, strict=True):
             east = point[0] + away * np.sin(azimuth)
             north = point[1] + away * np.cos(azimuth)
             on = ground.covers(east, north)
             if on.any():
                 seen = (ground.height_at(east[on], north[on]) - point[2]) / away[on]
-                assert np.arctan(slope) == pytest.approx(np.arctan(seen.max()), abs=2e-4)
+                assert np.arctan(slope) == pytest.approx(np.arctan(seen.max()), abs=4e-4)
             else:
                 assert slope == -20.0
 
@@ -61,8 +61,8 @@ def test_grids_within_grids_are_one_horizon():
     inner = whole.cut(column=20, row=16, columns=24, rows=30)
     point = np.array([[150.0, 160.0, float(whole.height_at(150.0, 160.0)) + 1.0]])
     for azimuth in np.linspace(0.0, 6.0, 13):
-        alone = horizon((Relief.of(whole),), point, azimuth)
-        nested = horizon((Relief.of(inner), Relief.of(whole)), point, azimuth)
+        alone = horizon_slopes((Relief.of(whole),), point, azimuth)
+        nested = horizon_slopes((Relief.of(inner), Relief.of(whole)), point, azimuth)
         assert nested == pytest.approx(alone, abs=1e-9)
 
 
@@ -71,9 +71,9 @@ def test_a_hole_hides_nothing():
     z[4, 6], z[4, 7] = 10.0, -1e9
     ground = Heightfield(elevation=z, spacing=1.0, origin=(0.0, 0.0))
     point = np.array([[1.0, 4.0, 0.0]])
-    assert horizon((Relief.of(ground),), point, np.pi / 2)[0] == pytest.approx(2.0)
+    assert horizon_slopes((Relief.of(ground),), point, np.pi / 2)[0] == pytest.approx(2.0)
     z[4, 6] = -1e9
-    assert horizon((Relief.of(ground.replace(elevation=z)),), point, np.pi / 2)[0] == 0.0
+    assert horizon_slopes((Relief.of(ground.replace(elevation=z)),), point, np.pi / 2)[0] == 0.0
 
 
 def test_a_disc_sets_by_parts():
@@ -95,7 +95,7 @@ def pole(tmp_path_factory) -> tuple[tf.RecipeFile, np.ndarray]:
         file.write(heights, 1)
     (folder / "pole.yaml").write_text(
         "name: pole\nbody: moon\ndtm: {source: pole.tif, size_m: [320, 240]}\n"
-        "terrain: {spacing_m: 4}\nsun: {time: 2030-01-01}\n"
+        "terrain: {spacing_m: 4}\nsun: {elevation_deg: 2}\n"
     )
     return tf.load_recipe(folder / "pole.yaml"), heights
 
@@ -145,7 +145,7 @@ def test_shadows_and_hours_are_those_of_brute_force_rays(pole, tmp_path):
     file, heights = pole
     site = plan(file.recipe, folder=file.folder)
     source = Source(dtm=file.recipe.dtm, folder=file.folder)
-    wish = Wish(begin="2030-06-01", end="2030-06-29", step="2d", azimuths=24)
+    wish = Wish(begin="2030-08-01", end="2030-08-29", step="2d", azimuths=24)
     illuminate(site, source, tmp_path, wish)
     with rasterio.open(tmp_path / "sun_seen.tif") as seen:
         shares, names = seen.read()[:, ::-1] / 100.0, seen.descriptions
@@ -164,7 +164,7 @@ def test_shadows_and_hours_are_those_of_brute_force_rays(pole, tmp_path):
         off.append(abs(brute_seen(site, heights, names[n], east, north) - shares[n, j, i]))
     assert 0.1 < shares.mean() < 0.9, "some is lit and some is not"
     # Bilinear there, triangles here: edges of shadows lie a little apart.
-    assert np.mean(off) < 0.02
+    assert np.mean(off) < 0.03
     assert np.mean(np.array(off) > 0.25) < 0.05
 
 
@@ -173,7 +173,7 @@ def test_horizon_maps_serve_many_moments(pole, tmp_path):
     file, _ = pole
     site = plan(file.recipe, folder=file.folder)
     source = Source(dtm=file.recipe.dtm, folder=file.folder)
-    period = {"begin": "2030-06-01", "end": "2030-06-29", "step": "1d", "size": (160.0, 160.0)}
+    period = {"begin": "2030-08-01", "end": "2030-08-29", "step": "1d", "size": (160.0, 160.0)}
     folders = [tmp_path / "exact", tmp_path / "map"]
     for folder, azimuths in zip(folders, (720, 24), strict=True):
         illuminate(site, source, folder, Wish(**period, azimuths=azimuths))
