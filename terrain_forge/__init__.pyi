@@ -122,6 +122,7 @@ from .rocks import make_library as make_library
 from .rocks import remove_rocks as remove_rocks
 from .rocks import scatter as scatter
 from .rovers import FileRover as FileRover
+from .sky import SkySpec as SkySpec
 from .sky import SunSpec as SunSpec
 from .terrain import AppearanceSpec as AppearanceSpec
 from .terrain import BodyProduction as BodyProduction

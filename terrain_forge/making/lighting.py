@@ -8,7 +8,7 @@ import numpy as np
 
 from terrain_forge.base import RecipeError, portable
 from terrain_forge.dtm import ellipsoid
-from terrain_forge.model import Ephemeris, Lighting, Site
+from terrain_forge.model import Dust, Ephemeris, Lighting, Site
 from terrain_forge.sky import (
     Above,
     days_of,
@@ -33,11 +33,13 @@ def light_of(site: Site) -> Lighting:
     if sun.by_date:
         ephemeris, lonlat = place_of(site, key=("sun", "time"))
         return light_at(site, moment_of(sun, ephemeris, lonlat))
+    dust, sky_rgb = _air(site)
     return Lighting(
         sun_azimuth=float(np.radians(sun.azimuth_deg)),
         sun_elevation=float(np.radians(sun.elevation_deg)),
         irradiance=site.body.solar_irradiance,
-        sky_rgb=site.body.sky_rgb,
+        sky_rgb=sky_rgb,
+        dust=dust,
     )
 
 
@@ -66,11 +68,13 @@ def lighting(site: Site, above: Above, at: int, time: str) -> Lighting:
     azimuth, elevation = compass(above.sun[at])
     nearness = ephemeris.orbit.semi_major[0] / float(above.sun_distance[at])
     earth = above.earth[at]
+    dust, sky_rgb = _air(site)
     return Lighting(
         sun_azimuth=azimuth,
         sun_elevation=elevation,
         irradiance=site.body.solar_irradiance * nearness**2,
-        sky_rgb=site.body.sky_rgb,
+        sky_rgb=sky_rgb,
+        dust=dust,
         sun_diameter=float(above.sun_diameter[at]),
         time=time,
         solar_time=true_solar_time(float(above.solar_time[at])),
@@ -78,6 +82,16 @@ def lighting(site: Site, above: Above, at: int, time: str) -> Lighting:
         earth=(float(earth[0]), float(earth[1]), float(earth[2])),
         earth_diameter=float(above.earth_diameter[at]),
     )
+
+
+def _air(site: Site) -> tuple[Dust | None, tuple[float, float, float]]:
+    """Dust in the air, and the colour of the sky for formats that have one; black without dust."""
+    dust, tau = site.body.dust, site.recipe.sky.tau
+    if tau is not None and dust is None:
+        raise RecipeError(f"{site.body.name} has no dusty air", key=("sky", "tau"))
+    if dust is None or tau is None:
+        return dust, site.body.sky_rgb
+    return (dust.replace(tau=tau), site.body.sky_rgb) if tau else (None, (0.0, 0.0, 0.0))
 
 
 def place_of(site: Site, *, key: tuple[str | int, ...]) -> tuple[Ephemeris, tuple[float, float]]:

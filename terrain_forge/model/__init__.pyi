@@ -11,6 +11,7 @@ from .bodies.moon import MOON as MOON
 from .body import Body as Body
 from .body import Chronology as Chronology
 from .body import CraterConstants as CraterConstants
+from .body import Dust as Dust
 from .body import Frictions as Frictions
 from .body import ProductionFunction as ProductionFunction
 from .body import Soil as Soil

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, compass_to_direction, shaped
+from terrain_forge.model.body import Dust
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +51,8 @@ class Lighting(Record):
     """Irradiance of a surface that faces the Sun [W/m²]."""
     sky_rgb: tuple[float, float, float]
     """Colour of the sky, linear 0 to 1."""
+    dust: Dust | None = None
+    """Dust in the air, which makes the sky; None without any."""
     sun_diameter: float | None = None
     """Angle that the Sun fills [rad]; None for the body's mean."""
     time: str = ""

@@ -150,6 +150,28 @@ class Soil(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Dust(Record):
+    """Dust in the air, which scatters light: figures for linear red, green, blue."""
+
+    tau: float
+    """Optical depth of the whole column, alike in all colours."""
+    albedo: RGB
+    """Part of the light that a grain does not absorb."""
+    share: RGB
+    """Part of the scattered light that goes forward, as a disc of the grain's size bends it."""
+    forward: RGB
+    """Mean cosine of the angle by which that part is turned."""
+    wide: RGB
+    """Mean cosine of the angle by which the other part is turned."""
+    height: float
+    """Height in which its density falls to 1/e [m]."""
+    air_masses: float
+    """Columns of dust on a level line of sight: √(π/2 · radius / height)."""
+    source: str
+    """Where the figures come from."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Body(Record):
     """A planet or moon as far as a rover's world needs it."""
 
@@ -188,6 +210,8 @@ class Body(Record):
     """Heights of its lowest and highest ground above the datum [m]; None where not known."""
     craters: CraterConstants
     """Shapes and numbers of craters."""
+    dust: Dust | None = None
+    """Dust in its air, with the optical depth of a usual day; None without air."""
     ephemeris: Ephemeris | None = None
     """Orbit, rotation and figure, which tell the Sun's place by date; None where a recipe must give
     its azimuth and elevation."""

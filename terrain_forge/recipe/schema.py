@@ -33,7 +33,7 @@ from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.recipe.dataset import DatasetSpec
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice, SensorsChoice
-from terrain_forge.sky import SunSpec
+from terrain_forge.sky import SkySpec, SunSpec
 from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
 
 
@@ -139,6 +139,8 @@ class Recipe(Spec):
     """Paths of the rover."""
     sun: SunSpec = field(default_factory=SunSpec)
     """The Sun: its place, or a date."""
+    sky: SkySpec = field(default_factory=SkySpec)
+    """What is in the air."""
     rover: RoverChoice = "morpheus"
     """The rover: a name (`morpheus`, `skid4`), or a mapping of its `kind` with what shall differ;
     `kind: file` brings your own URDF or MJCF."""

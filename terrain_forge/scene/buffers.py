@@ -15,12 +15,14 @@ from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.subject import Subject
 from terrain_forge.scene.surface import Land, Stones, Tracks
+from terrain_forge.sky import SKY_STEPS, daylight
 from terrain_forge.writers import vertex_normals
 
 _PATH_STEP = 0.1
 _NOTHING, _NOWHERE = np.empty((0, 3), np.int64), np.empty((0, 3))
 _NOWHERE.setflags(write=False)  # as the arrays of records are: one kernel serves both
 _ZENITH = np.array([0.50, 0.45, 0.42])
+_HAZE = 20e3
 
 
 def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
@@ -82,18 +84,16 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
 
     `facing` is the cosine of the angle that level ground is seen under.
     """
-    sky = np.asarray(lighting.sky_rgb, dtype=np.float64)
     radius = 0.5 * subject.sun_diameter
     sine, cosine = np.sin(lighting.sun_azimuth), np.cos(lighting.sun_azimuth)
     low, high = np.cos(lighting.sun_elevation), np.sin(lighting.sun_elevation)
-    airy = bool(sky.max() > 0.0)
+    air = lighting.dust is not None or max(lighting.sky_rgb) > 0.0
     up = max(float(lighting.towards_sun[2]), 0.05)
-    lunar = 0.35 if airy else 0.75
+    lunar = 0.35 if air else 0.75
     level, grazing = (lunar * 2.0 * up / (up + mu) + (1.0 - lunar) * up for mu in (facing, 0.1))
-    # Dust scatters about a third of a clear day's sunlight into the sky (Mars).
-    from_sky = 0.3 * (0.5 + 0.5 * sky / sky.mean()) if airy else np.zeros(3)
-    sun = (1.0 - from_sky) / level
     albedo = linear_from_srgb(subject.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
+    from_sky, dome, even, through = _sky(lighting, albedo)
+    sun = (1.0 - from_sky) / level
     return Light(
         towards_sun=triple(lighting.towards_sun),
         upwards=triple(radius * np.array([-high * sine, -high * cosine, low])),
@@ -101,13 +101,40 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
         sun=triple(sun),
         sky=triple(from_sky),
         bounce=triple(0.35 * albedo),
-        horizon=triple(0.85 * sky),
-        zenith=triple(sky * _ZENITH),
+        dome=dome,
+        even=triple(even),
+        through=through,
         plain=triple(albedo * (sun * grazing + from_sky)),
-        haze=450.0 if airy else np.inf,
-        airy=airy,
+        haze=_haze(lighting),
+        airy=air,
         lunar=lunar,
     )
+
+
+def _sky(lighting: Lighting, albedo: Array) -> tuple[Array, Array, Array, float]:
+    """The sky's part of the light on level ground, its two tables, what is added, what gets in."""
+    colour = np.asarray(lighting.sky_rgb, dtype=np.float64)
+    if lighting.dust is not None:
+        day = daylight(lighting.dust, float(lighting.towards_sun[2]), albedo)
+        whole = day.direct + day.diffuse
+        through = float(whole.mean())
+        dome = np.stack([day.across / through, day.around])
+        return day.diffuse / whole, dome, day.rest / through, through
+    if not colour.max() > 0.0:
+        return np.zeros(3), np.zeros((2, 2, 3)), np.zeros(3), 1.0
+    # A body with a sky but without figures of its dust: a third of the light, darker overhead.
+    down = 1.0 - (np.arange(SKY_STEPS) / (SKY_STEPS - 1.0)) ** 2
+    overhead = colour * (_ZENITH - 0.85)
+    across = 0.85 * colour + (1.0 - down**4)[:, None] * overhead
+    share = 0.3 * (0.5 + 0.5 * colour / colour.mean())
+    return share, np.stack([across, np.ones_like(across)]), np.zeros(3), 1.0
+
+
+def _haze(lighting: Lighting) -> float:
+    """Distance after which 1/e of the contrast is left [m]."""
+    if lighting.dust is not None:
+        return lighting.dust.height / lighting.dust.tau
+    return _HAZE if max(lighting.sky_rgb) > 0.0 else np.inf
 
 
 def _shapes(meshes: Sequence[Mesh]) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import inner
 from terrain_forge.scene.grain import soil
@@ -32,10 +33,13 @@ class Light(NamedTuple):
     """Radiance of a white surface under the whole sky, linear RGB."""
     bounce: Triple
     """Radiance of a white surface that sees only ground, linear RGB."""
-    horizon: Triple
-    """Sky at the horizon, and what distance fades into, linear RGB."""
-    zenith: Triple
-    """Sky overhead, linear RGB."""
+    dome: NDArray[np.float64]
+    """The sky's radiance: by the sine of the elevation, (k / (n - 1))², times by the chord to the
+    Sun, 2 (k / (n - 1))², linear RGB, shape [2, n, 3]."""
+    even: Triple
+    """What is added to it all over the sky, linear RGB."""
+    through: float
+    """What of the Sun's light on level ground gets through the air, directly or as the sky's."""
     plain: Triple
     """Ground beyond the world's edge, linear RGB."""
     haze: float
@@ -80,24 +84,45 @@ def _reflect(point, towards, light):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _sky_place(light, towards):  # type: ignore[no-untyped-def]
+    """Entries of the sky's two tables before a direction, and the parts of the way to the next."""
+    sun, last = light.towards_sun, light.dome.shape[1] - 1
+    x, y, z = towards[0] - sun[0], towards[1] - sun[1], towards[2] - sun[2]
+    up = last * np.sqrt(min(max(towards[2], 0.0), 1.0))
+    off = last * np.sqrt(min(0.5 * np.sqrt(x * x + y * y + z * z), 1.0))
+    i, j = min(max(int(up), 0), last - 1), min(max(int(off), 0), last - 1)
+    return i, up - i, j, off - j
+
+
+@inner
+def _sky(light, i, u, j, v, channel):  # type: ignore[no-untyped-def]
+    """Radiance of the sky at a place of its tables."""
+    dome = light.dome
+    across = dome[0, i, channel] + u * (dome[0, i + 1, channel] - dome[0, i, channel])
+    around = dome[1, j, channel] + v * (dome[1, j + 1, channel] - dome[1, j, channel])
+    return across * around + light.even[channel]
+
+
+@inner
 def add_surface(pixel, point, lit, open_sky, towards, light, far):  # type: ignore[no-untyped-def]
     """Add a sample's light, faded by the air, to its pixel."""
     direct = (1.0 - 0.7 * point[SHADE]) * _reflect(point, towards, light) if lit else 0.0
     clear = np.exp(-point[RANGE] / light.haze) if far else 1.0
+    i, u, j, v = _sky_place(light, towards) if clear < 1.0 else (0, 0.0, 0, 0.0)
     for channel in range(3):
         ambient = light.sky[channel] if open_sky else light.bounce[channel]
         shone = point[RED + channel] * (direct * light.sun[channel] + ambient)
-        pixel[channel] += shone * clear + light.horizon[channel] * (1.0 - clear)
+        fade = _sky(light, i, u, j, v, channel) if clear < 1.0 else 0.0
+        pixel[channel] += shone * clear + fade * (1.0 - clear)
 
 
 @inner
 def add_sky(pixel, start, towards, step, land, light):  # type: ignore[no-untyped-def]
     """Add what a ray sees that leaves the world: sky, or the plain beyond the edge."""
+    i, u, j, v = _sky_place(light, towards)
     if towards[2] >= 0.0:
-        blend = 1.0 - (1.0 - towards[2]) ** 4
         for channel in range(3):
-            low, high = light.horizon[channel], light.zenith[channel]
-            pixel[channel] += low + blend * (high - low)
+            pixel[channel] += _sky(light, i, u, j, v, channel)
         return
     distance = max(start[2] - land.edge, 0.5) / -towards[2]
     east = start[0] + distance * towards[0] + land.shift[0]
@@ -107,4 +132,4 @@ def add_sky(pixel, start, towards, step, land, light):  # type: ignore[no-untype
     clear = np.exp(-distance / light.haze)
     for channel in range(3):
         shone = light.plain[channel] * tint
-        pixel[channel] += shone * clear + light.horizon[channel] * (1.0 - clear)
+        pixel[channel] += shone * clear + _sky(light, i, u, j, v, channel) * (1.0 - clear)

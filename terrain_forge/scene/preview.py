@@ -22,6 +22,8 @@ _ASIDE = 1.5
 _YAWS = 12
 _MAP_HEIGHT = 100.0
 _SKETCH = (32, 18)
+_BRIGHT = 0.7
+"""Median of a picture above which it is exposed less, over white level ground."""
 
 
 def render_preview(world: World, *, width: int = 1280, height: int = 720) -> NDArray[np.uint8]:
@@ -75,7 +77,9 @@ def take_picture(
         stones=prepare_stones(scene),
         light=prepare_light(scene.subject, lighting, facing=0.35 if camera.pinhole else 1.0),
     )
-    return develop(image)
+    # Towards the Sun, a dusty sky is many times brighter than the ground: a camera exposes for it.
+    median = float(np.median(image.mean(axis=-1)))
+    return develop(image * np.float32(min(1.0, _BRIGHT / max(median, 1e-6))))
 
 
 def choose_view(world: World, scene: RayScene, *, width: int, height: int) -> Camera:

@@ -269,6 +269,7 @@ small functions that costs more than the shading. A lent array is not counted: t
 @kernel
 def _expose_band(scene, queries, view, land, tracks, stones, light, band, ray, point, image):  # type: ignore[no-untyped-def]
     land, tracks, stones = borrow(land), borrow(tracks), borrow(stones)
+    light = borrow(light)
     ray, point, pixels = borrow((ray, point, image))
     for half in range(2 * (image.shape[1] // _TILE)):
         left, top = half // 2 * _TILE, band * _TILE + half % 2 * (_TILE // 2)

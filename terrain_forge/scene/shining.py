@@ -49,7 +49,7 @@ from terrain_forge.scene.relief import (
     face_lanes,
     soil_lanes,
 )
-from terrain_forge.scene.stage import AMBIENT, BOUNCE, GROUND_RGB, HORIZON, SUN, TURN, ZENITH
+from terrain_forge.scene.stage import AMBIENT, BOUNCE, EVEN, GROUND_RGB, SUN, TURN
 
 _0, _HALF, _1, _2, _TINY = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-6))
 _ROUGH, _LEAST_MU, _SURGE, _SURGE_WIDTH = (np.float32(n) for n in (0.05**2, 0.1, 0.5, 0.08))
@@ -188,25 +188,53 @@ def shine(space, stage, relief, wheels, behind, anchor):  # type: ignore[no-unty
     _reflect(space, stage)
     for lane in range(LANES):
         space[CLEAR + lane] = np.exp(-space[RANGE + lane] / stage.haze)
+    _find_sky(space, stage)
     for channel in range(stage.nodes.shape[2] - GROUND_RGB):
         sun, sky, bounce = (
             stage.colours[SUN, channel], stage.colours[AMBIENT, channel],
             stage.colours[BOUNCE, channel],
         )  # fmt: skip
-        horizon, zenith = stage.colours[HORIZON, channel], stage.colours[ZENITH, channel]
+        _shine_sky(space, stage, channel)
         row = LANES * channel
         for lane in range(LANES):
             albedo, clear = space[RGB + row + lane], space[CLEAR + lane]
             share = space[OPEN + lane]
             space[DIRECT + row + lane] = albedo * sun * space[BACK + lane] * clear
             shone = albedo * (sky * share + bounce * (_1 - share))
-            space[REST + row + lane] = shone * clear + horizon * (_1 - clear)
+            space[REST + row + lane] = shone * clear + space[PLACE_Z + lane] * (_1 - clear)
         for lane in range(LANES):
             if space[OWNER + lane] == -_2:
-                down = _1 - max(space[AIM_Z + lane], _0)
-                blend = _1 - down * down * down * down
                 space[DIRECT + row + lane] = _0
-                space[REST + row + lane] = horizon + blend * (zenith - horizon)
+                space[REST + row + lane] = space[PLACE_Z + lane]
+
+
+@merged
+def _find_sky(space, stage):  # type: ignore[no-untyped-def]
+    """Places of the lanes' directions in the sky's tables, in rows that surfaces had before."""
+    last = np.float32(stage.dome.shape[1] - 1)
+    for lane in range(LANES):
+        x = space[AIM_X + lane] - stage.sun[0]
+        y = space[AIM_Y + lane] - stage.sun[1]
+        z = space[AIM_Z + lane] - stage.sun[2]
+        up = min(max(space[AIM_Z + lane], _0), _1)
+        space[PLACE_X + lane] = last * np.sqrt(up)
+        off = min(_HALF * np.sqrt(x * x + y * y + z * z), _1)
+        space[PLACE_Y + lane] = last * np.sqrt(off)
+
+
+@merged
+def _shine_sky(space, stage, channel):  # type: ignore[no-untyped-def]
+    """The sky's radiance in the lanes' directions."""
+    last = stage.dome.shape[1] - 2
+    for lane in range(LANES):
+        # A lane that nothing was aimed with may hold anything.
+        i = min(max(np.int64(space[PLACE_X + lane]), np.int64(0)), last)
+        j = min(max(np.int64(space[PLACE_Y + lane]), np.int64(0)), last)
+        u, v = space[PLACE_X + lane] - np.float32(i), space[PLACE_Y + lane] - np.float32(j)
+        low, high = stage.dome[0, i, channel], stage.dome[0, i + 1, channel]
+        near, far = stage.dome[1, j, channel], stage.dome[1, j + 1, channel]
+        across, around = low + u * (high - low), near + v * (far - near)
+        space[PLACE_Z + lane] = across * around + stage.colours[EVEN, channel]
 
 
 @merged

@@ -19,7 +19,7 @@ share of the sky that it sees, and from here on its albedo."""
 CENTRE, TURN, SIZE, ROCK_RGB = 0, 3, 12, 13
 """Columns of a rock: its place in the scene's frame [m], its rotation row by row, its diameter [m],
 and from here on its albedo."""
-SUN, AMBIENT, BOUNCE, HORIZON, ZENITH, PLAIN = range(6)
+SUN, AMBIENT, BOUNCE, EVEN = range(4)
 """Rows of the light's colours, as in `Light`."""
 _MEET_AGAIN = 1.0
 """How much farther along its path a rover is that comes to a place anew [m]."""
@@ -47,7 +47,11 @@ class Stage(NamedTuple):
     dust: np.float32
     """How much of the ground's colour lies on faces that look up, 0 to 1."""
     colours: NDArray[np.float32]
-    """The light's colours, shape [PLAIN + 1, channels]."""
+    """The light's colours, shape [EVEN + 1, channels]."""
+    dome: NDArray[np.float32]
+    """The sky's tables, as in `Light`, shape [2, entries, channels]."""
+    through: float
+    """What of the Sun's light on level ground gets through the air."""
     land: NDArray[np.float32]
     """Albedo at the corners of what lies beyond the site, shape [vertices, channels]."""
     land_face: int
@@ -96,7 +100,7 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
     rocks[:, CENTRE:TURN], rocks[:, SIZE] = stones.centre, stones.size
     rocks[:, TURN:SIZE] = stones.rotation.reshape(-1, 9)
     rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
-    colours = (light.sun, light.sky, light.bounce, light.horizon, light.zenith, light.plain)
+    colours = light.sun, light.sky, light.bounce, light.even
     faces, normals, land = stones.faces, stones.normals, np.empty((0, 3))
     if (apron := subject.apron) is not None:
         faces = np.concatenate([faces, apron.mesh.faces + len(normals)])
@@ -112,6 +116,8 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
         normals=normals.astype(np.float32),
         dust=np.float32(stones.dust),
         colours=bands(np.array(colours), channels),
+        dome=_dome(light.dome, channels),
+        through=light.through,
         land=bands(land, channels),
         land_face=len(stones.faces),
         land_corner=len(stones.normals),
@@ -142,6 +148,17 @@ def prepare_wheels(scene: RayScene, plan: Array) -> Wheels:
 def bands(rgb: Array, channels: int) -> NDArray[np.float32]:
     """Linear colours as a picture's channels."""
     return np.asarray(rgb if channels == 3 else rgb.mean(axis=-1, keepdims=True), np.float32)
+
+
+def _dome(dome: Array, channels: int) -> NDArray[np.float32]:
+    """The sky's tables in a picture's channels; of one, the mean product where both are one."""
+    if channels == 3:
+        return np.asarray(dome, np.float32)
+    weight = dome[0].mean(axis=0)
+    weight = weight / max(float(weight.sum()), 1e-12)
+    return np.stack([dome[0].mean(axis=-1), (dome[1] * weight).sum(axis=-1)]).astype(np.float32)[
+        :, :, None
+    ]
 
 
 def triple32(vector: Any) -> tuple[np.float32, np.float32, np.float32]:

@@ -57,8 +57,8 @@ def take_exposure(
 
     A value of 1 of the renderer (`prepare_light`: level ground in the Sun has the value of its own
     albedo) is the radiance of a white Lambert surface there, E sin(h) / π, with the Sun's
-    irradiance E and its elevation h. Each channel is the mean over its band as if all of E were in
-    it. The Sun's disc itself is not in the picture.
+    irradiance E and its elevation h, less what dust in the air keeps. Each channel is the mean
+    over its band as if all of E were in it. The Sun's disc itself is not in the picture.
 
     Args:
         setting: Where is measured.
@@ -74,10 +74,11 @@ def take_exposure(
     """
     height, times = len(rays), np.atleast_1d(np.asarray(time, np.float64))
     scenery, lighting = setting.scenery, setting.world.lighting
+    stage = _stage(scenery, 3 if colour else 1)
     placed = scenery.rover_at(float(times[len(times) // 2]))  # held as long as rays are cast
     seen = look(
         scenery.scene,
-        _stage(scenery, 3 if colour else 1),
+        stage,
         rays=rays,
         position=np.broadcast_to(np.asarray(position, np.float64), (height, 3)),
         rotation=np.broadcast_to(np.asarray(rotation, np.float64), (height, 3, 3)),
@@ -86,6 +87,7 @@ def take_exposure(
         rover=Rover(placed.bodies, scenery.poses_at(times), scenery.rover_parts.rgb),
     )
     white = lighting.irradiance * max(float(lighting.towards_sun[2]), _LEAST_SINE) / np.pi
+    white *= stage.through
     return Exposure(
         radiance=np.float32(white) * seen.radiance,
         depth=seen.depth,

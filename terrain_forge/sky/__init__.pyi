@@ -5,9 +5,14 @@ from .above import highest_declination as highest_declination
 from .above import look_up as look_up
 from .above import planetographic as planetographic
 from .above import true_solar_time as true_solar_time
+from .dust import SKY_STEPS as SKY_STEPS
+from .dust import Daylight as Daylight
+from .dust import beam as beam
+from .dust import daylight as daylight
 from .moments import day_of as day_of
 from .moments import days_of as days_of
 from .moments import read_time as read_time
 from .moments import utc_text as utc_text
 from .seeking import moment_of as moment_of
+from .spec import SkySpec as SkySpec
 from .spec import SunSpec as SunSpec

@@ -76,3 +76,12 @@ class SunSpec(Spec):
                 f'{self.ltst!r} is no time of a day of 24 hours, such as "09:30"',
                 key=("sun", "ltst"),
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkySpec(Spec):
+    """What is in the air."""
+
+    tau: Annotated[float, Interval(ge=0, le=10)] | None = None
+    """Optical depth of the dust, 0 for none; a usual day of the body where it is left out. On Mars
+    0.3 is clear, 1 dusty, above 3 a storm."""

@@ -22,6 +22,7 @@ from terrain_forge.model.body import (
     Body,
     Chronology,
     CraterConstants,
+    Dust,
     Frictions,
     ProductionFunction,
     Soil,
@@ -93,6 +94,20 @@ MARS = Body(
                 "doi:10.1016/j.icarus.2013.07.004",
             ),
         ),
+    ),
+    dust=Dust(
+        tau=0.5,
+        albedo=(0.97, 0.92, 0.78),
+        share=(0.515, 0.543, 0.641),
+        forward=(0.89, 0.90, 0.92),
+        wide=(0.40, 0.36, 0.24),
+        height=11_000.0,
+        air_masses=22.0,
+        source="albedos between those of Tomasko et al. 1999, doi:10.1029/1998JE900016, and "
+        "Ockert-Bell et al. 1997, doi:10.1029/96JE03991; half of the extinction is diffraction by "
+        "grains of 1.6 µm (van de Hulst 1957), the rest so that the mean cosine is 0.65 to 0.68 "
+        "(Tomasko et al.); optical depth of a clear season (Lemmon et al. 2015, "
+        "doi:10.1016/j.icarus.2014.03.029)",
     ),
     ephemeris=Ephemeris(
         orbit=KeplerOrbit(

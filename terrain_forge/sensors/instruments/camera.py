@@ -19,6 +19,7 @@ from terrain_forge.sensors.labels import Labels, labels_of
 from terrain_forge.sensors.lens import OPTICAL, Lens, calibration_of, lens_of, rays_of, unproject
 from terrain_forge.sensors.metering import LOOK, Meter
 from terrain_forge.sensors.picture import Exposure, take_exposure, travelled
+from terrain_forge.sky import beam
 from terrain_forge.writers import encode_png
 
 _PICTURE, _PATTERN, _FLARE = 1, 2, 3
@@ -228,7 +229,7 @@ class CameraFrames(Frames):
             radius=radius,
             time=eye.time,
         )
-        sun = SunSeen(towards, radius, light.irradiance, part)
+        sun = SunSeen(towards, radius, light.irradiance * beam(light), part)
         radiance = np.array(exposure.radiance)
         sky = exposure.instance == MISSED
         key = self._key(_FLARE)
