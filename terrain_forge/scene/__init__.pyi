@@ -1,6 +1,7 @@
 """Ray-traced pictures of a world: rays, surfaces, light, cameras."""
 
 from .aiming import Rover as Rover
+from .bodies import SKIN as SKIN
 from .bodies import Bodies as Bodies
 from .bodies import BodyShapes as BodyShapes
 from .bodies import PlacedBodies as PlacedBodies

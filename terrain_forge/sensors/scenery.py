@@ -14,6 +14,7 @@ from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import World
 from terrain_forge.scene import (
+    SKIN,
     BodyShapes,
     Hits,
     Instances,
@@ -119,18 +120,21 @@ class Scenery:
         heights[~within] = self.edge.heights_at(x[~within], y[~within])
         return heights
 
-    def cast(self, origins: Array, directions: Array, times: ArrayLike) -> Hits:
+    def cast(
+        self, origins: Array, directions: Array, times: ArrayLike, *, near: float = SKIN
+    ) -> Hits:
         """What rays in the world meet first, the rover among it.
 
         Args:
             origins: Start points [m], shape [rays, 3].
             directions: Unit vectors, shape [rays, 3].
             times: When each ray is cast, or when all are [s].
+            near: What of the rover is nearer is not met [m].
         """
         moments = np.atleast_1d(np.asarray(times, np.float64))
         rover = self.rover_at(float(moments[len(moments) // 2]))
         poses = self.poses_at(moments)
-        return cast_with_bodies(self.scene, rover.bodies, poses, origins, directions)
+        return cast_with_bodies(self.scene, rover.beyond(near), poses, origins, directions)
 
     def close(self) -> None:
         """Give the memory back."""

@@ -218,8 +218,23 @@ def test_sensors_that_see_nothing_are_refused(scenery):
     inside = seeing[0].replace(position_m=(0.0, 0.0, 0.3))
     with pytest.raises(RecipeError, match=r"inside a box of the rover's link 'base_link'.*\[0, "):
         check_mounts(setting, [inside])
+    with pytest.raises(RecipeError, match=r"or, where that is its housing, give it near_m: 0\.\d+"):
+        check_mounts(setting, [inside])
+    check_mounts(setting, [inside.replace(near_m=1.0)])
     with pytest.raises(RecipeError, match=r"'lidar' is 0\.\d+ m below the ground after .* s of"):
         check_mounts(setting, [seeing[1].replace(position_m=(0.9, 0.0, -0.4))])
+
+
+def test_a_sensor_sees_through_its_housing_and_no_farther(scenery):
+    """From within the chassis: all of it is nearer than a metre, the ground below is not."""
+    place = np.array([[0.0, 0.0, 0.3]])
+    base = scenery.motion.base.at(1.0)
+    origin = base.position + (base.rotation[0] @ place[0])
+    ahead = base.rotation[:, :, 0]
+    assert scenery.cast(origin, ahead, 1.0).rock[0] == BODY
+    free = scenery.cast(origin, ahead, 1.0, near=1.0)
+    assert free.rock[0] != BODY
+    assert free.distance[0] > 1.0
 
 
 def test_a_mast_that_drives_into_a_hill_is_refused():
