@@ -88,4 +88,5 @@ from .threads import ask_for_interrupt as ask_for_interrupt
 from .threads import hold_interrupts as hold_interrupts
 from .threads import in_turn as in_turn
 from .threads import listen_for_interrupts as listen_for_interrupts
+from .threads import processors as processors
 from .threads import worker_threads as worker_threads

@@ -8,6 +8,7 @@ are others an interrupt is only noted, and raised where somebody asks for it.
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -65,6 +66,11 @@ def hold_interrupts() -> Iterator[None]:
         if former and _noted:
             came = _noted.pop()
             former[came](came, None)
+
+
+def processors() -> int:
+    """How many processors this process may use, where the system tells; else how many there are."""
+    return len(getattr(os, "sched_getaffinity", lambda _: ())(0)) or os.cpu_count() or 1
 
 
 @contextmanager
