@@ -37,7 +37,7 @@ _PACKAGES = (
 _READERS = 8
 """Files that are read at once."""
 _OWN = {NAME, "timings.json"}
-ASSESSED = "validation/", "report.html"
+ASSESSED: tuple[str, ...] = ("validation/", "report.html")
 """What every assessment writes anew."""
 _FREE = ("dataset/", "validation/consumers/")
 
