@@ -202,7 +202,8 @@ def export(out: Path, only: str, force: bool) -> None:
 @OUT
 @click.option("--quick", is_flag=True, help="Only what a build checks, no other programs.")
 @DRIVES
-def validate(out: Path, quick: bool, drives: int | None) -> None:
+@FORCE
+def validate(out: Path, quick: bool, **choice: Any) -> None:
     """Validate the world in OUT in all programs that read it.
 
     Prints the largest error of each over its limit. Programs that are not installed are not run:
@@ -213,7 +214,7 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
     from terrain_forge.terminal import finish, tell_validation
 
     with Display(pipeline.VALIDATE_STAGES) as display:
-        passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=display)
+        passed = pipeline.validate(out, every_consumer=not quick, progress=display, **choice)
     tell_validation(out, display.elapsed, table=not quick)
     finish(passed, out)
 

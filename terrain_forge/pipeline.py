@@ -203,7 +203,8 @@ def export(
     Args:
         out: The built folder.
         only: Folders of the recipe's exports, with their options, or else exporters, with defaults.
-        force: Whether files in those folders may be removed that are not the world's.
+        force: Whether files may be removed that lie in those folders and are not the world's, or
+            that were edited since and would be written anew.
         progress: Called with what is being done; True shows it.
 
     Returns:
@@ -251,6 +252,7 @@ def validate(
     *,
     every_consumer: bool = True,
     drives: int | None = None,
+    force: bool = False,
     progress: Progress | bool = False,
 ) -> bool:
     """Validate a built world again.
@@ -260,19 +262,22 @@ def validate(
         every_consumer: Whether to open its exports in all consumers that are installed; else only
             what a build checks is checked.
         drives: From how many random starts to drive; by default what the recipe says.
+        force: Whether a report or page that was edited since may be written anew.
         progress: Called with what is being done; True shows it.
 
     Returns:
         Whether all checks passed; a consumer that was not run neither passes nor fails.
 
     Raises:
-        OutputError: if the folder is not a world of ours, or another process writes it.
+        OutputError: if the folder is not a world of ours, what would be written anew was edited,
+            or another process writes it.
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
     finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
         manifest = read_manifest(out)
+        require_listed(out, manifest, force=force)
         watch("load")
         world = World.load(out)
         require_readable_recipe(world, out)
@@ -311,7 +316,8 @@ def record(
         end: Until when [s], which is not part of it; by default to the end.
         only: Names of the sensors; by default all.
         workers: How many measurements are made at once; no number changes a byte.
-        force: Whether another recording of ours in the folder is replaced.
+        force: Whether another recording of ours in the folder is replaced, and a report page
+            that was edited.
         progress: Called with what is being done; True shows it.
         changes: Fields of the recipe's `dataset` that differ, such as `path="short"`.
 
@@ -339,7 +345,7 @@ def record(
         recorded = record_dataset(world, out, spec, order, watch)
         if out == place:
             watch("report page")
-            renew_report_page(world, out)
+            renew_report_page(world, out, force=force)
         return recorded
 
 

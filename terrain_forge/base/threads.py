@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 S = TypeVar("S")
 T = TypeVar("T")
-_SIGNALS = signal.SIGINT, signal.SIGTERM
+_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 _TICK = 0.1
 """How often the main thread asks while it waits for others [s]."""
 _noted: list[int] = []
@@ -26,7 +26,7 @@ _noted: list[int] = []
 
 @contextmanager
 def listen_for_interrupts() -> Iterator[None]:
-    """Take Ctrl-C and a polite kill alike; what the process was told to ignore stays ignored.
+    """Take Ctrl-C, a polite kill and the terminal's end alike; what is ignored stays ignored.
 
     Python drops what a callback or a finaliser raises, so one that came can be asked for until the
     block ends. The process takes its signals so from then on.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
@@ -19,7 +18,6 @@ from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
-_log = logging.getLogger(__name__)
 Manifest = dict[str, Any]
 """What a manifest holds, as JSON."""
 NAME = "manifest.json"
@@ -39,7 +37,7 @@ _PACKAGES = (
 _READERS = 8
 """Files that are read at once."""
 _OWN = {NAME, "timings.json"}
-_ASSESSED = "validation/", "report.html"
+ASSESSED: tuple[str, ...] = ("validation/", "report.html")
 """What every assessment writes anew."""
 _FREE = ("dataset/", "validation/consumers/")
 
@@ -167,8 +165,8 @@ def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
 
 def changed_files(directory: Path, manifest: Manifest) -> list[str]:
     """Listed files that are there and not as they were built, whatever their times say."""
-    altered = altered_files(directory, manifest)
-    return [name for name in altered if os.path.lexists(directory / name)]
+    there = {*all_files(directory)}
+    return [name for name in altered_files(directory, manifest) if name in there]
 
 
 def suspect_files(directory: Path) -> dict[str, bool]:
@@ -192,7 +190,7 @@ def suspect_files(directory: Path) -> dict[str, bool]:
 
 def is_rewritten(name: str) -> bool:
     """Whether an assessment may write a file of a world in its place."""
-    return name in _OWN or name.startswith(_ASSESSED)
+    return name in _OWN or name.startswith(ASSESSED)
 
 
 def is_staging(folder: Path) -> bool:
@@ -310,10 +308,7 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
         renewed: Folders (with a slash) that are written anew.
     """
     foreign, altered = foreign_files(out, manifest), altered_files(out, manifest)
-    edited = [name for name in altered if name.startswith(_ASSESSED) and (out / name).exists()]
-    if edited:
-        _log.warning("written anew, though changed since it was built: %s", ", ".join(edited))
-    anew = (*_ASSESSED, *renewed)
+    anew = (*ASSESSED, *renewed)
     return FolderState(
         altered={name: wanted for name, wanted in altered.items() if not name.startswith(anew)},
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),

@@ -28,7 +28,7 @@ DRIVES = click.option(
 FORCE = click.option(
     "--force",
     is_flag=True,
-    help="Also remove files in the older world that are not its own; says which.",
+    help="Also remove files of the older world that are not its own or were edited; says which.",
 )
 SCORING = click.option(
     "--set",
