@@ -17,8 +17,10 @@ from .files import score_files as score_files
 from .poses import TimedPoses as TimedPoses
 from .poses import checked_poses as checked_poses
 from .poses import read_poses as read_poses
+from .program import Program as Program
 from .results import Result as Result
 from .results import result_lines as result_lines
+from .results import result_plain as result_plain
 from .results import write_results as write_results
 from .score import Score as Score
 from .score import ScoreOptions as ScoreOptions

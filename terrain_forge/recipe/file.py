@@ -84,7 +84,7 @@ def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFil
         RecipeError: `file:line: key: what was found, what is allowed`.
     """
     path = Path(path)
-    data, lines = _read(path)
+    data, lines = read_mapping(path)
     try:
         renamed = rename_keys(data)
     except RecipeError as error:
@@ -125,7 +125,12 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     return path
 
 
-def _read(path: Path) -> tuple[Any, Lines]:
+def read_mapping(path: Path, *, what: str = "a recipe") -> tuple[dict[str, Any], Lines]:
+    """The plain data of a YAML file that holds a mapping, and where its keys stand.
+
+    Raises:
+        RecipeError: `file:line: what is wrong`: tags, aliases, depth, no mapping.
+    """
     try:
         text = read_text(path, str(path), most=MAX_RECIPE)
     except DataError as error:
@@ -149,7 +154,7 @@ def _read(path: Path) -> tuple[Any, Lines]:
     except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
-        raise RecipeError(f"{path}:1: a recipe is a mapping of keys, found {type(data).__name__}")
+        raise RecipeError(f"{path}:1: {what} is a mapping of keys, found {type(data).__name__}")
     return data, lines
 
 
