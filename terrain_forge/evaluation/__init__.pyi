@@ -12,13 +12,16 @@ from .bench import system_lines as system_lines
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system
 from .catalogue import known_systems as known_systems
+from .catalogue import with_binaries as with_binaries
 from .files import read_options as read_options
 from .files import score_files as score_files
 from .poses import TimedPoses as TimedPoses
 from .poses import checked_poses as checked_poses
 from .poses import read_poses as read_poses
 from .program import Program as Program
+from .results import ERRORS as ERRORS
 from .results import Result as Result
+from .results import read_errors as read_errors
 from .results import result_lines as result_lines
 from .results import result_plain as result_plain
 from .results import write_results as write_results
@@ -27,6 +30,7 @@ from .score import ScoreOptions as ScoreOptions
 from .score import Spread as Spread
 from .score import relative_errors as relative_errors
 from .score import score_poses as score_poses
+from .tables import latex_table as latex_table
 from .tables import score_lines as score_lines
 from .tables import score_plain as score_plain
 from .tables import score_rows as score_rows

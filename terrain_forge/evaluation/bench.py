@@ -21,7 +21,7 @@ from terrain_forge.evaluation.catalogue import (
     with_binaries,
 )
 from terrain_forge.evaluation.poses import TimedPoses
-from terrain_forge.evaluation.results import Result, write_results
+from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
 
 FOLDER = "slam"
@@ -89,6 +89,7 @@ def _result(
             truth = truth_of(recording, adapter.frame)
             estimate = _timed(run.estimate, adapter, truth)
             score = score_poses(truth, estimate, options)
+            write_errors(score, keep / ERRORS)
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
     return Result(run=run, number=number, score=score, frame=adapter.frame, world=recording.name)

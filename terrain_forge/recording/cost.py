@@ -95,11 +95,13 @@ def recording_cost(
     return RecordingCost(
         length=length,
         frames=sum(
-            n for n, one in zip(counts, recorded, strict=True) if issubclass(kinds[one.kind], Frames)
+            n
+            for n, one in zip(counts, recorded, strict=True)
+            if issubclass(kinds[one.kind], Frames)
         ),
         seconds=pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True)),
         size=size,
-    )  # fmt: skip
+    )
 
 
 def _recorded(sensors: Sequence[Sensor], spec: DatasetSpec) -> list[Sensor]:
