@@ -166,11 +166,11 @@ class Base:
         try:
             return load_recipe(self.path, changes=tuple(changes))
         except RecipeError as error:
-            why = str(error)
-            if not why.startswith("--set"):  # the recipe itself is wrong
+            if not changes:  # the recipe itself is wrong
                 raise
-            place = self._file.place(*key)
-            raise RecipeError(f"{place}: {self.path.name}: {why.removeprefix('--set ')}") from None
+            why = str(error).removeprefix(f"{self.path}:").removeprefix("--set ")
+            told = f"{self._file.place(*key)}: {key[-1]}: {self.path.name}: {why}"
+            raise RecipeError(told) from None
 
     def _written(self, key: str, value: Any) -> list[str]:
         """A change as the command line writes it, once for each place that a key names."""

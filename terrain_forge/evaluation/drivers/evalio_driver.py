@@ -13,6 +13,7 @@ import numpy as np
 from evalio import pipelines, types
 from recorded import about, quaternion_of, sweeps, table, transform, write_pose
 
+
 def pose_of(matrix: Any) -> Any:
     """Evalio's pose of a matrix, shape [4, 4]."""
     x, y, z, w = quaternion_of(matrix[:3, :3])
