@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from terrain_forge.base import OutputError
-from terrain_forge.terminal import SCORING
+from terrain_forge.terminal import SCORING, Display
 
 
 @click.command()
@@ -52,6 +52,7 @@ def evaluate(
     TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
     alignment on the first third, drift of the path's length over 10 m.
     """
+    from terrain_forge import pipeline
     from terrain_forge.evaluation import chosen_systems, read_options
     from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
 
@@ -65,4 +66,6 @@ def evaluate(
     if truth or estimate or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
     chosen = chosen_systems(systems, paths[0], binaries)
-    return tell_systems(paths[0], chosen, runs=runs, options=options, out=out)
+    with Display(pipeline.EVALUATE_STAGES) as display:
+        results = pipeline.evaluate(paths[0], chosen, runs=runs, options=options, progress=display)
+    return tell_systems(paths[0], results, out=out)

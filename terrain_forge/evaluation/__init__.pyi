@@ -6,6 +6,7 @@ from .adapter import run_system as run_system
 from .alignment import aligned as aligned
 from .alignment import associate as associate
 from .alignment import rigid_motion as rigid_motion
+from .bench import RESULTS as RESULTS
 from .bench import chosen_systems as chosen_systems
 from .bench import evaluate_recording as evaluate_recording
 from .bench import system_lines as system_lines
@@ -15,6 +16,8 @@ from .catalogue import known_systems as known_systems
 from .catalogue import with_binaries as with_binaries
 from .files import read_options as read_options
 from .files import score_files as score_files
+from .paper_table import paper_rows as paper_rows
+from .paper_table import write_paper_table as write_paper_table
 from .poses import TimedPoses as TimedPoses
 from .poses import checked_poses as checked_poses
 from .poses import read_poses as read_poses

@@ -20,11 +20,12 @@ from terrain_forge.evaluation.catalogue import (
     vocabulary_of,
     with_binaries,
 )
+from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
 
-FOLDER = "slam"
+RESULTS = "slam"
 """Where results lie, in the recording's folder."""
 
 
@@ -59,7 +60,8 @@ def evaluate_recording(
             if progress:
                 progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
             results.append(_result(recording, adapter, number, inputs, options))
-            write_results(results, recording.folder / FOLDER)  # an interrupt loses one run only
+            write_results(results, recording.folder / RESULTS)  # an interrupt loses one run only
+            write_paper_table(recording, results, recording.folder / RESULTS)
     return results
 
 
@@ -70,7 +72,8 @@ def _result(
     inputs: dict[str, Path],
     options: ScoreOptions | None,
 ) -> Result:
-    keep = recording.folder / FOLDER / f"{adapter.name}_{number}"
+    keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
+    (keep / ERRORS).unlink(missing_ok=True)  # an earlier run's
     try:
         places = _places(recording, adapter, inputs)
         before = _state(recording.folder)
@@ -100,7 +103,7 @@ def _state(folder: Path) -> set[tuple[str, int, int]]:
     return {
         (path.relative_to(folder).as_posix(), stat.st_size, stat.st_mtime_ns)
         for path in folder.rglob("*")
-        if path.relative_to(folder).parts[0] != FOLDER
+        if path.relative_to(folder).parts[0] != RESULTS
         and (stat := path.lstat())
         and not path.is_dir()
     }
@@ -185,7 +188,7 @@ def _input(
         return (recording.folder / kind).resolve()
     name = "_".join([kind, *(f"{key}-{value}" for key, value in sorted(options.items()))])
     if name not in inputs:
-        folder = recording.folder.resolve() / FOLDER / "inputs" / name
+        folder = recording.folder.resolve() / RESULTS / "inputs" / name
         if not folder.is_dir():
             folder.parent.mkdir(parents=True, exist_ok=True)
             try:
