@@ -9,6 +9,7 @@ are others an interrupt is only noted, and raised where somebody asks for it.
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -35,7 +36,10 @@ def listen_for_interrupts() -> Iterator[None]:
             signal.signal(number, _raise)
     try:
         yield
-    except Exception:  # an interrupt in an import becomes an ImportError
+    except Exception as error:  # an interrupt in an import becomes an ImportError
+        cause = error.__cause__
+        if isinstance(cause, KeyboardInterrupt) and str(cause):  # click's error has ours inside
+            raise cause from None
         ask_for_interrupt()
         raise
     finally:
@@ -50,7 +54,10 @@ def ask_for_interrupt() -> None:
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Raise none in the block but where it asks; one that came is raised after it."""
+    """Raise none in the block but where it asks; one that came is raised after it.
+
+    Where one goes up through the block already, that stays: it may say what was left.
+    """
     former: dict[int, Any] = {}
     try:
         if threading.current_thread() is threading.main_thread():
@@ -64,7 +71,12 @@ def hold_interrupts() -> Iterator[None]:
             signal.signal(number, handler)
         if former and _noted:
             came = _noted.pop()
-            former[came](came, None)
+            going_up = isinstance(sys.exc_info()[1], KeyboardInterrupt)
+            try:
+                former[came](came, None)
+            except KeyboardInterrupt:
+                if not going_up:
+                    raise
 
 
 @contextmanager

@@ -108,13 +108,21 @@ def run_cells(
     require_folder(study, out)
     missing = _missing(study, out)
     jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep)
-    with holding(out):
-        (out / CELLS).mkdir(exist_ok=True)
-        (out / INDEX).write_text(json.dumps(index_of(study), indent=1) + "\n", encoding="utf-8")
-        _run(missing, out, jobs, progress, count=len({cell.digest for cell in study.cells}))
-        if not study.file.spec.keep:
-            for cell in study.cells:
-                _forget(cell, out)
+    count = len({cell.digest for cell in study.cells})
+    try:
+        with holding(out):
+            (out / CELLS).mkdir(exist_ok=True)
+            text = json.dumps(index_of(study), indent=1)
+            (out / INDEX).write_text(text + "\n", encoding="utf-8")
+            _run(missing, out, jobs, progress, count=count)
+            if not study.file.spec.keep:
+                for cell in study.cells:
+                    _forget(cell, out)
+    except KeyboardInterrupt:
+        done = count - len(_missing(study, out))
+        raise KeyboardInterrupt(
+            f"{done} of {count} cells are in {out}: the same command goes on from there"
+        ) from None
     found = [result_of(cell, out) for cell in study.cells]
     nothing = {"status": "failed", "why": "its process ended", "results": []}
     return [one or nothing for one in found]
@@ -199,25 +207,20 @@ def _run(cells: Sequence[Cell], out: Path, jobs: int, progress: Progress, *, cou
     waiting, running = list(cells), dict[str, tuple[Cell, Program]]()
     workers = max(1, (os.cpu_count() or 1) // jobs)
     before, done = count - len(cells), 0
-    try:
-        with ExitStack() as programs:
-            while waiting or running:
-                while waiting and len(running) < jobs:
-                    cell = waiting.pop(0)
-                    running[cell.digest] = cell, programs.enter_context(_start(cell, out, workers))
-                names = "; ".join(cell.title for cell, _ in running.values())
-                progress(f"cells: {before + done} of {count}, now {names}", done / len(cells))
-                time.sleep(_TICK)
-                ask_for_interrupt()
-                for digest, (cell, program) in list(running.items()):
-                    if program.ended(0.0):
-                        del running[digest]
-                        _settle(cell, out)
-                        done += 1
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            f"{before + done} of {count} cells are in {out}: the same command goes on from there"
-        ) from None
+    with ExitStack() as programs:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                cell = waiting.pop(0)
+                running[cell.digest] = cell, programs.enter_context(_start(cell, out, workers))
+            names = "; ".join(cell.title for cell, _ in running.values())
+            progress(f"cells: {before + done} of {count}, now {names}", done / len(cells))
+            time.sleep(_TICK)
+            ask_for_interrupt()
+            for digest, (cell, program) in list(running.items()):
+                if program.ended(0.0):
+                    del running[digest]
+                    _settle(cell, out)
+                    done += 1
 
 
 def _start(cell: Cell, out: Path, workers: int) -> Program:
