@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,19 +73,25 @@ class RecipeFile:
         return _locate(self.path, self.lines, error.key, str(error)) if error.key else str(error)
 
 
-def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFile:
+def load_recipe(
+    path: Path | str,
+    *,
+    changes: tuple[str, ...] = (),
+    mapping: tuple[dict[str, Any], Lines] | None = None,
+) -> RecipeFile:
     """Read and check a recipe.
 
     Args:
         path: the YAML file.
         changes: `key=value` with dots for nested keys (`terrain.spacing_m=0.25`,
             `rocks.populations.0.diameter_m=[0.1, 0.4]`), values in YAML.
+        mapping: what `read_mapping` read of the file, where that was done before.
 
     Raises:
         RecipeError: `file:line: key: what was found, what is allowed`.
     """
     path = Path(path)
-    data, lines = read_mapping(path)
+    data, lines = deepcopy(mapping) if mapping else read_mapping(path)
     try:
         renamed = rename_keys(data)
     except RecipeError as error:

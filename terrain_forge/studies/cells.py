@@ -120,20 +120,28 @@ def _cell(file: StudyFile, base: Base, levels: Mapping[str, Level], seed: int) -
 
 def _record(file: StudyFile, levels: Mapping[str, Level]) -> RecordSpec:
     """Which part is recorded at some levels."""
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     spec = file.spec.record
     for name, level in levels.items():
         told = {k.removeprefix(RECORD): v for k, v in level.changes if k.startswith(RECORD)}
         try:
-            text = json.dumps(plain_of(spec) | told)
-            spec = TypeAdapter(RecordSpec).validate_json(text, strict=True)
+            if told:
+                text = json.dumps(plain_of(spec) | told)
+                spec = _record_adapter().validate_json(text, strict=True)
         except ValidationError as error:
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"]))
             place = file.place("study", name)
             raise RecipeError(f"{place}: {name}: {RECORD}{key}: {first['msg']}") from None
     return spec
+
+
+@cache
+def _record_adapter() -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(RecordSpec)
 
 
 @cache

@@ -131,7 +131,8 @@ class Base:
 
     def __init__(self, file: StudyFile, path: Path) -> None:
         self._file, self.path = file, path
-        self._plain, _ = read_mapping(path)
+        self._mapping = read_mapping(path)
+        self._plain = dict(self._mapping[0])
         self._given: list[str] = []
         keys = [*file.spec.set, *_keys_of(file.spec.study)]
         if self._plain.get("sensors") is None and any(k.startswith("sensors.") for k in keys):
@@ -156,7 +157,9 @@ class Base:
                     changes += self._written(key, value)
             ends[name] = len(changes)
         try:
-            return load_recipe(self.path, changes=tuple(changes)), tuple(changes)
+            return load_recipe(self.path, changes=tuple(changes), mapping=self._mapping), tuple(
+                changes
+            )
         except RecipeError:
             for name, end in ends.items():  # which is it whose level cannot be?
                 self._loaded(changes[:end], "study", name)
@@ -164,7 +167,7 @@ class Base:
 
     def _loaded(self, changes: list[str], *key: str) -> RecipeFile:
         try:
-            return load_recipe(self.path, changes=tuple(changes))
+            return load_recipe(self.path, changes=tuple(changes), mapping=self._mapping)
         except RecipeError as error:
             if not changes:  # the recipe itself is wrong
                 raise
@@ -200,7 +203,7 @@ def places_of(plain: Any, words: tuple[str, ...]) -> list[Key]:
     while not found:
         known -= 1
         rest = words[known:]
-        found = [(*place, *rest) for place in _exactly(plain, words[:known])]
+        found = [(*place, *rest) for place in _found(plain, words[:known])]
     return list(dict.fromkeys(found))
 
 
@@ -213,16 +216,6 @@ def _found(node: Any, words: tuple[str, ...]) -> list[Key]:
     ]
     return exact or [
         (step, *rest) for step, child in _children(node) for rest in _found(child, words)
-    ]
-
-
-def _exactly(node: Any, words: tuple[str, ...]) -> list[Key]:
-    if not words:
-        return [()] if isinstance(node, dict) else []
-    return [
-        (step, *rest)
-        for step, child in _steps(node, words[0])
-        for rest in _exactly(child, words[1:])
     ]
 
 
