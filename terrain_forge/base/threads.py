@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -36,7 +37,10 @@ def listen_for_interrupts() -> Iterator[None]:
             signal.signal(number, _raise)
     try:
         yield
-    except Exception:  # an interrupt in an import becomes an ImportError
+    except Exception as error:  # an interrupt in an import becomes an ImportError
+        cause = error.__cause__
+        if isinstance(cause, KeyboardInterrupt) and str(cause):  # click's error has ours inside
+            raise cause from None
         ask_for_interrupt()
         raise
     finally:
@@ -51,7 +55,10 @@ def ask_for_interrupt() -> None:
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Raise none in the block but where it asks; one that came is raised after it."""
+    """Raise none in the block but where it asks; one that came is raised after it.
+
+    Where one goes up through the block already, that stays: it may say what was left.
+    """
     former: dict[int, Any] = {}
     try:
         if threading.current_thread() is threading.main_thread():
@@ -65,7 +72,12 @@ def hold_interrupts() -> Iterator[None]:
             signal.signal(number, handler)
         if former and _noted:
             came = _noted.pop()
-            former[came](came, None)
+            going_up = isinstance(sys.exc_info()[1], KeyboardInterrupt)
+            try:
+                former[came](came, None)
+            except KeyboardInterrupt:
+                if not going_up:
+                    raise
 
 
 def processors() -> int:

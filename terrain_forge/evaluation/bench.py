@@ -24,13 +24,14 @@ from terrain_forge.evaluation.catalogue import (
     vocabulary_of,
     with_binaries,
 )
+from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
-from terrain_forge.evaluation.results import Result, write_results
+from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
 
-FOLDER = "slam"
+RESULTS = "slam"
 """Where results lie, in the recording's folder."""
-_INPUTS = f"{FOLDER}/inputs"
+_INPUTS = f"{RESULTS}/inputs"
 """Where the recording lies in the formats that systems read."""
 _DIGITS = 12
 """Of the hash of the recording's index, by which inputs lie there."""
@@ -68,7 +69,8 @@ def evaluate_recording(
             if progress:
                 progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
             results.append(_result(recording, adapter, number, inputs, options))
-            write_results(results, recording.folder / FOLDER)  # an interrupt loses one run only
+            write_results(results, recording.folder / RESULTS)  # an interrupt loses one run only
+            write_paper_table(recording, results, recording.folder / RESULTS)
     return results
 
 
@@ -79,7 +81,8 @@ def _result(
     inputs: dict[str, Path],
     options: ScoreOptions | None,
 ) -> Result:
-    keep = recording.folder / FOLDER / f"{adapter.name}_{number}"
+    keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
+    (keep / ERRORS).unlink(missing_ok=True)  # an earlier run's
     try:
         places = _places(recording, adapter, inputs)
         before = _state(recording.folder)
@@ -100,6 +103,7 @@ def _result(
             truth = truth_of(recording, adapter.frame)
             estimate = _timed(run.estimate, adapter, truth)
             score = score_poses(truth, estimate, options)
+            write_errors(score, keep / ERRORS)
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
     return Result(run=run, number=number, score=score, frame=adapter.frame, world=recording.name)
@@ -111,7 +115,7 @@ def _state(folder: Path) -> set[tuple[str, int, int]]:
     return {
         (path.relative_to(folder).as_posix(), stat.st_size, stat.st_mtime_ns)
         for above in paths
-        if above.name != FOLDER
+        if above.name != RESULTS
         for path in (above, *above.rglob("*"))
         if os.path.lexists(path) and (stat := path.lstat()) and not path.is_dir()
     }

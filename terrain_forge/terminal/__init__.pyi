@@ -29,6 +29,7 @@ from .outcome import tell_exports as tell_exports
 from .outcome import tell_preview as tell_preview
 from .outcome import tell_recording as tell_recording
 from .outcome import tell_validation as tell_validation
+from .running import FAILED_CHECK as FAILED_CHECK
 from .running import run_command as run_command
 from .running import run_process as run_process
 from .scoring import install_named as install_named
