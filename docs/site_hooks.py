@@ -28,6 +28,7 @@ ROOMS = {
     "rovers": "Rovers",
     "paths": "Paths",
     "truth": "Truth",
+    "sky": "Sun and sky",
     "building": "Results",
     "datasets": "Datasets",
     "model": "Values that stages hand on",

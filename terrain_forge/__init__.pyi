@@ -94,7 +94,6 @@ from .recipe import DriveSpec as DriveSpec
 from .recipe import Recipe as Recipe
 from .recipe import RecipeFile as RecipeFile
 from .recipe import StartsSpec as StartsSpec
-from .recipe import SunSpec as SunSpec
 from .recipe import TerrainSpec as TerrainSpec
 from .recipe import ValidateSpec as ValidateSpec
 from .recipe import json_schema as json_schema
@@ -124,6 +123,7 @@ from .rocks import make_library as make_library
 from .rocks import remove_rocks as remove_rocks
 from .rocks import scatter as scatter
 from .rovers import FileRover as FileRover
+from .sky import SunSpec as SunSpec
 from .terrain import AppearanceSpec as AppearanceSpec
 from .terrain import BodyProduction as BodyProduction
 from .terrain import CraterBin as CraterBin

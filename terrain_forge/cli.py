@@ -25,6 +25,7 @@ from terrain_forge.terminal import (
     complete_starters,
     complete_terrain_models,
     completion_script,
+    illumination,
     names_of,
     run_command,
     run_process,
@@ -161,12 +162,7 @@ def build(
     require_apart(out.resolve(), [file.path])
     with located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
-            file.recipe,
-            out,
-            folder=file.folder,
-            only=names_of(only),
-            force=force,
-            progress=display,
+            file.recipe, out, folder=file.folder, only=names_of(only), force=force, progress=display
         )
     tell_build(result, out, display.elapsed)
     finish(result.passed, out)
@@ -268,6 +264,9 @@ def record(
 
 cli.add_command(evaluate)
 cli.add_command(study)
+
+
+cli.add_command(illumination)
 
 
 @cli.command()

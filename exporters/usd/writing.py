@@ -79,7 +79,7 @@ def _define_lights(stage: Usd.Stage, world: World) -> None:
     # A normalised distant light gives its intensity as irradiance, whatever its angle.
     sun.CreateIntensityAttr(lighting.irradiance)
     sun.CreateNormalizeAttr(True)
-    sun.CreateAngleAttr(float(np.degrees(world.site.body.sun_diameter)))
+    sun.CreateAngleAttr(float(np.degrees(world.sun_diameter)))
     # It shines along its -z axis: its z axis points to the Sun.
     towards = Gf.Vec3d(*lighting.towards_sun.tolist())
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), towards).GetQuat()

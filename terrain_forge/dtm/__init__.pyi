@@ -41,3 +41,7 @@ from .spec import ArrayDtm as ArrayDtm
 from .spec import Centre as Centre
 from .spec import FlatDtm as FlatDtm
 from .spec import RasterDtm as RasterDtm
+from .wide import holes as holes
+from .wide import lay_out as lay_out
+from .wide import raster_bounds as raster_bounds
+from .wide import read_wide as read_wide

@@ -1,4 +1,6 @@
 """From a recipe to a Site, from a Site to a World."""
 
+from .lighting import light_at as light_at
+from .lighting import place_of as place_of
 from .planning import plan as plan
 from .realising import make_world as make_world

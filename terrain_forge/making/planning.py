@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Progress, reading, silent
 from terrain_forge.dtm import RasterDtm, at_hand, expanded, require_straight, survey
+from terrain_forge.making.lighting import light_of
 from terrain_forge.model import BODIES, Site
 from terrain_forge.paths import plan_routes
 from terrain_forge.recipe import (
@@ -75,6 +76,7 @@ def plan(
     require_paths(recipe)
     require_centre(recipe)
     require_lattice(recipe)
+    recipe.sun.require_sound()
     recipe = resolve(recipe, inputs)
     named = inputs.portable(recipe)
     check_rocks(recipe.rocks, size)
@@ -114,6 +116,7 @@ def plan(
         recipe_json=recipe_json(named),
     )
     require_straight(site)
+    light_of(site)
     check_layers(site.recipe.terrain.layers, site)
     check_appearance(recipe.terrain.appearance, site)
     if (picture := recipe.terrain.appearance.orthoimage) is not None:

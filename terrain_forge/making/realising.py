@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
 from terrain_forge.base import Stopwatch
-from terrain_forge.model import Lighting, Site, Window, World, owned, touches
+from terrain_forge.making.lighting import light_of
+from terrain_forge.model import Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories
 from terrain_forge.rocks import (
     find_library,
@@ -70,16 +69,6 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
         trajectories=make_trajectories(site, window, ground, rocks, library, rover),
         rover=rover,
-        lighting=_light(site),
+        lighting=light_of(site),
         unplaced=scattered.unplaced,
-    )
-
-
-def _light(site: Site) -> Lighting:
-    sun = site.recipe.sun
-    return Lighting(
-        sun_azimuth=float(np.radians(sun.azimuth_deg)),
-        sun_elevation=float(np.radians(sun.elevation_deg)),
-        irradiance=site.body.solar_irradiance,
-        sky_rgb=site.body.sky_rgb,
     )

@@ -46,6 +46,12 @@ from .inputs import Table as Table
 from .known_bodies import BODIES as BODIES
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
+from .orbit import EARTH_ORBIT as EARTH_ORBIT
+from .orbit import EARTH_RADIUS as EARTH_RADIUS
+from .orbit import Ephemeris as Ephemeris
+from .orbit import KeplerOrbit as KeplerOrbit
+from .orbit import Rotation as Rotation
+from .orbit import SatelliteOrbit as SatelliteOrbit
 from .plot import html as html
 from .plot import html_picture as html_picture
 from .plot import plot_area as plot_area

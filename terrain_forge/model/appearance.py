@@ -50,6 +50,18 @@ class Lighting(Record):
     """Irradiance of a surface that faces the Sun [W/m²]."""
     sky_rgb: tuple[float, float, float]
     """Colour of the sky, linear 0 to 1."""
+    sun_diameter: float | None = None
+    """Angle that the Sun fills [rad]; None for the body's mean."""
+    time: str = ""
+    """Date and time in UTC, ISO 8601; empty where only the Sun's place is known."""
+    solar_time: str = ""
+    """Local true solar time, of 24 hours, where the date is known."""
+    season: float | None = None
+    """Areocentric longitude of the Sun, Ls [rad], where the date is known."""
+    earth: tuple[float, float, float] | None = None
+    """Unit vector (east, north, up) to the Earth, where the date is known."""
+    earth_diameter: float = 0.0
+    """Angle that the Earth fills [rad], where the date is known."""
 
     @property
     def towards_sun(self) -> Array:

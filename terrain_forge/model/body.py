@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from terrain_forge.base import Array, Record, portable
+from terrain_forge.model.orbit import Ephemeris
 
 RGB = tuple[float, float, float]
 Surface = Literal["regolith", "bedrock", "rock"]
@@ -187,3 +188,6 @@ class Body(Record):
     """Heights of its lowest and highest ground above the datum [m]; None where not known."""
     craters: CraterConstants
     """Shapes and numbers of craters."""
+    ephemeris: Ephemeris | None = None
+    """Orbit, rotation and figure, which tell the Sun's place by date; None where a recipe must give
+    its azimuth and elevation."""

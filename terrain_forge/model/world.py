@@ -57,6 +57,11 @@ class World(Record):
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
 
+    @property
+    def sun_diameter(self) -> float:
+        """Angle that the Sun fills [rad]."""
+        return self.lighting.sun_diameter or self.site.body.sun_diameter
+
     def __repr__(self) -> str:
         site, (west, south, east, north) = self.site, self.ground.bounds
         paths = ", ".join(path.name for path in self.trajectories) or "none"

@@ -24,7 +24,6 @@ from .renames import current_json as current_json
 from .schema import DriveSpec as DriveSpec
 from .schema import Recipe as Recipe
 from .schema import StartsSpec as StartsSpec
-from .schema import SunSpec as SunSpec
 from .schema import TerrainSpec as TerrainSpec
 from .schema import ValidateSpec as ValidateSpec
 from .schema import json_schema as json_schema

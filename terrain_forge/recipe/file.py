@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import MaxDepthExceededError
+from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
@@ -38,7 +39,8 @@ MAX_DIGITS = 400
 """Digits of a whole number in a recipe."""
 _TOO_DEEP = f"mappings and lists are nested more than {MAX_DEPTH} deep"
 _PLAIN_TAGS = {
-    f"tag:yaml.org,2002:{n}" for n in ("map", "seq", "str", "int", "float", "bool", "null")
+    f"tag:yaml.org,2002:{n}"
+    for n in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp")
 }
 
 
@@ -191,8 +193,16 @@ def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> 
             _collect(path, value, (*key, index), lines, seen)
 
 
+class _Constructor(SafeConstructor):
+    """What makes data of YAML: a date is the text that stands there."""
+
+
+_Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
+
+
 def _reader() -> YAML:
     yaml = YAML(typ="safe", pure=True)
+    yaml.Constructor = _Constructor
     yaml.max_depth = MAX_DEPTH + 1  # the recipe itself is one
     return yaml
 

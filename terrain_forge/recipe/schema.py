@@ -33,6 +33,7 @@ from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.recipe.dataset import DatasetSpec
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice, SensorsChoice
+from terrain_forge.sky import SunSpec
 from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
 
 
@@ -117,16 +118,6 @@ class TerrainSpec(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SunSpec(Spec):
-    """Where the Sun stands."""
-
-    azimuth_deg: Annotated[float, Interval(ge=-360, le=360)] = 250.0
-    """Compass direction, clockwise from north [degrees]."""
-    elevation_deg: Annotated[float, Interval(gt=0, le=90)] = 35.0
-    """Height above the horizon [degrees]."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Recipe(Spec):
     """Everything that makes a world."""
 
@@ -146,8 +137,8 @@ class Recipe(Spec):
     """The rocks; none by default."""
     paths: tuple[PathSpec, ...] = ()
     """Paths of the rover."""
-    sun: SunSpec = SunSpec()
-    """The Sun."""
+    sun: SunSpec = field(default_factory=SunSpec)
+    """The Sun: its place, or a date."""
     rover: RoverChoice = "morpheus"
     """The rover: a name (`morpheus`, `skid4`), or a mapping of its `kind` with what shall differ;
     `kind: file` brings your own URDF or MJCF."""

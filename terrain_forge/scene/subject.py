@@ -102,7 +102,7 @@ def subject_of(world: World) -> Subject:
             rgb=albedo * tones(rocks.id, world.site.seed)[:, None],
         ),
         lighting=world.lighting,
-        sun_diameter=world.site.body.sun_diameter,
+        sun_diameter=world.sun_diameter,
         seed=world.site.seed,
         tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
         **wheels,

@@ -36,3 +36,4 @@ from .scoring import install_named as install_named
 from .scoring import list_systems as list_systems
 from .scoring import tell_scores as tell_scores
 from .scoring import tell_systems as tell_systems
+from .sunlight import illumination as illumination

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ def write_geotiff(
     site: Site,
     units: str = "m",
     nodata: float | None = None,
-    description: str = "",
+    description: str | Sequence[str] = "",
     cloud_optimized: bool = False,
 ) -> None:
     """Write a value or a colour per node of the ground as a GeoTIFF in the site's local CRS.
@@ -32,12 +33,13 @@ def write_geotiff(
     Args:
         path: The file.
         grid: Values, float32, int32 or uint8, shape [rows, columns] of the ground; rows run north.
-            Red, green and blue have a third axis, shape [rows, columns, 3].
+            Red, green and blue have a third axis, shape [rows, columns, 3], and so have several
+            values, of which each is described.
         world_ground: The lattice that the values belong to.
         site: Gives the CRS, the datum height and the levelling plane.
         units: Unit of the values; empty for none.
         nodata: The value that means "nothing here".
-        description: What the band holds, in a few words.
+        description: What the band holds, in a few words; of values for several bands, each band's.
         cloud_optimized: Write blocks and overviews, of which each holds nodes of the full grid, in
             the order that readers over the network want (COG).
 
@@ -62,6 +64,8 @@ def write_geotiff(
             "z + DATUM_HEIGHT_M + LEVEL_SLOPE_EAST * x + LEVEL_SLOPE_NORTH * y"
         ),
     }
+    coloured = grid.ndim == 3 and isinstance(description, str)
+    told = [description] * 3 if isinstance(description, str) else description
     bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
     west, _, _, north = world_ground.bounds
     profile: dict[str, Any] = {
@@ -73,7 +77,7 @@ def write_geotiff(
         "transform": from_origin(west - step / 2, north + step / 2, step, step),
         "nodata": nodata,
         "compress": "deflate",
-        **_layout(grid, cloud_optimized=cloud_optimized),
+        **_layout(grid, coloured=coloured, cloud_optimized=cloud_optimized),
     }
     with warnings.catch_warnings():
         # A window whose corner is the origin, at 1 m, looks like "no transform" to rasterio.
@@ -83,19 +87,19 @@ def write_geotiff(
             with memory.open(**profile) as file:
                 for band in range(bands.shape[2]):
                     file.write(np.ascontiguousarray(bands[..., band]), band + 1)
-                    file.set_band_description(band + 1, description)
+                    file.set_band_description(band + 1, told[band])
                     file.set_band_unit(band + 1, units)
-                if bands.shape[2] == 3:
+                if coloured:
                     file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
                 file.update_tags(AREA_OR_POINT="Area", **tags)
             path.write_bytes(memory.getbuffer())
 
 
-def _layout(grid: NDArray[Any], *, cloud_optimized: bool) -> dict[str, Any]:
+def _layout(grid: NDArray[Any], *, coloured: bool, cloud_optimized: bool) -> dict[str, Any]:
     """How the file is laid out, as options of GDAL's driver."""
     if cloud_optimized:
         # Averages of ids are no ids, and averages of heights are not on the ground.
         return {"driver": "COG", "level": 1, "predictor": "YES", "overview_resampling": "nearest"}
-    colours = {"photometric": "rgb", "interleave": "pixel"} if grid.ndim == 3 else {}
-    predictor = {"f": 3}.get(grid.dtype.kind, 2 if grid.ndim == 3 else 1)
+    colours = {"photometric": "rgb", "interleave": "pixel"} if coloured else {}
+    predictor = {"f": 3}.get(grid.dtype.kind, 2 if coloured else 1)
     return {"driver": "GTiff", "zlevel": 1, "predictor": predictor, **colours}

@@ -13,6 +13,7 @@ measured that would hold all over the planet: craters wear as equilibrium needs.
 Repose:
 33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to
 Olympus Mons.
+Orbit and rotation: at their values. Ellipsoid: IAU 2009, the same report.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from terrain_forge.model.body import (
     Soil,
     sheared,
 )
+from terrain_forge.model.orbit import Ephemeris, KeplerOrbit, Rotation
 
 _HARTMANN_NEUKUM = Chronology(burst=3.22e-14, steady=4.875e-4)
 
@@ -91,5 +93,24 @@ MARS = Body(
                 "doi:10.1016/j.icarus.2013.07.004",
             ),
         ),
+    ),
+    ephemeris=Ephemeris(
+        orbit=KeplerOrbit(
+            semi_major=(1.52371034, 0.00001847),
+            eccentricity=(0.09339410, 0.00007882),
+            inclination=(1.84969142, -0.00813131),
+            mean_longitude=(-4.55343205, 19140.30268499),
+            perihelion=(-23.94362959, 0.44441088),
+            node=(49.55953891, -0.29257343),
+            source="1800 to 2050: Standish, Keplerian elements for approximate positions of the "
+            "major planets (JPL), table 1",
+        ),
+        rotation=Rotation(
+            right_ascension=(317.68143, -0.1061),
+            declination=(52.88650, -0.0609),
+            meridian=(176.630, 350.89198226, 0.0),
+            source="IAU 2009, Archinal et al. 2011, doi:10.1007/s10569-010-9320-4",
+        ),
+        radii=(3396.19e3, 3376.20e3),
     ),
 )  # fmt: skip

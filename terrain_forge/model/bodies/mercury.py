@@ -14,6 +14,7 @@ change of depth near 10 km is Malin & Dzurisin's 1978). Fresh ones are as deep a
 10 showed (Barnouin et al. 2012, doi:10.1016/j.icarus.2012.02.029, from the abstract), for which 0.2
 D is taken. That small ones are shallower, the equilibrium, the diffusivity at 1 km and the bright
 young ejecta are assumed to be the Moon's.
+Ellipsoid: IAU 2015, Archinal et al. 2018, doi:10.1007/s10569-017-9805-5.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from terrain_forge.model.body import (
     Soil,
     sheared,
 )
+from terrain_forge.model.orbit import Ephemeris, KeplerOrbit, Rotation
 
 _NEUKUM = Chronology(burst=6.247e-14, steady=9.620e-4)
 
@@ -75,5 +77,28 @@ MERCURY = Body(
                 "doi:10.1016/S0032-0633(01)00089-7, coefficients as in Craterstats",
             ),
         ),
+    ),
+    ephemeris=Ephemeris(
+        orbit=KeplerOrbit(
+            semi_major=(0.38709927, 0.00000037),
+            eccentricity=(0.20563593, 0.00001906),
+            inclination=(7.00497902, -0.00594749),
+            mean_longitude=(252.25032350, 149472.67411175),
+            perihelion=(77.45779628, 0.16047689),
+            node=(48.33076593, -0.12534081),
+            source="1800 to 2050: Standish, Keplerian elements for approximate positions of the "
+            "major planets (JPL), table 1",
+        ),
+        rotation=Rotation(
+            right_ascension=(281.0103, -0.0328),
+            declination=(61.4155, -0.0049),
+            meridian=(329.5988, 6.1385108, 0.0),
+            waves=(
+                (174.7910857, 4.092335, 0.0, 0.0, 0.01067257),
+                (349.5821714, 8.184670, 0.0, 0.0, -0.00112309),
+            ),
+            source="IAU 2015, Archinal et al. 2018, doi:10.1007/s10569-017-9805-5",
+        ),
+        radii=(2440.53e3, 2438.26e3),
     ),
 )  # fmt: skip

@@ -87,7 +87,11 @@ def _plane(slope: tuple[float, float]) -> str:
 
 def _sun(world: World) -> str:
     azimuth, elevation = np.degrees([world.lighting.sun_azimuth, world.lighting.sun_elevation])
-    return f"{elevation:.1f}° high, azimuth {azimuth % 360:.1f}°"
+    stands = f"{elevation:.1f}° high, azimuth {azimuth % 360:.1f}°"
+    if (season := world.lighting.season) is None:
+        return stands
+    when = f"{world.lighting.time}, {world.lighting.solar_time} true solar time"
+    return f"{stands}; {when}, Ls {np.degrees(season):.1f}°"
 
 
 class Usage(Section):

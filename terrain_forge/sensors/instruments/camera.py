@@ -221,7 +221,7 @@ class CameraFrames(Frames):
         towards = portable.product(light.towards_sun, rotation)
         if light.towards_sun[2] <= 0.0 or towards[2] <= 0.0:
             return exposure.radiance
-        radius = 0.5 * world.site.body.sun_diameter
+        radius = 0.5 * world.sun_diameter
         part = visible_part(
             self.setting.scenery,
             position,

@@ -1,0 +1,128 @@
+"""A period's maps as GeoTIFFs, a table, pictures and a film."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from terrain_forge.base import Array, image_rows, srgb_from_linear
+from terrain_forge.illumination.land import Land
+from terrain_forge.illumination.period import Light
+from terrain_forge.model import Site
+from terrain_forge.sky import Above, true_solar_time, utc_text
+from terrain_forge.writers import write_geotiff, write_png
+
+_SIDE = 512
+"""Pixels of a picture's longer side, at least."""
+_FRAME_MS = 120
+_MOST_HORIZON = 8_000_000
+"""Values of the horizon map that are written; of more, each n-th azimuth is."""
+_TEXT, _SHADE = (255, 255, 255), (0, 0, 0)
+
+
+def write_maps(folder: Path, light: Light, land: Land, site: Site, names: list[str]) -> list[str]:
+    """Write the GeoTIFFs; returns lines that say what they hold."""
+    every = max(1, -(-light.horizon.size // _MOST_HORIZON))
+    degrees = np.degrees(light.azimuths)
+    maps: list[tuple[str, NDArray[Any], str, list[str], str]] = [
+        ("sunlight_hours", light.sunlight, "h", ["hours of the whole Sun in the period"], ""),
+        ("earth_hours", light.earth, "h", ["hours of the whole Earth in the period"], ""),
+        ("never_lit", light.never, "", ["1 where the Sun never shines, whatever the date"], ""),
+        (
+            "horizon", np.degrees(np.moveaxis(light.horizon[::every], 0, -1)), "deg",
+            [f"height of the horizon towards {a:.6g} deg from north" for a in degrees[::every]],
+            f", {len(degrees[::every])} azimuths",
+        ),
+    ]  # fmt: skip
+    if len(light.moments):
+        shadows = np.moveaxis(light.moments, 0, -1)
+        maps.append(("sun_seen", shadows, "%", names, f", {len(names)} moments"))
+    lines = []
+    for name, grid, units, told, more in maps:
+        write_geotiff(
+            folder / f"{name}.tif", np.ascontiguousarray(grid), world_ground=land.grid, site=site,
+            units=units, description=told,
+        )  # fmt: skip
+        lines.append(f"{name}.tif{more}")
+    return lines
+
+
+def write_table(
+    path: Path, moments: list[datetime], above: Above, light: Light, facts: dict[str, Any]
+) -> None:
+    """Write when what stood where as JSON, and how it was found."""
+    azimuths = {n: np.degrees(np.arctan2(v[:, 0], v[:, 1])) % 360.0 for n, v in _two(above)}
+    heights = {n: np.degrees(np.arcsin(v[:, 2])) for n, v in _two(above)}
+    rows = [
+        {
+            "time": utc_text(moment),
+            "ltst": true_solar_time(float(above.solar_time[n])),
+            "ls_deg": round(float(np.degrees(above.season[n])), 4),
+            "sun_azimuth_deg": round(float(azimuths["sun"][n]), 4),
+            "sun_elevation_deg": round(float(heights["sun"][n]), 4),
+            "sun_distance_au": round(float(above.sun_distance[n]), 6),
+            "earth_azimuth_deg": round(float(azimuths["earth"][n]), 4),
+            "earth_elevation_deg": round(float(heights["earth"][n]), 4),
+        }
+        for n, moment in enumerate(moments)
+    ]
+    found = {
+        "mean_sunlight_hours": float(light.sunlight.mean()),
+        "never_lit_share": float(light.never.mean()),
+    }
+    path.write_text(json.dumps(facts | found | {"moments": rows}, indent=1), encoding="utf-8")
+
+
+def _two(above: Above) -> list[tuple[str, Array]]:
+    return [("sun", above.sun), ("earth", above.earth)]
+
+
+def write_film(
+    path: Path, land: Land, light: Light, above: Above, captions: list[str], frames: int
+) -> None:
+    """Write the map under the moving Sun, north up, as an animated WebP."""
+    chosen = np.unique(np.linspace(0, len(captions) - 1, frames).round().astype(int)).tolist()
+    made = [shaded(land, above.sun[n], light.moments[n], captions[n]) for n in chosen]
+    made[0].save(
+        path, format="WEBP", save_all=True, append_images=made[1:], duration=_FRAME_MS, loop=0,
+        quality=70, method=3,
+    )  # fmt: skip
+
+
+def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> Image.Image:
+    """The map in the light of a moment; what no Sun reaches is dark blue."""
+    rise_north, rise_east = np.gradient(land.grid.elevation, land.grid.spacing)
+    facing = (sun[2] - rise_east * sun[0] - rise_north * sun[1]) / np.sqrt(
+        1.0 + rise_east**2 + rise_north**2
+    )
+    shine = np.maximum(facing, 0.0) * percent / 100.0
+    grey = 0.02 + 0.75 * np.sqrt(shine)  # grazing light would else be black in a picture
+    colour = np.stack([grey, grey, grey + 0.03], axis=-1)
+    return _picture(np.asarray(255.0 * np.clip(srgb_from_linear(colour), 0.0, 1.0)), caption)
+
+
+def write_hours(path: Path, light: Light, whole: float) -> None:
+    """Write the hours of sunlight as a picture, black for none, white for all; never lit blue."""
+    part = light.sunlight / max(whole, 1e-9)
+    colour = np.repeat(255.0 * np.sqrt(np.clip(part, 0.0, 1.0))[..., None], 3, axis=-1)
+    colour[light.never > 0] = (30.0, 60.0, 160.0)
+    write_png(path, np.asarray(_picture(colour, "")))
+
+
+def _picture(colour: Array, caption: str) -> Image.Image:
+    """A grid of colours, rows running north, as a picture of a size that can be seen."""
+    pixels = np.asarray(image_rows(colour)).round().astype(np.uint8)
+    image = Image.fromarray(pixels)
+    times = max(1, -(-_SIDE // max(image.size)))
+    image = image.resize((times * image.width, times * image.height), Image.Resampling.NEAREST)
+    if caption:
+        draw = ImageDraw.Draw(image)
+        draw.rectangle((0, image.height - 16, image.width, image.height), fill=_SHADE)
+        draw.text((4, image.height - 14), caption, fill=_TEXT)
+    return image

@@ -1,0 +1,174 @@
+"""The land around a site as horizons need it: all of its DTM, and the body's curvature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.base import Array, DataError, Mask, RecipeError
+from terrain_forge.dtm import (
+    RasterDtm,
+    at_hand,
+    holes,
+    lay_out,
+    open_raster,
+    raster_bounds,
+    read_wide,
+)
+from terrain_forge.illumination.horizon import Relief
+from terrain_forge.model import Heightfield, Site
+
+_NEAR_POSTS, _MOST_NEAR, _MOST_FAR = 512, 3072, 2048
+"""Posts around the map that keep their posting, and the most that a grid has along a side."""
+_LEAST = 16
+"""Nodes along a side of a map, at least, where its spacing is not given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where all of a DTM is."""
+
+    dtm: RasterDtm
+    """The recipe's."""
+    folder: Path
+    """What its paths are relative to."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Land:
+    """The points of a map and what stands around them."""
+
+    grid: Heightfield
+    """The map's nodes with their heights above the body's datum [m]."""
+    points: Array
+    """The nodes: east, north, height above the plane through the site's centre [m], shape
+    [nodes, 3]."""
+    reliefs: tuple[Relief, ...]
+    """What hides the Sun, the nearest and finest first."""
+    missing: Mask
+    """Nodes where the DTM has no height, shape [rows, columns]."""
+    told: str
+    """How far and how finely was looked, in words."""
+
+
+def find_land(
+    site: Site,
+    *,
+    source: Source | None,
+    size: tuple[float, float] | None,
+    spacing: float | None,
+    reach: float,
+    height: float,
+) -> Land:
+    """The land of a site.
+
+    Args:
+        site: Where.
+        source: The recipe's DTM, to be read as far as it goes; None for what the site holds.
+        size: East and north extent of the map [m]; the site's by default.
+        spacing: Of the map's nodes [m]; the DTM's posting by default.
+        reach: How far from the centre is looked [m].
+        height: Of the Sun's observers above the ground [m].
+
+    Raises:
+        RecipeError, DataError: where no DTM tells heights, or not for the whole map.
+    """
+    size = size or site.size
+    if site.dtm is None:
+        raise RecipeError("a flat site has no relief that could hide the Sun", key=("dtm",))
+    posting = site.dtm.posting
+    spacing = spacing or min(posting, min(size) / _LEAST)
+    grids = _grids(site, source, size, posting, reach)
+    nodes = _map(size, spacing)
+    radius = site.body.mean_radius
+    east, north = np.meshgrid(nodes.east, nodes.north)
+    near = grids[0]
+    if not near.covers(east, north).all():
+        west, south, right, top = near.bounds
+        raise DataError(
+            f"a map of {size[0]:g} × {size[1]:g} m reaches beyond the DTM, which lies "
+            f"{-west:.0f} m west, {right:.0f} m east, {-south:.0f} m south and {top:.0f} m north "
+            "of the centre",
+            key=("dtm",),
+        )
+    missing = _near_holes(near, east, north)
+    heights = np.where(missing, 0.0, near.height_at(east, north))
+    level = heights - (east**2 + north**2) / (2.0 * radius) + height
+    reliefs = tuple(Relief.of(_curved(grid, radius)) for grid in grids)
+    reaches = max(max(map(abs, grid.bounds)) for grid in grids)
+    told = f"{reaches / 1e3:.3g} km around, at " + ", then ".join(
+        f"{grid.spacing:.3g} m" for grid in grids
+    )
+    return Land(
+        grid=nodes.replace(elevation=heights.astype(np.float32)),
+        points=np.stack([east.ravel(), north.ravel(), level.ravel()], axis=-1),
+        reliefs=reliefs,
+        missing=missing,
+        told=told,
+    )
+
+
+def _map(size: tuple[float, float], spacing: float) -> Heightfield:
+    """Level nodes over an area around the centre."""
+    columns, rows = (max(2, round(side / spacing) + 1) for side in size)
+    origin = -0.5 * (columns - 1) * spacing, -0.5 * (rows - 1) * spacing
+    level = np.zeros((rows, columns), np.float32)
+    return Heightfield(elevation=level, spacing=spacing, origin=origin)
+
+
+def _grids(
+    site: Site, source: Source | None, size: tuple[float, float], posting: float, reach: float
+) -> list[Heightfield]:
+    """The DTM as grids, the finest first, of which each lies within the next."""
+    assert site.dtm is not None
+    around = [0.5 * side + _NEAR_POSTS * posting for side in size]
+    if source is None:
+        bounds = _patch_bounds(site)
+        return [lay_out(site.dtm, site.dtm.heights, site.crs, bounds, posting)]
+    spec = at_hand(source.dtm, body=site.body)
+    raster = open_raster(spec, body=site.body, folder=source.folder)
+    with raster.dataset:
+        west, south, east, north = raster_bounds(raster, site.crs, reach)
+        wide, high = around
+        box = max(west, -wide), max(south, -high), min(east, wide), min(north, high)
+        fine = max(posting, max(box[2] - box[0], box[3] - box[1]) / _MOST_NEAR)
+        wholes = [(box, fine)]
+        if (west, south, east, north) != box:
+            coarse = max(fine, max(east - west, north - south) / _MOST_FAR)
+            wholes.append(((west, south, east, north), coarse))
+        grids = []
+        for bounds, step in wholes:
+            found = read_wide(raster, site.crs, bounds, step)
+            grids.append(lay_out(found, found.heights, site.crs, bounds, step))
+    return grids
+
+
+def _patch_bounds(site: Site) -> tuple[float, float, float, float]:
+    """A rectangle around the centre within the patch of the DTM that a site holds."""
+    from terrain_forge.dtm import PixelFrame, patch_pixels
+
+    assert site.dtm is not None
+    rows, columns = site.dtm.heights.shape
+    column, row = (float(n[0]) for n in patch_pixels(site.dtm, site.crs, np.zeros(1), np.zeros(1)))
+    free = min(column, row, columns - 1 - column, rows - 1 - row)
+    turn = PixelFrame.of(site).extent(1.0)
+    half = free / max(turn) / np.sqrt(2.0)
+    east, north = max(half, 0.5 * site.size[0]), max(half, 0.5 * site.size[1])
+    return -east, -north, east, north
+
+
+def _near_holes(near: Heightfield, east: Array, north: Array) -> Mask:
+    """Which points have a hole beside them."""
+    bare = holes(near.elevation)
+    i = np.clip(((east - near.origin[0]) / near.spacing).astype(int), 0, near.shape[1] - 2)
+    j = np.clip(((north - near.origin[1]) / near.spacing).astype(int), 0, near.shape[0] - 2)
+    return np.asarray(bare[j, i] | bare[j, i + 1] | bare[j + 1, i] | bare[j + 1, i + 1])
+
+
+def _curved(grid: Heightfield, radius: float) -> Heightfield:
+    """Heights above the plane through the centre."""
+    drop = (grid.east[None, :] ** 2 + grid.north[:, None] ** 2) / (2.0 * radius)
+    z = np.where(holes(grid.elevation), grid.elevation, grid.elevation - drop)
+    return grid.replace(elevation=z.astype(np.float32))
