@@ -15,12 +15,14 @@ from terrain_forge.base import ExportError, portable, xyzw
 from terrain_forge.geometry import (
     PLACE_LOSS,
     detail_loss,
+    horizon_surface,
     level_of_detail,
     mean_rock_colour,
     texture_loss,
+    with_horizon_loss,
 )
-from terrain_forge.model import ExportReport, Lighting, Trajectory, World
-from terrain_forge.writers import LARGEST_FILE, Gltf
+from terrain_forge.model import ExportReport, Horizon, Lighting, Trajectory, World
+from terrain_forge.writers import LARGEST_FILE, Gltf, encode_png
 
 from .ground import TRANSFORM, SharedParts, ground_tile, matt
 from .options import Options
@@ -60,7 +62,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         fine = single.diameter >= options.finest_min_m
         levels = np.where(fine, 0, coarse[single.prototype])
         rocks = node_texts(single, rock_meshes(world, single, gltf, levels))
-        fixed = [*paths, _sun_node(world.lighting), *tiles]
+        beyond = _beyond(world.horizon, gltf) if options.horizon and world.horizon else []
+        fixed = [*paths, _sun_node(world.lighting), *tiles, *beyond]
         root = {
             "name": world.site.name,
             "rotation": _Z_UP_TO_Y_UP,
@@ -78,7 +81,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],
         )
-    return ExportReport(files=(Path("world.glb"),), losses=_losses(world, coarse, options))
+    report = ExportReport(files=(Path("world.glb"),), losses=_losses(world, coarse, options))
+    return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
 def _tiles(
@@ -98,6 +102,16 @@ def _tiles(
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
         nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)
     return nodes
+
+
+def _beyond(horizon: Horizon, gltf: Gltf) -> list[dict[str, Any]]:
+    """Add what lies beyond the border; returns its node."""
+    surface, picture = horizon_surface(horizon)
+    texture = gltf.add_texture(encode_png(picture), tiles=False)
+    material = gltf.add("materials", matt("horizon", texture=texture))
+    primitive = {**gltf.add_surface(surface), "material": material}
+    mesh = gltf.add("meshes", {"name": "horizon", "primitives": [primitive]})
+    return [{"name": "horizon", "mesh": mesh}]
 
 
 def _moving_node(trajectory: Trajectory, gltf: Gltf, *, node: int) -> dict[str, Any]:

@@ -19,11 +19,12 @@ from terrain_forge.geometry import (
     rock_texture,
     static_losses,
     texture_loss,
+    with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, fresh_craters, write_ground
+from .ground import DETAIL, fresh_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save
 from .options import Options
 from .rocks import write_library, write_rocks
@@ -51,10 +52,14 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         write_rocks(tile, assets, coarse=coarse, levels=levels, options=options)
         parts["Ground"].append(tile.name("ground"))
         parts["Rocks"].append(tile.name("rocks"))
+    if options.horizon and world.horizon:
+        write_horizon(world.horizon, assets)
+        parts["Horizon"] = ["horizon"]
     _write_world(directory / "world.usda", world, parts)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    return ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+    report = ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+    return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
 def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:

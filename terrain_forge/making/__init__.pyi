@@ -1,4 +1,5 @@
 """From a recipe to a Site, from a Site to a World."""
 
+from .horizon import make_horizon as make_horizon
 from .planning import plan as plan
 from .realising import make_world as make_world

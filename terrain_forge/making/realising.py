@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from terrain_forge.base import Stopwatch
+from terrain_forge.making.horizon import make_horizon
 from terrain_forge.model import Lighting, Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories
 from terrain_forge.rocks import (
@@ -58,13 +59,14 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
         progress=partial(progress, "rocks: settling the dynamic ones"),
     )
     own = owned(rocks, ground, site.bounds)
+    appearance = paint(site, window, land)
     progress("paths", 0.0)
     rover = rover_of(site)
     return World(
         site=site,
         window=window,
         ground=ground,
-        appearance=paint(site, window, land),
+        appearance=appearance,
         library=library,
         field=rocks.select(own),
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
@@ -72,6 +74,7 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
         rover=rover,
         lighting=_light(site),
         unplaced=scattered.unplaced,
+        horizon=make_horizon(site, ground, appearance, library),
     )
 
 
