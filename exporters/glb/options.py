@@ -34,6 +34,9 @@ class Options(Spec):
     node as that has room for, one at least."""
     horizon: bool = True
     """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    lights: Literal["display", "physical"] = "display"
+    """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
+    wants a viewer whose exposure can be set."""
     sun_lux: Positive | None = None
-    """Illuminance of the Sun [lx]; by default its irradiance times 98 lm/W, as in nature. A viewer
-    that cannot adapt its exposure shows such a world white and wants about 3."""
+    """Illuminance of the Sun [lx], instead of what `lights` says: of `physical` it is the Sun's
+    irradiance times 98 lm/W."""

@@ -31,6 +31,9 @@ class Options(Spec):
     node as that has room for, one at least."""
     horizon: bool = True
     """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    lights: Literal["display", "physical"] = "display"
+    """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
+    wants a viewer whose exposure can be set."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None
