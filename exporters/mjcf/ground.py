@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from terrain_forge.base import image_rows
-from terrain_forge.geometry import bake_ground, finest_texture
-from terrain_forge.model import Heightfield, Tile, World
+from terrain_forge.geometry import (
+    bake_ground,
+    finest_texture,
+    horizon_surface,
+    write_horizon_mesh,
+)
+from terrain_forge.model import Heightfield, Horizon, Tile, World
 from terrain_forge.writers import Lines, element, encode_png
 
 from .blocks import split_ground, wide_rocks
@@ -93,3 +100,20 @@ def _picture(tile: Tile, largest: int) -> bytes:
     colours = bake_ground(tile.world, finer=finer).rgb
     step = -(-max(colours.shape[:2]) // _LARGEST_TEXTURE)
     return encode_png(image_rows(colours[::step, ::step]))
+
+
+def horizon_elements(horizon: Horizon, directory: Path) -> tuple[list[Lines], list[Lines]]:
+    """Assets and geoms of what lies beyond the border, which nothing touches; writes its files."""
+    surface, picture = horizon_surface(horizon)
+    assets = directory / "assets"
+    assets.mkdir(exist_ok=True)
+    write_horizon_mesh(assets / "horizon.obj", surface)
+    (assets / "horizon.png").write_bytes(encode_png(picture))
+    looks = {"texture": "horizon", "specular": 0.0, "shininess": 0.0}
+    declared = [
+        element("texture", name="horizon", type="2d", file="assets/horizon.png"),
+        element("material", name="horizon", **looks),
+        element("mesh", name="horizon", file="assets/horizon.obj", inertia="shell"),
+    ]
+    own = {"class": "horizon", "mesh": "horizon", "material": "horizon"}
+    return declared, [element("geom", name="horizon", **own)]

@@ -65,6 +65,7 @@ def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines
         _class("ground", type="hfield", group=0),
         _class("ground_seen", type="hfield", group=0, **_UNTOUCHABLE),
         _class("ground_block", type="hfield", group=4),
+        _class("horizon", type="mesh", group=0, **_UNTOUCHABLE),
     ]
     contact = dynamic_contact(1.0)  # torsional and rolling friction grow with the rock
     classes = [

@@ -15,8 +15,9 @@ from terrain_forge.geometry import (
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
+    horizon_surface,
 )
-from terrain_forge.model import Heightfield, Tile, World, world_friction
+from terrain_forge.model import Heightfield, Horizon, Tile, World, world_friction
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
 from terrain_forge.writers import write_png
@@ -53,6 +54,21 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
+    save(stage)
+
+
+def write_horizon(horizon: Horizon, assets: Path) -> None:
+    """Write `assets`/horizon.usdc and its picture: what lies beyond the border, for the eye."""
+    surface, picture = horizon_surface(horizon)
+    write_png(assets / "horizon.png", picture)
+    stage = new_stage(assets / "horizon.usdc", "horizon")
+    mesh = define_mesh(stage, "/horizon/surface", surface.vertices, surface.faces)
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(surface.normals.astype(np.float32)))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    define_st(mesh, surface.texture_coordinates, UsdGeom.Tokens.vertex)
+    label(mesh.GetPrim(), "horizon")
+    path = "/horizon/Looks/horizon"
+    bind(mesh.GetPrim(), define_textured(stage, path, "./horizon.png", None, wrap="clamp"))
     save(stage)
 
 

@@ -4,6 +4,7 @@ from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts
 from .description import site_warnings as site_warnings
+from .far import far_heights as far_heights
 from .fetching import at_hand as at_hand
 from .fetching import fetch_product as fetch_product
 from .fetching import origin as origin
@@ -40,6 +41,7 @@ from .site_survey import survey as survey
 from .spec import ArrayDtm as ArrayDtm
 from .spec import Centre as Centre
 from .spec import FlatDtm as FlatDtm
+from .spec import HorizonSpec as HorizonSpec
 from .spec import RasterDtm as RasterDtm
 from .wide import holes as holes
 from .wide import lay_out as lay_out

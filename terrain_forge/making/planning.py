@@ -92,7 +92,14 @@ def plan(
         if isinstance(here, RasterDtm) and here.source is None:
             name, here = here.name, at_hand(here, body=body, progress=progress)
             fetched[name] = Path(here.name)
-        ground = survey(here, body=body, folder=folder, heights=heights, seed=recipe.seed)
+        ground = survey(
+            here,
+            body=body,
+            folder=folder,
+            heights=heights,
+            seed=recipe.seed,
+            horizon=recipe.horizon,
+        )
     site = Site(
         name=recipe.name,
         seed=recipe.seed,
@@ -105,6 +112,7 @@ def plan(
         slope=ground.slope,
         dtm=ground.dtm,
         roughness=ground.roughness,
+        surroundings=ground.surroundings,
         largest_rock=largest_rock(recipe.rocks, lists),
         images=inputs.images(),
         tables=tuple(tables.values()),

@@ -37,9 +37,12 @@ from .exporting import exporter_names as exporter_names
 from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options
 from .exporting import world_friction as world_friction
+from .heightfield import Bounds as Bounds
 from .heightfield import Heightfield as Heightfield
+from .horizon import Horizon as Horizon
 from .inputs import CustomMesh as CustomMesh
 from .inputs import DtmPatch as DtmPatch
+from .inputs import FarHeights as FarHeights
 from .inputs import Image as Image
 from .inputs import Orthoimage as Orthoimage
 from .inputs import Table as Table

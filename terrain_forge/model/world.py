@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import OutputError, Record, from_plain, read_arrays, read_text, to_plain
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
+from terrain_forge.model.horizon import Horizon
 from terrain_forge.model.plot import html, plot_world
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
 from terrain_forge.model.rover import Rover
@@ -56,6 +57,8 @@ class World(Record):
     """Sun and sky."""
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
+    horizon: Horizon | None = None
+    """What lies beyond the ground's edge; None for nothing."""
 
     @property
     def sun_diameter(self) -> float:
@@ -117,6 +120,7 @@ class World(Record):
             appearance=self.appearance.replace(ground_rgb=colours),
             field=everyone.select(own),
             neighbours=everyone.select(near),
+            horizon=None,
         )
 
     def save(self, directory: Path) -> list[Path]:

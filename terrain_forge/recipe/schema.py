@@ -21,7 +21,7 @@ from terrain_forge.base import (
     Spec,
     documented,
 )
-from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
+from terrain_forge.dtm import ArrayDtm, FlatDtm, HorizonSpec, RasterDtm
 from terrain_forge.model import (
     BODIES,
     exporter,
@@ -133,6 +133,8 @@ class Recipe(Spec):
     """Where the heights come from."""
     terrain: TerrainSpec
     """The ground."""
+    horizon: HorizonSpec = field(default_factory=HorizonSpec)
+    """What lies beyond the site."""
     rocks: RocksSpec = field(default_factory=RocksSpec)
     """The rocks; none by default."""
     paths: tuple[PathSpec, ...] = ()

@@ -40,7 +40,6 @@ from .stage import Stage as Stage
 from .stage import Wheels as Wheels
 from .stage import prepare_stage as prepare_stage
 from .stage import prepare_wheels as prepare_wheels
-from .subject import Apron as Apron
 from .subject import Instances as Instances
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of

@@ -26,7 +26,7 @@ _ZENITH = np.array([0.50, 0.45, 0.42])
 def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
     """The ground under some light."""
     subject, sun = scene.subject, lighting.towards_sun
-    ground, apron = subject.ground, subject.apron
+    ground, beyond = subject.ground, subject.horizon
     east, north, middle = triple(scene.origin)
     lean = 1.0 / max(float(sun[2]), 0.3)
     z = ground.elevation
@@ -42,9 +42,9 @@ def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
         key=stage_key(subject.seed, "grain"),
         clast_share=CLAST_SHARE,
         shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
-        apron_faces=_NOTHING if apron is None else apron.mesh.faces.astype(np.int64),
-        apron_normals=_NOWHERE if apron is None else apron.normals,
-        apron_rgb=_NOWHERE if apron is None else apron.rgb,
+        apron_faces=_NOTHING if beyond is None else beyond.mesh.faces.astype(np.int64),
+        apron_normals=_NOWHERE if beyond is None else beyond.normals.astype(np.float64),
+        apron_rgb=_NOWHERE if beyond is None else linear_from_srgb(beyond.rgb / 255.0),
     )
 
 

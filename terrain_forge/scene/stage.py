@@ -98,9 +98,10 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
     rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
     colours = (light.sun, light.sky, light.bounce, light.horizon, light.zenith, light.plain)
     faces, normals, land = stones.faces, stones.normals, np.empty((0, 3))
-    if (apron := subject.apron) is not None:
-        faces = np.concatenate([faces, apron.mesh.faces + len(normals)])
-        normals, land = np.concatenate([normals, apron.normals]), apron.rgb
+    if (beyond := subject.horizon) is not None:
+        faces = np.concatenate([faces, beyond.mesh.faces + len(normals)])
+        normals = np.concatenate([normals, beyond.normals])
+        land = linear_from_srgb(np.arange(256) / 255.0)[beyond.rgb]
     return Stage(
         nodes=nodes,
         corner_x=np.float32(ground.origin[0] - scene.origin[0]),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, Rows, linear_from_srgb, shaped
-from terrain_forge.model import Heightfield, Lighting, Mesh, World, merge, rotations
+from terrain_forge.model import Heightfield, Horizon, Lighting, Mesh, World, merge, rotations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,18 +38,6 @@ class Instances(Rows):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Apron(Record):
-    """The ground beyond a subject's edge."""
-
-    mesh: Mesh
-    """Its triangles in the world frame [m]."""
-    normals: Array = field(metadata=shaped("vertices", 3))
-    """Unit normals at its vertices, at the edge those of the ground, shape [vertices, 3]."""
-    rgb: Array = field(metadata=shaped("vertices", 3))
-    """Linear albedo at its vertices, shape [vertices, 3]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Subject(Record):
     """Everything that a picture shows."""
 
@@ -71,7 +59,7 @@ class Subject(Record):
     """Sideways distance of the wheels from the paths [m]."""
     wheel_width: float = 0.2
     """Width of the wheels [m]."""
-    apron: Apron | None = None
+    horizon: Horizon | None = None
     """What lies beyond the ground's edge; None for nothing that rays could meet."""
 
     def __post_init__(self) -> None:
@@ -104,6 +92,7 @@ def subject_of(world: World) -> Subject:
         lighting=world.lighting,
         sun_diameter=world.sun_diameter,
         seed=world.site.seed,
+        horizon=world.horizon,
         tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
         **wheels,
     )

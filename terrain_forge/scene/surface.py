@@ -194,7 +194,7 @@ def see_apron(point, land, triangle, u, v, footprint):  # type: ignore[no-untype
         x, y, z = x + parts[k] * normal[0], y + parts[k] * normal[1], z + parts[k] * normal[2]
         for channel in range(3):
             point[RED + channel] += parts[k] * rgb[channel] * bright
-    _set_normal(point, x / z - rise_x, y / z - rise_y, 1.0)
+    _set_normal(point, x - max(z, 0.0) * rise_x, y - max(z, 0.0) * rise_y, z)
     point[SHADE], point[LIFT] = shade, 0.0
 
 
