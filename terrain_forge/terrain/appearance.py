@@ -19,7 +19,7 @@ from terrain_forge.base import (
     srgb_from_linear,
     stage_key,
 )
-from terrain_forge.model import BODIES, Appearance, Heightfield, Site, Window
+from terrain_forge.model import BODIES, Appearance, Heightfield, Site, Soil, Window
 from terrain_forge.terrain.detail import DetailSpec, ground_detail
 from terrain_forge.terrain.ground import STRIP
 from terrain_forge.terrain.layer import Layer
@@ -126,7 +126,8 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
     """
     terrain = site.recipe.terrain
     spec = terrain.appearance
-    colours = [group.rgb or site.body.rock_rgb for group in site.recipe.rocks.groups]
+    rock_rgb = _soil(site, spec).rock_rgb or site.body.rock_rgb
+    colours = [group.rgb or rock_rgb for group in site.recipe.rocks.groups]
     return Appearance(
         ground_rgb=colour_ground(
             site=site, window=window, ground=ground, spec=spec, layers=terrain.layers
@@ -134,6 +135,12 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
         rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
         detail=ground_detail(spec.detail, site),
     )
+
+
+def _soil(site: Site, spec: AppearanceSpec) -> Soil:
+    """The soil that a recipe names, or the body's usual one."""
+    named = {soil.name: soil for soil in site.body.soils}
+    return named[spec.regolith] if spec.regolith else Soil(name="", rgb=site.body.ground_rgb)
 
 
 def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
@@ -144,9 +151,7 @@ def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, i
 
 def _base(site: Site, window: Window, spec: AppearanceSpec) -> Array:
     """Linear colour before any variation, of each node, or of all where shape [1, 1, 3]."""
-    soils = {soil.name: soil.rgb for soil in site.body.soils}
-    soil = soils[spec.regolith] if spec.regolith else site.body.ground_rgb
-    colour = linear_from_srgb(spec.ground_rgb or soil)
+    colour = linear_from_srgb(spec.ground_rgb or _soil(site, spec).rgb)
     if site.orthoimage is None:
         return colour.reshape(1, 1, 3)
     albedo = orthoimage_albedo(site.orthoimage, site=site, window=window)
