@@ -7,11 +7,12 @@ ranges (docs/science.md). Colours: dust has the chromaticity x = 0.42, y = 0.36,
 0.32, 0.32, each to within 0.02 to 0.03 (InSight, Maki et al. 2021, doi:10.1029/2020EA001336); soils
 are mixtures of both, a little towards the yellow of Curiosity's raw pictures (red over blue 1.7 to
 1.8), with luminances of 0.18 (dust), 0.13 and 0.08 (sand); rocks show dust in part. Craters:
-complex from about 6 km (Robbins & Hynek 2012, doi:10.1029/2011JE003967). Fresh ones of a kilometre are 0.2 D deep, an average of what is reported
-for primaries. Laws of large craters are too deep for small ones (Watters et al. 2015, JGR Planets
-120, 226, from the abstract): 0.15 D at the small end is an assumption, the middle
-between primaries (0.2) and secondaries (0.1), which counts do not tell apart. No diffusivity was
-measured that would hold all over the planet: craters wear as equilibrium needs.
+complex from about 6 km (Robbins & Hynek 2012, doi:10.1029/2011JE003967). Fresh ones of a kilometre
+are 0.2 D deep, an average of what is reported for primaries. Laws of large craters are too deep for
+small ones (Watters et al. 2015, JGR Planets 120, 226, from the abstract): 0.15 D at the small end
+is an assumption, the middle between primaries (0.2) and secondaries (0.1), which counts do not tell
+apart. No diffusivity was measured that would hold all over the planet: craters wear as equilibrium
+needs.
 Repose:
 33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to
 Olympus Mons.
