@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import UsdGeom, UsdPhysics, Vt
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
@@ -17,13 +17,20 @@ from terrain_forge.geometry import (
     grid_vertices,
     horizon_surface,
 )
-from terrain_forge.model import Heightfield, Horizon, Tile, World, world_friction
+from terrain_forge.model import (
+    Heightfield,
+    Horizon,
+    Tile,
+    World,
+    material_frictions,
+    world_friction,
+)
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
 from terrain_forge.writers import write_png
 
 from .layer import define_mesh, define_st, label, make_collider, new_stage, save
-from .material import add_normal_map, bind, define_textured
+from .material import add_normal_map, bind, bind_friction, define_friction, define_textured
 from .options import Options
 
 DETAIL = "ground_detail.png"
@@ -54,6 +61,7 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
+    _bind_materials(stage, mesh, tile, options)
     save(stage)
 
 
@@ -70,6 +78,25 @@ def write_horizon(horizon: Horizon, assets: Path) -> None:
     path = "/horizon/Looks/horizon"
     bind(mesh.GetPrim(), define_textured(stage, path, "./horizon.png", None, wrap="clamp"))
     save(stage)
+
+
+def _bind_materials(stage: Usd.Stage, mesh: UsdGeom.Mesh, tile: Tile, options: Options) -> None:
+    """Name the faces of each material of the ground, and give them its friction."""
+    looks, root = tile.world.appearance, stage.GetDefaultPrim().GetPath()
+    if looks.material is None:
+        return
+    frictions = material_frictions(tile.whole, options)
+    cells = looks.material[:-1, :-1].reshape(-1)
+    for number in np.unique(cells[cells > 0]).tolist():
+        name = f"material_{number}"
+        faces = 2 * np.flatnonzero(cells == number)[:, None] + np.arange(2)
+        subset = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset(
+            name, Vt.IntArray.FromNumpy(faces.reshape(-1).astype(np.int32))
+        )
+        label(subset.GetPrim(), looks.materials[number].name)
+        if number < len(frictions):
+            felt = define_friction(stage, f"{root}/Looks/{name}", frictions[number])
+            bind_friction(subset.GetPrim(), felt)
 
 
 def fresh_craters(world: World) -> list[Craters]:

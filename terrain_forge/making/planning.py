@@ -40,6 +40,7 @@ from terrain_forge.rovers import resolve_rover, with_sensors
 from terrain_forge.terrain import (
     check_appearance,
     check_layers,
+    check_materials,
     read_orthoimage,
 )
 
@@ -126,6 +127,7 @@ def plan(
     require_straight(site)
     light_of(site)
     check_layers(site.recipe.terrain.layers, site)
+    check_materials(recipe.terrain.materials, site)
     check_appearance(recipe.terrain.appearance, site)
     if (picture := recipe.terrain.appearance.orthoimage) is not None:
         name = inputs.names[picture.image]

@@ -32,7 +32,9 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
     library = find_library(recipe.rocks.library, custom=site.meshes)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
-    around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))
+    around = site.padded(
+        window, max(margin, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
+    )
     land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
     ground = land.cut(
         column=window.column - around.column,

@@ -109,6 +109,9 @@ class World(Record):
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
         near = touches(everyone, ground, self.library) & ~own
         colours = self.appearance.ground_rgb[row : row + rows + 1, column : column + columns + 1]
+        material = self.appearance.material
+        if material is not None:
+            material = material[row : row + rows + 1, column : column + columns + 1]
         return self.replace(
             window=Window(
                 column=self.window.column + column,
@@ -117,7 +120,7 @@ class World(Record):
                 rows=rows,
             ),
             ground=ground,
-            appearance=self.appearance.replace(ground_rgb=colours),
+            appearance=self.appearance.replace(ground_rgb=colours, material=material),
             field=everyone.select(own),
             neighbours=everyone.select(near),
             horizon=None,

@@ -34,7 +34,7 @@ from terrain_forge.recipe.dataset import DatasetSpec
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice, SensorsChoice
 from terrain_forge.sky import SunSpec
-from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
+from terrain_forge.terrain import AppearanceSpec, Layer, MaterialSpec, layer_types
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +115,9 @@ class TerrainSpec(Spec):
     """Displacement layers, added in this order."""
     appearance: AppearanceSpec = field(default_factory=AppearanceSpec)
     """Colours of the ground."""
+    materials: tuple[MaterialSpec, ...] = ()
+    """Kinds of ground on the regolith, each with a colour, grain and friction of its own; a later
+    one lies on those before it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,6 @@ from .embree import COHERENT as COHERENT
 from .embree import INCOHERENT as INCOHERENT
 from .engine import before_compiling as before_compiling
 from .engine import engine_name as engine_name
-from .grain import CLAST_SHARE as CLAST_SHARE
 from .grain import ground_grain as ground_grain
 from .looking import look as look
 from .packets import ACTIVE as ACTIVE

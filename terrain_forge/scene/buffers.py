@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel, linear_from_srgb, stage_key
 from terrain_forge.model import Lighting, Mesh
-from terrain_forge.scene.grain import CLAST_SHARE
 from terrain_forge.scene.light import Light
 from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
@@ -40,7 +39,8 @@ def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
         spacing=ground.spacing,
         edge=float(border) - middle,
         key=stage_key(subject.seed, "grain"),
-        clast_share=CLAST_SHARE,
+        grain=subject.node_grain,
+        usual=subject.usual_grain,
         shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
         apron_faces=_NOTHING if beyond is None else beyond.mesh.faces.astype(np.int64),
         apron_normals=_NOWHERE if beyond is None else beyond.normals.astype(np.float64),

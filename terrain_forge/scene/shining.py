@@ -35,6 +35,7 @@ from terrain_forge.scene.lanes import (
     set_unit,
 )
 from terrain_forge.scene.packets import LANES
+from terrain_forge.scene.pebbles import clast_lanes
 from terrain_forge.scene.relief import (
     FOOTPRINT,
     PLACE_X,
@@ -45,7 +46,6 @@ from terrain_forge.scene.relief import (
     RISE_Z,
     SHADOWED,
     VALUE,
-    clast_lanes,
     face_lanes,
     soil_lanes,
 )

@@ -31,6 +31,8 @@ from .layers.fractal import Fractal as Fractal
 from .layers.fractal import RmsSlope as RmsSlope
 from .layers.ripples import Ripples as Ripples
 from .masks import mask_weight as mask_weight
+from .materials import MaterialSpec as MaterialSpec
+from .materials import check_materials as check_materials
 from .orthoimage import OrthoimageSpec as OrthoimageSpec
 from .orthoimage import read_orthoimage as read_orthoimage
 from .statistics import TerrainStatistics as TerrainStatistics
