@@ -206,10 +206,11 @@ def serve_tasks() -> None:
         except BaseException:
             os._exit(0)
 
-    threading.Thread(target=read, daemon=True).start()
-    called = pickle.loads(function)
-    while True:
-        _send(output, _portable(_tried(called, items.get(), tries)))
+    with worker_threads(1) as pool:
+        pool.submit(read)
+        called = pickle.loads(function)
+        while True:
+            _send(output, _portable(_tried(called, items.get(), tries)))
 
 
 def _portable(result: Any) -> Any:
