@@ -17,9 +17,11 @@ from terrain_forge.terminal import (
     FORCE,
     OUT,
     RECIPE,
+    SCHEDULER,
     SCORING,
     SEED,
     SET,
+    WORKERS,
     Display,
     InOrder,
     complete_exporters,
@@ -137,6 +139,8 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
 @DRIVES
+@WORKERS
+@SCHEDULER
 @FORCE
 def build(
     recipe: Path,
@@ -145,6 +149,8 @@ def build(
     changes: tuple[str, ...],
     only: str | None,
     drives: int | None,
+    workers: int | None,
+    scheduler: str | None,
     force: bool,
 ) -> None:
     """Make the world of RECIPE, check it, and write it to a folder.
@@ -167,6 +173,8 @@ def build(
             folder=file.folder,
             only=names_of(only),
             force=force,
+            workers=workers,
+            scheduler=scheduler,
             progress=display,
         )
     tell_build(result, out, display.elapsed)

@@ -288,8 +288,8 @@ def _require_same(client: Any, scheduler: str) -> None:
     """Refuse a cluster without workers, or whose workers are of another version than this."""
     if not client.nthreads():
         raise OutputError(f"the scheduler at {scheduler} has no workers: start dask worker")
-    mine = versions()
-    for worker, found in client.run(versions, on_error="return").items():
+    mine = software()
+    for worker, found in client.run(software, on_error="return").items():
         if isinstance(found, Exception):
             raise OutputError(f"worker {worker} cannot run terrain-forge: {found}")
         if found != mine:
@@ -302,7 +302,7 @@ def _told(found: dict[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in found.items())
 
 
-def versions() -> dict[str, str]:
+def software() -> dict[str, str]:
     """What makes the bytes of a world, by name."""
     from importlib.metadata import version
 

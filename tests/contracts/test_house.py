@@ -30,7 +30,7 @@ ORDER = [
     {"driving", "sensors"},
     {"validation", "datasets"},
     {"building", "exporters"},
-    {"recording", "evaluation"},
+    {"recording", "evaluation", "tiling"},
     {"report", "terminal"},
     {"pipeline"},
     {"cli", "__init__"},
