@@ -60,10 +60,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
     """Write the stage without a rover: physics, Sun, sky and payloads, for a person to read."""
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
-    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
-    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
-    _define_lights(stage, world)
+    define_world(stage, world)
     for group, names in parts.items():
         prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
         Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
@@ -71,6 +68,14 @@ def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
             part = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}/{name}").GetPrim()
             part.GetPayloads().AddPayload(f"./assets/{name}.usdc")
     save(stage)
+
+
+def define_world(stage: Usd.Stage, world: World) -> None:
+    """Define gravity, Sun and sky."""
+    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
+    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
+    _define_lights(stage, world)
 
 
 def _define_lights(stage: Usd.Stage, world: World) -> None:

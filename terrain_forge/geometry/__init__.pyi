@@ -12,6 +12,10 @@ from .ground_texture import bake_ground as bake_ground
 from .ground_texture import bake_tile as bake_tile
 from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture
+from .levels import GroundLevel as GroundLevel
+from .levels import ground_levels as ground_levels
+from .levels import shifted as shifted
+from .levels import tile_anchor as tile_anchor
 from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss
