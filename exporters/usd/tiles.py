@@ -29,7 +29,7 @@ from terrain_forge.geometry import (
     shifted,
     tile_anchor,
 )
-from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, world_friction
+from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
 from terrain_forge.writers import write_png
 
 from .ground import DETAIL, fresh_craters, label_craters
@@ -145,19 +145,24 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
     save(stage)
 
 
-def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
-    """Write world.usda and what all tiles share; returns what is lost."""
+def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
+    """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
     del options
-    world, assets = tiled.world, directory / "assets"
+    assets = directory / "assets"
     assets.mkdir(exist_ok=True)
     write_library(world.library, assets)
     for population in range(len(world.field.populations)):
         write_png(assets / f"rock_{population}.png", rock_texture(world, population))
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
+
+
+def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
+    """Write world.usda; returns what is lost."""
+    del options
     path = directory / "world.usda"
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
-    define_world(stage, world)
+    define_world(stage, tiled.world)
     group = UsdGeom.Xform.Define(stage, f"/{ROOT}/Tiles").GetPrim()
     Usd.ModelAPI(group).SetKind(Kind.Tokens.group)
     layer = stage.GetRootLayer()

@@ -10,3 +10,4 @@ from .order import is_site as is_site
 from .order import load_order as load_order
 from .order import order_tiles as order_tiles
 from .order import require_whole as require_whole
+from .order import save_order as save_order

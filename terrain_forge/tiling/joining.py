@@ -27,6 +27,16 @@ def sample_world(order: TileOrder) -> World:
     return world_of(order, Window(column=0, row=0, columns=2, rows=2))
 
 
+def begin(order: TileOrder) -> None:
+    """Write what tiles share, before any of them."""
+    world = sample_world(order)
+    for export in order.exports:
+        exporter, options = export.opened()
+        (order.out / export.folder).mkdir(exist_ok=True)
+        if hasattr(exporter, "begin_tiles"):
+            exporter.begin_tiles(world, order.out / export.folder, options=options)
+
+
 def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     """What a tile says of itself.
 
@@ -60,7 +70,6 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         watch(f"joining: {export.folder}")
         exporter, options = export.opened()
         folder = out / export.folder
-        folder.mkdir(exist_ok=True)
         tiled = TiledSite(
             site=site, grid=order.grid, world=world, tiles=tuple(_built(order, export))
         )

@@ -36,7 +36,8 @@ def make_tile(out: str, number: int) -> dict[str, Any]:
     order = load_order(Path(out))
     place = order.folder(number)
     if not (place / TILE).is_file():
-        fresh = order.out / STAGING / f"{number}-{platform.node()}-{os.getpid()}"
+        # As deep as its place, so that what it refers to in the site's folder is there already.
+        fresh = order.out / STAGING / f"{number}" / f"{platform.node()}-{os.getpid()}"
         with storing(place, order.out):
             shutil.rmtree(fresh, ignore_errors=True)
             try:
