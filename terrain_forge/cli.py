@@ -17,8 +17,10 @@ from terrain_forge.terminal import (
     FORCE,
     OUT,
     RECIPE,
+    SCHEDULER,
     SEED,
     SET,
+    WORKERS,
     Display,
     InOrder,
     complete_exporters,
@@ -137,6 +139,8 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
 @DRIVES
+@WORKERS
+@SCHEDULER
 @FORCE
 def build(
     recipe: Path,
@@ -145,6 +149,8 @@ def build(
     changes: tuple[str, ...],
     only: str | None,
     drives: int | None,
+    workers: int | None,
+    scheduler: str | None,
     force: bool,
 ) -> None:
     """Make the world of RECIPE, check it, and write it to a folder.
@@ -162,7 +168,14 @@ def build(
     require_apart(out.resolve(), [file.path])
     with located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
-            file.recipe, out, folder=file.folder, only=names_of(only), force=force, progress=display
+            file.recipe,
+            out,
+            folder=file.folder,
+            only=names_of(only),
+            force=force,
+            workers=workers,
+            scheduler=scheduler,
+            progress=display,
         )
     tell_build(result, out, display.elapsed)
     finish(result.passed, out)

@@ -45,6 +45,7 @@ from terrain_forge.recipe import (
     export_orders,
     input_paths,
     require_exports,
+    require_fits,
 )
 from terrain_forge.recording import (
     RECORDING,
@@ -57,6 +58,7 @@ from terrain_forge.recording import (
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
+from terrain_forge.tiling import build_tiles, is_site, order_tiles, require_whole
 from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
@@ -101,6 +103,8 @@ def realise(
         RecipeError: if rocks cannot be packed so densely, a planned path cannot be found, or the
             driven one starts within a rock.
     """
+    if window is None:
+        require_fits(site)
     with watched(progress, MAKING[1:]) as watch:
         return make_world(site, window or site.window, settled=settled, progress=watch)
 
@@ -112,9 +116,14 @@ def build(
     folder: Path | str = ".",
     only: tuple[str, ...] | None = None,
     force: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
     progress: Progress | bool = False,
 ) -> BuildResult:
     """Make a recipe's world and write all of it.
+
+    A site in `tiles`, or too large for memory, is built tile by tile, in place: what a killed build
+    has left whole stays, and the next one goes on (docs/sites.md).
 
     Args:
         recipe: what to make.
@@ -123,6 +132,8 @@ def build(
         folder: what the recipe's paths are relative to.
         only: folders of the exports to write; by default all of the recipe.
         force: whether files may be removed that lie in the older world and are not its own.
+        workers: processes that make tiles, by default one for each core; no number changes a byte.
+        scheduler: address of the Dask scheduler whose workers make tiles, or `local`.
         progress: called with each stage as it begins, and how far it is; True shows them.
 
     Raises:
@@ -138,10 +149,14 @@ def build(
         if out.exists():  # files that the rover's own file names
             inputs += resolve_rover(recipe.rover, Path(folder)).files
         require_apart(out, inputs)
-        removed = require_ours(out, force=force)
+        removed = () if is_site(out) else require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
         compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
+        if site.recipe.tiles is not None:
+            order = order_tiles(site, out, orders)
+            return build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
+        require_whole(out, workers, scheduler)
         require_recordable(recipe, rover_of(site))
         require_exports(orders, site)
         watch.expect(stage_seconds(site, orders))

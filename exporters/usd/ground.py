@@ -52,7 +52,7 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
     define_st(mesh, grid_texture_coordinates(*ground.shape), UsdGeom.Tokens.vertex)
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
-    _label_craters(mesh, ground, craters)
+    label_craters(mesh, ground, craters)
     write_png(assets / f"{name}.png", image_rows(bake_tile(tile, options.texture_pixels).rgb))
     path = f"/{name}/Looks/regolith"
     friction = world_friction(tile.whole.site.body, options)
@@ -105,7 +105,7 @@ def fresh_craters(world: World) -> list[Craters]:
     return [some.select(some.depth >= _LEAST_DEPTH * some.fresh_depth) for some in found]
 
 
-def _label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:
+def label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:
     """Label the faces of a tile's ground that have their centres within rims of craters."""
     rows, columns = ground.shape
     inside = np.zeros((rows - 1, columns - 1, 2), np.bool_)

@@ -12,6 +12,7 @@ from pxr import Gf, Kind, Usd, UsdGeom, UsdLux, UsdPhysics
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
     LightLevels,
+    Lights,
     coarse_shape,
     collision_losses,
     detail_loss,
@@ -64,10 +65,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 def _write_world(path: Path, world: World, parts: dict[str, list[str]], options: Options) -> None:
     """Write the stage without a rover: physics, Sun, sky and payloads, for a person to read."""
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
-    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
-    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
-    _define_lights(stage, world, light_levels(world.lighting, options.lights))
+    define_world(stage, world, options.lights)
     for group, names in parts.items():
         prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
         Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
@@ -75,6 +73,14 @@ def _write_world(path: Path, world: World, parts: dict[str, list[str]], options:
             part = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}/{name}").GetPrim()
             part.GetPayloads().AddPayload(f"./assets/{name}.usdc")
     save(stage)
+
+
+def define_world(stage: Usd.Stage, world: World, lights: Lights) -> None:
+    """Define gravity, Sun and sky."""
+    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
+    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
+    _define_lights(stage, world, light_levels(world.lighting, lights))
 
 
 def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:

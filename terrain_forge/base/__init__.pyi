@@ -84,6 +84,10 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
+from .tasks import core_count as core_count
+from .tasks import run_tasks as run_tasks
+from .tasks import serve_tasks as serve_tasks
+from .tasks import software as software
 from .threads import ask_for_interrupt as ask_for_interrupt
 from .threads import hold_interrupts as hold_interrupts
 from .threads import in_turn as in_turn

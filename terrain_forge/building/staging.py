@@ -167,7 +167,7 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
             fresh.mkdir()
             number = fresh.stat().st_ino
             yield fresh
-            _flush(fresh)
+            write_through(fresh)
             known = require_ours(target, force=force)  # again: a build takes its time
             _exchange(fresh, target)
             with suppress(OSError):  # the new world is there, whatever comes of the old
@@ -237,7 +237,7 @@ def updating(out: Path, *, anew: Iterable[str] = (), foreign: Iterable[str] = ()
                 raise OutputError(f"{out / clash[0]} is in the way: move it away")
             gone = sorted({*all_files(out)} - {*made, *foreign})
             (fresh.parent / _GONE).write_text(json.dumps(gone), encoding="utf-8")
-            _flush(fresh.parent)
+            write_through(fresh.parent)
             number = (fresh / NAME).stat().st_ino
             fresh.parent.rename(staging / WHOLE)
             _take_places(staging / WHOLE, out)
@@ -353,7 +353,7 @@ def _recover(folder: Path, target: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def _flush(folder: Path) -> None:
+def write_through(folder: Path) -> None:
     """Write a folder's files through to the disk."""
     for path in (folder, *folder.rglob("*")):
         if not path.is_symlink():

@@ -17,10 +17,10 @@ from terrain_forge.paths import plan_routes
 from terrain_forge.recipe import (
     InputFiles,
     Recipe,
+    in_tiles,
     recipe_from_json,
     recipe_json,
     require_centre,
-    require_fits,
     require_lattice,
     require_paths,
     resolve,
@@ -86,7 +86,7 @@ def plan(
     tables = {table.path: table for table in inputs.tables()}
     lists = tuple(tables[spec.file] for spec in named.rocks.lists)
     check_lists(recipe.rocks, lists, size=size)
-    require_fits(recipe, listed=sum(len(table.values) for table in lists))
+    named = in_tiles(named, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
     with reading(getattr(recipe.dtm, "name", recipe.dtm.kind), key=("dtm",)):
         here, fetched = recipe.dtm, {}
@@ -150,5 +150,5 @@ def _with_found_craters(site: Site) -> Site:
         return site
     recipe = replace(recipe, rocks=replace(recipe.rocks, populations=populations))
     check_rocks(recipe.rocks, site.size)
-    require_fits(recipe)
+    recipe = in_tiles(recipe)
     return site.replace(recipe_json=recipe_json(recipe))

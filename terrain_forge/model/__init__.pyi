@@ -100,6 +100,10 @@ from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
 from .site import Site as Site
 from .site import Window as Window
+from .tiling import USUAL_CELLS as USUAL_CELLS
+from .tiling import BuiltTile as BuiltTile
+from .tiling import TiledSite as TiledSite
+from .tiling import TileGrid as TileGrid
 from .trajectory import Trajectory as Trajectory
 from .world import Tile as Tile
 from .world import World as World

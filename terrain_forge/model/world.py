@@ -99,11 +99,17 @@ class World(Record):
             yield Tile(number=0, world=self, whole=self)
             return
         for number, (row, column) in enumerate(product(rows, columns)):
-            yield Tile(number=number, world=self._cut(column, row, cells), whole=self)
+            east, north = self.window.columns - column, self.window.rows - row
+            part = self._cut(column, row, min(cells, east), min(cells, north))
+            yield Tile(number=number, world=part, whole=self)
 
-    def _cut(self, column: int, row: int, cells: int) -> World:
-        columns = min(cells, self.window.columns - column)
-        rows = min(cells, self.window.rows - row)
+    def tile(self, window: Window, *, number: int) -> Tile:
+        """The tile of a window of the site that lies in this world."""
+        column, row = window.column - self.window.column, window.row - self.window.row
+        part = self._cut(column, row, window.columns, window.rows)
+        return Tile(number=number, world=part, whole=self)
+
+    def _cut(self, column: int, row: int, columns: int, rows: int) -> World:
         ground = self.ground.cut(column=column, row=row, columns=columns, rows=rows)
         everyone = merge(self.field, self.neighbours)
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)

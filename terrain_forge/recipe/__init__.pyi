@@ -12,6 +12,7 @@ from .inputs import input_paths as input_paths
 from .inputs import resolve as resolve
 from .inputs import sha256 as sha256
 from .limits import expected_nodes as expected_nodes
+from .limits import in_tiles as in_tiles
 from .limits import memory_needed as memory_needed
 from .limits import require_centre as require_centre
 from .limits import require_exports as require_exports
@@ -25,6 +26,7 @@ from .schema import DriveSpec as DriveSpec
 from .schema import Recipe as Recipe
 from .schema import StartsSpec as StartsSpec
 from .schema import TerrainSpec as TerrainSpec
+from .schema import TilesSpec as TilesSpec
 from .schema import ValidateSpec as ValidateSpec
 from .schema import json_schema as json_schema
 from .schema import recipe_from_json as recipe_from_json

@@ -121,6 +121,16 @@ class TerrainSpec(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TilesSpec(Spec):
+    """A site that is built tile by tile, whatever its size (docs/sites.md)."""
+
+    size_m: Positive | None = None
+    """Side of a tile [m], a whole number of cells; without it 1024 cells."""
+    parquet: bool = False
+    """Whether each tile's rocks are also written as GeoParquet (extra `parquet`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Recipe(Spec):
     """Everything that makes a world."""
 
@@ -158,6 +168,9 @@ class Recipe(Spec):
     options."""
     validate: ValidateSpec | None = None
     """What the finished world is tested by; without it, only what needs no drive."""
+    tiles: TilesSpec | None = None
+    """How the site is cut into tiles that are built one by one; without it a site that fits into
+    memory is built as one world."""
     dataset: DatasetSpec | None = None
     """What `terrain-forge record` records in the finished world; without it, its defaults."""
 

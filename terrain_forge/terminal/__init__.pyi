@@ -16,9 +16,11 @@ from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
 from .options import OUT as OUT
 from .options import RECIPE as RECIPE
+from .options import SCHEDULER as SCHEDULER
 from .options import SCORING as SCORING
 from .options import SEED as SEED
 from .options import SET as SET
+from .options import WORKERS as WORKERS
 from .options import InOrder as InOrder
 from .options import names_of as names_of
 from .outcome import finish as finish

@@ -40,6 +40,19 @@ SCORING = click.option(
 SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
 
+WORKERS = click.option(
+    "--workers",
+    type=click.IntRange(1, 4096),
+    metavar="N",
+    help="Processes that make tiles [default: one for each core].",
+)
+SCHEDULER = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Dask scheduler whose workers make tiles, such as tcp://host:8786; or local.",
+)
+
+
 class InOrder(click.Group):
     """A group that lists its commands in the order of their use."""
 

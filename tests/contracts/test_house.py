@@ -30,7 +30,7 @@ ORDER = [
     {"driving", "sensors", "illumination"},
     {"validation", "datasets"},
     {"building", "exporters"},
-    {"recording", "evaluation"},
+    {"recording", "evaluation", "tiling"},
     {"report", "terminal"},
     {"pipeline"},
     {"studies"},
