@@ -26,6 +26,7 @@ from terrain_forge.terminal import (
     complete_starters,
     complete_terrain_models,
     completion_script,
+    make_worlds,
     names_of,
     run_command,
     run_process,
@@ -387,6 +388,9 @@ def sites() -> None:
 
     for line in place_lines():
         say(line)
+
+
+cli.add_command(make_worlds)
 
 
 def main(arguments: list[str]) -> int:

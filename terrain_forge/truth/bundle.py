@@ -14,8 +14,13 @@ from terrain_forge.truth.traversability import write_traversability
 from terrain_forge.writers import write_geotiff
 
 
-def write_truth(world: World, directory: Path) -> list[Path]:
+def write_truth(world: World, directory: Path, *, figures: bool = True) -> list[Path]:
     """Write the ground, its rocks and the verification of them into `directory`/truth.
+
+    Args:
+        world: The world.
+        directory: Where `truth` is made.
+        figures: Whether to draw the verification too.
 
     Returns:
         The files.
@@ -31,7 +36,7 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     write(files[2], rock_id, units="", nodata=-1, description=about)
     rocks = truth / "rocks.csv"
     write_rocks(world, rocks)
-    verification = write_size_frequency(world, truth, rock_id=rock_id)
+    verification = write_size_frequency(world, truth, rock_id=rock_id, figure=figures)
     craters = write_craters(world, truth)
     rated = write_traversability(world, truth)
     return [*files, rocks, *verification, *craters, *rated]
