@@ -28,6 +28,7 @@ from terrain_forge.terminal import (
     complete_terrain_models,
     completion_script,
     illumination,
+    make_worlds,
     names_of,
     run_command,
     run_process,
@@ -345,6 +346,9 @@ def sites() -> None:
 
     for line in place_lines():
         say(line)
+
+
+cli.add_command(make_worlds)
 
 
 def main(arguments: list[str]) -> int:

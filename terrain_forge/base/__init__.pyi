@@ -48,6 +48,7 @@ from .progress import silent as silent
 from .records import Record as Record
 from .records import Rows as Rows
 from .records import from_plain as from_plain
+from .records import remembered as remembered
 from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .registry import load_plugin as load_plugin

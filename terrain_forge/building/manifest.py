@@ -8,6 +8,7 @@ import platform
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
@@ -241,6 +242,7 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
         raise OutputError(f"{directory / name} is not as it was built: {why[:300]}") from error
 
 
+@cache
 def _versions() -> dict[str, str]:
     """Versions of what makes a world: libraries, and installed packages with parts for us."""
     found = {}

@@ -15,13 +15,13 @@ from .ground_texture import bake_ground as bake_ground
 from .ground_texture import bake_tile as bake_tile
 from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture
-from .lights import LightLevels as LightLevels
-from .lights import Lights as Lights
-from .lights import light_levels as light_levels
 from .levels import GroundLevel as GroundLevel
 from .levels import ground_levels as ground_levels
 from .levels import shifted as shifted
 from .levels import tile_anchor as tile_anchor
+from .lights import LightLevels as LightLevels
+from .lights import Lights as Lights
+from .lights import light_levels as light_levels
 from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss

@@ -26,9 +26,12 @@ from terrain_forge.model.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMAT = 6
+FORMAT = 7
 MAX_JSON = 2**30
 """Bytes of a world's JSON."""
+_ARRAYS, _SHARED = "arrays.npz", "shared.npz"
+_SHARED_PARTS = "world/library/", "world/appearance/detail/"
+"""Beginnings of the names of arrays that many worlds have alike."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,7 +136,10 @@ class World(Record):
         )
 
     def save(self, directory: Path) -> list[Path]:
-        """Store the world as `directory`/world/world.json and arrays.npz; returns both."""
+        """Store the world as `directory`/world/: world.json, arrays.npz and shared.npz.
+
+        The last holds what many worlds have alike, such as the rock library. Returns the files.
+        """
         folder = Path(directory) / "world"
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, NDArray[Any]] = {}
@@ -145,10 +151,13 @@ class World(Record):
             "shared_rover": shared,
             "world": to_plain(stored, arrays, "world"),
         }
-        text, binary = folder / "world.json", folder / "arrays.npz"
+        text = folder / "world.json"
         text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-        return [text, binary]
+        files = [text]
+        for name, parts in _apart(arrays).items():
+            files.append(folder / name)
+            np.savez(files[-1], allow_pickle=False, **parts)  # type: ignore[arg-type]
+        return files
 
     @staticmethod
     def load(directory: Path | str) -> World:
@@ -164,7 +173,7 @@ class World(Record):
             if plain.get("format") != FORMAT:
                 found = plain.get("format")
                 raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
-            arrays = read_arrays(text.with_name("arrays.npz"))
+            arrays = read_arrays(text.with_name(_ARRAYS)) | read_arrays(text.with_name(_SHARED))
             world: World = from_plain(plain["world"], arrays)
             if plain["shared_rover"]:
                 world = world.replace(site=world.site.replace(custom_rover=world.rover))
@@ -176,6 +185,14 @@ class World(Record):
             raise OutputError(
                 f"{directory}: holds no readable terrain-forge world ({why})"
             ) from None
+
+
+def _apart(arrays: dict[str, NDArray[Any]]) -> dict[str, dict[str, NDArray[Any]]]:
+    """The arrays of a stored world by the file that they go into."""
+    files: dict[str, dict[str, NDArray[Any]]] = {_ARRAYS: {}, _SHARED: {}}
+    for name, array in arrays.items():
+        files[_SHARED if name.startswith(_SHARED_PARTS) else _ARRAYS][name] = array
+    return files
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

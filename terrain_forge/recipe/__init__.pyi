@@ -33,3 +33,8 @@ from .schema import recipe_from_json as recipe_from_json
 from .schema import recipe_json as recipe_json
 from .starter import starters as starters
 from .starter import write_starter as write_starter
+from .worlds import MOST_WORLDS as MOST_WORLDS
+from .worlds import ArrivalSpec as ArrivalSpec
+from .worlds import DifficultySpec as DifficultySpec
+from .worlds import Variation as Variation
+from .worlds import WorldsSpec as WorldsSpec

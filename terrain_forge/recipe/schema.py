@@ -31,6 +31,7 @@ from terrain_forge.model import (
 )
 from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.recipe.dataset import DatasetSpec
+from terrain_forge.recipe.worlds import WorldsSpec
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice, SensorsChoice
 from terrain_forge.sky import SunSpec
@@ -173,6 +174,8 @@ class Recipe(Spec):
     memory is built as one world."""
     dataset: DatasetSpec | None = None
     """What `terrain-forge record` records in the finished world; without it, its defaults."""
+    worlds: WorldsSpec | None = None
+    """What differs among the worlds that `terrain-forge worlds` makes; a build does not use it."""
 
     def __repr__(self) -> str:
         size = self.dtm.size_m

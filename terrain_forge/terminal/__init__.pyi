@@ -39,3 +39,4 @@ from .scoring import list_systems as list_systems
 from .scoring import tell_scores as tell_scores
 from .scoring import tell_systems as tell_systems
 from .sunlight import illumination as illumination
+from .worlds_command import make_worlds as make_worlds

@@ -42,8 +42,13 @@ def _write_materials(world: World, truth: Path) -> list[Path]:
     return [raster, table]
 
 
-def write_truth(world: World, directory: Path) -> list[Path]:
+def write_truth(world: World, directory: Path, *, figures: bool = True) -> list[Path]:
     """Write the ground, its rocks and the verification of them into `directory`/truth.
+
+    Args:
+        world: The world.
+        directory: Where `truth` is made.
+        figures: Whether to draw the verification too.
 
     Returns:
         The files.
@@ -60,7 +65,7 @@ def write_truth(world: World, directory: Path) -> list[Path]:
     files += _write_materials(world, truth)
     rocks = truth / "rocks.csv"
     write_rocks(world, rocks)
-    verification = write_size_frequency(world, truth, rock_id=rock_id)
+    verification = write_size_frequency(world, truth, rock_id=rock_id, figure=figures)
     craters = write_craters(world, truth)
     rated = write_traversability(world, truth)
     return [*files, rocks, *verification, *craters, *rated]

@@ -37,16 +37,19 @@ def write_size_frequency(
     *,
     rocks: RocksSpec | None = None,
     rock_id: NDArray[np.int32] | None = None,
+    figure: bool = True,
 ) -> list[Path]:
-    """Write size_frequency.json and size_frequency.png into `directory`; returns both.
+    """Write size_frequency.json and, unless not wished, size_frequency.png; returns both.
 
     Arguments as of `size_frequency`.
     """
-    from terrain_forge.truth.size_frequency_figure import write_figure
-
     verification = size_frequency(world, rocks=rocks, rock_id=rock_id)
     text, picture = directory / "size_frequency.json", directory / "size_frequency.png"
     text.write_text(json.dumps(verification, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if not figure:
+        return [text]
+    from terrain_forge.truth.size_frequency_figure import write_figure
+
     write_figure(verification, picture)
     return [text, picture]
 

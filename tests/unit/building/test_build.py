@@ -84,7 +84,7 @@ def whole(site):
 
 LAYOUT = """
 manifest.json report.html preview.png timings.json world/world.json world/arrays.npz
-truth/surface.tif truth/surface_with_rocks.tif truth/rock_id.tif truth/rocks.csv
+world/shared.npz truth/surface.tif truth/surface_with_rocks.tif truth/rock_id.tif truth/rocks.csv
 truth/size_frequency.json truth/size_frequency.png paths/arc.csv paths/arc.tum
 sdf/world.sdf sdf/scene.sdf mjcf/world.xml mjcf/scene.xml usd/world.usda usd/scene.usda
 validation/report.json
