@@ -17,6 +17,8 @@ from matplotlib import pyplot as plt
 ROOT = Path(__file__).parents[1]
 FLOORS = (
     ("cli",),
+    ("commands",),
+    ("studies",),
     ("pipeline",),
     ("report", "terminal"),
     ("recording", "evaluation"),

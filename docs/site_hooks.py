@@ -35,6 +35,8 @@ ROOMS = {
     "base": "Errors and parts",
     "recording": "Recordings",
     "evaluation": "Evaluation of localisation",
+    "variation": "Many worlds",
+    "learning": "Learning",
 }
 """Rooms with names in `terrain_forge`, as the reference lists them."""
 

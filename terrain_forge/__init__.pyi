@@ -83,18 +83,23 @@ from .paths import plan_path as plan_path
 from .paths import traversability as traversability
 from .pipeline import build as build
 from .pipeline import check as check
+from .pipeline import evaluate as evaluate
 from .pipeline import export as export
 from .pipeline import realise as realise
 from .pipeline import record as record
 from .pipeline import validate as validate
 from .pipeline import write_world as write_world
+from .recipe import ArrivalSpec as ArrivalSpec
 from .recipe import DatasetSpec as DatasetSpec
+from .recipe import DifficultySpec as DifficultySpec
 from .recipe import DriveSpec as DriveSpec
 from .recipe import Recipe as Recipe
 from .recipe import RecipeFile as RecipeFile
 from .recipe import StartsSpec as StartsSpec
 from .recipe import TerrainSpec as TerrainSpec
 from .recipe import ValidateSpec as ValidateSpec
+from .recipe import Variation as Variation
+from .recipe import WorldsSpec as WorldsSpec
 from .recipe import json_schema as json_schema
 from .recipe import load_recipe as load_recipe
 from .recipe import save_recipe as save_recipe
@@ -143,5 +148,7 @@ from .terrain import RmsSlope as RmsSlope
 from .terrain import shape_ground as shape_ground
 from .truth import rock_rasters as rock_rasters
 from .truth import write_truth as write_truth
+from .variation import Worlds as Worlds
+from .variation import worlds as worlds
 
 __version__: str

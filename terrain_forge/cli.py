@@ -11,15 +11,16 @@ from typing import Any
 import click
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError
+from terrain_forge.commands import evaluate, study
 from terrain_forge.terminal import (
     DRIVES,
     FORCE,
     OUT,
     RECIPE,
-    SCORING,
+    SCHEDULER,
     SEED,
     SET,
+    WORKERS,
     Display,
     InOrder,
     complete_exporters,
@@ -27,6 +28,7 @@ from terrain_forge.terminal import (
     complete_terrain_models,
     completion_script,
     illumination,
+    make_worlds,
     names_of,
     run_command,
     run_process,
@@ -138,6 +140,8 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
 @DRIVES
+@WORKERS
+@SCHEDULER
 @FORCE
 def build(
     recipe: Path,
@@ -146,6 +150,8 @@ def build(
     changes: tuple[str, ...],
     only: str | None,
     drives: int | None,
+    workers: int | None,
+    scheduler: str | None,
     force: bool,
 ) -> None:
     """Make the world of RECIPE, check it, and write it to a folder.
@@ -163,7 +169,14 @@ def build(
     require_apart(out.resolve(), [file.path])
     with located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
-            file.recipe, out, folder=file.folder, only=names_of(only), force=force, progress=display
+            file.recipe,
+            out,
+            folder=file.folder,
+            only=names_of(only),
+            force=force,
+            workers=workers,
+            scheduler=scheduler,
+            progress=display,
         )
     tell_build(result, out, display.elapsed)
     finish(result.passed, out)
@@ -198,7 +211,8 @@ def export(out: Path, only: str, force: bool) -> None:
 @OUT
 @click.option("--quick", is_flag=True, help="Only what a build checks, no other programs.")
 @DRIVES
-def validate(out: Path, quick: bool, drives: int | None) -> None:
+@FORCE
+def validate(out: Path, quick: bool, **choice: Any) -> None:
     """Validate the world in OUT in all programs that read it.
 
     Prints the largest error of each over its limit. Programs that are not installed are not run:
@@ -209,7 +223,7 @@ def validate(out: Path, quick: bool, drives: int | None) -> None:
     from terrain_forge.terminal import finish, tell_validation
 
     with Display(pipeline.VALIDATE_STAGES) as display:
-        passed = pipeline.validate(out, every_consumer=not quick, drives=drives, progress=display)
+        passed = pipeline.validate(out, every_consumer=not quick, progress=display, **choice)
     tell_validation(out, display.elapsed, table=not quick)
     finish(passed, out)
 
@@ -262,62 +276,8 @@ def record(
     tell_recording(result, display.elapsed)
 
 
-@cli.command()
-@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
-@click.option(
-    "--systems",
-    metavar="NAMES",
-    help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
-    "files; by default all that are installed and find their sensors.",
-)
-@click.option(
-    "--binary",
-    "binaries",
-    multiple=True,
-    metavar="NAME=PATH",
-    help="A program that you have, such as orb-slam2=/opt/ORB_SLAM2/Examples/Stereo/stereo_kitti.",
-)
-@click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
-@click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
-@click.option("--install", metavar="NAME", help="Make what a system needs.")
-@click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
-@click.option(
-    "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
-)
-@SCORING
-@click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
-def evaluate(
-    paths: tuple[Path, ...],
-    systems: str | None,
-    binaries: tuple[str, ...],
-    runs: int,
-    listed: bool,
-    install: str | None,
-    truth: Path | None,
-    estimate: Path | None,
-    changes: tuple[str, ...],
-    out: Path | None,
-) -> int:
-    """Run systems over the recording in OUT and score them, or score trajectories.
-
-    OUT holds what `terrain-forge record` recorded. With --truth and --estimate files are scored:
-    TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
-    alignment on the first third, drift of the path's length over 10 m.
-    """
-    from terrain_forge.evaluation import chosen_systems, read_options
-    from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
-
-    options = read_options(changes)
-    if listed:
-        return list_systems()
-    if install:
-        return install_named(install)
-    if truth and estimate:
-        return tell_scores(truth, (estimate, *paths), options=options, out=out)
-    if truth or estimate or len(paths) != 1:
-        raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
-    chosen = chosen_systems(systems, paths[0], binaries)
-    return tell_systems(paths[0], chosen, runs=runs, options=options, out=out)
+cli.add_command(evaluate)
+cli.add_command(study)
 
 
 cli.add_command(illumination)
@@ -386,6 +346,9 @@ def sites() -> None:
 
     for line in place_lines():
         say(line)
+
+
+cli.add_command(make_worlds)
 
 
 def main(arguments: list[str]) -> int:

@@ -6,7 +6,7 @@ recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ►
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from terrain_forge.building import (
     write_export,
     write_files,
 )
+from terrain_forge.evaluation import Adapter, Result, ScoreOptions, evaluate_recording
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
@@ -44,6 +45,7 @@ from terrain_forge.recipe import (
     export_orders,
     input_paths,
     require_exports,
+    require_fits,
 )
 from terrain_forge.recording import (
     RECORDING,
@@ -56,6 +58,7 @@ from terrain_forge.recording import (
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
+from terrain_forge.tiling import build_tiles, is_site, order_tiles, require_whole
 from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
@@ -67,6 +70,8 @@ VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
 RECORD_STAGES = (*RECORDING, "report page")
 """Stages of a recording of a built world."""
+EVALUATE_STAGES = ("systems", "report page")
+"""Stages of an evaluation of systems on a recording."""
 
 
 def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
@@ -98,6 +103,8 @@ def realise(
         RecipeError: if rocks cannot be packed so densely, a planned path cannot be found, or the
             driven one starts within a rock.
     """
+    if window is None:
+        require_fits(site)
     with watched(progress, MAKING[1:]) as watch:
         return make_world(site, window or site.window, settled=settled, progress=watch)
 
@@ -109,9 +116,14 @@ def build(
     folder: Path | str = ".",
     only: tuple[str, ...] | None = None,
     force: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
     progress: Progress | bool = False,
 ) -> BuildResult:
     """Make a recipe's world and write all of it.
+
+    A site in `tiles`, or too large for memory, is built tile by tile, in place: what a killed build
+    has left whole stays, and the next one goes on (docs/sites.md).
 
     Args:
         recipe: what to make.
@@ -120,6 +132,8 @@ def build(
         folder: what the recipe's paths are relative to.
         only: folders of the exports to write; by default all of the recipe.
         force: whether files may be removed that lie in the older world and are not its own.
+        workers: processes that make tiles, by default one for each core; no number changes a byte.
+        scheduler: address of the Dask scheduler whose workers make tiles, or `local`.
         progress: called with each stage as it begins, and how far it is; True shows them.
 
     Raises:
@@ -135,10 +149,14 @@ def build(
         if out.exists():  # files that the rover's own file names
             inputs += resolve_rover(recipe.rover, Path(folder)).files
         require_apart(out, inputs)
-        removed = require_ours(out, force=force)
+        removed = () if is_site(out) else require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
         compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
+        if site.recipe.tiles is not None:
+            order = order_tiles(site, out, orders)
+            return build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
+        require_whole(out, workers, scheduler)
         require_recordable(recipe, rover_of(site))
         require_exports(orders, site)
         watch.expect(stage_seconds(site, orders))
@@ -203,7 +221,8 @@ def export(
     Args:
         out: The built folder.
         only: Folders of the recipe's exports, with their options, or else exporters, with defaults.
-        force: Whether files in those folders may be removed that are not the world's.
+        force: Whether files may be removed that lie in those folders and are not the world's, or
+            that were edited since and would be written anew.
         progress: Called with what is being done; True shows it.
 
     Returns:
@@ -251,6 +270,7 @@ def validate(
     *,
     every_consumer: bool = True,
     drives: int | None = None,
+    force: bool = False,
     progress: Progress | bool = False,
 ) -> bool:
     """Validate a built world again.
@@ -260,19 +280,22 @@ def validate(
         every_consumer: Whether to open its exports in all consumers that are installed; else only
             what a build checks is checked.
         drives: From how many random starts to drive; by default what the recipe says.
+        force: Whether a report or page that was edited since may be written anew.
         progress: Called with what is being done; True shows it.
 
     Returns:
         Whether all checks passed; a consumer that was not run neither passes nor fails.
 
     Raises:
-        OutputError: if the folder is not a world of ours, or another process writes it.
+        OutputError: if the folder is not a world of ours, what would be written anew was edited,
+            or another process writes it.
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
     finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
         manifest = read_manifest(out)
+        require_listed(out, manifest, force=force)
         watch("load")
         world = World.load(out)
         require_readable_recipe(world, out)
@@ -311,7 +334,8 @@ def record(
         end: Until when [s], which is not part of it; by default to the end.
         only: Names of the sensors; by default all.
         workers: How many measurements are made at once; no number changes a byte.
-        force: Whether another recording of ours in the folder is replaced.
+        force: Whether another recording of ours in the folder is replaced, and a report page
+            that was edited.
         progress: Called with what is being done; True shows it.
         changes: Fields of the recipe's `dataset` that differ, such as `path="short"`.
 
@@ -339,8 +363,43 @@ def record(
         recorded = record_dataset(world, out, spec, order, watch)
         if out == place:
             watch("report page")
-            renew_report_page(world, out)
+            renew_report_page(world, out, force=force)
         return recorded
+
+
+def evaluate(
+    out: Path | str,
+    systems: Sequence[Adapter],
+    *,
+    runs: int = 1,
+    options: ScoreOptions | None = None,
+    progress: Progress | bool = False,
+) -> list[Result]:
+    """Run systems over the recording of a built world, and show on its page how well they did.
+
+    Args:
+        out: The built folder, or that of a recording alone, which has no page.
+        systems: The systems.
+        runs: How often each is run.
+        options: What is free in the scores.
+        progress: Called with what is being done; True shows it.
+
+    Raises:
+        DataError: if there is no recording, or it is broken.
+    """
+    out = Path(out).resolve()
+    with watched(progress, EVALUATE_STAGES) as watch:
+        results = evaluate_recording(
+            out,
+            systems,
+            runs=runs,
+            options=options,
+            progress=lambda name: watch(f"systems: {name}"),
+        )
+        if (out / "world").is_dir() and dataset_folder(out).is_dir():
+            watch("report page")
+            report.renew_report_page(World.load(out), out)
+    return results
 
 
 def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:

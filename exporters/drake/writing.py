@@ -8,6 +8,7 @@ from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
     PLACE_LOSS,
     bake_tile,
+    friction_losses,
     largest_outline_error,
     level_of_detail,
     static_losses,
@@ -108,6 +109,7 @@ def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> t
     if world.site.georeferenced:
         losses.append(PLACE_LOSS)
     losses += static_losses(world.field)
+    losses += friction_losses(world, options)
     small = int((~is_single(world.field, options.individual_min_m)).sum())
     if small:
         error = largest_outline_error(coarse, world.library.prototypes)

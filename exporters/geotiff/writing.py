@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -14,9 +14,19 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import RecipeError, Spec, portable
 from terrain_forge.geometry import grid_normals
-from terrain_forge.model import ExportReport, World, merge
-from terrain_forge.truth import rock_rasters
+from terrain_forge.model import (
+    ExportReport,
+    Heightfield,
+    Site,
+    Tile,
+    TileGrid,
+    World,
+    merge,
+)
+from terrain_forge.truth import disjoint, rock_rasters
 from terrain_forge.writers import write_geotiff
+
+from .joining import OVERVIEW, overview_nodes
 
 Product = Literal["elevation", "surface_with_rocks", "rock_id", "slope", "hillshade", "orthoimage"]
 
@@ -57,41 +67,78 @@ _DESCRIPTIONS = {
     "hillshade": "bare ground lit by the Sun, no shadows",
     "orthoimage": "sRGB colour seen from above, unlit",
 }
+NODATA = {"rock_id": -1}
 _UNITS = {"elevation": "m", "surface_with_rocks": "m", "slope": "degree"}
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write each product as PRODUCT.tif, on the ground's nodes and in the site's local CRS."""
-    largest, datum = 0.0, options.heights == "datum"
-    for product, grid in _rasters(world, options):
-        description, metres = _DESCRIPTIONS[product], _UNITS.get(product) == "m"
-        if metres and datum:
-            east, north = world.site.slope
-            plane = world.site.datum_height + east * world.ground.east
-            plane = plane + (north * world.ground.north)[:, None]
-            grid = (grid + plane).astype(np.float32)
-            description += ", above the datum"
-        write_geotiff(
-            directory / f"{product}.tif",
-            grid,
-            world_ground=world.ground,
-            site=world.site,
-            units=_UNITS.get(product, ""),
-            nodata=-1 if product == "rock_id" else None,
-            description=description,
-            cloud_optimized=options.cloud_optimized,
-        )
-        if metres:
+    largest = 0.0
+    for product, grid in _rasters(world, world.ground, options):
+        grid = _write(product, grid, world.ground, world.site, directory, options)
+        if _UNITS.get(product) == "m":
             largest = max(largest, float(np.abs(grid).max()))
     files = tuple(Path(f"{product}.tif") for product in sorted(options.products))
     return ExportReport(files=files, losses=_losses(world, options, largest))
 
 
-def _rasters(world: World, options: Options) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The products at the ground's nodes, rows run north; colours are a third dimension."""
+def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
+    """Write each product of a tile as a COG without the nodes that the next tiles have.
+
+    Beside them lies what the tile shows of the whole site's overview.
+    """
+    ground, own = disjoint(tile)
+    options = replace(options, cloud_optimized=True)
+    window = tile.world.window
+    rows = overview_nodes(grid.rows, grid, first=window.row, count=ground.shape[0])
+    columns = overview_nodes(grid.columns, grid, first=window.column, count=ground.shape[1])
+    seen = {}
+    for product, values in _rasters(tile.world, tile.whole.ground, options):
+        written = _write(product, values[own], ground, tile.whole.site, directory, options)
+        seen[product] = written[np.ix_(rows, columns)]
+    np.savez(directory / OVERVIEW, allow_pickle=False, **seen)
+    return {}
+
+
+def _write(
+    product: str,
+    grid: NDArray[Any],
+    ground: Heightfield,
+    site: Site,
+    directory: Path,
+    options: Options,
+) -> NDArray[Any]:
+    """Write a product; returns its values as they were written."""
+    description, metres = _DESCRIPTIONS[product], _UNITS.get(product) == "m"
+    if metres and options.heights == "datum":
+        east, north = site.slope
+        plane = site.datum_height + east * ground.east
+        plane = plane + (north * ground.north)[:, None]
+        grid = (grid + plane).astype(np.float32)
+        description += ", above the datum"
+    write_geotiff(
+        directory / f"{product}.tif",
+        grid,
+        world_ground=ground,
+        site=site,
+        units=_UNITS.get(product, ""),
+        nodata=NODATA.get(product),
+        description=description,
+        cloud_optimized=options.cloud_optimized,
+    )
+    return grid
+
+
+def _rasters(
+    world: World, whole: Heightfield, options: Options
+) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The products at the ground's nodes, rows run north; colours are a third dimension.
+
+    Slopes are those of the `whole` ground that the world's is a part of.
+    """
     ground = world.ground
     top = cache(lambda: rock_rasters(world))
-    normals = cache(lambda: grid_normals(ground, ground).reshape(*ground.shape, 3))
+    normals = cache(lambda: grid_normals(ground, whole).reshape(*ground.shape, 3))
 
     def slope() -> NDArray[np.float32]:  # [degrees]
         up = np.minimum(normals()[..., 2].astype(np.float64), 1.0)

@@ -32,6 +32,11 @@ class Options(Spec):
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
+    horizon: bool = True
+    """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    lights: Literal["display", "physical"] = "display"
+    """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
+    wants a viewer whose exposure can be set."""
     sun_lux: Positive | None = None
-    """Illuminance of the Sun [lx]; by default its irradiance times 98 lm/W, as in nature. A viewer
-    that cannot adapt its exposure shows such a world white and wants about 3."""
+    """Illuminance of the Sun [lx], instead of what `lights` says: of `physical` it is the Sun's
+    irradiance times 98 lm/W."""

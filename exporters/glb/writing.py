@@ -11,24 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import ExportError, portable, xyzw
+from terrain_forge.base import ExportError, xyzw
 from terrain_forge.geometry import (
     PLACE_LOSS,
     detail_loss,
+    horizon_surface,
     level_of_detail,
     mean_rock_colour,
     texture_loss,
+    with_horizon_loss,
 )
-from terrain_forge.model import ExportReport, Lighting, Trajectory, World
-from terrain_forge.writers import LARGEST_FILE, Gltf
+from terrain_forge.model import ExportReport, Horizon, Trajectory, World
+from terrain_forge.writers import LARGEST_FILE, Gltf, encode_png
 
 from .ground import TRANSFORM, SharedParts, ground_tile, matt
+from .lights import EXTENSION, add_lights
 from .options import Options
 from .rocks import merged_rocks, node_texts, rock_meshes
-
-_LIGHTS = "KHR_lights_punctual"
-_SUNLIGHT_EFFICACY = 98.0
-"""Luminous efficacy of sunlight above an atmosphere [lm/W]: 133.1 klx (IES RP-21) of 1361 W/m²."""
 
 _BYTES_PER_NODE = 24
 """Of a node of the ground at least: its position and normal."""
@@ -60,25 +59,25 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         fine = single.diameter >= options.finest_min_m
         levels = np.where(fine, 0, coarse[single.prototype])
         rocks = node_texts(single, rock_meshes(world, single, gltf, levels))
-        fixed = [*paths, _sun_node(world.lighting), *tiles]
+        beyond = _beyond(world.horizon, gltf) if options.horizon and world.horizon else []
+        lights, shining = add_lights(world, gltf, options)
+        fixed = [*paths, *shining, *tiles, *beyond]
         root = {
             "name": world.site.name,
             "rotation": _Z_UP_TO_Y_UP,
             "children": list(range(1, 1 + len(fixed) + len(single))),
         }
-        # In lux on a surface that faces the light.
-        lux = options.sun_lux or world.lighting.irradiance * _SUNLIGHT_EFFICACY
-        light = {"type": "directional", "name": "sun", "color": [1, 1, 1], "intensity": lux}
         gltf.write(
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
             asset={"version": "2.0", "generator": "terrain-forge"},
-            extensionsUsed=[_LIGHTS, *([TRANSFORM] if world.appearance.detail else [])],
-            extensions={_LIGHTS: {"lights": [light]}},
+            extensionsUsed=[EXTENSION, *([TRANSFORM] if world.appearance.detail else [])],
+            extensions={EXTENSION: {"lights": lights}},
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],
         )
-    return ExportReport(files=(Path("world.glb"),), losses=_losses(world, coarse, options))
+    report = ExportReport(files=(Path("world.glb"),), losses=_losses(world, coarse, options))
+    return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
 def _tiles(
@@ -98,6 +97,16 @@ def _tiles(
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
         nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)
     return nodes
+
+
+def _beyond(horizon: Horizon, gltf: Gltf) -> list[dict[str, Any]]:
+    """Add what lies beyond the border; returns its node."""
+    surface, picture = horizon_surface(horizon)
+    texture = gltf.add_texture(encode_png(picture), tiles=False)
+    material = gltf.add("materials", matt("horizon", texture=texture))
+    primitive = {**gltf.add_surface(surface), "material": material}
+    mesh = gltf.add("meshes", {"name": "horizon", "primitives": [primitive]})
+    return [{"name": "horizon", "mesh": mesh}]
 
 
 def _moving_node(trajectory: Trajectory, gltf: Gltf, *, node: int) -> dict[str, Any]:
@@ -127,15 +136,6 @@ def _moving_node(trajectory: Trajectory, gltf: Gltf, *, node: int) -> dict[str, 
     return {"name": f"path_{trajectory.name}", **{k: v[0].tolist() for k, v in values.items()}}
 
 
-def _sun_node(lighting: Lighting) -> dict[str, Any]:
-    """The node that holds the first light of the file and aims it: it shines along its -z."""
-    east, north, up = lighting.towards_sun
-    # The shortest turn from +z to the Sun, of which (north × up) is the axis.
-    turn = np.array([-north, east, 0.0, 1.0 + up])
-    rotation = turn / portable.norm(turn)
-    return {"name": "sun", "rotation": rotation.tolist(), "extensions": {_LIGHTS: {"light": 0}}}
-
-
 def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
     """Refuse, before the world is made, a ground or rocks that cannot fit into a file.
 
@@ -158,7 +158,9 @@ def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[
         *([detail_loss(detail)] if detail else []),
         "glTF knows no physics: gravity, masses, friction and collision shapes are not in the "
         "file, and no rock moves.",
-        "The Sun's angular size and the colour of the sky are lost.",
+        "The Sun's angular size is lost, and of the sky all but one colour."
+        if options.lights == "display"
+        else "The Sun's angular size and the colour of the sky are lost.",
     ]
     unfelt = int((~world.field.collides).sum())
     if unfelt:

@@ -25,7 +25,7 @@ _ROCK_GROUP, _PICTURE_GROUP, _HIDDEN_GROUP = 1, 2, 3
 """Groups of geoms: seen and touched, seen alone, touched alone (viewers hide groups above 2)."""
 
 
-def _sliding(coefficient: float) -> tuple[float, float, float]:
+def sliding(coefficient: float) -> tuple[float, float, float]:
     """Sliding, torsional and rolling friction as MuJoCo lists them; contacts use the first."""
     return coefficient, 0.005, 0.0001
 
@@ -58,17 +58,18 @@ def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines
     """
     surface = element(
         "geom", contype=0, conaffinity=1, condim=3, priority=_SURFACE_PRIORITY,
-        friction=_sliding(friction.ground), solref=_SOLREF, solimp=_SOLIMP,
+        friction=sliding(friction.ground), solref=_SOLREF, solimp=_SOLIMP,
     )  # fmt: skip
     # Blocks are touched and hidden, the ground above them is seen and not touched.
     grounds = [
         _class("ground", type="hfield", group=0),
         _class("ground_seen", type="hfield", group=0, **_UNTOUCHABLE),
         _class("ground_block", type="hfield", group=4),
+        _class("horizon", type="mesh", group=0, **_UNTOUCHABLE),
     ]
     contact = dynamic_contact(1.0)  # torsional and rolling friction grow with the rock
     classes = [
-        element("geom", type="mesh", group=_ROCK_GROUP, friction=_sliding(friction.rock)),
+        element("geom", type="mesh", group=_ROCK_GROUP, friction=sliding(friction.rock)),
         _class("hull", group=_HIDDEN_GROUP),
         _class("dynamic", group=_HIDDEN_GROUP, contype=1, conaffinity=1,
                priority=_DYNAMIC_PRIORITY, condim=contact.condim, solref=contact.solref),

@@ -17,6 +17,7 @@ import numpy as np
 from terrain_forge.base import Array, Mask, SimulationError, load_model, matrix_from_quaternion
 from terrain_forge.model import Opening
 from terrain_forge.validation import (
+    BACKDROP,
     SETTLING,
     Body,
     Consumer,
@@ -119,6 +120,7 @@ def _load_sampled(rocks: Collection[int], folder: Path, more: str = "") -> Any:
     kept = {None, *rocks}
     for parent in (body, *body.findall(".//body")):
         parent[:] = [e for e in parent if rock_of(e.get("name", "")) in kept]
+    body[:] = [e for e in body if e.get("name") not in BACKDROP]  # it takes longer than some rocks
     used = {geom.get("mesh") for geom in body.iter("geom")}
     asset[:] = [e for e in asset if e.tag != "mesh" or e.get("name") in used]
     body.extend(ElementTree.fromstring(f"<bodies>{more}</bodies>"))

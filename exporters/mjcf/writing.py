@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
-from terrain_forge.geometry import write_rover_meshes
+from terrain_forge.geometry import with_horizon_loss, write_rover_meshes
 from terrain_forge.model import ExportReport, Tile, Trajectory, World, world_friction
 from terrain_forge.writers import Lines, element, file_name
 
-from .ground import ground_elements
+from .ground import ground_elements, horizon_elements
 from .losses import list_losses, require_counts
 from .materials import rock_materials, static_classes, texture_files
 from .options import Options
@@ -41,6 +41,12 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     require_counts(world, options)
     tiles = list(world.tiles(cells=_LARGEST_FIELD))
     assets, geoms, ground_files = ground_elements(world, tiles, options)
+    if options.horizon and world.horizon:
+        looks, seen = horizon_elements(world.horizon, directory)
+        assets, geoms = [*assets, *looks], [*geoms, *seen]
+        beyond = ["assets/horizon.obj", "assets/horizon.png"]
+    else:
+        beyond = []
     shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
     files = {
         "world.xml": _text(_world(world, tiles, assets, geoms, options)),
@@ -59,8 +65,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         *write_meshes(world.library, shapes, directory),
         *(f"assets/{name}" for name in write_rover_meshes(world.rover, directory / "assets")),
     ]
-    written = tuple(map(Path, (*files, *meshes)))
-    return ExportReport(files=written, losses=list_losses(world, options))
+    written = tuple(map(Path, (*files, *meshes, *beyond)))
+    report = ExportReport(files=written, losses=list_losses(world, options))
+    return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
 def _text(lines: Lines) -> bytes:
@@ -112,11 +119,17 @@ def _settings(world: World, options: Options, *, shown: float) -> list[Lines]:
         "visual",
         element("headlight", ambient=(0.25,) * 3, diffuse=(0.1,) * 3, specular=(0.0,) * 3),
         element("quality", shadowsize=4096),
-        element("map", znear=0.02 / shown, zfar=10 * _extent(world) / shown),
+        element("map", znear=0.02 / shown, zfar=_farthest(world, options) / shown),
         element("global", offwidth=1920, offheight=1080),
     )
     gravity = world.site.body.gravity
     return [*simulation(gravity, timestep=options.timestep_s, sleep=options.sleep), visual]
+
+
+def _farthest(world: World, options: Options) -> float:
+    """How far can be seen [m]."""
+    beyond = world.horizon.reach if options.horizon and world.horizon else 0.0
+    return max(10.0 * _extent(world), 1.5 * (beyond + _extent(world)))
 
 
 def _sun(world: World) -> Lines:

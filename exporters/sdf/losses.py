@@ -8,6 +8,7 @@ from terrain_forge.exporters.sdf import rocks
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
     collision_losses,
+    friction_losses,
     largest_outline_error,
     static_losses,
     texture_loss,
@@ -98,6 +99,7 @@ def list_losses(
     normals = options.flavour == "gz" and options.normal_maps
     losses = [
         *static_losses(world.field),
+        *friction_losses(world, options),
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
         "Gazebo takes the smaller friction of two things that touch: a wheel keeps its own where "

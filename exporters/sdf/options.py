@@ -45,6 +45,8 @@ class Options(Spec):
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
+    horizon: bool = True
+    """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
     normal_maps: bool = True
     """Whether the ground's textures get normal maps of soil and small stones; `gz` only, Classic
     has none."""

@@ -10,11 +10,14 @@ from terrain_forge.base import ExportError, image_rows
 from terrain_forge.geometry import (
     bake_tile,
     coarse_shape,
+    horizon_surface,
+    with_horizon_loss,
     write_ground_glb,
     write_ground_obj,
+    write_horizon_mesh,
     write_rover_meshes,
 )
-from terrain_forge.model import ExportReport, Tile, World, world_friction
+from terrain_forge.model import ExportReport, Horizon, Tile, World, world_friction
 from terrain_forge.writers import Lines, element, file_name, rock_name, write_png
 
 from .actor import replay_actor
@@ -59,17 +62,37 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     link = element("link", *parts, name="ground")
     ground_model.write(title=f"{world.site.name}: ground", links=[link])
     rocks.write_model(world, rock_model, links=links, options=options)
+    included = models[:2]
+    if options.horizon and world.horizon:
+        beyond = Model(
+            folder=directory / f"models/{name}_horizon", classic=classic, version=options.version
+        )
+        _write_horizon(world.horizon, beyond, title=f"{world.site.name}: horizon", options=options)
+        included.append(beyond)
     actors = _actors(world, options, models=models)
     dynamic = rocks.dynamic_rocks(world, rock_model)
     sensing = bool(options.sensors and actors and world.rover.sensors)
     for file, movers, sees in (("world", dynamic, False), ("scene", dynamic + actors, sensing)):
         path = directory / f"{file}.sdf"
-        write_world(path, world, name=name, models=models[:2], movers=movers, sensing=sees)
+        write_world(path, world, name=name, models=included, movers=movers, sensing=sees)
     if options.ros_package:
         write_package(world, directory, options=options)
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
     losses = list_losses(world, coarse=coarse, heightmap=heightmap, options=options)
-    return ExportReport(files=tuple(files), losses=losses)
+    report = ExportReport(files=tuple(files), losses=losses)
+    return with_horizon_loss(report, world.horizon, shown=options.horizon)
+
+
+def _write_horizon(horizon: Horizon, model: Model, *, title: str, options: Options) -> None:
+    """Write the model of what lies beyond the border: a visual without a collision."""
+    shown, picture = horizon_surface(horizon)
+    file = f"meshes/horizon.{'glb' if options.binary else 'obj'}"
+    write_horizon_mesh(model.path(file), shown)
+    write_png(model.path(f"{TEXTURES}/horizon.png"), picture)
+    model.write_scripts(["horizon.png"], address="clamp")
+    look = model.textured("horizon.png")
+    visual = element("visual", mesh(model.uri(file)), look, name="horizon_visual")
+    model.write(title=title, links=[element("link", visual, name="horizon")])
 
 
 def _write_ground(tile: Tile, model: Model, friction: float, options: Options) -> list[Lines]:
@@ -103,7 +126,7 @@ def _actors(world: World, options: Options, *, models: list[Model]) -> list[Line
     if world.trajectories:
         write_rover_meshes(world.rover, models[-1].folder / "meshes")
     taken = {rock_name(rock) for rock in world.field.id[world.field.dynamic].tolist()}
-    taken |= {model.name for model in models[:2]}
+    taken |= {model.name for model in models[:2]} | {f"{file_name(world.site.name)}_horizon"}
     west, south, east, north = world.ground.bounds
     reach, classic = max(east - west, north - south), options.flavour == "classic"
     actors = []

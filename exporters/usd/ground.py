@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import UsdGeom, UsdPhysics, Vt
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
@@ -15,14 +15,22 @@ from terrain_forge.geometry import (
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
+    horizon_surface,
 )
-from terrain_forge.model import Heightfield, Tile, World, world_friction
+from terrain_forge.model import (
+    Heightfield,
+    Horizon,
+    Tile,
+    World,
+    material_frictions,
+    world_friction,
+)
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
 from terrain_forge.writers import write_png
 
 from .layer import define_mesh, define_st, label, make_collider, new_stage, save
-from .material import add_normal_map, bind, define_textured
+from .material import add_normal_map, bind, bind_friction, define_friction, define_textured
 from .options import Options
 
 DETAIL = "ground_detail.png"
@@ -44,7 +52,7 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
     define_st(mesh, grid_texture_coordinates(*ground.shape), UsdGeom.Tokens.vertex)
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
-    _label_craters(mesh, ground, craters)
+    label_craters(mesh, ground, craters)
     write_png(assets / f"{name}.png", image_rows(bake_tile(tile, options.texture_pixels).rgb))
     path = f"/{name}/Looks/regolith"
     friction = world_friction(tile.whole.site.body, options)
@@ -53,7 +61,42 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
+    _bind_materials(stage, mesh, tile, options)
     save(stage)
+
+
+def write_horizon(horizon: Horizon, assets: Path) -> None:
+    """Write `assets`/horizon.usdc and its picture: what lies beyond the border, for the eye."""
+    surface, picture = horizon_surface(horizon)
+    write_png(assets / "horizon.png", picture)
+    stage = new_stage(assets / "horizon.usdc", "horizon")
+    mesh = define_mesh(stage, "/horizon/surface", surface.vertices, surface.faces)
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(surface.normals.astype(np.float32)))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    define_st(mesh, surface.texture_coordinates, UsdGeom.Tokens.vertex)
+    label(mesh.GetPrim(), "horizon")
+    path = "/horizon/Looks/horizon"
+    bind(mesh.GetPrim(), define_textured(stage, path, "./horizon.png", None, wrap="clamp"))
+    save(stage)
+
+
+def _bind_materials(stage: Usd.Stage, mesh: UsdGeom.Mesh, tile: Tile, options: Options) -> None:
+    """Name the faces of each material of the ground, and give them its friction."""
+    looks, root = tile.world.appearance, stage.GetDefaultPrim().GetPath()
+    if looks.material is None:
+        return
+    frictions = material_frictions(tile.whole, options)
+    cells = looks.material[:-1, :-1].reshape(-1)
+    for number in np.unique(cells[cells > 0]).tolist():
+        name = f"material_{number}"
+        faces = 2 * np.flatnonzero(cells == number)[:, None] + np.arange(2)
+        subset = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset(
+            name, Vt.IntArray.FromNumpy(faces.reshape(-1).astype(np.int32))
+        )
+        label(subset.GetPrim(), looks.materials[number].name)
+        if number < len(frictions):
+            felt = define_friction(stage, f"{root}/Looks/{name}", frictions[number])
+            bind_friction(subset.GetPrim(), felt)
 
 
 def fresh_craters(world: World) -> list[Craters]:
@@ -62,7 +105,7 @@ def fresh_craters(world: World) -> list[Craters]:
     return [some.select(some.depth >= _LEAST_DEPTH * some.fresh_depth) for some in found]
 
 
-def _label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:
+def label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:
     """Label the faces of a tile's ground that have their centres within rims of craters."""
     rows, columns = ground.shape
     inside = np.zeros((rows - 1, columns - 1, 2), np.bool_)

@@ -10,13 +10,17 @@ _KINDS = Sdf.ValueTypeNames
 
 
 def define_textured(
-    stage: Usd.Stage, path: str, image: str, friction: float, *, wrap: str
+    stage: Usd.Stage, path: str, image: str, friction: float | None, *, wrap: str
 ) -> UsdShade.Material:
     """A matt material that shows an sRGB image through the texture coordinates `st`.
 
-    Beyond the image's edge lies the image again (`wrap` is `repeat`) or its rim (`clamp`).
+    Without friction it is for the eye alone. Beyond the image's edge lies the image again (`wrap`
+    is `repeat`) or its rim (`clamp`).
     """
-    material = define_friction(stage, path, friction)
+    plain = friction is None
+    material = (
+        UsdShade.Material.Define(stage, path) if plain else define_friction(stage, path, friction)
+    )
     matt = {"roughness": (_KINDS.Float, 1.0), "metallic": (_KINDS.Float, 0.0)}
     shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface", **matt)
     output = shader.CreateOutput("surface", _KINDS.Token)

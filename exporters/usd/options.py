@@ -29,6 +29,11 @@ class Options(Spec):
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
+    horizon: bool = True
+    """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    lights: Literal["display", "physical"] = "display"
+    """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
+    wants a viewer whose exposure can be set."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None

@@ -14,6 +14,7 @@ from terrain_forge.base import Array, matrix_from_quaternion
 from terrain_forge.model import Mesh, Opening
 from terrain_forge.paths import Deviation, angles_between, times_between
 from terrain_forge.validation import (
+    BACKDROP,
     Body,
     Consumer,
     Reading,
@@ -80,6 +81,8 @@ def _rocks(sample: Sample, stage: Any) -> tuple[SolidsOfRocks, SolidsOfRocks]:
     for prim in prims:
         rock = rock_of(str(prim.GetPath()))
         if rock is not None and not touched.wants(rock):
+            prims.PruneChildren()
+        elif prim.GetName() in BACKDROP:
             prims.PruneChildren()
         elif prim.IsA(UsdGeom.PointInstancer):
             _add_instances(seen, UsdGeom.PointInstancer(prim), places)

@@ -67,28 +67,37 @@ def _hull_path(prototype: int) -> str:
     return f"/{_LIBRARY}/hull_{prototype:03}"
 
 
-def _specify_instance(parent: Sdf.PrimSpec, name: str, source: str) -> Sdf.PrimSpec:
+def _specify_instance(parent: Sdf.PrimSpec, name: str, source: str, shared: str) -> Sdf.PrimSpec:
     """The spec of a child prim that is an instance of a prim of the library."""
     child = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
     child.instanceable = True
-    child.referenceList.prependedItems = [Sdf.Reference(f"./{_LIBRARY}.usdc", source)]
+    child.referenceList.prependedItems = [Sdf.Reference(f"{shared}/{_LIBRARY}.usdc", source)]
     return child
 
 
 def write_rocks(
-    tile: Tile, assets: Path, *, coarse: list[Mesh], levels: NDArray[np.int64], options: Options
+    tile: Tile,
+    assets: Path,
+    *,
+    coarse: list[Mesh],
+    levels: NDArray[np.int64],
+    options: Options,
+    name: str = "",
+    shared: str = ".",
 ) -> None:
-    """Write `assets`/rocks_NNN.usdc for one tile of the world.
+    """Write `assets`/rocks_NNN.usdc for one tile of the world, or one of another `name`.
+
+    The library and pictures lie in the folder `shared`, as seen from that of the tile.
 
     Small rocks are drawn by the level of detail of `levels` for their prototype; among the merged
     colliders a mesh of `coarse` stands for each.
     """
-    name, whole, field = tile.name("rocks"), tile.whole, tile.field
+    name, whole, field = name or tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)
     friction = world_friction(whole.site.body, options).rock
     looks = {
         n: define_textured(
-            stage, f"/{name}/Looks/rock_{n}", f"./rock_{n}.png", friction, wrap="repeat"
+            stage, f"/{name}/Looks/rock_{n}", f"{shared}/rock_{n}.png", friction, wrap="repeat"
         )
         for n in np.unique(field.population).tolist()
     }
@@ -97,7 +106,7 @@ def write_rocks(
         # The finest level of detail where the camera may come close enough to tell.
         level = np.where(rocks.diameter >= options.collider_min_m, 0, levels[rocks.prototype])
         path = f"/{name}/visual_{population}"
-        _define_instancer(stage, path, rocks, whole, level)
+        define_instancer(stage, path, rocks, whole, level, shared=shared)
         bind(stage.GetPrimAtPath(path), looks[population])
     colliders = UsdGeom.Xform.Define(stage, f"/{name}/colliders")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
@@ -113,14 +122,21 @@ def write_rocks(
     layer = stage.GetRootLayer()
     del stage
     # Composing each rock while it is written would take ten times as long.
-    _specify_hulls(layer, f"/{name}/colliders", solid.select(large))
-    _specify_dynamic(layer, f"/{name}", dynamic, whole.library)
+    _specify_hulls(layer, f"/{name}/colliders", solid.select(large), shared)
+    _specify_dynamic(layer, f"/{name}", dynamic, whole.library, shared)
     layer.Save()
 
 
-def _define_instancer(
-    stage: Usd.Stage, path: str, rocks: RockField, whole: World, level: NDArray[np.int64]
+def define_instancer(
+    stage: Usd.Stage,
+    path: str,
+    rocks: RockField,
+    whole: World,
+    level: NDArray[np.int64],
+    *,
+    shared: str,
 ) -> None:
+    """Draw rocks by levels of detail of their shapes, all in one prim."""
     shapes = whole.library.prototypes
     pairs, index = np.unique(
         np.stack([rocks.prototype, level], axis=-1), axis=0, return_inverse=True
@@ -130,7 +146,7 @@ def _define_instancer(
     targets = []
     for source in (_visual_path(*pair) for pair in pairs.tolist()):
         prim = stage.DefinePrim(f"{path}/Prototypes/{source.rsplit('/', 1)[1]}", "Xform")
-        prim.GetReferences().AddReference(f"./{_LIBRARY}.usdc", source)
+        prim.GetReferences().AddReference(f"{shared}/{_LIBRARY}.usdc", source)
         targets.append(prim.GetPath())
     instancer.CreatePrototypesRel().SetTargets(targets)
     instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(index.reshape(-1).astype(np.int32)))
@@ -147,13 +163,13 @@ def _define_instancer(
     instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(box.astype(np.float32)))
 
 
-def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField) -> None:
+def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField, shared: str) -> None:
     """An instanceable reference to the hulls of each rock."""
     parent = layer.GetPrimAtPath(path)
     columns = (rocks.id, rocks.prototype, rocks.position, rocks.quaternion, rocks.scale)
     with Sdf.ChangeBlock():
         for identity, prototype, position, quaternion, scale in zip(*columns, strict=True):
-            rock = _specify_instance(parent, rock_name(identity), _hull_path(prototype))
+            rock = _specify_instance(parent, rock_name(identity), _hull_path(prototype), shared)
             specify_place(rock, position=position, quaternion=quaternion, scale=float(scale))
 
 
@@ -172,7 +188,9 @@ def _define_dynamic_groups(
         bind_friction(group, friction)
 
 
-def _specify_dynamic(layer: Sdf.Layer, root: str, rocks: RockField, shapes: RockLibrary) -> None:
+def _specify_dynamic(
+    layer: Sdf.Layer, root: str, rocks: RockField, shapes: RockLibrary, shared: str
+) -> None:
     """A body `rock_<id>` for each dynamic rock, in the groups of `_define_dynamic_groups`.
 
     The body itself is not scaled, so that its mass properties are in metres and kilograms.
@@ -195,8 +213,8 @@ def _specify_dynamic(layer: Sdf.Layer, root: str, rocks: RockField, shapes: Rock
             diagonal = Gf.Vec3f(*moments[row].tolist())
             specify(body, "physics:diagonalInertia", kinds.Float3, diagonal)
             specify(body, "physics:principalAxes", kinds.Quatf, gf_quaternion(axes[row]))
-            visual = _specify_instance(body, "visual", _visual_path(prototype, 0))
-            hulls = _specify_instance(body, "hulls", _hull_path(prototype))
+            visual = _specify_instance(body, "visual", _visual_path(prototype, 0), shared)
+            hulls = _specify_instance(body, "hulls", _hull_path(prototype), shared)
             for part in (visual, hulls):
                 specify_place(part, scale=float(rocks.scale[row]))
             guide, uniform = UsdGeom.Tokens.guide, Sdf.VariabilityUniform

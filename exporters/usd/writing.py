@@ -11,26 +11,27 @@ from pxr import Gf, Kind, Usd, UsdGeom, UsdLux, UsdPhysics
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
+    LightLevels,
+    Lights,
     coarse_shape,
     collision_losses,
     detail_loss,
     largest_outline_error,
     level_of_detail,
+    light_levels,
     rock_texture,
     static_losses,
     texture_loss,
+    with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, fresh_craters, write_ground
+from .ground import DETAIL, fresh_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save
 from .options import Options
 from .rocks import write_library, write_rocks
 from .rover import rig_losses, write_scene
-
-_SKY_SHARE = 0.2
-"""Irradiance of the sky over the Sun's, an even compromise between a dusty day and a clear one."""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
@@ -51,19 +52,20 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         write_rocks(tile, assets, coarse=coarse, levels=levels, options=options)
         parts["Ground"].append(tile.name("ground"))
         parts["Rocks"].append(tile.name("rocks"))
-    _write_world(directory / "world.usda", world, parts)
+    if options.horizon and world.horizon:
+        write_horizon(world.horizon, assets)
+        parts["Horizon"] = ["horizon"]
+    _write_world(directory / "world.usda", world, parts, options)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    return ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+    report = ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+    return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
-def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
+def _write_world(path: Path, world: World, parts: dict[str, list[str]], options: Options) -> None:
     """Write the stage without a rover: physics, Sun, sky and payloads, for a person to read."""
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
-    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
-    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
-    _define_lights(stage, world)
+    define_world(stage, world, options.lights)
     for group, names in parts.items():
         prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
         Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
@@ -73,11 +75,19 @@ def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
     save(stage)
 
 
-def _define_lights(stage: Usd.Stage, world: World) -> None:
+def define_world(stage: Usd.Stage, world: World, lights: Lights) -> None:
+    """Define gravity, Sun and sky."""
+    scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
+    scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
+    _define_lights(stage, world, light_levels(world.lighting, lights))
+
+
+def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:
     lighting = world.lighting
     sun = UsdLux.DistantLight.Define(stage, f"/{ROOT}/Sun")
     # A normalised distant light gives its intensity as irradiance, whatever its angle.
-    sun.CreateIntensityAttr(lighting.irradiance)
+    sun.CreateIntensityAttr(levels.sun)
     sun.CreateNormalizeAttr(True)
     sun.CreateAngleAttr(float(np.degrees(world.sun_diameter)))
     # It shines along its -z axis: its z axis points to the Sun.
@@ -86,7 +96,7 @@ def _define_lights(stage: Usd.Stage, world: World) -> None:
     UsdGeom.Xformable(sun).AddOrientOp().Set(Gf.Quatf(turn))
     sky = UsdLux.DomeLight.Define(stage, f"/{ROOT}/Sky")
     sky.CreateColorAttr(Gf.Vec3f(*lighting.sky_rgb))
-    sky.CreateIntensityAttr(_SKY_SHARE * lighting.irradiance / np.pi)
+    sky.CreateIntensityAttr(levels.sky)
 
 
 def _losses(
@@ -98,7 +108,12 @@ def _losses(
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),
         *static_losses(world.field),
-        "USD lights have no physical unit: intensities are W/m² and want an exposure.",
+        "USD lights have no physical unit: intensities are "
+        + (
+            "made for display, and Blender takes the Sun's four times as bright."
+            if options.lights == "display"
+            else "W/m² and want an exposure."
+        ),
         "USD does not say whose friction counts where two things touch: PhysX takes their mean.",
     ]
     if world.site.georeferenced:

@@ -48,6 +48,7 @@ from .progress import silent as silent
 from .records import Record as Record
 from .records import Rows as Rows
 from .records import from_plain as from_plain
+from .records import remembered as remembered
 from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .registry import load_plugin as load_plugin
@@ -84,8 +85,13 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
+from .tasks import core_count as core_count
+from .tasks import run_tasks as run_tasks
+from .tasks import serve_tasks as serve_tasks
+from .tasks import software as software
 from .threads import ask_for_interrupt as ask_for_interrupt
 from .threads import hold_interrupts as hold_interrupts
 from .threads import in_turn as in_turn
 from .threads import listen_for_interrupts as listen_for_interrupts
+from .threads import processors as processors
 from .threads import worker_threads as worker_threads

@@ -7,13 +7,17 @@ plus named arrays and back, so that a saved World equals the built one.
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Self
+from functools import wraps
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 TYPES: dict[str, type[Record]] = {}
+R = TypeVar("R", bound="Record")
+T = TypeVar("T")
 
 
 def shaped(*shape: int | str, dtype: Any = np.float64, **more: Any) -> dict[str, Any]:
@@ -87,6 +91,24 @@ class Record:
         """A copy with some fields changed, checked like a new record."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         return type(self)(**(values | changes))
+
+
+def remembered(function: Callable[[R], T]) -> Callable[[R], T]:
+    """A function of one record whose result the record keeps: it is frozen, so that holds.
+
+    For what costs much and is asked again, such as of the shapes that many worlds share.
+    """
+    name = f"{function.__module__}.{function.__qualname__}"
+
+    @wraps(function)
+    def kept(record: R) -> T:
+        own = vars(record)
+        if name not in own:
+            own[name] = function(record)
+        found: T = own[name]
+        return found
+
+    return kept
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

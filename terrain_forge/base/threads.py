@@ -8,7 +8,9 @@ are others an interrupt is only noted, and raised where somebody asks for it.
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -17,7 +19,7 @@ from typing import Any, TypeVar
 
 S = TypeVar("S")
 T = TypeVar("T")
-_SIGNALS = signal.SIGINT, signal.SIGTERM
+_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 _TICK = 0.1
 """How often the main thread asks while it waits for others [s]."""
 _noted: list[int] = []
@@ -25,7 +27,7 @@ _noted: list[int] = []
 
 @contextmanager
 def listen_for_interrupts() -> Iterator[None]:
-    """Take Ctrl-C and a polite kill alike; what the process was told to ignore stays ignored.
+    """Take Ctrl-C, a polite kill and the terminal's end alike; what is ignored stays ignored.
 
     Python drops what a callback or a finaliser raises, so one that came can be asked for until the
     block ends. The process takes its signals so from then on.
@@ -35,7 +37,10 @@ def listen_for_interrupts() -> Iterator[None]:
             signal.signal(number, _raise)
     try:
         yield
-    except Exception:  # an interrupt in an import becomes an ImportError
+    except Exception as error:  # an interrupt in an import becomes an ImportError
+        cause = error.__cause__
+        if isinstance(cause, KeyboardInterrupt) and str(cause):  # click's error has ours inside
+            raise cause from None
         ask_for_interrupt()
         raise
     finally:
@@ -50,7 +55,10 @@ def ask_for_interrupt() -> None:
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Raise none in the block but where it asks; one that came is raised after it."""
+    """Raise none in the block but where it asks; one that came is raised after it.
+
+    Where one goes up through the block already, that stays: it may say what was left.
+    """
     former: dict[int, Any] = {}
     try:
         if threading.current_thread() is threading.main_thread():
@@ -64,7 +72,17 @@ def hold_interrupts() -> Iterator[None]:
             signal.signal(number, handler)
         if former and _noted:
             came = _noted.pop()
-            former[came](came, None)
+            going_up = isinstance(sys.exc_info()[1], KeyboardInterrupt)
+            try:
+                former[came](came, None)
+            except KeyboardInterrupt:
+                if not going_up:
+                    raise
+
+
+def processors() -> int:
+    """How many processors this process may use, where the system tells; else how many there are."""
+    return len(getattr(os, "sched_getaffinity", lambda _: ())(0)) or os.cpu_count() or 1
 
 
 @contextmanager

@@ -24,6 +24,8 @@ from .staging import require_apart as require_apart
 from .staging import require_listed as require_listed
 from .staging import require_ours as require_ours
 from .staging import updating as updating
+from .staging import write_through as write_through
+from .storage import storing as storing
 from .writing import BuildResult as BuildResult
 from .writing import write_export as write_export
 from .writing import write_files as write_files

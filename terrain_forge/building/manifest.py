@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
@@ -19,7 +19,6 @@ from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
 
-_log = logging.getLogger(__name__)
 Manifest = dict[str, Any]
 """What a manifest holds, as JSON."""
 NAME = "manifest.json"
@@ -39,7 +38,7 @@ _PACKAGES = (
 _READERS = 8
 """Files that are read at once."""
 _OWN = {NAME, "timings.json"}
-_ASSESSED = "validation/", "report.html"
+ASSESSED: tuple[str, ...] = ("validation/", "report.html")
 """What every assessment writes anew."""
 _FREE = ("dataset/", "validation/consumers/")
 
@@ -167,8 +166,8 @@ def foreign_files(directory: Path, manifest: Manifest) -> list[str]:
 
 def changed_files(directory: Path, manifest: Manifest) -> list[str]:
     """Listed files that are there and not as they were built, whatever their times say."""
-    altered = altered_files(directory, manifest)
-    return [name for name in altered if os.path.lexists(directory / name)]
+    there = {*all_files(directory)}
+    return [name for name in altered_files(directory, manifest) if name in there]
 
 
 def suspect_files(directory: Path) -> dict[str, bool]:
@@ -192,7 +191,7 @@ def suspect_files(directory: Path) -> dict[str, bool]:
 
 def is_rewritten(name: str) -> bool:
     """Whether an assessment may write a file of a world in its place."""
-    return name in _OWN or name.startswith(_ASSESSED)
+    return name in _OWN or name.startswith(ASSESSED)
 
 
 def is_staging(folder: Path) -> bool:
@@ -243,6 +242,7 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
         raise OutputError(f"{directory / name} is not as it was built: {why[:300]}") from error
 
 
+@cache
 def _versions() -> dict[str, str]:
     """Versions of what makes a world: libraries, and installed packages with parts for us."""
     found = {}
@@ -310,10 +310,7 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
         renewed: Folders (with a slash) that are written anew.
     """
     foreign, altered = foreign_files(out, manifest), altered_files(out, manifest)
-    edited = [name for name in altered if name.startswith(_ASSESSED) and (out / name).exists()]
-    if edited:
-        _log.warning("written anew, though changed since it was built: %s", ", ".join(edited))
-    anew = (*_ASSESSED, *renewed)
+    anew = (*ASSESSED, *renewed)
     return FolderState(
         altered={name: wanted for name, wanted in altered.items() if not name.startswith(anew)},
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from terrain_forge.base import OutputError, StorageError, hold_interrupts
 from terrain_forge.building.manifest import (
+    ASSESSED,
     LOCK,
     MARK,
     NAME,
@@ -95,19 +96,32 @@ def require_ours(out: Path, *, force: bool = False) -> tuple[str, ...]:
     return tuple(sorted(suspect))
 
 
-def require_listed(out: Path, manifest: Manifest, folders: Iterable[str], *, force: bool) -> None:
-    """Refuse to write a world's folders anew where they hold files that are not the world's.
+def require_listed(
+    out: Path,
+    manifest: Manifest,
+    folders: Iterable[str] = (),
+    *,
+    also: tuple[str, ...] = ASSESSED,
+    force: bool,
+) -> None:
+    """Refuse to renew parts of a world where that would remove what is not its own, or was edited.
+
+    Args:
+        out: The world's folder.
+        manifest: Its manifest.
+        folders: Folders that are written anew.
+        also: Beginnings of names of other files that are.
+        force: Whether that may be removed.
 
     Raises:
-        OutputError: names them.
+        OutputError: names it.
     """
     folders = tuple(folders)
     inside = tuple(f"{folder}/" for folder in folders)
-
-    def within(names: list[str]) -> list[str]:
-        return [name for name in names if name in folders or name.startswith(inside)]
-
-    foreign, changed = within(foreign_files(out, manifest)), within(changed_files(out, manifest))
+    foreign = [
+        name for name in foreign_files(out, manifest) if name in folders or name.startswith(inside)
+    ]
+    changed = [name for name in changed_files(out, manifest) if name.startswith((*inside, *also))]
     _refuse(foreign, _FOREIGN, out, force)
     _refuse(changed, _CHANGED, out, force)
     if foreign or changed:
@@ -153,7 +167,7 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
             fresh.mkdir()
             number = fresh.stat().st_ino
             yield fresh
-            _flush(fresh)
+            write_through(fresh)
             known = require_ours(target, force=force)  # again: a build takes its time
             _exchange(fresh, target)
             with suppress(OSError):  # the new world is there, whatever comes of the old
@@ -223,7 +237,7 @@ def updating(out: Path, *, anew: Iterable[str] = (), foreign: Iterable[str] = ()
                 raise OutputError(f"{out / clash[0]} is in the way: move it away")
             gone = sorted({*all_files(out)} - {*made, *foreign})
             (fresh.parent / _GONE).write_text(json.dumps(gone), encoding="utf-8")
-            _flush(fresh.parent)
+            write_through(fresh.parent)
             number = (fresh / NAME).stat().st_ino
             fresh.parent.rename(staging / WHOLE)
             _take_places(staging / WHOLE, out)
@@ -339,7 +353,7 @@ def _recover(folder: Path, target: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def _flush(folder: Path) -> None:
+def write_through(folder: Path) -> None:
     """Write a folder's files through to the disk."""
     for path in (folder, *folder.rglob("*")):
         if not path.is_symlink():

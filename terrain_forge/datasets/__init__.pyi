@@ -7,6 +7,7 @@ from .pictures import rectified_pair as rectified_pair
 from .pictures import straight_stream as straight_stream
 from .poses import Poses as Poses
 from .poses import tum_text as tum_text
+from .reader import INDEX as INDEX
 from .reader import Recording as Recording
 from .reader import StereoPair as StereoPair
 from .reader import open_recording as open_recording

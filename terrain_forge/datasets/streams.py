@@ -157,8 +157,10 @@ def ascending(stamps: Stamps, where: str) -> Stamps:
     """Stamps as they are.
 
     Raises:
-        DataError: if they do not ascend; names the row.
+        DataError: if they do not ascend from 0 on; names the row.
     """
+    if len(stamps) and stamps[0] < 0:
+        raise DataError(f"{where}: the stamp {stamps[0]} is before 0")
     if (late := np.flatnonzero(np.diff(stamps) <= 0)).size:
         raise DataError(f"{where}: the stamp of row {late[0] + 2} is not after the one before it")
     return stamps
@@ -204,6 +206,11 @@ class RecordedCamera(RecordedSensor):
         found = self.numbers("distortion_coefficients", DISTORTIONS[model])
         return (model, found) if found.any() or model == "equidistant" else ("none", np.zeros(0))
 
+    @cached_property
+    def _modes(self) -> dict[str, str]:
+        """Pillow's mode of the pictures of each stream, of which one was read."""
+        return {}
+
     @property
     def straight(self) -> bool:
         """Whether its pictures have no distortion."""
@@ -243,6 +250,9 @@ class RecordedCamera(RecordedSensor):
                 raise DataError(f"{where} has {picture.size} pixels, {self.key} has {self.size}")
             if picture.mode in ("RGB", "RGBA") and _bits(path) > 8:
                 raise DataError(f"{where} has colours of 16 bits, which are not read")
+            others = self._modes.setdefault(channel, picture.mode)
+            if picture.mode != others:
+                raise DataError(f"{where} is of mode {picture.mode}, others beside it {others}")
             return np.asarray(picture)
 
 

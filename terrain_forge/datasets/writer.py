@@ -5,11 +5,11 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 from terrain_forge.base import (
     ExportError,
@@ -26,10 +26,15 @@ from terrain_forge.datasets.reader import Recording, open_recording
 from terrain_forge.datasets.streams import RecordedSensor
 from terrain_forge.model import ExportReport, options_adapter
 
+Need = Literal["two cameras", "a lidar", "depth", "class"]
+"""What a rig must have: sensors, or channels of a camera."""
 GROUP = "terrain_forge.datasets"
 """Entry points that name modules of other packages with formats."""
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO}
+_FULL = {
+    *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO),
+    *(errno.ENOTDIR, errno.ENAMETOOLONG, errno.ELOOP),
+}
 _SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
 """SQLite's own numbers for what the disk refused (SQLITE_IOERR, SQLITE_FULL)."""
 
@@ -47,6 +52,8 @@ class DatasetWriter:
     """What it is, in a few words."""
     Options: ClassVar[type[Spec]]
     """Frozen dataclass of the format's options, each with a default and documented."""
+    needs: ClassVar[tuple[Need, ...]] = ()
+    """What every recording in it needs of a rig, so that a recipe without is refused at once."""
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording that lacks what the format needs, before anything is written.
@@ -116,23 +123,20 @@ def write_dataset(
         recording = open_recording(recording)
     writer.check(recording, chosen)
     target = Path(folder).resolve()
-    _require_free(target, recording)
     around = target.with_name(f".{target.name}.part")
     fresh = around / target.name
-    try:
-        shutil.rmtree(around, ignore_errors=True)  # what a killed process left
-        fresh.mkdir(parents=True)
-        losses = writer.write(recording, fresh, chosen, progress)
-        files = tuple(sorted(p.relative_to(fresh) for p in fresh.rglob("*") if p.is_file()))
-        with suppress(FileNotFoundError):
-            target.rmdir()
-        fresh.rename(target)
-    except Exception as error:
-        if why := _refusal(error, around):
-            raise StorageError(f"{target} cannot be written: {why}") from error
-        raise
-    finally:
-        shutil.rmtree(around, ignore_errors=True)
+    with _storing(target):
+        _require_free(target, recording)
+        try:
+            shutil.rmtree(around, ignore_errors=True)  # what a killed process left
+            fresh.mkdir(parents=True)
+            losses = writer.write(recording, fresh, chosen, progress)
+            files = tuple(sorted(p.relative_to(fresh) for p in fresh.rglob("*") if p.is_file()))
+            with suppress(FileNotFoundError):
+                target.rmdir()
+            fresh.rename(target)
+        finally:
+            shutil.rmtree(around, ignore_errors=True)
     return ExportReport(files=files, losses=losses)
 
 
@@ -163,6 +167,17 @@ def _require_free(target: Path, recording: Recording) -> None:
         raise OutputError(f"{target} lies in the recording itself: choose another folder")
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise OutputError(f"{target} exists: remove it, or choose another folder")
+
+
+@contextmanager
+def _storing(target: Path) -> Iterator[None]:
+    """Turns what a disk refuses into one error."""
+    try:
+        yield
+    except Exception as error:
+        if why := _refusal(error, target.parent):
+            raise StorageError(f"{target} cannot be written: {why}") from error
+        raise
 
 
 def _refusal(error: BaseException | None, folder: Path) -> str:

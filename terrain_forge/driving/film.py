@@ -140,7 +140,7 @@ def photograph(
 
 def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
     """The ground and the rocks so far around a place, with no tracks on it but the rover's."""
-    ground, rocks = subject.ground, subject.instances
+    ground, rocks, grain = subject.ground, subject.instances, subject.node_grain
     rows, columns = ground.shape
     reach = math.ceil(reach_m / ground.spacing)
     i, j = (round((position[n] - ground.origin[n]) / ground.spacing) for n in range(2))
@@ -150,6 +150,7 @@ def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
     return subject.replace(
         ground=ground.cut(column=column, row=row, columns=wide, rows=high),
         ground_rgb=subject.ground_rgb[row : row + high + 1, column : column + wide + 1],
+        grain=grain[row : row + high + 1, column : column + wide + 1],
         instances=rocks.select(near),
         tracks=(),
     )

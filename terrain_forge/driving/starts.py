@@ -7,7 +7,6 @@ the same for any number of processes.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -20,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, Record, SimulationError, stage_key, uniforms
+from terrain_forge.base import Array, Record, SimulationError, processors, stage_key, uniforms
 from terrain_forge.driving.result import DriveResult
 from terrain_forge.driving.simulation import drive, load_scene
 from terrain_forge.model import Rover, Trajectory, World
@@ -93,7 +92,7 @@ def drive_from_many_starts(
             process is killed.
     """
     lines = [line_from_start(world, spec, number) for number in range(spec.count)]
-    processes = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, spec.count)
+    processes = min(processes or processors(), MOST_PROCESSES, spec.count)
     task = partial(_drive_line, rover=world.rover, path=scene)
     done = list[StartResult]()
     with workers(processes) as runner:

@@ -1,13 +1,17 @@
 """Reading digital terrain models: rasters, projections, heights, quality, roughness."""
 
+from .anywhere import Terrain as Terrain
+from .anywhere import places_of as places_of
 from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts
 from .description import site_warnings as site_warnings
+from .far import far_heights as far_heights
 from .fetching import at_hand as at_hand
 from .fetching import fetch_product as fetch_product
 from .fetching import origin as origin
 from .fetching import still_to_fetch as still_to_fetch
+from .fetching import whole_at_hand as whole_at_hand
 from .interpolation import NEAR as NEAR
 from .interpolation import STENCIL as STENCIL
 from .interpolation import add_cell_means as add_cell_means
@@ -40,6 +44,7 @@ from .site_survey import survey as survey
 from .spec import ArrayDtm as ArrayDtm
 from .spec import Centre as Centre
 from .spec import FlatDtm as FlatDtm
+from .spec import HorizonSpec as HorizonSpec
 from .spec import RasterDtm as RasterDtm
 from .wide import holes as holes
 from .wide import lay_out as lay_out

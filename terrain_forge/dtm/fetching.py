@@ -49,6 +49,22 @@ def at_hand(spec: RasterDtm, *, body: Body, progress: Progress = silent) -> Rast
     return windowed(spec, product.url, body, licence=product.licence, whole=_path(product))
 
 
+def whole_at_hand(spec: RasterDtm, *, body: Body) -> RasterDtm:
+    """The spec with a file of this machine that holds all of its terrain model.
+
+    Raises:
+        RecipeError, DataError, StorageError: as `at_hand`, and where only a site's part is fetched.
+    """
+    spec = expanded(spec)
+    if spec.source is None and (spec.url is not None or _product(spec, body).shape):
+        raise RecipeError(
+            f"of {spec.name} only a site's part is fetched, which has no other places: give a file "
+            "as dtm.source",
+            key=("dtm",),
+        )
+    return at_hand(spec, body=body)
+
+
 def fetch_product(name: str, *, progress: Progress = silent) -> Path:
     """The whole file of a product, or of a place's product, from the cache or its server.
 

@@ -71,7 +71,10 @@ _WINDOWS = (
     *(Window(width=w, square=False) for w in (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)),
     *(Window(width=w, square=True) for w in (2.5, 3.0, 3.5, 4.0, 5.0)),
 )
-_NARROW = tuple(Window(width=w, square=True) for w in (1.0, 1.2, 1.5, 2.0))
+_NARROW = (
+    *(Window(width=w, square=True) for w in (1.0, 1.2, 1.5, 2.0)),
+    *(Window(width=w, square=False) for w in (0.6, 0.7)),
+)
 """Noise that is white from post to post, or nearly: folded ground is much like it."""
 
 
@@ -126,10 +129,12 @@ def find_noise(
             return _floor(heights, trusted, deviation, window, level, given=True)
         share = _share(heights, trusted, deviation, window)
         if window in _NARROW:
-            clear = misfit < 0.3 * alone and share > 0.5 * window.width
+            # A Gaussian is also like what interpolation to the posts left of ground.
+            better, least = (0.3, 0.5 * window.width) if window.square else (0.25, 0.6)
+            clear = misfit < better * alone and share > least
             if clear:
                 rival = min(alone, _fit_points(tiles, quiet, error))
-                clear = misfit < 0.3 * rival and (rival - misfit) * share > 4.0
+                clear = misfit < better * rival and (rival - misfit) * share > 4.0
         elif side == _SMALL:
             clear = misfit < 0.6 * alone and share > 0.4 and (alone - misfit) * share > 2.0
         else:

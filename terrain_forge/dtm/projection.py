@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 import numpy as np
@@ -133,3 +136,18 @@ def _wkt(proj: str) -> str:
 
     wkt: str = CRS.from_proj4(proj).to_wkt()
     return wkt
+
+
+@contextmanager
+def units_at_hand() -> Iterator[None]:
+    """PROJ's data in the environment: libgeotiff seeks units there alone, and complains aloud."""
+    from rasterio.env import PROJDataFinder
+
+    place = None if "PROJ_DATA" in os.environ else PROJDataFinder().search()
+    if place:
+        os.environ["PROJ_DATA"] = str(place)
+    try:
+        yield
+    finally:
+        if place:
+            os.environ.pop("PROJ_DATA", None)

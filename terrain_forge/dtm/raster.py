@@ -21,6 +21,7 @@ from terrain_forge.dtm.projection import (
     local_crs,
     meridian_period,
     transform,
+    units_at_hand,
 )
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.dtm.vertical import Vertical, read_vertical, require_heights, require_no_sentinel
@@ -278,7 +279,7 @@ def open_dataset(path: Path) -> Any:
     import rasterio
 
     _require_plain_company(path.absolute())
-    with warnings.catch_warnings(), rasterio.Env(**_OFFLINE):
+    with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), units_at_hand():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         # rasterio.open() takes one driver; the class that it opens takes several.
         dataset = rasterio.io.DatasetReader(str(path.absolute()), driver=list(DRIVERS))

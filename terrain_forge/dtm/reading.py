@@ -76,7 +76,7 @@ def _located(
 ) -> tuple[DtmPatch, Array, Array]:
     """The patch without its samples, and fractional columns and rows of a grid over the site."""
     _require_off_pole(raster, spec, crs)
-    whole = _whole(raster, crs, to_pixel)
+    whole = placed(raster, crs, to_pixel)
     column, row = patch_pixels(whole, crs, *_outline(spec.size_m))
     _require_inside(raster, spec, column, row)
     return whole, column, row
@@ -101,7 +101,8 @@ def _require_off_pole(raster: Raster, spec: RasterDtm, crs: str) -> None:
         )
 
 
-def _whole(raster: Raster, crs: str, to_pixel: tuple[float, ...]) -> DtmPatch:
+def placed(raster: Raster, crs: str, to_pixel: tuple[float, ...]) -> DtmPatch:
+    """A patch without samples: where those of the raster lie."""
     wrap = wrap_around(raster.crs, crs, raster.middle[0]) if raster.crs else (0.0, 0.0)
     return DtmPatch(
         heights=np.zeros((1, 1)),

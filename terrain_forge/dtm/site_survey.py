@@ -7,8 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Mask, RecipeError, stage_key
+from terrain_forge.base import Array, DataError, Mask, RecipeError, reading, stage_key
 from terrain_forge.dtm.denoising import denoised
+from terrain_forge.dtm.far import (
+    heights_at,
+    read_surroundings,
+    require_coarser,
+    weights_at,
+)
 from terrain_forge.dtm.interpolation import cubic
 from terrain_forge.dtm.lattice import patch_pixels
 from terrain_forge.dtm.noise_floor import NoiseFloor, find_noise
@@ -18,8 +24,8 @@ from terrain_forge.dtm.quality import planar_posts
 from terrain_forge.dtm.raster import Raster, open_raster
 from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
-from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, Noise, RasterDtm
-from terrain_forge.model import Body, DtmPatch, Roughness
+from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, RasterDtm
+from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +38,7 @@ class Survey:
     slope: tuple[float, float]
     dtm: DtmPatch | None
     roughness: Roughness
+    surroundings: tuple[FarHeights, ...]
 
 
 def survey(
@@ -41,6 +48,7 @@ def survey(
     folder: Path,
     heights: Array | None,
     seed: int = 0,
+    horizon: HorizonSpec | None = None,
 ) -> Survey:
     """Read the heights around the site and resolve everything that depends on them.
 
@@ -50,10 +58,12 @@ def survey(
         folder: what its paths are relative to.
         heights: those of a spec of kind `array` [m].
         seed: of the ground that is drawn where a DTM's noise hides it.
+        horizon: what lies beyond the site.
 
     Raises:
         DataError, RecipeError: if the DTM cannot serve as the recipe says.
     """
+    horizon = horizon or HorizonSpec()
     if isinstance(spec, FlatDtm):
         crs, lonlat = _place(spec.lonlat_deg, body)
         return Survey(
@@ -63,12 +73,15 @@ def survey(
             slope=(0.0, 0.0),
             dtm=None,
             roughness=body_roughness(body, "flat site"),
+            surroundings=_beyond(horizon, None, crs, spec.size_m, body, folder),
         )
+    around: tuple[FarHeights, ...] = ()
     if isinstance(spec, ArrayDtm):
         crs, lonlat = _place(spec.lonlat_deg, body)
         patch, measured = _array_patch(spec, heights)
     else:
-        crs, lonlat, patch, measured = _raster_patch(spec, body, folder)
+        crs, lonlat, patch, measured, around = _raster_patch(spec, body, folder, horizon)
+    around += _beyond(horizon, patch, crs, spec.size_m, body, folder)
     patch, floor = _without_noise(patch, measured, spec.noise, seed)
     datum_height, slope = _datum(patch, crs, spec.size_m, level=spec.level == "plane")
     return Survey(
@@ -78,7 +91,46 @@ def survey(
         slope=slope,
         dtm=patch,
         roughness=fit_roughness(patch.heights, patch.posting, body, measured, floor),
+        surroundings=around,
     )
+
+
+def _beyond(
+    horizon: HorizonSpec,
+    patch: DtmPatch | None,
+    crs: str,
+    size: tuple[float, float],
+    body: Body,
+    folder: Path,
+) -> tuple[FarHeights, ...]:
+    """What a second terrain model tells of the ground far around, at the site's height."""
+    if horizon.dtm is None or horizon.reach_m == 0.0:
+        return ()
+    if not crs:
+        raise DataError("a second terrain model needs a georeferenced site", key=("horizon", "dtm"))
+    spec = RasterDtm(source=horizon.dtm, size_m=size)
+    with reading(horizon.dtm, key=("horizon", "dtm")):
+        raster = open_raster(spec, body=body, folder=folder)
+        with raster.dataset:
+            require_coarser(raster, horizon.dtm)
+            levels = read_surroundings(
+                raster,
+                source=horizon.dtm,
+                crs=crs,
+                to_pixel=raster.to_pixel,
+                size=size,
+                reach=horizon.reach_m,
+            )
+    steps = np.linspace(-0.5, 0.5, 9)
+    east, north = np.meshgrid(steps * size[0], steps * size[1])
+    if not levels or float(weights_at(levels[0], crs, east, north).min()) <= 0.0:
+        raise DataError(f"{horizon.dtm} does not reach around the site", key=("horizon", "dtm"))
+    own = 0.0
+    if patch is not None:
+        column, row = patch_pixels(patch, crs, east, north)
+        own = float(cubic(patch.heights, column=column, row=row).mean())
+    rise = own - float(heights_at(levels[0], crs, east, north).mean())
+    return tuple(level.replace(heights=level.heights + np.float32(rise)) for level in levels)
 
 
 def _without_noise(
@@ -160,8 +212,8 @@ def _array_patch(spec: ArrayDtm, heights: Array | None) -> tuple[DtmPatch, Mask]
 
 
 def _raster_patch(
-    spec: RasterDtm, body: Body, folder: Path
-) -> tuple[str, tuple[float, float] | None, DtmPatch, Mask]:
+    spec: RasterDtm, body: Body, folder: Path, horizon: HorizonSpec
+) -> tuple[str, tuple[float, float] | None, DtmPatch, Mask, tuple[FarHeights, ...]]:
     raster = open_raster(spec, body=body, folder=folder)
     with raster.dataset:
         _require_meaning(raster, spec)
@@ -169,7 +221,8 @@ def _raster_patch(
             lon, lat = centre_lonlat(raster, spec)
             crs = local_crs(raster.crs, lon, lat)
             lonlat = (float(np.radians(lon)), float(np.radians(lat)))
-            return crs, lonlat, *read_patch(raster, spec, crs, raster.to_pixel)
+            around = _around(raster, spec, crs, raster.to_pixel, horizon)
+            return crs, lonlat, *read_patch(raster, spec, crs, raster.to_pixel), around
         if spec.centre.offset_m is None:
             raise DataError(
                 f"{spec.name} is not georeferenced: give the centre as offset_m",
@@ -178,7 +231,24 @@ def _raster_patch(
         a, _, c, _, e, f = raster.to_pixel
         east, north = spec.centre.offset_m
         shifted = (a, 0.0, c + a * east, 0.0, e, f + e * north)
-        return "", None, *read_patch(raster, spec, "", shifted)
+        around = _around(raster, spec, "", shifted, horizon)
+        return "", None, *read_patch(raster, spec, "", shifted), around
+
+
+def _around(
+    raster: Raster,
+    spec: RasterDtm,
+    crs: str,
+    to_pixel: tuple[float, ...],
+    horizon: HorizonSpec,
+) -> tuple[FarHeights, ...]:
+    """What the site's own terrain model tells of the ground around."""
+    if horizon.reach_m == 0.0:
+        return ()
+    reach = horizon.reach_m
+    return read_surroundings(
+        raster, source=spec.name, crs=crs, to_pixel=to_pixel, size=spec.size_m, reach=reach
+    )
 
 
 def _require_meaning(raster: Raster, spec: RasterDtm) -> None:

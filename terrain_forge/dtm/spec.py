@@ -8,7 +8,15 @@ from urllib.parse import urlsplit
 
 from annotated_types import Ge, Gt, Interval, MinLen, Predicate
 
-from terrain_forge.base import Coordinate, InputFile, Pair, Positive, PositivePair, Spec
+from terrain_forge.base import (
+    Coordinate,
+    InputFile,
+    NotNegative,
+    Pair,
+    Positive,
+    PositivePair,
+    Spec,
+)
 
 Longitude = Annotated[float, Interval(ge=-180, le=360)]
 Latitude = Annotated[float, Interval(ge=-90, le=90)]
@@ -118,3 +126,17 @@ class ArrayDtm(Spec):
     """Errors of a matcher: looked for (`auto`), kept (`keep`), or their RMS [m]."""
     lonlat_deg: tuple[Longitude, Latitude] | None = None
     """Where on the body the site lies [degrees]; without it nothing is georeferenced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HorizonSpec(Spec):
+    """What lies beyond the site, for the eye and for lidars; nothing of it is ever touched."""
+
+    dtm: Annotated[str, MinLen(1), InputFile(kind="dtm")] | None = None
+    """A second, coarser terrain model that goes on where the site's own ends, such as a global one:
+    a georeferenced raster. It is raised or lowered to the site's height."""
+    reach_m: NotNegative | None = None
+    """How far from the border the ground goes on [m]; without it to the true horizon, 0 for
+    nothing."""
+    rocks_m: Annotated[float, Interval(ge=0, le=500)] = 50.0
+    """How far from the border rocks lie, by the law of each population, as simple shapes [m]."""

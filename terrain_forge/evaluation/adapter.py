@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import shutil
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Mapping
@@ -20,17 +16,14 @@ from annotated_types import Interval, MinLen
 
 from terrain_forge.base import DataError, FileName, Record, Spec
 from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
+from terrain_forge.evaluation.program import Program
 
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
 OutputFormat = Literal["tum", "euroc", "kitti"]
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
-_GRACE = 15.0
-"""How long a launcher has to end its program and itself [s]."""
 _KEPT = 2**24
 """Bytes of what a program printed or wrote that are kept."""
 _LOG = "output.txt"
-_NOTE = ".used"
-_LAUNCHER = str(Path(__file__).with_name("launcher.py"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,32 +172,16 @@ def _watched(
 ) -> tuple[str, str, tuple[float, float, float]]:
     """Status, what was wrong, and seconds, processor time and memory of a program."""
     begin = time.monotonic()
-    note = folder / _NOTE
-    with (folder / _LOG).open("wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-I", "-S", _LAUNCHER, str(note), *words], cwd=folder, stdout=log,
-            env={**os.environ, **adapter.environment}, stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL, start_new_session=True,
-        )  # fmt: skip
-        try:
-            late = not _ended(process, adapter.timeout_s)
-            if late:
-                _end(process)
-        except BaseException:  # an interrupt too: nothing goes on without its caller
-            _end(process)
-            raise
-        finally:
-            _kill(process.pid, signal.SIGKILL)
-    told = note.read_text(encoding="utf-8") if note.is_file() else "0 0"  # it was killed
-    note.unlink(missing_ok=True)
-    try:
-        processor, memory = map(float, told.split())
-    except ValueError:
+    program = Program(words, folder=folder, log=folder / _LOG, environment=adapter.environment)
+    with program:
+        late = not program.ended(adapter.timeout_s)
+    told = program.used
+    if isinstance(told, str):
         return "failed", told, (0.0, 0.0, 0.0)
-    used = (time.monotonic() - begin, processor, memory)
+    used = (time.monotonic() - begin, *told)
     if late:
         return "timeout", f"killed after {adapter.timeout_s:g} s", used
-    if status := process.returncode:
+    if status := program.status:
         how = f"signal {-status}" if status < 0 else f"status {status}"
         lines = _end_of(folder / _LOG, 4000).decode(errors="replace").strip().splitlines()
         return "failed", ": ".join([f"ended with {how}", *lines[-1:]]), used
@@ -218,30 +195,6 @@ def _end_of(path: Path, most: int) -> bytes:
     with path.open("rb") as file:
         file.seek(max(path.stat().st_size - most, 0))
         return file.read(most)
-
-
-def _ended(process: subprocess.Popen[bytes], seconds: float) -> bool:
-    """Whether a program ends within a time."""
-    try:
-        process.wait(seconds)
-    except subprocess.TimeoutExpired:
-        return False
-    return True
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and all that it started, which its launcher does."""
-    process.terminate()
-    if not _ended(process, _GRACE):
-        process.kill()
-        process.wait()
-
-
-def _kill(group: int, number: int) -> None:
-    try:
-        os.killpg(group, number)
-    except (ProcessLookupError, PermissionError):
-        pass
 
 
 def _found(folder: Path, pattern: str) -> list[Path]:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import logging
+import os
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import DataError, ExportError, OutputError, RecipeError, StorageError
-from terrain_forge.datasets import Recording, open_recording, write_dataset
+from terrain_forge.datasets import INDEX, Recording, open_recording, write_dataset
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
     DRIVERS,
@@ -20,12 +24,18 @@ from terrain_forge.evaluation.catalogue import (
     vocabulary_of,
     with_binaries,
 )
+from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
-from terrain_forge.evaluation.results import Result, write_results
+from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
 
-FOLDER = "slam"
+RESULTS = "slam"
 """Where results lie, in the recording's folder."""
+_INPUTS = f"{RESULTS}/inputs"
+"""Where the recording lies in the formats that systems read."""
+_DIGITS = 12
+"""Of the hash of the recording's index, by which inputs lie there."""
+_log = logging.getLogger(__name__)
 
 
 def evaluate_recording(
@@ -59,7 +69,8 @@ def evaluate_recording(
             if progress:
                 progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
             results.append(_result(recording, adapter, number, inputs, options))
-            write_results(results, recording.folder / FOLDER)  # an interrupt loses one run only
+            write_results(results, recording.folder / RESULTS)  # an interrupt loses one run only
+            write_paper_table(recording, results, recording.folder / RESULTS)
     return results
 
 
@@ -70,14 +81,17 @@ def _result(
     inputs: dict[str, Path],
     options: ScoreOptions | None,
 ) -> Result:
-    keep = recording.folder / FOLDER / f"{adapter.name}_{number}"
+    keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
+    (keep / ERRORS).unlink(missing_ok=True)  # an earlier run's
     try:
         places = _places(recording, adapter, inputs)
         before = _state(recording.folder)
         run = run_system(adapter, places, keep=keep)
-        if changed := sorted(before ^ _state(recording.folder)):
-            why = f"it changed the recording: {changed[0][0]}; record it again"
+        changed = {name for name, *_ in before ^ _state(recording.folder)}
+        if own := sorted(name for name in changed if not name.startswith(f"{_INPUTS}/")):
+            why = f"it changed the recording: {own[0]}; record it again"
             run = run.replace(status="failed", why=why, estimate=None)
+        _renew(inputs, recording.folder, changed)
     except (DataError, ExportError, OutputError, RecipeError) as error:
         run = Run(
             system=adapter.name, status="failed", why=str(error), seconds=0.0, processor_s=0.0,
@@ -89,20 +103,34 @@ def _result(
             truth = truth_of(recording, adapter.frame)
             estimate = _timed(run.estimate, adapter, truth)
             score = score_poses(truth, estimate, options)
+            write_errors(score, keep / ERRORS)
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
     return Result(run=run, number=number, score=score, frame=adapter.frame, world=recording.name)
 
 
 def _state(folder: Path) -> set[tuple[str, int, int]]:
-    """Name, size and time of change of each file of a recording, results apart."""
+    """Name, size and time of change of each file of a recording and of inputs, results apart."""
+    paths = [*folder.iterdir(), folder / _INPUTS]
     return {
         (path.relative_to(folder).as_posix(), stat.st_size, stat.st_mtime_ns)
-        for path in folder.rglob("*")
-        if path.relative_to(folder).parts[0] != FOLDER
-        and (stat := path.lstat())
-        and not path.is_dir()
+        for above in paths
+        if above.name != RESULTS
+        for path in (above, *above.rglob("*"))
+        if os.path.lexists(path) and (stat := path.lstat()) and not path.is_dir()
     }
+
+
+def _renew(inputs: dict[str, Path], folder: Path, changed: set[str]) -> None:
+    """Give up inputs that a system changed, so that the next one gets them as they should be."""
+    for name, place in list(inputs.items()):
+        mine = f"{place.relative_to(folder.resolve()).as_posix()}/"
+        if mine.startswith(_INPUTS) and (
+            found := sorted(one for one in changed if one.startswith(mine))
+        ):
+            _log.warning("a system changed its input, which is made anew: %s", folder / found[0])
+            shutil.rmtree(place)
+            del inputs[name]
 
 
 def _places(recording: Recording, adapter: Adapter, inputs: dict[str, Path]) -> dict[str, str]:
@@ -184,8 +212,13 @@ def _input(
         return (recording.folder / kind).resolve()
     name = "_".join([kind, *(f"{key}-{value}" for key, value in sorted(options.items()))])
     if name not in inputs:
-        folder = recording.folder.resolve() / FOLDER / "inputs" / name
+        every = recording.folder.resolve() / _INPUTS
+        of = hashlib.sha256((recording.folder / INDEX).read_bytes()).hexdigest()[:_DIGITS]
+        folder = every / of / name
         if not folder.is_dir():
+            for older in every.glob("[0-9a-f]" * _DIGITS):  # of the recording before it grew
+                if older != folder.parent:
+                    shutil.rmtree(older, ignore_errors=True)
             folder.parent.mkdir(parents=True, exist_ok=True)
             try:
                 write_dataset(recording, kind, folder, options)

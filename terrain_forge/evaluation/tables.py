@@ -110,7 +110,7 @@ def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
     texts = (
         json.dumps(whole, indent=1) + "\n",
         "".join(",".join(map(quoted, row)) + "\n" for row in rows),
-        _latex(rows),
+        latex_table(rows),
     )
     for path, text in zip(paths, texts, strict=True):
         path.write_text(text, encoding="utf-8")
@@ -120,8 +120,10 @@ def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
 _ESCAPED = str.maketrans({**{mark: f"\\{mark}" for mark in "%_&#${}"}, "\\": r"\textbackslash{}"})
 
 
-def _latex(rows: list[list[str]]) -> str:
-    def line(row: list[str]) -> str:
+def latex_table(rows: Sequence[Sequence[str]]) -> str:
+    """A table as LaTeX's tabular, its heading first."""
+
+    def line(row: Sequence[str]) -> str:
         return " & ".join(cell.translate(_ESCAPED) for cell in row) + r" \\"
 
     first, *rest = map(line, rows)

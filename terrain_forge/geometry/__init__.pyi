@@ -1,5 +1,8 @@
 """Meshes and textures that exporters, pictures and pages share."""
 
+from .beyond import horizon_surface as horizon_surface
+from .beyond import with_horizon_loss as with_horizon_loss
+from .beyond import write_horizon_mesh as write_horizon_mesh
 from .ground_mesh import cell_bands as cell_bands
 from .ground_mesh import grid_faces as grid_faces
 from .ground_mesh import grid_normals as grid_normals
@@ -12,9 +15,17 @@ from .ground_texture import bake_ground as bake_ground
 from .ground_texture import bake_tile as bake_tile
 from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture
+from .levels import GroundLevel as GroundLevel
+from .levels import ground_levels as ground_levels
+from .levels import shifted as shifted
+from .levels import tile_anchor as tile_anchor
+from .lights import LightLevels as LightLevels
+from .lights import Lights as Lights
+from .lights import light_levels as light_levels
 from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss
+from .losses import friction_losses as friction_losses
 from .losses import static_losses as static_losses
 from .losses import texture_loss as texture_loss
 from .rock_mesh import coarse_shape as coarse_shape

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Record,
+    inner,
     kernel,
     linear_from_srgb,
     over_chunks,
@@ -20,7 +21,7 @@ from terrain_forge.base import (
     stage_key,
 )
 from terrain_forge.model import GroundDetail, Heightfield, Tile, World
-from terrain_forge.scene import CLAST_SHARE, ground_grain
+from terrain_forge.scene import ground_grain
 
 _STEPS = 4096
 
@@ -81,13 +82,21 @@ def bake_ground(tile: World, *, finer: int) -> GroundTexture:
     linear = linear_from_srgb(np.arange(256) / 255.0)
     encoded = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
     grid = stage_key(tile.site.seed, "grain"), ground.origin, ground.spacing, finer
-    over_chunks(_bake, rows, *grid, colours, linear, encoded, rgb, normals)
+    grain = tile.appearance.grain
+    over_chunks(_bake, rows, *grid, colours, grain, linear, encoded, rgb, normals)
     return GroundTexture(rgb=rgb, normals=normals)
+
+
+@inner
+def _of_node(grain, part, i, j, u, v):  # type: ignore[no-untyped-def]
+    south = grain[j, i, part] * (1.0 - u) + grain[j, i + 1, part] * u
+    north = grain[j + 1, i, part] * (1.0 - u) + grain[j + 1, i + 1, part] * u
+    return 0.01 * (south + v * (north - south))
 
 
 @kernel
 def _bake(  # type: ignore[no-untyped-def]
-    first, last, key, origin, spacing, finer, colours, linear, encoded, rgb, normals
+    first, last, key, origin, spacing, finer, colours, grain, linear, encoded, rgb, normals
 ):
     rows, columns, _ = colours.shape
     pixel = spacing / finer
@@ -103,7 +112,18 @@ def _bake(  # type: ignore[no-untyped-def]
             u = x - i
             east, north = origin[0] + place_x * spacing, origin[1] + place_y * spacing
             bright, _shade, rise_x, rise_y = ground_grain(
-                key, CLAST_SHARE, 0.0, 0.0, east, north, spacing, pixel
+                key,
+                (
+                    _of_node(grain, 0, i, j, u, v),
+                    _of_node(grain, 1, i, j, u, v),
+                    _of_node(grain, 2, i, j, u, v),
+                ),
+                0.0,
+                0.0,
+                east,
+                north,
+                spacing,
+                pixel,
             )
             for channel in range(3):
                 south = linear[colours[j, i, channel]] * (1.0 - u)

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from terrain_forge.geometry.ground_texture import finest_texture
-from terrain_forge.model import GroundDetail, Heightfield, RockField, RockPrototype
+from terrain_forge.model import (
+    FrictionOptions,
+    GroundDetail,
+    Heightfield,
+    RockField,
+    RockPrototype,
+    World,
+    cells_by_friction,
+    material_frictions,
+)
 
 PLACE_LOSS = "Longitude, latitude and the datum's height are left out."
 
@@ -31,6 +40,21 @@ def texture_loss(ground: Heightfield, largest: int, *, normals: bool) -> str:
     return (
         f"The ground's texture has pixels of {pixel:.3g} mm{bumps}; nothing touches the soil and "
         "stones in it."
+    )
+
+
+def friction_losses(world: World, options: FrictionOptions) -> tuple[str, ...]:
+    """What a format loses that gives all of the ground one friction, as a sentence."""
+    frictions = material_frictions(world, options)
+    if not cells_by_friction(world, frictions):
+        return ()
+    told = ", ".join(
+        f"{material.name} {friction:g}"
+        for material, friction in zip(world.appearance.materials[1:], frictions[1:], strict=True)
+    )
+    return (
+        f"The ground has one friction, {frictions[0]:g}; those of its materials ({told}) are left "
+        "out.",
     )
 
 

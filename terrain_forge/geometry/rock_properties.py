@@ -41,14 +41,14 @@ def rock_texture(world: World, population: int) -> NDArray[np.uint8]:
     """
     # 256 brightnesses at most: colours are looked up, not computed for each pixel.
     shades = np.arange(256)[:, None] / 255.0 * _linear(world, population)
-    table = np.rint(255.0 * srgb_from_linear(shades)).astype(np.uint8)
+    table = np.rint(255.0 * srgb_from_linear(np.minimum(shades, 1.0))).astype(np.uint8)
     pixels: NDArray[np.uint8] = table[image_rows(world.library.texture)]
     return pixels
 
 
 def mean_rock_colour(world: World, population: int) -> Array:
     """The texture's mean as linear colour, 0 to 1, shape [3]: for rocks that show no texture."""
-    return float(world.library.texture.mean()) / 255.0 * _linear(world, population)
+    return linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)
 
 
 def mean_rock_srgb(world: World, population: int) -> list[float]:
@@ -58,4 +58,6 @@ def mean_rock_srgb(world: World, population: int) -> list[float]:
 
 
 def _linear(world: World, population: int) -> Array:
-    return linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)
+    """What the texture's brightness multiplies, so that its mean is the population's colour."""
+    colour = linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)
+    return np.asarray(colour * (255.0 / world.library.texture.mean()))

@@ -17,10 +17,10 @@ from terrain_forge.paths import plan_routes
 from terrain_forge.recipe import (
     InputFiles,
     Recipe,
+    in_tiles,
     recipe_from_json,
     recipe_json,
     require_centre,
-    require_fits,
     require_lattice,
     require_paths,
     resolve,
@@ -40,6 +40,7 @@ from terrain_forge.rovers import resolve_rover, with_sensors
 from terrain_forge.terrain import (
     check_appearance,
     check_layers,
+    check_materials,
     read_orthoimage,
 )
 
@@ -85,14 +86,21 @@ def plan(
     tables = {table.path: table for table in inputs.tables()}
     lists = tuple(tables[spec.file] for spec in named.rocks.lists)
     check_lists(recipe.rocks, lists, size=size)
-    require_fits(recipe, listed=sum(len(table.values) for table in lists))
+    named = in_tiles(named, listed=sum(len(table.values) for table in lists))
     routes = plan_routes(recipe, rover, folder)
     with reading(getattr(recipe.dtm, "name", recipe.dtm.kind), key=("dtm",)):
         here, fetched = recipe.dtm, {}
         if isinstance(here, RasterDtm) and here.source is None:
             name, here = here.name, at_hand(here, body=body, progress=progress)
             fetched[name] = Path(here.name)
-        ground = survey(here, body=body, folder=folder, heights=heights, seed=recipe.seed)
+        ground = survey(
+            here,
+            body=body,
+            folder=folder,
+            heights=heights,
+            seed=recipe.seed,
+            horizon=recipe.horizon,
+        )
     site = Site(
         name=recipe.name,
         seed=recipe.seed,
@@ -105,6 +113,7 @@ def plan(
         slope=ground.slope,
         dtm=ground.dtm,
         roughness=ground.roughness,
+        surroundings=ground.surroundings,
         largest_rock=largest_rock(recipe.rocks, lists),
         images=inputs.images(),
         tables=tuple(tables.values()),
@@ -118,6 +127,7 @@ def plan(
     require_straight(site)
     light_of(site)
     check_layers(site.recipe.terrain.layers, site)
+    check_materials(recipe.terrain.materials, site)
     check_appearance(recipe.terrain.appearance, site)
     if (picture := recipe.terrain.appearance.orthoimage) is not None:
         name = inputs.names[picture.image]
@@ -140,5 +150,5 @@ def _with_found_craters(site: Site) -> Site:
         return site
     recipe = replace(recipe, rocks=replace(recipe.rocks, populations=populations))
     check_rocks(recipe.rocks, site.size)
-    require_fits(recipe)
+    recipe = in_tiles(recipe)
     return site.replace(recipe_json=recipe_json(recipe))

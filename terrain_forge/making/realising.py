@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from terrain_forge.base import Stopwatch
+from terrain_forge.making.horizon import make_horizon
 from terrain_forge.making.lighting import light_of
 from terrain_forge.model import Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories
@@ -31,7 +32,9 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
     library = find_library(recipe.rocks.library, custom=site.meshes)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
-    around = site.padded(window, max(margin, stencil_reach(site, recipe.terrain.layers)))
+    around = site.padded(
+        window, max(margin, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
+    )
     land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
     ground = land.cut(
         column=window.column - around.column,
@@ -57,13 +60,14 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
         progress=partial(progress, "rocks: settling the dynamic ones"),
     )
     own = owned(rocks, ground, site.bounds)
+    appearance = paint(site, window, land)
     progress("paths", 0.0)
     rover = rover_of(site)
     return World(
         site=site,
         window=window,
         ground=ground,
-        appearance=paint(site, window, land),
+        appearance=appearance,
         library=library,
         field=rocks.select(own),
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
@@ -71,4 +75,5 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
         rover=rover,
         lighting=light_of(site),
         unplaced=scattered.unplaced,
+        horizon=make_horizon(site, ground, appearance, library),
     )

@@ -2,8 +2,10 @@
 
 from .addresses import mix as mix
 from .addresses import uniform as uniform
+from .appearance import USUAL as USUAL
 from .appearance import Appearance as Appearance
 from .appearance import GroundDetail as GroundDetail
+from .appearance import GroundMaterial as GroundMaterial
 from .appearance import Lighting as Lighting
 from .bodies.mars import MARS as MARS
 from .bodies.mercury import MERCURY as MERCURY
@@ -31,16 +33,22 @@ from .exporting import Export as Export
 from .exporting import Exporter as Exporter
 from .exporting import ExportReport as ExportReport
 from .exporting import Friction as Friction
+from .exporting import FrictionOptions as FrictionOptions
 from .exporting import Opening as Opening
+from .exporting import cells_by_friction as cells_by_friction
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
+from .exporting import material_frictions as material_frictions
 from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options
 from .exporting import world_friction as world_friction
+from .heightfield import Bounds as Bounds
 from .heightfield import Heightfield as Heightfield
+from .horizon import Horizon as Horizon
 from .inputs import CustomMesh as CustomMesh
 from .inputs import DtmPatch as DtmPatch
+from .inputs import FarHeights as FarHeights
 from .inputs import Image as Image
 from .inputs import Orthoimage as Orthoimage
 from .inputs import Table as Table
@@ -93,6 +101,10 @@ from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
 from .site import Site as Site
 from .site import Window as Window
+from .tiling import USUAL_CELLS as USUAL_CELLS
+from .tiling import BuiltTile as BuiltTile
+from .tiling import TiledSite as TiledSite
+from .tiling import TileGrid as TileGrid
 from .trajectory import Trajectory as Trajectory
 from .world import Tile as Tile
 from .world import World as World

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Record, compass_to_direction, shaped
 from terrain_forge.model.body import Dust
 
+USUAL = (0.6, 1.0, 0.0)
+"""Pebbles, roughness and slabs of ground of which nothing is known."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundDetail(Record):
@@ -28,6 +31,26 @@ class GroundDetail(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class GroundMaterial(Record):
+    """What the ground is made of somewhere."""
+
+    name: str
+    """Its name, of which a world has one."""
+    kind: str
+    """What kind of ground it is, as a recipe names it."""
+    rgb: tuple[float, float, float]
+    """sRGB colour of it where it is level, 0 to 1."""
+    friction: float
+    """Coefficient of sliding friction of wheels on it."""
+    pebbles: float
+    """Share of places that hold a pebble too small to be a rock, in pictures alone, 0 to 1."""
+    roughness: float
+    """Rise of its fine relief over that of usual regolith, in pictures alone."""
+    slabs: float
+    """How much it is jointed into slabs, in pictures alone, 0 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Appearance(Record):
     """What the ground and the rocks look like."""
 
@@ -37,6 +60,23 @@ class Appearance(Record):
     """sRGB colour of each population's rocks, shape [populations, 3]."""
     detail: GroundDetail | None = None
     """What the ground looks like close by; None if there is none."""
+    materials: tuple[GroundMaterial, ...] = ()
+    """What the ground is made of; empty where nothing is known of it."""
+    material: NDArray[np.uint8] | None = field(
+        default=None, metadata=shaped("rows", "columns", dtype=np.uint8)
+    )
+    """Index into `materials` at each node, shape [rows, columns]; None where all is the first."""
+
+    @property
+    def grain(self) -> NDArray[np.uint8]:
+        """Pebbles, roughness and slabs of the nodes, 100 for 1, shape [rows, columns, 3]."""
+        rows, columns, _ = self.ground_rgb.shape
+        table = np.array([(m.pebbles, m.roughness, m.slabs) for m in self.materials] or [USUAL])
+        levels = np.clip(np.rint(100.0 * table), 0, 255).astype(np.uint8)
+        whole = self.material is None
+        grain = np.tile(levels[0], (rows, columns, 1)) if whole else levels[self.material]
+        grain.setflags(write=False)  # as the arrays of records are: one kernel serves both
+        return np.asarray(grain)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -146,7 +146,9 @@ class Soil(Record):
     name: str
     """Its name, as a recipe writes it; no two bodies share one."""
     rgb: RGB
-    """Colour of level ground as a well exposed camera shows it, sRGB 0 to 1: an assumption."""
+    """Colour of level ground as a well exposed camera shows it, sRGB 0 to 1."""
+    rock_rgb: RGB | None = None
+    """Colour of the rocks on it; None for that of the body's rocks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

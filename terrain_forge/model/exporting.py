@@ -9,6 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from terrain_forge.base import RecipeError, Spec, hint_at, load_plugin, plugins, skip_plugin
 from terrain_forge.model.body import Body
 
@@ -177,6 +180,30 @@ class FrictionOptions(Protocol):
     @property
     def friction(self) -> float | None:
         """Coefficient of both ground and rocks, instead of the body's."""
+
+
+def material_frictions(world: World, options: FrictionOptions) -> tuple[float, ...]:
+    """Friction that an export gives to each of a world's ground materials; one where all is alike.
+
+    The regolith is as `world_friction` says; the options' own coefficient counts for all.
+    """
+    usual = world_friction(world.site.body, options).ground
+    looks = world.appearance
+    if looks.material is None or options.friction is not None:
+        return (usual,)
+    return (usual, *(material.friction for material in looks.materials[1:]))
+
+
+def cells_by_friction(world: World, frictions: tuple[float, ...]) -> dict[float, NDArray[np.bool_]]:
+    """Which cells of a world's ground have each coefficient; none where all have the same.
+
+    A cell is of the material of its south-western node.
+    """
+    material = world.appearance.material
+    if material is None or len(set(frictions)) < 2:
+        return {}
+    felt = np.array(frictions)[material[:-1, :-1]]
+    return {one: felt == one for one in np.unique(felt).tolist()}
 
 
 def world_friction(body: Body, options: FrictionOptions) -> Friction:

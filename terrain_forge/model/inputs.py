@@ -38,6 +38,30 @@ class DtmPatch(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class FarHeights(Record):
+    """Heights far around a site, coarse, in the grid of the raster that they were read from."""
+
+    heights: NDArray[np.float32] = field(metadata=shaped("rows", "columns", dtype=np.float32))
+    """Heights above the body's datum [m], shape [rows, columns], in the source's row order."""
+    weight: NDArray[np.float32] = field(metadata=shaped("rows", "columns", dtype=np.float32))
+    """How far they are to be followed, 0 to 1: they fade out where the raster ends, shape [rows,
+    columns]."""
+    to_pixel: tuple[float, ...]
+    """Affine (a, b, c, d, e, f): column = a·x + b·y + c, row = d·x + e·y + f, where x, y are source
+    coordinates and whole numbers are sample centres."""
+    crs: str
+    """WKT of the source's CRS; empty where x, y are the site's own metres."""
+    wrap: tuple[float, float]
+    """Period of x where a meridian has several x (0 where not), and the x around which they are."""
+    reach: float
+    """How far from the site's centre they go along the axes [m]."""
+    posting: float
+    """Distance of the samples on the ground [m]."""
+    source: str
+    """The raster, as the recipe writes it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Image(Record):
     """An image that a layer uses, read when the site was planned."""
 

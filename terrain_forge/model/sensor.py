@@ -14,6 +14,7 @@ from annotated_types import Interval, MinLen
 from terrain_forge.base import Array, Coordinate, FileName, Record, Spec, hint_at, parts
 
 Angle = Annotated[float, Interval(ge=-360, le=360)]
+Near = Annotated[float, Interval(ge=0.005, le=10)]
 
 GROUP = "terrain_forge.sensor_kinds"
 """Entry points that name modules of other packages with kinds of sensors."""

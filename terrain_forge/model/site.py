@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from terrain_forge.base import Record, portable, shaped
 from terrain_forge.model.body import Body
 from terrain_forge.model.heightfield import Heightfield
-from terrain_forge.model.inputs import CustomMesh, DtmPatch, Image, Orthoimage, Table
+from terrain_forge.model.inputs import (
+    CustomMesh,
+    DtmPatch,
+    FarHeights,
+    Image,
+    Orthoimage,
+    Table,
+)
 from terrain_forge.model.plot import html, plot_site
 from terrain_forge.model.route import Route
 from terrain_forge.model.rover import Rover
@@ -162,6 +169,8 @@ class Site(Record):
     """Tables that layers and rocks use."""
     meshes: tuple[CustomMesh, ...]
     """Rock shapes that the user brings."""
+    surroundings: tuple[FarHeights, ...] = ()
+    """Heights beyond the DTM's patch, out to the horizon, the finest first."""
     orthoimage: Orthoimage | None = None
     """What the ground's colour is taken from, where the user has a picture of it."""
     inputs: tuple[tuple[str, str], ...]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import OutputError, Record, from_plain, read_arrays, read_text, to_plain
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
+from terrain_forge.model.horizon import Horizon
 from terrain_forge.model.plot import html, plot_world
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
 from terrain_forge.model.rover import Rover
@@ -25,9 +26,12 @@ from terrain_forge.model.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMAT = 6
+FORMAT = 7
 MAX_JSON = 2**30
 """Bytes of a world's JSON."""
+_ARRAYS, _SHARED = "arrays.npz", "shared.npz"
+_SHARED_PARTS = "world/library/", "world/appearance/detail/"
+"""Beginnings of the names of arrays that many worlds have alike."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +60,8 @@ class World(Record):
     """Sun and sky."""
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
+    horizon: Horizon | None = None
+    """What lies beyond the ground's edge; None for nothing."""
 
     @property
     def sun_diameter(self) -> float:
@@ -96,16 +102,25 @@ class World(Record):
             yield Tile(number=0, world=self, whole=self)
             return
         for number, (row, column) in enumerate(product(rows, columns)):
-            yield Tile(number=number, world=self._cut(column, row, cells), whole=self)
+            east, north = self.window.columns - column, self.window.rows - row
+            part = self._cut(column, row, min(cells, east), min(cells, north))
+            yield Tile(number=number, world=part, whole=self)
 
-    def _cut(self, column: int, row: int, cells: int) -> World:
-        columns = min(cells, self.window.columns - column)
-        rows = min(cells, self.window.rows - row)
+    def tile(self, window: Window, *, number: int) -> Tile:
+        """The tile of a window of the site that lies in this world."""
+        column, row = window.column - self.window.column, window.row - self.window.row
+        part = self._cut(column, row, window.columns, window.rows)
+        return Tile(number=number, world=part, whole=self)
+
+    def _cut(self, column: int, row: int, columns: int, rows: int) -> World:
         ground = self.ground.cut(column=column, row=row, columns=columns, rows=rows)
         everyone = merge(self.field, self.neighbours)
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
         near = touches(everyone, ground, self.library) & ~own
         colours = self.appearance.ground_rgb[row : row + rows + 1, column : column + columns + 1]
+        material = self.appearance.material
+        if material is not None:
+            material = material[row : row + rows + 1, column : column + columns + 1]
         return self.replace(
             window=Window(
                 column=self.window.column + column,
@@ -114,13 +129,17 @@ class World(Record):
                 rows=rows,
             ),
             ground=ground,
-            appearance=self.appearance.replace(ground_rgb=colours),
+            appearance=self.appearance.replace(ground_rgb=colours, material=material),
             field=everyone.select(own),
             neighbours=everyone.select(near),
+            horizon=None,
         )
 
     def save(self, directory: Path) -> list[Path]:
-        """Store the world as `directory`/world/world.json and arrays.npz; returns both."""
+        """Store the world as `directory`/world/: world.json, arrays.npz and shared.npz.
+
+        The last holds what many worlds have alike, such as the rock library. Returns the files.
+        """
         folder = Path(directory) / "world"
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, NDArray[Any]] = {}
@@ -132,10 +151,13 @@ class World(Record):
             "shared_rover": shared,
             "world": to_plain(stored, arrays, "world"),
         }
-        text, binary = folder / "world.json", folder / "arrays.npz"
+        text = folder / "world.json"
         text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-        return [text, binary]
+        files = [text]
+        for name, parts in _apart(arrays).items():
+            files.append(folder / name)
+            np.savez(files[-1], allow_pickle=False, **parts)  # type: ignore[arg-type]
+        return files
 
     @staticmethod
     def load(directory: Path | str) -> World:
@@ -151,7 +173,7 @@ class World(Record):
             if plain.get("format") != FORMAT:
                 found = plain.get("format")
                 raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
-            arrays = read_arrays(text.with_name("arrays.npz"))
+            arrays = read_arrays(text.with_name(_ARRAYS)) | read_arrays(text.with_name(_SHARED))
             world: World = from_plain(plain["world"], arrays)
             if plain["shared_rover"]:
                 world = world.replace(site=world.site.replace(custom_rover=world.rover))
@@ -163,6 +185,14 @@ class World(Record):
             raise OutputError(
                 f"{directory}: holds no readable terrain-forge world ({why})"
             ) from None
+
+
+def _apart(arrays: dict[str, NDArray[Any]]) -> dict[str, dict[str, NDArray[Any]]]:
+    """The arrays of a stored world by the file that they go into."""
+    files: dict[str, dict[str, NDArray[Any]]] = {_ARRAYS: {}, _SHARED: {}}
+    for name, array in arrays.items():
+        files[_SHARED if name.startswith(_SHARED_PARTS) else _ARRAYS][name] = array
+    return files
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,5 +1,7 @@
 """Paths: routes, trajectories, traversability, planning."""
 
+from .arrival import Arrivals as Arrivals
+from .arrival import arrivals as arrivals
 from .curves import Curve as Curve
 from .curves import trace_polyline as trace_polyline
 from .curves import trace_spline as trace_spline

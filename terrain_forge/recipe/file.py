@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,19 +75,25 @@ class RecipeFile:
         return _locate(self.path, self.lines, error.key, str(error)) if error.key else str(error)
 
 
-def load_recipe(path: Path | str, *, changes: tuple[str, ...] = ()) -> RecipeFile:
+def load_recipe(
+    path: Path | str,
+    *,
+    changes: tuple[str, ...] = (),
+    mapping: tuple[dict[str, Any], Lines] | None = None,
+) -> RecipeFile:
     """Read and check a recipe.
 
     Args:
         path: the YAML file.
         changes: `key=value` with dots for nested keys (`terrain.spacing_m=0.25`,
             `rocks.populations.0.diameter_m=[0.1, 0.4]`), values in YAML.
+        mapping: what `read_mapping` read of the file, where that was done before.
 
     Raises:
         RecipeError: `file:line: key: what was found, what is allowed`.
     """
     path = Path(path)
-    data, lines = _read(path)
+    data, lines = deepcopy(mapping) if mapping else read_mapping(path)
     try:
         renamed = rename_keys(data)
     except RecipeError as error:
@@ -127,7 +134,12 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     return path
 
 
-def _read(path: Path) -> tuple[Any, Lines]:
+def read_mapping(path: Path, *, what: str = "a recipe") -> tuple[dict[str, Any], Lines]:
+    """The plain data of a YAML file that holds a mapping, and where its keys stand.
+
+    Raises:
+        RecipeError: `file:line: what is wrong`: tags, aliases, depth, no mapping.
+    """
     try:
         text = read_text(path, str(path), most=MAX_RECIPE)
     except DataError as error:
@@ -151,7 +163,7 @@ def _read(path: Path) -> tuple[Any, Lines]:
     except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
-        raise RecipeError(f"{path}:1: a recipe is a mapping of keys, found {type(data).__name__}")
+        raise RecipeError(f"{path}:1: {what} is a mapping of keys, found {type(data).__name__}")
     return data, lines
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from math import dist
 
@@ -11,7 +12,7 @@ from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.model import Site, check_capacity
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.recipe.exports import ExportOrder
-from terrain_forge.recipe.schema import Recipe
+from terrain_forge.recipe.schema import Recipe, TilesSpec
 from terrain_forge.rocks import expected_count
 
 BYTES = 0.6e9
@@ -110,24 +111,38 @@ def require_lattice(recipe: Recipe) -> None:
             )
 
 
-def require_fits(recipe: Recipe, *, listed: int = 0) -> None:
-    """Refuse a world that would not fit into this machine's memory.
+def in_tiles(recipe: Recipe, *, listed: int = 0) -> Recipe:
+    """The recipe, with `tiles` where the world would not fit into this machine's memory.
 
     Args:
         recipe: what to make.
         listed: rocks of the user's own lists.
     """
-    nodes, rocks = expected_nodes(recipe), expected_rocks(recipe) + listed
+    if recipe.tiles is not None or _missing(recipe, expected_rocks(recipe) + listed) is None:
+        return recipe
+    return replace(recipe, tiles=TilesSpec())
+
+
+def require_fits(site: Site) -> None:
+    """Refuse the world of a whole site that would not fit into this machine's memory."""
+    if (missing := _missing(site.recipe, rocks_of(site))) is not None:
+        raise missing
+
+
+def _missing(recipe: Recipe, rocks: float) -> RecipeError | None:
+    """What is said of a world that does not fit into memory; None for one that does."""
+    nodes = expected_nodes(recipe)
     needed = memory_needed(nodes, rocks)
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > there:
-        key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
-        raise RecipeError(
-            f"{nodes:.3g} nodes and {rocks:.3g} rocks need about {needed / 1e9:.3g} GB of memory, "
-            f"this machine has {there / 1e9:.3g} GB; choose a larger spacing, a smaller area or "
-            "larger rocks",
-            key=key,
-        )
+    if needed <= there:
+        return None
+    key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
+    return RecipeError(
+        f"{nodes:.3g} nodes and {rocks:.3g} rocks need about {needed / 1e9:.3g} GB of memory, "
+        f"this machine has {there / 1e9:.3g} GB; build it in `tiles`, or choose a larger spacing, "
+        "a smaller area or larger rocks",
+        key=key,
+    )
 
 
 def require_exports(orders: Sequence[ExportOrder], site: Site) -> None:

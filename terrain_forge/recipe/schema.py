@@ -21,7 +21,7 @@ from terrain_forge.base import (
     Spec,
     documented,
 )
-from terrain_forge.dtm import ArrayDtm, FlatDtm, RasterDtm
+from terrain_forge.dtm import ArrayDtm, FlatDtm, HorizonSpec, RasterDtm
 from terrain_forge.model import (
     BODIES,
     exporter,
@@ -31,10 +31,11 @@ from terrain_forge.model import (
 )
 from terrain_forge.paths import PathSpec, sketch_route
 from terrain_forge.recipe.dataset import DatasetSpec
+from terrain_forge.recipe.worlds import WorldsSpec
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.rovers import RoverChoice, SensorsChoice
 from terrain_forge.sky import SkySpec, SunSpec
-from terrain_forge.terrain import AppearanceSpec, Layer, layer_types
+from terrain_forge.terrain import AppearanceSpec, Layer, MaterialSpec, layer_types
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +116,19 @@ class TerrainSpec(Spec):
     """Displacement layers, added in this order."""
     appearance: AppearanceSpec = field(default_factory=AppearanceSpec)
     """Colours of the ground."""
+    materials: tuple[MaterialSpec, ...] = ()
+    """Kinds of ground on the regolith, each with a colour, grain and friction of its own; a later
+    one lies on those before it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TilesSpec(Spec):
+    """A site that is built tile by tile, whatever its size (docs/sites.md)."""
+
+    size_m: Positive | None = None
+    """Side of a tile [m], a whole number of cells; without it 1024 cells."""
+    parquet: bool = False
+    """Whether each tile's rocks are also written as GeoParquet (extra `parquet`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +147,8 @@ class Recipe(Spec):
     """Where the heights come from."""
     terrain: TerrainSpec
     """The ground."""
+    horizon: HorizonSpec = field(default_factory=HorizonSpec)
+    """What lies beyond the site."""
     rocks: RocksSpec = field(default_factory=RocksSpec)
     """The rocks; none by default."""
     paths: tuple[PathSpec, ...] = ()
@@ -155,8 +171,13 @@ class Recipe(Spec):
     options."""
     validate: ValidateSpec | None = None
     """What the finished world is tested by; without it, only what needs no drive."""
+    tiles: TilesSpec | None = None
+    """How the site is cut into tiles that are built one by one; without it a site that fits into
+    memory is built as one world."""
     dataset: DatasetSpec | None = None
     """What `terrain-forge record` records in the finished world; without it, its defaults."""
+    worlds: WorldsSpec | None = None
+    """What differs among the worlds that `terrain-forge worlds` makes; a build does not use it."""
 
     def __repr__(self) -> str:
         size = self.dtm.size_m

@@ -1,5 +1,7 @@
 """Recordings: what the sensors of a rover measure along a path, as a dataset on the disk."""
 
+from .cost import RecordingCost as RecordingCost
+from .cost import recording_cost as recording_cost
 from .cost import recording_lines as recording_lines
 from .driven import motion_of_drive as motion_of_drive
 from .early import require_recordable as require_recordable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from terrain_forge.base import size_text
 from terrain_forge.building import pace
@@ -53,6 +54,65 @@ def seconds_of(sensor: Sensor) -> float:
     return pace() * measurement_cost(sensor)[0]
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecordingCost:
+    """About what a recording costs on this machine."""
+
+    length: float
+    """How long the motion is that is recorded [s]."""
+    frames: int
+    """Measurements with files of their own."""
+    seconds: float
+    """Time that it takes [s]."""
+    size: float
+    """Bytes of its files, those of further formats too."""
+
+
+def recording_cost(
+    site: Site, sensors: Sequence[Sensor], *, begin: float = 0.0, end: float | None = None
+) -> RecordingCost | None:
+    """About what a site's recording costs; None where its path is planned on the finished ground.
+
+    Args:
+        site: The planned site.
+        sensors: The rover's.
+        begin: From when it is recorded [s].
+        end: Until when [s]; None for all that follows.
+    """
+    spec = site.recipe.dataset or DatasetSpec()
+    kinds = instrument_kinds()
+    recorded = _recorded(sensors, spec)
+    length = next((duration(one) for one in site.routes if one.name == _path(site, spec)), None)
+    if length is None:
+        return None
+    length += 2.0 * spec.still_s + spec.ramp_s
+    length = max(min(length, length if end is None else end) - begin, 0.0)
+    counts = [int(length * _rate(one, spec)) + 1 for one in recorded]
+    costs = [measurement_cost(one) for one in recorded]
+    size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True))
+    size += TRUTH_RATE * TRUTH_ROW * length
+    size *= 1 + len({*spec.formats} - {"euroc"})  # a further format is about as large
+    return RecordingCost(
+        length=length,
+        frames=sum(
+            n
+            for n, one in zip(counts, recorded, strict=True)
+            if issubclass(kinds[one.kind], Frames)
+        ),
+        seconds=pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True)),
+        size=size,
+    )
+
+
+def _recorded(sensors: Sequence[Sensor], spec: DatasetSpec) -> list[Sensor]:
+    kinds = instrument_kinds()
+    return [one for one in as_recorded(sensors, spec) if one.kind in kinds]
+
+
+def _path(site: Site, spec: DatasetSpec) -> str:
+    return spec.path or next((path.name for path in site.recipe.paths), "")
+
+
 def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
     """Lines that say what a recipe's recording will be, and what it costs.
 
@@ -63,27 +123,15 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
     spec = site.recipe.dataset
     if spec is None:
         return
-    kinds = instrument_kinds()
-    named = spec.path or next((path.name for path in site.recipe.paths), "")
-    recorded = [one for one in as_recorded(sensors, spec) if one.kind in kinds]
-    yield f"recording      path {named}, {spec.motion}: {', '.join(one.name for one in recorded)}"
-    length = next((duration(route) for route in site.routes if route.name == named), None)
-    if length is None:
+    names = ", ".join(one.name for one in _recorded(sensors, spec))
+    yield f"recording      path {_path(site, spec)}, {spec.motion}: {names}"
+    cost = recording_cost(site, sensors)
+    if cost is None:
         yield "  cost         known when its path is planned on the finished ground"
         return
-    length += 2.0 * spec.still_s + spec.ramp_s
-    counts = [int(length * _rate(one, spec)) + 1 for one in recorded]
-    costs = [measurement_cost(one) for one in recorded]
-    seconds = pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True))
-    size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True))
-    size += TRUTH_RATE * TRUTH_ROW * length
-    size *= 1 + len({*spec.formats} - {"euroc"})  # a further format is about as large
-    frames = sum(
-        n for n, one in zip(counts, recorded, strict=True) if issubclass(kinds[one.kind], Frames)
-    )
     yield (
-        f"  cost         {length:,.0f} s, {frames:,.0f} measurements: about "
-        f"{seconds / 60:,.1f} min, {size_text(int(size))} on disk"
+        f"  cost         {cost.length:,.0f} s, {cost.frames:,.0f} measurements: about "
+        f"{cost.seconds / 60:,.1f} min, {size_text(int(cost.size))} on disk"
     )
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import Rover
-from terrain_forge.recipe import Recipe
+from terrain_forge.datasets import dataset_kind
+from terrain_forge.model import CameraSensor, LidarSensor, Rover, simple_sensors
+from terrain_forge.recipe import DatasetSpec, Recipe
 from terrain_forge.recording.formats import formats_of
+from terrain_forge.recording.setting import as_recorded
 from terrain_forge.rovers import MoreSensors
 from terrain_forge.sensors import require_free
 
@@ -21,7 +23,7 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
         RecipeError: for the first that is wrong.
     """
     if recipe.dataset is not None:
-        formats_of(recipe.dataset)
+        _require_formats(recipe.dataset, rover)
     listed = recipe.sensors or ()
     key: tuple[str, ...] = ("sensors",)
     if isinstance(listed, MoreSensors):
@@ -31,3 +33,31 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
             require_free(sensor, rover)
         except RecipeError as error:
             raise RecipeError(str(error), key=(*key, number, "position_m")) from None
+
+
+def _require_formats(spec: DatasetSpec, rover: Rover) -> None:
+    """Refuse formats that need what the rover does not carry."""
+    rig = simple_sensors(as_recorded(rover.sensors, spec))
+    cameras = [one for one in rig if isinstance(one, CameraSensor)]
+    there = {
+        "two cameras": len(cameras) > 1,
+        "a lidar": any(isinstance(one, LidarSensor) for one in rig),
+        **{name: any(name in one.channels for one in cameras) for name in ("depth", "class")},
+    }
+    for name in formats_of(spec):
+        for need in dataset_kind(name).needs:
+            if there[need]:
+                continue
+            why = f"and the rover has {_carried(rover)}"
+            if need in ("depth", "class"):
+                full = ", and record with profile: full" if spec.profile == "quick" else ""
+                why = f"which no camera records: give it channels: [{need}]{full}"
+            raise RecipeError(
+                f"format {name!r} needs {need}, {why}",
+                key=("dataset", "formats"),
+            )
+
+
+def _carried(rover: Rover) -> str:
+    """The sensors of a rover by kind and name."""
+    return ", ".join(f"{one.kind} {one.name!r}" for one in rover.sensors) or "no sensors"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from terrain_forge.base import Stopwatch, size_text
+from terrain_forge.base import Stopwatch, processors, size_text
 from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
@@ -104,7 +103,7 @@ def record_dataset(
 
 def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
     """Make measurements side by side, and write each as a whole."""
-    tasks, workers = work.tasks, work.order.workers or os.cpu_count() or 1
+    tasks, workers = work.tasks, work.order.workers or processors()
     costs = [seconds_of(task.folder.sensor) for task in tasks]
     whole, done = sum(costs), 0.0
     watch.expect({"recording": whole})

@@ -73,7 +73,7 @@ def write_report_page(
     text = render(
         "page.html",
         accent=f"#{red:02x}{green:02x}{blue:02x}",
-        policy=_policy(),
+        policy=_policy(scripts()),
         style=bundled("page.css"),
         title=world.site.name,
         lead=_lead(built),
@@ -86,6 +86,36 @@ def write_report_page(
     report = directory / "report.html"
     report.write_text(text, encoding="utf-8", newline="\n")
     return report
+
+
+def write_page(
+    path: Path,
+    *,
+    title: str,
+    lead: str,
+    verdict: Cell,
+    sections: Sequence[tuple[str, Sequence[Block]]],
+) -> Path:
+    """Write a page of some headed sections, one file that loads nothing; returns it."""
+    text = render(
+        "page.html",
+        accent="#5f6b73",
+        policy=_policy(()),
+        style=bundled("page.css"),
+        title=title,
+        lead=lead,
+        verdict=verdict,
+        failed=[],
+        sections=[
+            {"title": title, "anchor": _anchor(title), "blocks": blocks}
+            for title, blocks in sections
+        ],
+        preview=None,
+        scripts=(),
+        version=__version__,
+    )
+    path.write_text(text, encoding="utf-8", newline="\n")
+    return path
 
 
 def _blocks(kind: type[Section], built: Built) -> Sequence[Block]:
@@ -121,9 +151,9 @@ def _anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
-def _policy() -> str:
+def _policy(run: Sequence[str]) -> str:
     """What a browser may do: show what is in the page and run its own scripts."""
-    digests = (b64encode(sha256(script.encode()).digest()).decode() for script in scripts())
+    digests = (b64encode(sha256(script.encode()).digest()).decode() for script in run)
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
     return (
         "default-src 'none'; img-src data: blob:; connect-src blob:; "

@@ -10,6 +10,7 @@ from terrain_forge.building import (
     exports_in,
     foreign_files,
     read_manifest,
+    require_listed,
     updating,
     write_manifest,
 )
@@ -20,15 +21,16 @@ from terrain_forge.report.page import write_report_page
 _log = logging.getLogger(__name__)
 
 
-def renew_report_page(world: World, out: Path) -> None:
+def renew_report_page(world: World, out: Path, *, force: bool = False) -> None:
     """Write `out`/report.html anew, and nothing else of the world but its manifest.
 
     What is amiss with page or folder is no reason to lose a recording: it is told in a line, and
-    the older page stays.
+    the older page stays; so does one that was edited, unless by force.
     """
     try:
         manifest = read_manifest(out)
         foreign, altered = foreign_files(out, manifest), altered_files(out, manifest)
+        require_listed(out, manifest, also=("report.html",), force=force)
         altered.pop("report.html", None)
         exports = exports_in(manifest)
         with updating(out, foreign=foreign) as fresh:

@@ -34,6 +34,7 @@ from .populations import ExclusionSpec as ExclusionSpec
 from .populations import PopulationSpec as PopulationSpec
 from .populations import RockListSpec as RockListSpec
 from .populations import RocksSpec as RocksSpec
+from .scattering.beyond import rocks_beyond as rocks_beyond
 from .scattering.corridor import corridor_area as corridor_area
 from .scattering.corridor import exclusion_zones as exclusion_zones
 from .scattering.corridor import in_corridor as in_corridor

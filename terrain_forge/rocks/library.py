@@ -252,11 +252,30 @@ def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     if folder is None:
         return make_library(spec, custom=custom)
     file = folder / f"rocks-{library_key(spec, custom)}.npz"
+    state = _state(file)
+    if state is not None and (file, state) in _at_hand:
+        return _at_hand[file, state]
     library = _read(file)
     if library is None:
         library = make_library(spec, custom=custom)
         store(file, library)
+    _at_hand.clear()
+    if (state := _state(file)) is not None:
+        _at_hand[file, state] = library
     return library
+
+
+_at_hand: dict[tuple[Path, tuple[int, int]], RockLibrary] = {}
+"""The library that was found last, by its file and the state of that: many worlds share one."""
+
+
+def _state(file: Path) -> tuple[int, int] | None:
+    """When a file was changed [ns], and its bytes; None where there is none."""
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size
 
 
 def library_key(spec: LibrarySpec, custom: tuple[CustomMesh, ...]) -> str:

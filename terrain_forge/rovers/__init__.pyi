@@ -12,3 +12,4 @@ from .rig import AnySensor as AnySensor
 from .rig import MoreSensors as MoreSensors
 from .rig import SensorsChoice as SensorsChoice
 from .rig import with_sensors as with_sensors
+from .rig_plain import rig_of as rig_of

@@ -1,6 +1,7 @@
 """Ray-traced pictures of a world: rays, surfaces, light, cameras."""
 
 from .aiming import Rover as Rover
+from .bodies import SKIN as SKIN
 from .bodies import Bodies as Bodies
 from .bodies import BodyShapes as BodyShapes
 from .bodies import PlacedBodies as PlacedBodies
@@ -12,7 +13,6 @@ from .embree import COHERENT as COHERENT
 from .embree import INCOHERENT as INCOHERENT
 from .engine import before_compiling as before_compiling
 from .engine import engine_name as engine_name
-from .grain import CLAST_SHARE as CLAST_SHARE
 from .grain import ground_grain as ground_grain
 from .looking import look as look
 from .packets import ACTIVE as ACTIVE
@@ -39,7 +39,6 @@ from .stage import Stage as Stage
 from .stage import Wheels as Wheels
 from .stage import prepare_stage as prepare_stage
 from .stage import prepare_wheels as prepare_wheels
-from .subject import Apron as Apron
 from .subject import Instances as Instances
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inner, merged, portable
-from terrain_forge.scene.bodies import Bodies, meet8, shade8
+from terrain_forge.scene.bodies import SKIN, Bodies, meet8, shade8
 from terrain_forge.scene.lanes import (
     AIM_X,
     AIM_Y,
@@ -73,6 +73,7 @@ class Passing(NamedTuple):
     rotation: NDArray[np.float64]
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    near: float
     poses: NDArray[np.float64]
     parts: NDArray[np.float32]
     ball: tuple[np.float32, np.float32, np.float32, np.float32]
@@ -90,7 +91,7 @@ def passing_bodies(rover: Rover | None, channels: int) -> Passing:
     """Bodies and a ball around them for all of their poses."""
     if rover is None:
         nowhere = (0.0, 0.0, 0.0)
-        bodies = Bodies(0, fixed(np.zeros((0, 3, 3))), nowhere, nowhere)
+        bodies = Bodies(0, fixed(np.zeros((0, 3, 3))), nowhere, nowhere, SKIN)
         rover = Rover(bodies, np.zeros((1, 3, 4)), np.zeros((0, 3)))
     low, high = np.array(rover.bodies.low), np.array(rover.bodies.high)
     middles = portable.product(rover.poses[:, :, :3], 0.5 * (low + high)) + rover.poses[:, :, 3]
@@ -101,6 +102,7 @@ def passing_bodies(rover: Rover | None, channels: int) -> Passing:
         rotation=rover.bodies.rotation,
         low=rover.bodies.low,
         high=rover.bodies.high,
+        near=rover.bodies.near,
         poses=np.ascontiguousarray(rover.poses),
         parts=bands(rover.rgb, channels),
         ball=(*triple32(middle), np.float32(radius)),

@@ -41,7 +41,7 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.scene import Hits, RayScene, check_engine, committed
 from terrain_forge.scene.subject import Instances
 
-_SKIN = 5e-3
+SKIN = 5e-3
 """A ray meets a body from here on [m]: a sensor may sit on one, or a millimetre deep in it."""
 
 
@@ -56,6 +56,8 @@ class Bodies(NamedTuple):
     """Lower corner of the box around them, in their frame [m]."""
     high: tuple[float, float, float]
     """Upper corner [m]."""
+    near: float
+    """What sees them meets them from here on [m]; shadows are all there."""
 
 
 class BodyShapes:
@@ -101,7 +103,7 @@ class PlacedBodies:
             boxes = shapes._corners[parts.mesh]
             middle, half = boxes.mean(axis=1), 0.5 * np.ptp(boxes, axis=1)
             centre = position + (turns * middle[:, None, :]).sum(axis=-1)
-            reach = (np.abs(turns) * half[:, None, :]).sum(axis=-1) + _SKIN
+            reach = (np.abs(turns) * half[:, None, :]).sum(axis=-1) + SKIN
             low, high = (centre - reach).min(axis=0), (centre + reach).max(axis=0)
         self._scene.commit()
         turns.setflags(write=False)
@@ -110,8 +112,13 @@ class PlacedBodies:
             rotation=turns,
             low=(float(low[0]), float(low[1]), float(low[2])),
             high=(float(high[0]), float(high[1]), float(high[2])),
+            near=SKIN,
         )
         """What kernels need."""
+
+    def beyond(self, near: float) -> Bodies:
+        """What kernels need that see no body that is nearer than so [m]."""
+        return self.bodies._replace(near=float(near))
 
     def __del__(self) -> None:
         """Give the memory back."""
@@ -146,13 +153,13 @@ def _passes(bodies, origin, direction, far):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _turned(ray, word, own, bodies, poses):  # type: ignore[no-untyped-def]
-    """Put the active rays that may meet a body into `own`, in its frame; returns how many."""
+def _turned(ray, word, own, bodies, poses, least):  # type: ignore[no-untyped-def]
+    """Put the active rays that may meet a body, from `least` on, into `own`; returns how many."""
     own_word, count = own.view(np.uint32), 0
     for lane in range(LANES):
         own_word[ACTIVE, lane] = 0
         far = np.float64(ray[FAR, lane])
-        if word[ACTIVE, lane] == 0 or not far > _SKIN:  # what is occluded has a far of -inf
+        if word[ACTIVE, lane] == 0 or not far > least:  # what is occluded has a far of -inf
             continue
         pose = poses[lane]
         origin = _into(
@@ -168,7 +175,7 @@ def _turned(ray, word, own, bodies, poses):  # type: ignore[no-untyped-def]
             np.float64(ray[DIRECTION_X + 2, lane]),
         )
         if _passes(bodies, origin, direction, far):
-            near = max(np.float64(ray[NEAR, lane]), _SKIN)
+            near = max(np.float64(ray[NEAR, lane]), least)
             set_ray(own, own_word, lane, origin, direction, near, far)
             count += 1
     return count
@@ -191,7 +198,7 @@ def meet8(scene, bodies, poses, query, ray, own):  # type: ignore[no-untyped-def
     """
     word, address = ray.view(np.uint32), ray.ctypes.data
     intersect8(address + 4 * ACTIVE * LANES, scene, address, query)
-    if bodies.handle == 0 or _turned(ray, word, own, bodies, poses) == 0:
+    if bodies.handle == 0 or _turned(ray, word, own, bodies, poses, bodies.near) == 0:
         return
     own_word, own_address = own.view(np.uint32), own.ctypes.data
     intersect8(own_address + 4 * ACTIVE * LANES, bodies.handle, own_address, query)
@@ -212,7 +219,7 @@ def shade8(scene, bodies, poses, query, ray, own):  # type: ignore[no-untyped-de
     """What `occluded8` does, with moving bodies in the world; see `meet8`."""
     word, address = ray.view(np.uint32), ray.ctypes.data
     occluded8(address + 4 * ACTIVE * LANES, scene, address, query)
-    if bodies.handle == 0 or _turned(ray, word, own, bodies, poses) == 0:
+    if bodies.handle == 0 or _turned(ray, word, own, bodies, poses, SKIN) == 0:
         return
     own_word, own_address = own.view(np.uint32), own.ctypes.data
     occluded8(own_address + 4 * ACTIVE * LANES, bodies.handle, own_address, query)

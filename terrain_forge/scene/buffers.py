@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel, linear_from_srgb, stage_key
 from terrain_forge.model import Lighting, Mesh
-from terrain_forge.scene.grain import CLAST_SHARE
 from terrain_forge.scene.light import Light
 from terrain_forge.scene.render import triple
 from terrain_forge.scene.scene import RayScene
@@ -28,7 +27,7 @@ _HAZE = 20e3
 def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
     """The ground under some light."""
     subject, sun = scene.subject, lighting.towards_sun
-    ground, apron = subject.ground, subject.apron
+    ground, beyond = subject.ground, subject.horizon
     east, north, middle = triple(scene.origin)
     lean = 1.0 / max(float(sun[2]), 0.3)
     z = ground.elevation
@@ -42,11 +41,12 @@ def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
         spacing=ground.spacing,
         edge=float(border) - middle,
         key=stage_key(subject.seed, "grain"),
-        clast_share=CLAST_SHARE,
+        grain=subject.node_grain,
+        usual=subject.usual_grain,
         shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
-        apron_faces=_NOTHING if apron is None else apron.mesh.faces.astype(np.int64),
-        apron_normals=_NOWHERE if apron is None else apron.normals,
-        apron_rgb=_NOWHERE if apron is None else apron.rgb,
+        apron_faces=_NOTHING if beyond is None else beyond.mesh.faces.astype(np.int64),
+        apron_normals=_NOWHERE if beyond is None else beyond.normals.astype(np.float64),
+        apron_rgb=_NOWHERE if beyond is None else linear_from_srgb(beyond.rgb / 255.0),
     )
 
 

@@ -1,4 +1,4 @@
-"""Texture finer than the ground's grid, made where a picture needs it: grain, clasts, rock faces.
+"""Texture finer than the ground's grid, made where a picture needs it: grain, pebbles, rock faces.
 
 It is visual only: no height in it is part of the world. All of it is addressed by position,
 so that it never repeats and never swims between two pictures.
@@ -12,9 +12,16 @@ from terrain_forge.base import inner, mix
 
 _TURN_COS, _TURN_SIN = 0.4472135954999579, 0.8944271909999159
 _COMPONENT = 1.0 / 32768.0
-CLAST_SHARE = 0.45
-"""Share of the cells of small stones that hold one."""
-_CLAST_CELL = 0.16  # size of the cells of the largest small stones [m]
+CLAST_CELLS = 0.16, 0.09, 0.05, 0.028
+"""Cells of pebbles, at most one in each [m]."""
+LEAST_CLAST, MORE_CLAST = 0.10, 0.12
+"""Radii of pebbles in their cells: the smallest, and what the largest have more."""
+CLAST_RISE = 1.9
+"""Steepness of a pebble's edge, whose height is a quarter of that over its radius."""
+SLAB_CELL = 0.62
+"""Size of slabs of bedrock [m]."""
+SLAB_JOINT = 0.035
+"""Half the width of the joints between them [m]."""
 SOIL_COARSEST = 0.9
 """Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
 SOIL_STEEP = 0.035
@@ -32,7 +39,8 @@ _PRIMES = (
 _BITS_0, _BITS_8, _BITS_16, _BITS_24, _BITS_32, _BITS_40, _BITS_48 = (
     np.uint64(bits) for bits in range(0, 49, 8)
 )
-_SOIL, _STONES = np.int64(0), np.int64(1)
+_SOIL, _STONES, _SLABS = np.int64(0), np.int64(1), np.int64(2)
+_HEXAGON = 0.8660254037844386
 
 
 @inner
@@ -100,7 +108,7 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
 
 @inner
 def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-untyped-def]
-    """Small stones that lie on the soil, at most one to a cell of size `cell` [m].
+    """Pebbles that lie on the soil, at most one to a cell of size `cell` [m].
 
     Returns the coverage (0 to 1), the rise per metre along x and y, the stone's own brightness, and
     the depth of its shadow on the soil (0 to 1). (sun_x, sun_y) leads from the end of a shadow to
@@ -108,46 +116,112 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     """
     i, j = np.int64(np.floor(x / cell)), np.int64(np.floor(y / cell))
     draw = cell_hash(key, i, j, _STONES)
-    radius = cell * (0.10 + 0.09 * (0.5 + 0.5 * part(draw, _BITS_32)) ** 2)
+    wide = 0.5 + 0.5 * part(draw, _BITS_32)
+    radius = cell * (LEAST_CLAST + MORE_CLAST * wide * wide)
     if 0.5 + 0.5 * part(draw, _BITS_48) > share or radius < 0.6 * footprint:
         return 0.0, 0.0, 0.0, 0.0, 0.0
-    room = 0.5 - radius / cell
-    off_x = x - cell * (i + 0.5 + room * part(draw, _BITS_0))
-    off_y = y - cell * (j + 0.5 + room * part(draw, _BITS_16))
-    long, shear = 1.0 + 0.3 * part(draw, _BITS_8), 0.5 * part(draw, _BITS_40)
-    reach = radius
-    soft = max(0.1, footprint / reach)
-    off_x, off_y = off_x * long + off_y * shear, off_y / long
-    r = np.sqrt(off_x * off_x + off_y * off_y) / reach
-    cover = min(1.0, max(0.0, (1.0 - r) / soft))
-    steep = 0.9 * cover * r * r / reach
-    behind_x, behind_y = off_x + sun_x * reach, off_y + sun_y * reach
-    far = np.sqrt(behind_x * behind_x + behind_y * behind_y) / reach
-    shadow = min(1.0, max(0.0, (1.1 - far) / max(0.35, soft)))
-    return cover, -steep * off_x, -steep * off_y, part(draw, _BITS_24), shadow * (1.0 - cover)
+    room = 0.5 - 1.4 * radius / cell
+    off_x = (x - cell * (i + 0.5 + room * part(draw, _BITS_0))) / radius
+    off_y = (y - cell * (j + 0.5 + room * part(draw, _BITS_16))) / radius
+    long, shear = 1.0 + 0.3 * part(draw, _BITS_8), 0.6 * part(draw, _BITS_40)
+    p, q = off_x * long + off_y * shear, off_y / long
+    away, along_x, along_y = _hexagon(p, q)
+    soft = max(0.1, footprint / radius)
+    cover = min(1.0, max(0.0, (1.0 - away) / soft))
+    steep = CLAST_RISE * cover * min(away * away * away, 1.0)
+    rise_x = -steep * along_x * long
+    rise_y = -steep * (along_x * shear + along_y / long)
+    behind_x, behind_y = off_x + 0.25 * sun_x, off_y + 0.25 * sun_y
+    far = np.sqrt(behind_x * behind_x + behind_y * behind_y)
+    shadow = min(1.0, max(0.0, (1.1 - far) / max(0.25, soft)))
+    return cover, rise_x, rise_y, part(draw, _BITS_24), shadow * (1.0 - cover)
 
 
 @inner
-def ground_grain(key, share, sun_x, sun_y, east, north, spacing, footprint):  # type: ignore[no-untyped-def]
-    """Soil and small stones at a place of the world [m], down to the size of a pixel [m].
+def _hexagon(x, y):  # type: ignore[no-untyped-def]
+    """How far out of a blunt hexagon a place is, 1 on its edge, and which way that grows."""
+    a, b, c = x, 0.5 * x + _HEXAGON * y, -0.5 * x + _HEXAGON * y
+    flat, to_x, to_y = abs(a), np.sign(a), 0.0
+    if abs(b) > flat:
+        flat, to_x, to_y = abs(b), 0.5 * np.sign(b), _HEXAGON * np.sign(b)
+    if abs(c) > flat:
+        flat, to_x, to_y = abs(c), -0.5 * np.sign(c), _HEXAGON * np.sign(c)
+    round_ = np.sqrt(x * x + y * y) + 1e-9
+    return (
+        0.6 * flat + 0.4 * round_,
+        0.6 * to_x + 0.4 * x / round_,
+        0.6 * to_y + 0.4 * y / round_,
+    )
 
-    Such a `share` of cells holds a stone, `spacing` is that of the ground's grid [m], and (sun_x,
-    sun_y) leads from the end of a shadow to the foot of a thing of unit height. Returns brightness,
-    depth of the stones' shadows (0 to 1), rise per metre along east and north.
+
+@inner
+def slabs(key, x, y, footprint):  # type: ignore[no-untyped-def]
+    """Bedrock that joints part into slabs.
+
+    Returns the depth of the joint here (0 to 1), the rise per metre along x and y, and the slab's
+    own brightness, -1 to 1.
+    """
+    warp_x, _, _ = noise_2d(mix(key, np.uint64(91)), 2.7 * x, 2.7 * y)
+    warp_y, _, _ = noise_2d(mix(key, np.uint64(92)), 2.7 * x, 2.7 * y)
+    u, v = x / SLAB_CELL + 0.35 * warp_x, 1.4 * y / SLAB_CELL + 0.35 * warp_y
+    i, j = np.int64(np.floor(u)), np.int64(np.floor(v))
+    first, second, tone = 9.0, 9.0, 0.0
+    first_x, first_y, second_x, second_y, lean_x, lean_y = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(-1, 2):
+        for b in range(-1, 2):
+            draw = cell_hash(key, i + a, j + b, _SLABS)
+            to_x = i + a + 0.5 + 0.42 * part(draw, _BITS_0) - u
+            to_y = j + b + 0.5 + 0.42 * part(draw, _BITS_16) - v
+            away = np.sqrt(to_x * to_x + to_y * to_y)
+            if away < first:
+                second, second_x, second_y = first, first_x, first_y
+                first, first_x, first_y = away, to_x, to_y
+                tone, lean_x, lean_y = (
+                    part(draw, _BITS_32), part(draw, _BITS_40), part(draw, _BITS_48)
+                )  # fmt: skip
+            elif away < second:
+                second, second_x, second_y = away, to_x, to_y
+    edge_x, edge_y = second_x - first_x, second_y - first_y
+    length = np.sqrt(edge_x * edge_x + edge_y * edge_y) + 1e-9
+    near = 0.5 * (second * second - first * first) / length * SLAB_CELL  # to the joint [m]
+    wide = SLAB_JOINT + 0.5 * footprint
+    joint = min(1.0, max(0.0, 2.0 - 2.0 * near / wide)) * SLAB_JOINT / wide
+    wall = 0.9 * min(1.0, max(0.0, 2.5 - near / wide)) * (1.0 - joint) * SLAB_JOINT / wide
+    return (
+        joint,
+        -wall * edge_x / length + 0.05 * lean_x * (1.0 - joint),
+        -wall * edge_y / length + 0.05 * lean_y * (1.0 - joint),
+        tone,
+    )
+
+
+@inner
+def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # type: ignore[no-untyped-def]
+    """Soil, pebbles and slabs at a place of the world [m], down to the size of a pixel [m].
+
+    `grain` are the share of cells that hold a pebble, the soil's roughness and how much of it is
+    slabs; `spacing` is that of the ground's grid [m], and (sun_x, sun_y) leads from the end of a
+    shadow to the foot of a thing of unit height. Returns brightness, depth of the pebbles' shadows
+    (0 to 1), rise per metre along east and north.
     """
     coarsest = min(SOIL_COARSEST, 1.5 * spacing)
     tint, rise_x, rise_y = soil(key, east, north, coarsest, footprint)
+    rise_x, rise_y = rise_x * grain[1], rise_y * grain[1]
     bright, shade = 1.0 + 0.22 * tint, 0.0
-    some = share * min(1.5, max(0.2, 1.0 + 1.2 * tint))
-    cell = _CLAST_CELL
-    for scale in range(3):
+    some = grain[0] * min(1.5, max(0.2, 1.0 + 1.2 * tint))
+    if grain[2] > 0.0:
+        joint, slab_x, slab_y, tone = slabs(key, east, north, footprint)
+        rise_x, rise_y = rise_x + grain[2] * slab_x, rise_y + grain[2] * slab_y
+        bright *= 1.0 + grain[2] * (0.16 * tone * (1.0 - joint) - 0.3 * joint)
+        some *= 1.0 - 0.6 * grain[2] * (1.0 - joint)
+    for layer in range(len(CLAST_CELLS)):
         cover, stone_x, stone_y, tone, dark = clasts(
-            mix(key, np.uint64(scale)), east, north, cell, some, sun_x, sun_y, footprint
-        )
+            mix(key, np.uint64(layer)), east, north, CLAST_CELLS[layer], some, sun_x, sun_y,
+            footprint,
+        )  # fmt: skip
         rise_x, rise_y = rise_x * (1.0 - cover) + stone_x, rise_y * (1.0 - cover) + stone_y
-        bright *= 1.0 + cover * (0.25 * tone - 0.08)
-        shade = max(shade, dark)
-        cell *= 0.42
+        bright *= 1.0 + cover * (0.28 * tone - 0.06)
+        shade = max(shade * (1.0 - cover), dark)
     return bright, shade, rise_x, rise_y
 
 

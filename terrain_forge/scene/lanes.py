@@ -23,11 +23,15 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.relief import (
     COARSEST,
     FOOTPRINT,
+    PEBBLY,
     RELIEF_ROWS,
+    ROUGH,
+    SLABBY,
     STONE,
 )
 from terrain_forge.scene.stage import (
     CENTRE,
+    GRAIN,
     GROUND_RGB,
     HEIGHT,
     ROCK_RGB,
@@ -67,6 +71,7 @@ def _ground_below(space, lane, stage):  # type: ignore[no-untyped-def]
     u = min(max(column - np.float32(i), _0), _1)
     v = min(max(row - np.float32(j), _0), _1)
     slope_x, slope_y, lift, height, sky = _0, _0, _0, _0, _0
+    pebbly, rough, slabby = _0, _0, _0
     channels = nodes.shape[2] - GROUND_RGB
     for channel in range(channels):
         space[SOIL_RGB + LANES * channel + lane] = _0
@@ -80,9 +85,12 @@ def _ground_below(space, lane, stage):  # type: ignore[no-untyped-def]
         lift += weight * max(_0, plane - space[HIT_Z + lane])
         slope_x, slope_y = slope_x + weight * along_x, slope_y + weight * along_y
         height, sky = height + weight * z, sky + weight * node[SKY]
+        pebbly, rough = pebbly + weight * node[GRAIN], rough + weight * node[GRAIN + 1]
+        slabby += weight * node[GRAIN + 2]
         for channel in range(channels):
             space[SOIL_RGB + LANES * channel + lane] += weight * node[GROUND_RGB + channel]
     space[ABOVE + lane], space[OPEN + lane] = space[HIT_Z + lane] - height, sky
+    space[PEBBLY + lane], space[ROUGH + lane], space[SLABBY + lane] = pebbly, rough, slabby
     return slope_x, slope_y, lift
 
 
@@ -110,6 +118,8 @@ def _meet_land(space, lane, ray, word, stage):  # type: ignore[no-untyped-def]
     u, v = ray[U, lane], ray[V, lane]
     _smooth(space, lane, stage, a, b, c, u, v)
     space[OPEN + lane] = _1 if stage.haze < np.inf else _0
+    space[PEBBLY + lane], space[ROUGH + lane] = stage.usual[0], stage.usual[1]
+    space[SLABBY + lane] = stage.usual[2]
     first, land = stage.land_corner, stage.land
     for channel in range(land.shape[1]):
         space[RGB + LANES * channel + lane] = (

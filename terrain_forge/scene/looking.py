@@ -31,7 +31,6 @@ from terrain_forge.scene.aiming import (
 )
 from terrain_forge.scene.edges import find_edges, refine, spread
 from terrain_forge.scene.embree import COHERENT
-from terrain_forge.scene.grain import CLAST_SHARE
 from terrain_forge.scene.lanes import DIRECT, OWNER, RANGE, REST, SMOOTH_X, STEP, WORKSPACE, meet
 from terrain_forge.scene.packets import LANES, hit_rock
 from terrain_forge.scene.relief import relief_about
@@ -88,7 +87,6 @@ def look(
         scene.origin[:2] + middle,
         key=stage_key(scene.subject.seed, "grain"),
         spacing=float(stage.spacing),
-        share=CLAST_SHARE,
         shadow=(lean * float(stage.sun[0]), lean * float(stage.sun[1])),
     )
     view = View(

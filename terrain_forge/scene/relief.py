@@ -14,8 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner
-from terrain_forge.scene.grain import SOIL_COARSEST, SOIL_ROUGHER, SOIL_STEEP
+from terrain_forge.scene.grain import (
+    CLAST_CELLS,
+    SLAB_CELL,
+    SOIL_COARSEST,
+    SOIL_ROUGHER,
+    SOIL_STEEP,
+)
 from terrain_forge.scene.packets import LANES
+from terrain_forge.scene.words import (
+    MIX_1,
+    PRIME_I,
+    PRIME_J,
+    cell32,
+    fade32,
+    fading32,
+    floor32,
+    high_half,
+    low_half,
+    mixed,
+)
 
 (
     PLACE_X,
@@ -30,25 +48,24 @@ from terrain_forge.scene.packets import LANES
     COARSEST,
     SHADOWED,
     STONE,
-) = (LANES * row for row in range(12))
+    PEBBLY,
+    ROUGH,
+    SLABBY,
+) = (LANES * row for row in range(15))
 """Where the lanes' numbers begin in a workspace: a place [m], the size of a pixel there [m], the
-albedo's noise, the rise per metre, and of small stones how much of the pixel they cover, their
-longest wave [m], the part of sunlight that they keep off, and a rock's key, 0 to 2²⁴."""
-RELIEF_ROWS = 12
+albedo's noise, the rise per metre, and of pebbles how much of the pixel they cover, their longest
+wave [m], the part of sunlight that they keep off, a rock's key, 0 to 2²⁴, and the ground's grain:
+share of cells with a pebble, roughness of the soil, how much of it is slabs."""
+RELIEF_ROWS = 15
 
 _OCTAVES = 12
 _FINEST = 0.002  # shortest waves [m]
-_CLAST_CELLS = 0.16, 0.0672, 0.028224  # cells of small stones, at most one in each [m]
 _TURN = complex(0.4472135954999579, 0.8944271909999159)
 
 _0, _HALF, _1, _2 = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0))
-_6, _10, _15, _30 = (np.float32(n) for n in (6.0, 10.0, 15.0, 30.0))
 _ONE = np.int32(1)
-_I, _J, _K = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D)
-_MIX_1, _MIX_2 = np.uint32(0x7FEB352D), np.uint32(0x846CA68B)
-_15_BITS, _16_BITS, _LOW = np.uint32(15), np.uint32(16), np.uint32(0xFFFF)
+_K = np.uint32(0xC2B2AE3D)
 _AGAIN = np.uint32(0x27D4EB2F)
-_COMPONENT = np.float32(1.0 / 32768.0)
 _STEEP, _STONY, _FINE_FACE = np.float32(0.22), np.float32(0.6), np.float32(0.45)
 _SHORT = np.float32(_FINEST)
 
@@ -71,34 +88,40 @@ class Relief(NamedTuple):
     """As `soil_keys`, shape [layers, 3]."""
     faces: np.uint32
     """Key of the faces of rocks."""
-    share: np.float32
-    """Share of cells that hold a small stone."""
+    slabs: NDArray[np.float32]
+    """The anchor's place [m] in the repeat of the joints' warp and in its cell of slabs, shape [4].
+    """
+    slab_keys: NDArray[np.uint32]
+    """As `soil_keys`, of the warp and of the slabs, shape [2, 3]."""
     shadow: tuple[np.float32, np.float32]
     """From the end of the shadow of a thing of unit height to its foot, east and north."""
 
 
 def relief_about(
-    anchor: Array, *, key: np.uint64, spacing: float, share: float, shadow: tuple[float, float]
+    anchor: Array, *, key: np.uint64, spacing: float, shadow: tuple[float, float]
 ) -> Relief:
     """The fine texture about a place of the world [m] of a ground with a spacing of nodes [m]."""
     seed = int(key)
     soil, soil_keys = _octaves(anchor, seed, min(SOIL_COARSEST, 1.5 * spacing))
     far, far_keys = _octaves(anchor, seed + 1, SOIL_COARSEST)
-    cells = [_lattice(complex(*anchor) / cell) for cell in _CLAST_CELLS]
+    cells = [_lattice(complex(*anchor) / cell) for cell in CLAST_CELLS]
+    warp, warp_at = _lattice(complex(*anchor) * 2.7)
+    slab, slab_at = _lattice(complex(anchor[0], 1.4 * anchor[1]) / SLAB_CELL)
     return Relief(
         soil=soil,
         soil_keys=soil_keys,
         far=far,
         far_keys=far_keys,
         clasts=np.array(
-            [[cell, *place] for cell, (_, place) in zip(_CLAST_CELLS, cells, strict=True)],
+            [[cell, *place] for cell, (_, place) in zip(CLAST_CELLS, cells, strict=True)],
             np.float32,
         ),
         clast_keys=np.array(
             [[_word(seed + 77 * n), *cell] for n, (cell, _) in enumerate(cells)], np.uint32
         ),
         faces=np.uint32(_word(seed + 2)),
-        share=np.float32(share),
+        slabs=np.array([*warp_at, *slab_at], np.float32),
+        slab_keys=np.array([[_word(seed + 3), *warp], [_word(seed + 4), *slab]], np.uint32),
         shadow=(np.float32(shadow[0]), np.float32(shadow[1])),
     )
 
@@ -133,50 +156,6 @@ def _octaves(
 
 
 @inner
-def _mixed(h):  # type: ignore[no-untyped-def]
-    """A well-mixed word (Wellons 2018, lowbias32)."""
-    h = np.uint32(np.uint32(h ^ np.uint32(h >> _16_BITS)) * _MIX_1)
-    h = np.uint32(np.uint32(h ^ np.uint32(h >> _15_BITS)) * _MIX_2)
-    return np.uint32(h ^ np.uint32(h >> _16_BITS))
-
-
-@inner
-def _cell(key, i, j):  # type: ignore[no-untyped-def]
-    a, b = np.uint32(np.uint32(i) * _I), np.uint32(np.uint32(j) * _J)
-    return _mixed(np.uint32(np.uint32(a ^ b) ^ key))
-
-
-@inner
-def _low(h):  # type: ignore[no-untyped-def]
-    """Half of a word as a number from -1 to 1."""
-    return np.float32(np.int32(np.uint32(h & _LOW))) * _COMPONENT - _1
-
-
-@inner
-def _high(h):  # type: ignore[no-untyped-def]
-    """The other half."""
-    return np.float32(np.int32(np.uint32(h >> _16_BITS))) * _COMPONENT - _1
-
-
-@inner
-def _floor(x):  # type: ignore[no-untyped-def]
-    i = np.int32(x)
-    return np.int32(i - _ONE) if np.float32(i) > x else i
-
-
-@inner
-def _fade(t):  # type: ignore[no-untyped-def]
-    """Perlin's quintic."""
-    return t * t * t * (t * (t * _6 - _15) + _10)
-
-
-@inner
-def _fading(t):  # type: ignore[no-untyped-def]
-    """Its derivative."""
-    return _30 * t * t * (t * (t - _2) + _1)
-
-
-@inner
 def finest(space):  # type: ignore[no-untyped-def]
     """The smallest pixel of the lanes [m]."""
     least = space[FOOTPRINT]
@@ -204,95 +183,35 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
             x, y = space[PLACE_X + lane], space[PLACE_Y + lane]
             u = (cos * x - sin * y) * per_metre + start_u
             v = (sin * x + cos * y) * per_metre + start_v
-            i, j = _floor(u), _floor(v)
+            i, j = floor32(u), floor32(v)
             s, t = u - np.float32(i), v - np.float32(j)
             i, j = np.int32(i + first_i), np.int32(j + first_j)
             right, above = np.int32(i + _ONE), np.int32(j + _ONE)
-            a, b = _cell(key, i, j), _cell(key, right, j)
-            c, d = _cell(key, i, above), _cell(key, right, above)
-            ax, ay, bx, by = _low(a), _high(a), _low(b), _high(b)
-            cx, cy, dx, dy = _low(c), _high(c), _low(d), _high(d)
+            a, b = cell32(key, i, j), cell32(key, right, j)
+            c, d = cell32(key, i, above), cell32(key, right, above)
+            ax, ay, bx, by = low_half(a), high_half(a), low_half(b), high_half(b)
+            cx, cy, dx, dy = low_half(c), high_half(c), low_half(d), high_half(d)
             sw, se = ax * s + ay * t, bx * (s - _1) + by * t
             nw, ne = cx * s + cy * (t - _1), dx * (s - _1) + dy * (t - _1)
-            p, q, twist = _fade(s), _fade(t), sw - se - nw + ne
+            p, q, twist = fade32(s), fade32(t), sw - se - nw + ne
             height = sw + p * (se - sw) + q * (nw - sw) + p * q * twist
             rise_u = ax + p * (bx - ax) + q * (cx - ax) + p * q * (ax - bx - cx + dx)
             rise_v = ay + p * (by - ay) + q * (cy - ay) + p * q * (ay - by - cy + dy)
-            rise_u += _fading(s) * (q * twist + se - sw)
-            rise_v += _fading(t) * (p * twist + nw - sw)
+            rise_u += fading32(s) * (q * twist + se - sw)
+            rise_v += fading32(t) * (p * twist + nw - sw)
             shown = min(_1, max(_0, _HALF * wave / space[FOOTPRINT + lane] - _1))
-            steeper = steep * shown
+            steeper = steep * shown * space[ROUGH + lane]
             space[RISE_X + lane] += steeper * (cos * rise_u + sin * rise_v)
             space[RISE_Y + lane] += steeper * (cos * rise_v - sin * rise_u)
             space[VALUE + lane] += _HALF * shown * height
 
 
-_HASH_LONG, _HASH_TONE = np.uint32(0xB5297A4D), np.uint32(0x68E31DA4)
-_R0, _R1, _FADE_FROM, _FADE_OVER = (np.float32(n) for n in (0.10, 0.09, 0.6, 0.6))
-_LONG, _SHEAR, _SOFT, _DOME, _DARK_REACH, _DARK_SOFT = (
-    np.float32(n) for n in (0.3, 0.5, 0.1, 0.9, 1.1, 0.35)
-)
-_TONE, _DULL, _TINT, _MORE, _LEAST, _MOST = (
-    np.float32(n) for n in (0.25, 0.08, 0.22, 1.2, 0.2, 1.5)
-)
-
-
-@inner
-def clast_lanes(space, relief):  # type: ignore[no-untyped-def]
-    """Lay small stones on the soil that `soil_lanes` made; VALUE becomes the brightness."""
-    share, sun_x, sun_y = relief.share, relief.shadow[0], relief.shadow[1]
-    for lane in range(LANES):
-        tint = space[VALUE + lane]
-        space[COVER + lane] = share * min(_MOST, max(_LEAST, _1 + _MORE * tint))
-        space[VALUE + lane], space[SHADOWED + lane] = _1 + _TINT * tint, _0
-    least = finest(space)
-    for layer in range(len(relief.clasts)):
-        cell, start_u, start_v = (
-            relief.clasts[layer, 0], relief.clasts[layer, 1], relief.clasts[layer, 2]
-        )  # fmt: skip
-        if (_R0 + _R1) * cell <= _FADE_FROM * least:
-            break
-        key = relief.clast_keys[layer, 0]
-        first_i, first_j = (
-            np.int32(relief.clast_keys[layer, 1]), np.int32(relief.clast_keys[layer, 2])
-        )  # fmt: skip
-        per_metre = _1 / cell
-        for lane in range(LANES):
-            u = space[PLACE_X + lane] * per_metre + start_u
-            v = space[PLACE_Y + lane] * per_metre + start_v
-            i, j = _floor(u), _floor(v)
-            draw = _cell(key, np.int32(i + first_i), np.int32(j + first_j))
-            more, form = _mixed(np.uint32(draw ^ _HASH_LONG)), _mixed(np.uint32(draw ^ _HASH_TONE))
-            wide = _HALF + _HALF * _low(more)
-            radius = _R0 + _R1 * wide * wide  # in cells
-            pixel = space[FOOTPRINT + lane] * per_metre
-            there = _1 if _HALF + _HALF * _high(more) <= space[COVER + lane] else _0
-            there *= min(_1, max(_0, (radius / pixel - _FADE_FROM) / _FADE_OVER))
-            free = _HALF - radius
-            x = u - np.float32(i) - _HALF - free * _low(draw)
-            y = v - np.float32(j) - _HALF - free * _high(draw)
-            long, shear = _1 + _LONG * _low(form), _SHEAR * _high(form)
-            x, y = x * long + y * shear, y / long
-            soft = max(_SOFT, pixel / radius)
-            r = np.sqrt(x * x + y * y) / radius
-            cover = there * min(_1, max(_0, (_1 - r) / soft))
-            steep = _DOME * cover * r * r / radius
-            back_x, back_y = x + sun_x * radius, y + sun_y * radius
-            far = np.sqrt(back_x * back_x + back_y * back_y) / radius
-            dark = there * min(_1, max(_0, (_DARK_REACH - far) / max(_DARK_SOFT, soft)))
-            space[RISE_X + lane] = space[RISE_X + lane] * (_1 - cover) - steep * x
-            space[RISE_Y + lane] = space[RISE_Y + lane] * (_1 - cover) - steep * y
-            tone = _low(np.uint32(form ^ more))
-            space[VALUE + lane] *= _1 + cover * (_TONE * tone - _DULL)
-            space[SHADOWED + lane] = max(space[SHADOWED + lane], dark * (_1 - cover))
-
-
 @inner
 def _corner(key, i, j, k, x, y, z, f, df, g, dg, h, dh):  # type: ignore[no-untyped-def]
     """What a corner of a cell adds to the height and its derivatives."""
-    word = np.uint32(np.uint32(np.uint32(i) * _I) ^ np.uint32(np.uint32(j) * _J))
-    word = _mixed(np.uint32(np.uint32(word ^ np.uint32(np.uint32(k) * _K)) ^ key))
-    p, q, o = _low(word), _high(word), _low(np.uint32(word * _MIX_1))
+    word = np.uint32(np.uint32(np.uint32(i) * PRIME_I) ^ np.uint32(np.uint32(j) * PRIME_J))
+    word = mixed(np.uint32(np.uint32(word ^ np.uint32(np.uint32(k) * _K)) ^ key))
+    p, q, o = low_half(word), high_half(word), low_half(np.uint32(word * MIX_1))
     at = p * x + q * y + o * z
     return (
         f * g * h * at,
@@ -330,10 +249,10 @@ def face_lanes(space, whole):  # type: ignore[no-untyped-def]
                 space[PLACE_Y + lane] * per_metre,
                 space[PLACE_Z + lane] * per_metre,
             )
-            i, j, k = _floor(u), _floor(v), _floor(w)
+            i, j, k = floor32(u), floor32(v), floor32(w)
             r, s, t = u - np.float32(i), v - np.float32(j), w - np.float32(k)
-            p, q, o = _fade(r), _fade(s), _fade(t)
-            dp, dq, do = _fading(r), _fading(s), _fading(t)
+            p, q, o = fade32(r), fade32(s), fade32(t)
+            dp, dq, do = fading32(r), fading32(s), fading32(t)
             p_, q_, o_ = _1 - p, _1 - q, _1 - o
             i_, j_, k_ = np.int32(i + _ONE), np.int32(j + _ONE), np.int32(k + _ONE)
             r_, s_, t_ = r - _1, s - _1, t - _1

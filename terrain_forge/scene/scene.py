@@ -66,9 +66,9 @@ class RayScene:
             transforms[:, :, :3] = copies.rotation * copies.scale[:, None, None]
             transforms[:, :, 3] = copies.position - self.origin
             self._whole.add_instances(self._shapes, which=copies.mesh, transforms=transforms)
-        if subject.apron is not None:
-            apron = subject.apron.mesh
-            self._whole.add_triangles(apron.vertices - self.origin, apron.faces)
+        if subject.horizon is not None:
+            beyond = subject.horizon.mesh
+            self._whole.add_triangles(beyond.vertices - self.origin, beyond.faces)
         self._whole.commit()
 
     @property

@@ -35,6 +35,7 @@ from terrain_forge.scene.lanes import (
     set_unit,
 )
 from terrain_forge.scene.packets import LANES
+from terrain_forge.scene.pebbles import clast_lanes
 from terrain_forge.scene.relief import (
     FOOTPRINT,
     PLACE_X,
@@ -45,7 +46,6 @@ from terrain_forge.scene.relief import (
     RISE_Z,
     SHADOWED,
     VALUE,
-    clast_lanes,
     face_lanes,
     soil_lanes,
 )
@@ -101,7 +101,7 @@ def _pressed(space, lane, wheels, sideways, along, cos, sin):  # type: ignore[no
     return depth, tread * cos - edge * sin, tread * sin + edge * cos
 
 
-_GROUND, _LAND = np.float32(-1.0), np.float32(-3.0)
+_GROUND, _LAND, _STEEP = (np.float32(n) for n in (-1.0, -3.0, 0.3))
 _KEPT, _DARKER = np.float32(0.45), np.float32(0.3)
 
 
@@ -115,6 +115,8 @@ def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anc
     clast_lanes(space, relief)
     for lane in range(LANES):
         if space[OWNER + lane] != owner:
+            continue
+        if space[SMOOTH_Z + lane] < _STEEP:  # a rock's face beyond the edge: no soil lies on it
             continue
         depth, track_x, track_y = _0, _0, _0
         if owner == _GROUND:

@@ -13,9 +13,10 @@ from terrain_forge.scene.buffers import prepare_light, prepare_stones, resampled
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.skylight import sky_shares
 
-HEIGHT, SLOPE_X, SLOPE_Y, SKY, GROUND_RGB = range(5)
+HEIGHT, SLOPE_X, SLOPE_Y, SKY, GRAIN = range(5)
+GROUND_RGB = GRAIN + 3
 """Columns of a node: its height in the scene's frame [m], the ground's rise along x and y, the
-share of the sky that it sees, and from here on its albedo."""
+share of the sky that it sees, its pebbles, roughness and slabs (1 for 1), and then its albedo."""
 CENTRE, TURN, SIZE, ROCK_RGB = 0, 3, 12, 13
 """Columns of a rock: its place in the scene's frame [m], its rotation row by row, its diameter [m],
 and from here on its albedo."""
@@ -58,6 +59,8 @@ class Stage(NamedTuple):
     """Where its triangles begin in `faces`."""
     land_corner: int
     """Where its corners begin in `normals`."""
+    usual: tuple[np.float32, np.float32, np.float32]
+    """Grain of the land beyond the site."""
     sun: tuple[np.float32, np.float32, np.float32]
     """Unit vector to the Sun's middle."""
     sun_up: tuple[np.float32, np.float32, np.float32]
@@ -95,6 +98,7 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
     for column, axis in ((SLOPE_X, 1), (SLOPE_Y, 0)):
         nodes[..., column] = np.gradient(z, ground.spacing, axis=axis)
     nodes[..., SKY] = sky_shares(scene) if light.airy else 0.0
+    np.multiply(subject.node_grain, np.float32(0.01), out=nodes[..., GRAIN:GROUND_RGB])
     nodes[..., GROUND_RGB:] = bands(albedo, channels)
     rocks = np.empty((len(stones.size), ROCK_RGB + channels), np.float32)
     rocks[:, CENTRE:TURN], rocks[:, SIZE] = stones.centre, stones.size
@@ -102,9 +106,10 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
     rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
     colours = light.sun, light.sky, light.bounce, light.even
     faces, normals, land = stones.faces, stones.normals, np.empty((0, 3))
-    if (apron := subject.apron) is not None:
-        faces = np.concatenate([faces, apron.mesh.faces + len(normals)])
-        normals, land = np.concatenate([normals, apron.normals]), apron.rgb
+    if (beyond := subject.horizon) is not None:
+        faces = np.concatenate([faces, beyond.mesh.faces + len(normals)])
+        normals = np.concatenate([normals, beyond.normals])
+        land = linear_from_srgb(np.arange(256) / 255.0)[beyond.rgb]
     return Stage(
         nodes=nodes,
         corner_x=np.float32(ground.origin[0] - scene.origin[0]),
@@ -121,6 +126,7 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
         land=bands(land, channels),
         land_face=len(stones.faces),
         land_corner=len(stones.normals),
+        usual=triple32(subject.usual_grain),
         sun=triple32(light.towards_sun),
         sun_up=triple32(light.upwards),
         sun_side=triple32(light.sideways),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, Rows, linear_from_srgb, shaped
-from terrain_forge.model import Heightfield, Lighting, Mesh, World, merge, rotations
+from terrain_forge.model import USUAL, Heightfield, Horizon, Lighting, Mesh, World, merge, rotations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,18 +38,6 @@ class Instances(Rows):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Apron(Record):
-    """The ground beyond a subject's edge."""
-
-    mesh: Mesh
-    """Its triangles in the world frame [m]."""
-    normals: Array = field(metadata=shaped("vertices", 3))
-    """Unit normals at its vertices, at the edge those of the ground, shape [vertices, 3]."""
-    rgb: Array = field(metadata=shaped("vertices", 3))
-    """Linear albedo at its vertices, shape [vertices, 3]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Subject(Record):
     """Everything that a picture shows."""
 
@@ -71,12 +59,34 @@ class Subject(Record):
     """Sideways distance of the wheels from the paths [m]."""
     wheel_width: float = 0.2
     """Width of the wheels [m]."""
-    apron: Apron | None = None
+    grain: NDArray[np.uint8] | None = None
+    """Pebbles, roughness and slabs of the nodes, 100 for 1, shape [rows, columns, 3]; None where
+    they are usual."""
+    horizon: Horizon | None = None
     """What lies beyond the ground's edge; None for nothing that rays could meet."""
 
     def __post_init__(self) -> None:
         if self.ground_rgb.flags.writeable or not self.ground_rgb.flags.c_contiguous:
             self.freeze("ground_rgb", np.uint8, (*self.ground.shape, 3))
+        if self.grain is not None:
+            self.freeze("grain", np.uint8, (*self.ground.shape, 3))
+
+    @property
+    def node_grain(self) -> NDArray[np.uint8]:
+        """`grain`, also where it is usual."""
+        if self.grain is not None:
+            return self.grain
+        usual = np.rint(100.0 * np.array(USUAL)).astype(np.uint8)
+        return fixed_array(np.tile(usual, (*self.ground.shape, 1)))
+
+    @property
+    def usual_grain(self) -> tuple[float, float, float]:
+        """What most of the ground's grain is, 1 for 1: that of the land beyond its edge."""
+        if self.grain is None:
+            return USUAL
+        levels, counts = np.unique(self.grain[::8, ::8].reshape(-1, 3), axis=0, return_counts=True)
+        pebbles, rough, slabs = (0.01 * levels[counts.argmax()]).tolist()
+        return pebbles, rough, slabs
 
 
 def subject_of(world: World) -> Subject:
@@ -92,6 +102,7 @@ def subject_of(world: World) -> Subject:
     return Subject(
         ground=world.ground,
         ground_rgb=world.appearance.ground_rgb,
+        grain=None if world.appearance.material is None else world.appearance.grain,
         instances=Instances(
             meshes=tuple(prototype.meshes[0] for prototype in world.library.prototypes),
             mesh=rocks.prototype,
@@ -104,9 +115,16 @@ def subject_of(world: World) -> Subject:
         lighting=world.lighting,
         sun_diameter=world.sun_diameter,
         seed=world.site.seed,
+        horizon=world.horizon,
         tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
         **wheels,
     )
+
+
+def fixed_array(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An array that nobody writes into, as those of records are: one kernel serves both."""
+    array.setflags(write=False)
+    return array
 
 
 def tones(ids: NDArray[np.int32], seed: int) -> Array:

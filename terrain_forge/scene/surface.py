@@ -44,8 +44,10 @@ class Land(NamedTuple):
     """Mean height along the border, in the scene's frame [m]; the plain beyond lies there."""
     key: Any
     """Key of the fine texture, uint64."""
-    clast_share: float
-    """Share of cells that hold a small stone."""
+    grain: NDArray[np.uint8]
+    """Pebbles, roughness and slabs of the nodes, 100 for 1, shape [rows, columns, 3]."""
+    usual: tuple[float, float, float]
+    """As `grain`, 1 for 1, of the land beyond the ground's edge."""
     shadow: tuple[float, float]
     """From the end of the shadow of a thing of unit height to its foot, east and north."""
     apron_faces: NDArray[np.int64]
@@ -126,6 +128,15 @@ def _colour(land, i, j, u, v, channel):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _grain(land, i, j, u, v, part):  # type: ignore[no-untyped-def]
+    grain = land.grain
+    return 0.01 * _blend(
+        np.float64(grain[j, i, part]), np.float64(grain[j, i + 1, part]),
+        np.float64(grain[j + 1, i, part]), np.float64(grain[j + 1, i + 1, part]), u, v,
+    )  # fmt: skip
+
+
+@inner
 def _set_normal(point, x, y, z):  # type: ignore[no-untyped-def]
     length = np.sqrt(x * x + y * y + z * z)
     point[BENT_X], point[BENT_Y], point[BENT_Z] = x / length, y / length, z / length
@@ -165,8 +176,9 @@ def see_ground(point, land, tracks, footprint):  # type: ignore[no-untyped-def]
     i, j, u, v = _cell(land, x, y)
     slope_x, slope_y = _round_off(point, land, i, j, u, v)
     east, north = x + land.shift[0], y + land.shift[1]
+    grain = (_grain(land, i, j, u, v, 0), _grain(land, i, j, u, v, 1), _grain(land, i, j, u, v, 2))
     bright, shade, rise_x, rise_y = ground_grain(
-        land.key, land.clast_share, *land.shadow, east, north, land.spacing, footprint
+        land.key, grain, *land.shadow, east, north, land.spacing, footprint
     )
     depth, track_x, track_y = _track(tracks, land, x, y, bright - 1.0, footprint)
     kept = 1.0 - 0.45 * depth
@@ -184,7 +196,7 @@ def see_apron(point, land, triangle, u, v, footprint):  # type: ignore[no-untype
     corners = land.apron_faces[triangle]
     east, north = point[X] + land.shift[0], point[Y] + land.shift[1]
     bright, shade, rise_x, rise_y = ground_grain(
-        land.key, land.clast_share, *land.shadow, east, north, SOIL_COARSEST, footprint
+        land.key, land.usual, *land.shadow, east, north, SOIL_COARSEST, footprint
     )  # with the waves too that the ground's grid holds within the edge
     x, y, z, parts = 0.0, 0.0, 0.0, (1.0 - u - v, u, v)
     for channel in range(3):
@@ -194,7 +206,7 @@ def see_apron(point, land, triangle, u, v, footprint):  # type: ignore[no-untype
         x, y, z = x + parts[k] * normal[0], y + parts[k] * normal[1], z + parts[k] * normal[2]
         for channel in range(3):
             point[RED + channel] += parts[k] * rgb[channel] * bright
-    _set_normal(point, x / z - rise_x, y / z - rise_y, 1.0)
+    _set_normal(point, x - max(z, 0.0) * rise_x, y - max(z, 0.0) * rise_y, z)
     point[SHADE], point[LIFT] = shade, 0.0
 
 

@@ -110,7 +110,7 @@ def disparity_file(depth: NDArray[np.float32], focal: float, baseline: float) ->
 
 def occlusion_file(
     scenery: Scenery, exposure: Exposure, points: Array, other: Array, lens: Lens, turn: Array,
-    time: float,
+    time: float, near: float,
 ) -> bytes:  # fmt: skip
     """255 where the other eye does not see a pixel's place: hidden, or beside its picture.
 
@@ -122,12 +122,13 @@ def occlusion_file(
         lens: Its lens.
         turn: From its optical frame to the world, shape [3, 3].
         time: When [s].
+        near: What of the rover is nearer to it hides nothing [m].
     """
     met = np.isfinite(exposure.depth)
     towards = points[met] - other
     distance = portable.norm(towards)
     rays = towards / distance[:, None]
-    hits = scenery.cast(np.tile(other, (len(rays), 1)), rays, time)
+    hits = scenery.cast(np.tile(other, (len(rays), 1)), rays, time, near=near)
     hidden = hits.distance < distance * (1.0 - _LIFT) - _NEAR
     values = np.zeros(exposure.depth.shape, dtype=np.uint8)
     values[met] = np.where(hidden | ~within(lens, portable.product(rays, turn)), 255, 0)

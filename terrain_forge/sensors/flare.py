@@ -45,9 +45,12 @@ class SunSeen(NamedTuple):
 
 
 def visible_part(
-    scenery: Scenery, position: Array, towards: Array, *, radius: float, time: float
+    scenery: Scenery, position: Array, towards: Array, *, radius: float, time: float, near: float
 ) -> float:
-    """Part of the Sun's disc [rad] that a place sees, by rays to evenly spread points of it."""
+    """Part of the Sun's disc [rad] that a place sees, by rays to evenly spread points of it.
+
+    What of the rover is nearer than `near` [m] hides nothing.
+    """
     aside = np.cross(towards, (0.0, 0.0, 1.0) if abs(towards[2]) < 0.9 else (1.0, 0.0, 0.0))
     aside /= np.linalg.norm(aside)
     n = np.arange(_LOOKS) + 0.5
@@ -55,7 +58,7 @@ def visible_part(
     across = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * away[:, None]
     spots = towards + across[:, :1] * aside + across[:, 1:] * np.cross(towards, aside)
     spots /= portable.norm(spots)[:, None]
-    hits = scenery.cast(np.tile(position, (_LOOKS, 1)), spots, time)
+    hits = scenery.cast(np.tile(position, (_LOOKS, 1)), spots, time, near=near)
     return float(np.isinf(hits.distance).mean())
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
 
-from terrain_forge.base import Array, RecipeError
+from terrain_forge.base import Array, RecipeError, portable
 from terrain_forge.geometry import shape_triangles
 from terrain_forge.model import Rover, Sensor, simple_sensors
 from terrain_forge.sensors.instrument import Frames, Instrument, Setting, instrument_kinds
@@ -69,6 +70,7 @@ def require_free(sensor: Sensor, rover: Rover) -> None:
 
 def _require_outside(sensor: Sensor, rover: Rover, motion: Motion) -> None:
     links = RoverLinks(rover, motion)
+    near = getattr(sensor, "near_m", 0.0)
     moments = np.linspace(0.0, motion.end, _MOMENTS) if motion.links else np.zeros(1)
     for time in moments.tolist():
         places = links.at(time)
@@ -78,11 +80,15 @@ def _require_outside(sensor: Sensor, rover: Rover, motion: Motion) -> None:
             start, rotation = places[link.name]
             within = ((place - start)[:, None] * rotation).sum(axis=0)
             for shape in link.shapes:
-                if shape.visible and _holds(shape_triangles(shape), within):
+                triangles = shape_triangles(shape) if shape.visible else np.empty((0, 3, 3))
+                if not _holds(triangles, within):
+                    continue
+                if (reach := portable.norm((triangles - within).reshape(-1, 3)).max()) > near:
                     raise RecipeError(
                         f"{sensor.name!r} sits inside a {shape.kind} of the rover's link "
                         f"{link.name!r} and would see nothing else: move it out by its position_m, "
-                        f"now {_text(sensor.position)} m in {sensor.link!r}",
+                        f"now {_text(sensor.position)} m in {sensor.link!r}, or, where that is its "
+                        f"housing, give it near_m: {math.ceil(100.0 * reach) / 100.0:g}",
                         key=("sensors",),
                     )
 

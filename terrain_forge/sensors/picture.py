@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.scene import Rover, Stage, Wheels, look, prepare_stage, prepare_wheels
+from terrain_forge.scene import SKIN, Rover, Stage, Wheels, look, prepare_stage, prepare_wheels
 from terrain_forge.sensors.instrument import Setting
 from terrain_forge.sensors.motion import Motion
 from terrain_forge.sensors.scenery import Scenery
@@ -52,6 +52,7 @@ def take_exposure(
     time: ArrayLike,
     colour: bool = False,
     tracks_behind: float | None = None,
+    near: float = SKIN,
 ) -> Exposure:
     """What a camera would see without optics and electronics.
 
@@ -71,6 +72,7 @@ def take_exposure(
         colour: Linear red, green, blue rather than one channel.
         tracks_behind: Wheels have left tracks so far along the motion [m] (`travelled`); None for
             no tracks.
+        near: What of the rover is nearer to the rays' origins is not seen [m].
     """
     height, times = len(rays), np.atleast_1d(np.asarray(time, np.float64))
     scenery, lighting = setting.scenery, setting.world.lighting
@@ -84,7 +86,7 @@ def take_exposure(
         rotation=np.broadcast_to(np.asarray(rotation, np.float64), (height, 3, 3)),
         wheels=_wheels(scenery),
         behind=-np.inf if tracks_behind is None else tracks_behind,
-        rover=Rover(placed.bodies, scenery.poses_at(times), scenery.rover_parts.rgb),
+        rover=Rover(placed.beyond(near), scenery.poses_at(times), scenery.rover_parts.rgb),
     )
     white = lighting.irradiance * max(float(lighting.towards_sun[2]), _LEAST_SINE) / np.pi
     white *= stage.through

@@ -14,6 +14,7 @@ from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import World
 from terrain_forge.scene import (
+    SKIN,
     BodyShapes,
     Hits,
     Instances,
@@ -22,9 +23,9 @@ from terrain_forge.scene import (
     cast_with_bodies,
     subject_of,
 )
-from terrain_forge.sensors.apron import WorldEdge
 from terrain_forge.sensors.links import RoverLinks
 from terrain_forge.sensors.motion import Motion
+from terrain_forge.terrain import heights_beyond
 
 _KEPT = 8
 _SMOOTH = 1e-6
@@ -51,9 +52,7 @@ class Scenery:
 
     def __init__(self, world: World, motion: Motion) -> None:
         self.world, self.motion = world, motion
-        self.edge = WorldEdge(world)
-        """What lies beyond the world, and its heights; rocks are only within."""
-        self.scene = RayScene(subject_of(world).replace(apron=self.edge.apron))
+        self.scene = RayScene(subject_of(world))
         """The ground, its rocks, and what lies beyond."""
         self._looks = rover_looks(world.rover)
         self._links = RoverLinks(world.rover, motion)
@@ -116,21 +115,28 @@ class Scenery:
         x, y = np.broadcast_arrays(*(np.asarray(c, np.float64) for c in (east, north)))
         within, heights = self.world.ground.covers(x, y), np.empty(x.shape)
         heights[within] = self.world.ground.height_at(x[within], y[within])
-        heights[~within] = self.edge.heights_at(x[~within], y[~within])
+        if not within.all():
+            if self.world.horizon is None:
+                raise ValueError("point beyond the edge of a world without a horizon")
+            beyond = x[~within], y[~within]
+            heights[~within] = heights_beyond(self.world.ground, self.world.horizon, *beyond)
         return heights
 
-    def cast(self, origins: Array, directions: Array, times: ArrayLike) -> Hits:
+    def cast(
+        self, origins: Array, directions: Array, times: ArrayLike, *, near: float = SKIN
+    ) -> Hits:
         """What rays in the world meet first, the rover among it.
 
         Args:
             origins: Start points [m], shape [rays, 3].
             directions: Unit vectors, shape [rays, 3].
             times: When each ray is cast, or when all are [s].
+            near: What of the rover is nearer is not met [m].
         """
         moments = np.atleast_1d(np.asarray(times, np.float64))
         rover = self.rover_at(float(moments[len(moments) // 2]))
         poses = self.poses_at(moments)
-        return cast_with_bodies(self.scene, rover.bodies, poses, origins, directions)
+        return cast_with_bodies(self.scene, rover.beyond(near), poses, origins, directions)
 
     def close(self) -> None:
         """Give the memory back."""

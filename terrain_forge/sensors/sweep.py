@@ -89,7 +89,7 @@ def take_sweep(setting: Setting, lidar: LidarSensor, number: int) -> Sweep:
         len(beams.table),
         setting.scenery.scene.handle,
         COHERENT if lidar.prism_rpm is None else INCOHERENT,
-        rover.bodies,
+        rover.beyond(lidar.near_m),
         course,
         beams,
         _surfaces(setting),

@@ -16,9 +16,11 @@ from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
 from .options import OUT as OUT
 from .options import RECIPE as RECIPE
+from .options import SCHEDULER as SCHEDULER
 from .options import SCORING as SCORING
 from .options import SEED as SEED
 from .options import SET as SET
+from .options import WORKERS as WORKERS
 from .options import InOrder as InOrder
 from .options import names_of as names_of
 from .outcome import finish as finish
@@ -29,6 +31,7 @@ from .outcome import tell_exports as tell_exports
 from .outcome import tell_preview as tell_preview
 from .outcome import tell_recording as tell_recording
 from .outcome import tell_validation as tell_validation
+from .running import FAILED_CHECK as FAILED_CHECK
 from .running import run_command as run_command
 from .running import run_process as run_process
 from .scoring import install_named as install_named
@@ -36,3 +39,4 @@ from .scoring import list_systems as list_systems
 from .scoring import tell_scores as tell_scores
 from .scoring import tell_systems as tell_systems
 from .sunlight import illumination as illumination
+from .worlds_command import make_worlds as make_worlds

@@ -73,9 +73,10 @@ def _told(find: Callable[[], str]) -> str:
 def _cores() -> str:
     from numba import get_num_threads
 
+    from terrain_forge.base import processors
+
     count = os.cpu_count() or 1
-    mine = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else count
-    return f"{count}, {mine} for this process, {get_num_threads()} used by kernels"
+    return f"{count}, {processors()} for this process, {get_num_threads()} used by kernels"
 
 
 def _cache() -> str:

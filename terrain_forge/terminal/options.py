@@ -28,7 +28,7 @@ DRIVES = click.option(
 FORCE = click.option(
     "--force",
     is_flag=True,
-    help="Also remove files in the older world that are not its own; says which.",
+    help="Also remove files of the older world that are not its own or were edited; says which.",
 )
 SCORING = click.option(
     "--set",
@@ -38,6 +38,19 @@ SCORING = click.option(
     help="How it is scored, such as align=all, third_by=index or stations_m=0.",
 )
 SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
+
+
+WORKERS = click.option(
+    "--workers",
+    type=click.IntRange(1, 4096),
+    metavar="N",
+    help="Processes that make tiles [default: one for each core].",
+)
+SCHEDULER = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Dask scheduler whose workers make tiles, such as tcp://host:8786; or local.",
+)
 
 
 class InOrder(click.Group):

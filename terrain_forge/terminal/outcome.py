@@ -16,6 +16,7 @@ from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
+from terrain_forge.tiling import TiledResult, progress_figures
 from terrain_forge.validation import checks_of, failed_checks, report_text
 
 if TYPE_CHECKING:
@@ -29,6 +30,10 @@ _PREVIEW = "terrain-forge preview"
 
 def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
     """Say what a build made and how it is looked at."""
+    if isinstance(result, TiledResult):
+        say(f"{out}: {progress_figures(result)}, in {time_text(seconds)}")
+        say(f"  look at it: terrain-forge view {click.format_filename(out)}")
+        return
     world = result.world
     if result.removed:
         say(f"removed from {out}: {', '.join(result.removed)}")

@@ -86,7 +86,7 @@ def run_process(command: click.Command) -> None:
     """
     sys.unraisablehook, sys.excepthook = _tell_unraisable, _tell_uncaught
     status = run_command(command, sys.argv[1:])
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     with suppress(BrokenPipeError):
         sys.stdout.flush()

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from terrain_forge import evaluation
-from terrain_forge.evaluation import Adapter, ScoreOptions
-from terrain_forge.terminal.display import Display
+from terrain_forge.datasets import open_recording
+from terrain_forge.evaluation import Result, ScoreOptions
 from terrain_forge.terminal.lines import say
 from terrain_forge.terminal.running import FAILED_CHECK, WRONG_INPUT
 
@@ -26,22 +26,16 @@ def install_named(name: str) -> int:
     return 0
 
 
-def tell_systems(
-    world: Path, systems: Sequence[Adapter], *, runs: int, options: ScoreOptions, out: Path | None
-) -> int:
-    """Run systems over a world's recording and say how well they did; returns the status."""
-    with Display(("systems",)) as display:
-        results = evaluation.evaluate_recording(
-            world,
-            systems,
-            runs=runs,
-            options=options,
-            progress=lambda name: display(f"systems: {name}"),
-        )
+def tell_systems(world: Path, results: Sequence[Result], *, out: Path | None) -> int:
+    """Say how well systems did on a world's recording; returns the status."""
     for line in evaluation.result_lines(results):
         say(line)
-    for path in evaluation.write_results(results, out) if out else ():
-        say(str(path))
+    if out:
+        recording = open_recording(world)
+        for path in evaluation.write_results(results, out):
+            say(str(path))
+        for path in evaluation.write_paper_table(recording, results, out):
+            say(str(path))
     return 0 if any(one.score for one in results) else FAILED_CHECK
 
 

@@ -20,6 +20,8 @@ from .cratering.productions.table import CraterTable as CraterTable
 from .detail import DetailSpec as DetailSpec
 from .detail import ground_detail as ground_detail
 from .ground import shape_ground as shape_ground
+from .horizon.heights import shape_horizon as shape_horizon
+from .horizon.places import heights_beyond as heights_beyond
 from .layer import Layer as Layer
 from .layer import check_layers as check_layers
 from .layer import layer_types as layer_types
@@ -29,6 +31,8 @@ from .layers.fractal import Fractal as Fractal
 from .layers.fractal import RmsSlope as RmsSlope
 from .layers.ripples import Ripples as Ripples
 from .masks import mask_weight as mask_weight
+from .materials import MaterialSpec as MaterialSpec
+from .materials import check_materials as check_materials
 from .orthoimage import OrthoimageSpec as OrthoimageSpec
 from .orthoimage import read_orthoimage as read_orthoimage
 from .statistics import TerrainStatistics as TerrainStatistics

@@ -19,11 +19,18 @@ from terrain_forge.base import (
     srgb_from_linear,
     stage_key,
 )
-from terrain_forge.model import BODIES, Appearance, Heightfield, Site, Window
+from terrain_forge.model import BODIES, Appearance, GroundMaterial, Heightfield, Site, Soil, Window
 from terrain_forge.terrain.detail import DetailSpec, ground_detail
 from terrain_forge.terrain.ground import STRIP
 from terrain_forge.terrain.layer import Layer
 from terrain_forge.terrain.masks import mask_weight, stencil_cells
+from terrain_forge.terrain.materials import (
+    MaterialSpec,
+    classify_ground,
+    ground_materials,
+    materials_reach,
+    of_window,
+)
 from terrain_forge.terrain.noise import octaves
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
 
@@ -74,10 +81,13 @@ def check_appearance(spec: AppearanceSpec, site: Site) -> None:
         )
 
 
-def stencil_reach(site: Site, layers: tuple[Layer, ...] = ()) -> float:
+def stencil_reach(
+    site: Site, layers: tuple[Layer, ...] = (), materials: tuple[MaterialSpec, ...] = ()
+) -> float:
     """How far around a node its colour looks at the ground [m]: the margin that a window needs."""
     masks = [layer.mask.reach(site) for layer in layers if layer.mask is not None]
-    return max(stencil_cells(_STENCIL_M, site.spacing) * site.spacing, *masks, 0.0)
+    own = stencil_cells(_STENCIL_M, site.spacing) * site.spacing
+    return max(own, materials_reach(materials, site), *masks)
 
 
 def colour_ground(
@@ -87,12 +97,15 @@ def colour_ground(
     ground: Heightfield,
     spec: AppearanceSpec,
     layers: tuple[Layer, ...] = (),
+    materials: tuple[GroundMaterial, ...] = (),
+    material: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:
     """The sRGB colour of the window's nodes, rows run north, shape [rows, columns, 3].
 
     Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is
     addressed by position mottles all of it, so that nothing repeats. Layers brighten it, as fresh
-    ejecta do; their masks are taken on the finished ground.
+    ejecta do; their masks are taken on the finished ground. `material` are indices into `materials`
+    of the nodes, whose colours then count instead of the regolith's.
 
     A node has the same colour in every window if the ground reaches `stencil_reach` beyond the
     window, or to the site's edge.
@@ -110,7 +123,13 @@ def colour_ground(
             stencil_cells(_STENCIL_M, site.spacing),
             site.spacing,
             octaves(key, east=east, north=north, wavelengths=_WAVELENGTHS, amplitudes=_AMPLITUDES),
-            _base(site, strip, spec),
+            _base(
+                site,
+                strip,
+                spec,
+                materials,
+                None if material is None else material[first : first + strip.rows + 1],
+            ),
             _brightness(site, strip, ground, layers),
             spec.variation,
             _ENCODED,
@@ -126,14 +145,49 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
     """
     terrain = site.recipe.terrain
     spec = terrain.appearance
-    colours = [group.rgb or site.body.rock_rgb for group in site.recipe.rocks.groups]
+    soil = linear_from_srgb(spec.ground_rgb or _soil(site, spec).rgb)
+    materials = ground_materials(terrain.materials, body=site.body, soil_rgb=soil)
+    material = _classes(site, window, ground, terrain.materials)
+    rock_rgb = _soil(site, spec).rock_rgb or site.body.rock_rgb
+    colours = [group.rgb or rock_rgb for group in site.recipe.rocks.groups]
     return Appearance(
         ground_rgb=colour_ground(
-            site=site, window=window, ground=ground, spec=spec, layers=terrain.layers
+            site=site,
+            window=window,
+            ground=ground,
+            spec=spec,
+            layers=terrain.layers,
+            materials=materials,
+            material=material,
         ),
         rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
         detail=ground_detail(spec.detail, site),
+        materials=materials,
+        material=material,
     )
+
+
+def _classes(
+    site: Site, window: Window, ground: Heightfield, specs: tuple[MaterialSpec, ...]
+) -> NDArray[np.uint8] | None:
+    """Which of the materials each of the window's nodes is; None without any."""
+    if not specs:
+        return None
+    classes = np.empty((window.rows + 1, window.columns + 1), np.uint8)
+    reach = materials_reach(specs, site)
+    for strip in window.strips(STRIP):
+        around = site.padded(strip, reach)
+        first = strip.row - window.row
+        classes[first : first + strip.rows + 1] = classify_ground(
+            specs, site=site, window=strip, around=around, heights=of_window(ground, site, around)
+        )
+    return classes
+
+
+def _soil(site: Site, spec: AppearanceSpec) -> Soil:
+    """The soil that a recipe names, or the body's usual one."""
+    named = {soil.name: soil for soil in site.body.soils}
+    return named[spec.regolith] if spec.regolith else Soil(name="", rgb=site.body.ground_rgb)
 
 
 def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
@@ -142,13 +196,19 @@ def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, i
     return window.column - column, window.row - row
 
 
-def _base(site: Site, window: Window, spec: AppearanceSpec) -> Array:
+def _base(
+    site: Site,
+    window: Window,
+    spec: AppearanceSpec,
+    materials: tuple[GroundMaterial, ...],
+    material: NDArray[np.uint8] | None,
+) -> Array:
     """Linear colour before any variation, of each node, or of all where shape [1, 1, 3]."""
-    soils = {soil.name: soil.rgb for soil in site.body.soils}
-    soil = soils[spec.regolith] if spec.regolith else site.body.ground_rgb
-    colour = linear_from_srgb(spec.ground_rgb or soil)
+    colour = linear_from_srgb(spec.ground_rgb or _soil(site, spec).rgb).reshape(1, 1, 3)
+    if material is not None:
+        colour = linear_from_srgb([one.rgb for one in materials])[material]
     if site.orthoimage is None:
-        return colour.reshape(1, 1, 3)
+        return colour
     albedo = orthoimage_albedo(site.orthoimage, site=site, window=window)
     return albedo if albedo.shape[2] == 3 else albedo * colour
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import RecipeError, Spec, parts
+from terrain_forge.base import Array, RecipeError, Spec, parts
 from terrain_forge.model import Site, Window
 from terrain_forge.terrain.masks import Mask, mask_weight
 
 LAYERS = "terrain_forge.layers"
+Beyond = Callable[[Array, Array, float], Array]
+"""Heights to add [m], shape [rows, columns], at east coordinates of columns and north ones of rows
+[m] whose nodes lie so far apart [m]: waves that such nodes cannot show are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +53,10 @@ class Layer(Spec):
         `elevation` is the ground so far [m]; of it only what lies within `reach` may be used.
         """
         raise NotImplementedError
+
+    def beyond(self, site: Site) -> Beyond | None:  # noqa: ARG002
+        """What of its relief goes on beyond the site; by default none, and it runs out."""
+        return None
 
     def brightness(self, *, site: Site, window: Window) -> NDArray[np.float64] | None:  # noqa: ARG002
         """Factor on the ground's linear albedo at the window's nodes; None for 1 everywhere."""

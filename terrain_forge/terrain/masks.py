@@ -1,12 +1,13 @@
 """Where a layer applies: the weight of a place, 0 to 1, that multiplies the layer's relief.
 
-A mask is made of conditions on the slope, the height, an image and the distance to a route; the
+A mask is made of conditions on slope, height, relief, an image and the distance to a route; the
 weights of those that are given are multiplied. Between 0 and 1 a weight follows 3t² - 2t³, so that
 a layer ends without an edge.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -72,6 +73,23 @@ class SlopeBand(Spec):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ReliefBand(Spec):
+    """Ground between two measures of its relief over a baseline."""
+
+    above_m: Coordinate | None = None
+    """Measure [m] from which the layer applies; without it there is no lower bound."""
+    below_m: Coordinate | None = None
+    """Measure [m] up to which the layer applies; without it there is no upper bound."""
+    fade_m: NotNegative = 0.0
+    """What beyond a bound the layer fades out within [m]."""
+    baseline_m: Positive = 2.0
+    """Length over which it is measured [m], rounded to whole cells, two at least."""
+
+    def __post_init__(self) -> None:
+        _require_band(self.above_m, self.below_m, ("above_m", "below_m"))
+
+
+@dataclass(frozen=True, kw_only=True)
 class RouteBand(Spec):
     """Ground between two distances to a route."""
 
@@ -96,6 +114,12 @@ class Mask(Spec):
     """By the slope of the ground before this layer."""
     height: HeightBand | None = None
     """By the height of the ground before this layer."""
+    hollow: ReliefBand | None = None
+    """By how far the ground lies below the mean of its surroundings, half a baseline away [m]:
+    above 0 in lows, below 0 on crests. It is the curvature times an eighth of the squared baseline.
+    """
+    roughness: ReliefBand | None = None
+    """By the RMS of that in four directions [m]: how rough the ground is, whatever its slope."""
     image: Annotated[str, MinLen(1), InputFile(kind="image")] | None = None
     """By an image over the whole site, north up: 0 (black) to 1 (white). The outer pixels' centres
     lie on the site's edges."""
@@ -105,14 +129,18 @@ class Mask(Spec):
     """Apply the layer where it would not, and not where it would."""
 
     def __post_init__(self) -> None:
-        if all(part is None for part in (self.slope, self.height, self.image, self.route)):
-            raise ValueError("a mask needs a slope, height, image or route")
+        conditions = (
+            *(self.slope, self.height, self.hollow, self.roughness),
+            *(self.image, self.route),
+        )
+        if all(part is None for part in conditions):
+            raise ValueError("a mask needs a slope, height, hollow, roughness, image or route")
 
     def reach(self, site: Site) -> float:
         """How far around a node the mask looks at the ground [m]."""
-        if self.slope is None:
-            return 0.0
-        return stencil_cells(self.slope.baseline_m, site.spacing) * site.spacing
+        bands = (self.slope, self.hollow, self.roughness)
+        spans = [stencil_cells(band.baseline_m, site.spacing) for band in bands if band is not None]
+        return max(spans, default=0) * site.spacing
 
     def check(self, *, site: Site, key: Key) -> None:
         """Refuse a mask that a site cannot have; `key` is its place in the recipe.
@@ -149,6 +177,10 @@ def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> 
         weight *= _within(elevation, band.above_m, band.below_m, band.fade_m)
     if mask.slope is not None:
         weight *= _slope_weight(mask.slope, elevation, site.spacing)
+    if mask.hollow is not None:
+        weight *= _relief_weight(mask.hollow, elevation, site.spacing, _AXES, np.mean)
+    if mask.roughness is not None:
+        weight *= _relief_weight(mask.roughness, elevation, site.spacing, _ALL_WAYS, _rms)
     if mask.image is not None:
         values = site.image(mask.image)
         rows, columns = values.shape
@@ -192,6 +224,45 @@ def _differences(elevation: Array, cells: int, spacing: float) -> Array:
     index = np.arange(elevation.shape[1])
     low, high = np.maximum(index - cells, 0), np.minimum(index + cells, len(index) - 1)
     return np.asarray((elevation[:, high] - elevation[:, low]) / ((high - low) * spacing))
+
+
+_AXES = ((0, 1), (1, 0))
+_ALL_WAYS = (*_AXES, (1, 1), (1, -1))
+"""Directions along which relief is measured, rows and columns."""
+
+
+def _rms(parts: Array, axis: int) -> Array:
+    return np.asarray(np.sqrt(np.mean(parts * parts, axis=axis)))
+
+
+def _relief_weight(
+    band: ReliefBand,
+    elevation: Array,
+    spacing: float,
+    ways: tuple[tuple[int, int], ...],
+    measure: Callable[..., Array],
+) -> Array:
+    """As `_within`, of how far the ground lies below the means of both ends of a baseline."""
+    cells = stencil_cells(band.baseline_m, spacing)
+    parts = np.stack([_sag(elevation, cells * j, cells * i) for j, i in ways])
+    return _within(measure(parts, axis=0), band.above_m, band.below_m, band.fade_m)
+
+
+def _sag(elevation: Array, rows: int, columns: int) -> Array:
+    """Mean of the heights so far to both sides, less the node's own; nearer at the border."""
+    j, i = (np.arange(count) for count in elevation.shape)
+    rise = np.sign(columns) * _room(i, abs(columns))[None, :]
+    climb = _room(j, abs(rows))[:, None]
+    if rows and columns:  # as far along one axis as along the other
+        near = np.minimum(np.abs(rise), climb)
+        rise, climb = np.sign(columns) * near, near
+    ends = (elevation[j[:, None] + side * climb, i[None, :] + side * rise] for side in (1, -1))
+    return np.asarray(0.5 * sum(ends) - elevation)
+
+
+def _room(index: NDArray[np.int64], wanted: int) -> NDArray[np.int64]:
+    """How far nodes can look to both sides."""
+    return np.asarray(np.minimum(wanted, np.minimum(index, index[-1] - index)))
 
 
 def _within(value: Array, low: float | None, high: float | None, width: float) -> Array:

@@ -2,6 +2,11 @@
 
 from .bundle import write_truth as write_truth
 from .craters import craters_of as craters_of
+from .merging import merge_counts as merge_counts
+from .merging import write_merged as write_merged
 from .rasters import rock_rasters as rock_rasters
 from .size_frequency import shape_figures as shape_figures
+from .tiled import disjoint as disjoint
+from .tiled import require_parquet as require_parquet
+from .tiled import write_tile_truth as write_tile_truth
 from .traversability import rate_world as rate_world

@@ -114,9 +114,13 @@ class Sample:
         A rock's place does not depend on the nodes, so they count without bias; the error is that
         of independent nodes, which is more than that of nodes on a lattice.
         """
-        nodes = int(self._nodes[_named(self._seen, names)].sum())
+        nodes = self.nodes(names)
         scale = self._node_area / self.area
         return nodes * scale, float(np.sqrt(nodes)) * scale
+
+    def nodes(self, names: Sequence[str]) -> int:
+        """Nodes at which some populations' rocks are on top, one node for each cell."""
+        return int(self._nodes[_named(self._seen, names)].sum())
 
 
 def _outside(field: RockField, world: World) -> RockField:

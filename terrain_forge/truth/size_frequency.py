@@ -37,16 +37,19 @@ def write_size_frequency(
     *,
     rocks: RocksSpec | None = None,
     rock_id: NDArray[np.int32] | None = None,
+    figure: bool = True,
 ) -> list[Path]:
-    """Write size_frequency.json and size_frequency.png into `directory`; returns both.
+    """Write size_frequency.json and, unless not wished, size_frequency.png; returns both.
 
     Arguments as of `size_frequency`.
     """
-    from terrain_forge.truth.size_frequency_figure import write_figure
-
     verification = size_frequency(world, rocks=rocks, rock_id=rock_id)
     text, picture = directory / "size_frequency.json", directory / "size_frequency.png"
     text.write_text(json.dumps(verification, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if not figure:
+        return [text]
+    from terrain_forge.truth.size_frequency_figure import write_figure
+
     write_figure(verification, picture)
     return [text, picture]
 
@@ -205,7 +208,7 @@ def _verification(
     smallest = min(part.smallest for part in wanted)
     outline, outline_error = sample.outline(names)
     number, variance, covered, covered_variance = (
-        float(values) for values in _expected_above(wanted, np.array(smallest))
+        float(values) for values in expected_above(wanted, np.array(smallest))
     )
     cover = float(np.sum(0.25 * np.pi * diameters**2))
     mixed = len(wanted) > 1 and any(part.expectation.area_variance > 0.0 for part in wanted)
@@ -235,7 +238,7 @@ def _verification(
     }
 
 
-def _expected_above(wanted: Sequence[ExpectedCounts], at: Array) -> list[Array]:
+def expected_above(wanted: Sequence[ExpectedCounts], at: Array) -> list[Array]:
     """Expected number above diameters and its variance, then summed πD²/4 [m²] and its variance."""
     kind = ExpectedCounts
     numbers = kind.number_above, kind.number_variance_above
@@ -249,10 +252,16 @@ def _curve(
     """Expected and observed number per m² and cover above logarithmically spaced diameters."""
     ends = min(part.smallest for part in wanted), max(part.largest for part in wanted)
     at = portable.geomspace(*ends, _POINTS)
-    number, variance, covered, covered_variance = _expected_above(wanted, at)
+    return curve_columns(at, wanted, area, *_found_above(diameters, at))
+
+
+def curve_columns(
+    at: Array, wanted: Sequence[ExpectedCounts], area: float, larger: Array, found: Array
+) -> dict[str, list[float]]:
+    """Expected number per m² and cover above diameters, and what was `larger` and its πD²/4."""
+    number, variance, covered, covered_variance = expected_above(wanted, at)
     low, high = count_band(number, variance)
     spread = NORMAL_QUANTILE * np.sqrt(covered_variance)
-    larger, found = _found_above(diameters, at)
     columns = {
         "diameter_m": at,
         "number_expected": number / area,
@@ -267,7 +276,7 @@ def _curve(
     return {name: values.tolist() for name, values in columns.items()}
 
 
-def _found_above(diameters: Array, at: Array) -> tuple[NDArray[np.intp], Array]:
+def _found_above(diameters: Array, at: Array) -> tuple[NDArray[Any], Array]:
     """How many of some ascending diameters lie above each of others, and their sum of πD²/4."""
     larger = len(diameters) - np.searchsorted(diameters, at)
     sums = np.concatenate([[0.0], np.cumsum(0.25 * np.pi * diameters[::-1] ** 2)])

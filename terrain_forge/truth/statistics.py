@@ -37,7 +37,11 @@ def kolmogorov_smirnov(
         return None
     below = 1.0 - number_above(diameters) / total
     steps = np.arange(count + 1) / count
-    distance = float(np.maximum(steps[1:] - below, below - steps[:-1]).max())
+    return smirnov(float(np.maximum(steps[1:] - below, below - steps[:-1]).max()), count)
+
+
+def smirnov(distance: float, count: int) -> dict[str, float]:
+    """A distance of so many from their law, with its p-value and what is critical."""
     root = np.sqrt(count)
     shift, stretch = 1 / (6 * root) - 1 / (4 * count), 1 + 1 / (4 * count)
     return {

@@ -16,6 +16,7 @@ from .outlines import split_merged as split_merged
 from .probe import newton as newton
 from .probe import read_answer as read_answer
 from .probe import resting_balls as resting_balls
+from .reading import BACKDROP as BACKDROP
 from .reading import Body as Body
 from .reading import Reading as Reading
 from .reading import SolidsOfRocks as SolidsOfRocks

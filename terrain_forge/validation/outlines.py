@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion
 from terrain_forge.model import Heightfield, Mesh
-from terrain_forge.validation.reading import MERGED, SolidsOfRocks, is_ground, rock_of
+from terrain_forge.validation.reading import BACKDROP, MERGED, SolidsOfRocks, is_ground, rock_of
 from terrain_forge.validation.sample import Sample
 
 _TURNS = np.arange(8) * np.pi / 4
@@ -95,7 +95,7 @@ def ground_and_rocks(
     solids = SolidsOfRocks(sample.rocks)
     for name, matrix, mesh in parts:
         rock = rock_of(name)
-        if rock is not None and not solids.wants(rock):
+        if name in BACKDROP or (rock is not None and not solids.wants(rock)):
             continue
         if rock is not None:
             solids.add(rock, placed(mesh.vertices, matrix))

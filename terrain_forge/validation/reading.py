@@ -17,6 +17,8 @@ from terrain_forge.paths import Deviation
 
 MERGED = -1
 """Rock of a solid that the export does not name."""
+BACKDROP = "horizon", "sky"
+"""What exports call what lies beyond the border; no rays and no rocks are looked for in it."""
 _ROCK = re.compile(r"(?:^|/)rock_(\d+)(?:$|_|/)")
 
 

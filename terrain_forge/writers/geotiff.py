@@ -24,6 +24,7 @@ def write_geotiff(
     nodata: float | None = None,
     description: str | Sequence[str] = "",
     cloud_optimized: bool = False,
+    classes: Sequence[tuple[str, tuple[float, float, float]]] = (),
 ) -> None:
     """Write a value or a colour per node of the ground as a GeoTIFF in the site's local CRS.
 
@@ -42,6 +43,8 @@ def write_geotiff(
         description: What the band holds, in a few words; of values for several bands, each band's.
         cloud_optimized: Write blocks and overviews, of which each holds nodes of the full grid, in
             the order that readers over the network want (COG).
+        classes: Name and sRGB colour, 0 to 1, of the values from 0 on, where they are classes: they
+            become tags `TERRAIN_FORGE_CLASS_n` and the colour table.
 
     Raises:
         ValueError: if the grid has another shape than the ground.
@@ -66,6 +69,7 @@ def write_geotiff(
     }
     coloured = grid.ndim == 3 and isinstance(description, str)
     told = [description] * 3 if isinstance(description, str) else description
+    tags |= {f"TERRAIN_FORGE_CLASS_{n}": name for n, (name, _) in enumerate(classes)}
     bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
     west, _, _, north = world_ground.bounds
     profile: dict[str, Any] = {
@@ -91,6 +95,9 @@ def write_geotiff(
                     file.set_band_unit(band + 1, units)
                 if coloured:
                     file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
+                if classes:
+                    colours = [tuple(round(255 * part) for part in rgb) for _, rgb in classes]
+                    file.write_colormap(1, {n: (*c, 255) for n, c in enumerate(colours)})
                 file.update_tags(AREA_OR_POINT="Area", **tags)
             path.write_bytes(memory.getbuffer())
 

@@ -30,9 +30,12 @@ ORDER = [
     {"driving", "sensors", "illumination"},
     {"validation", "datasets"},
     {"building", "exporters"},
-    {"recording", "evaluation"},
+    {"recording", "evaluation", "tiling", "variation"},
+    {"learning"},
     {"report", "terminal"},
     {"pipeline"},
+    {"studies"},
+    {"commands"},
     {"cli", "__init__"},
     {"__main__"},
 ]
@@ -254,7 +257,7 @@ def test_every_package_comes_with_the_wheel():
         for name, home in homes.items()
         for path in home.rglob("__init__.py")
     }
-    data = {"terrain_forge.dtm_samples", "terrain_forge.recipes"}
+    data = {"terrain_forge.dtm_samples", "terrain_forge.recipes", "terrain_forge.recipes.studies"}
     assert set(listed) == found | data
 
 

@@ -42,7 +42,7 @@ ROWS = {
     f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each",
     "a world": "what the machine's memory holds, by the estimate of `terrain-forge check`",
     "a saved world": f"{world.MAX_JSON // MIB:,} MiB of world.json; {manifest.MAX_MANIFEST // MIB} "
-    "MiB of manifest.json; arrays.npz uncompressed, of the size that it says",
+    "MiB of manifest.json; arrays.npz and shared.npz uncompressed, of the size that they say",
 }
 
 

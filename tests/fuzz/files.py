@@ -15,7 +15,14 @@ from typing import Any
 from tests.fuzz import samples
 from tests.fuzz.recipes import NUMBERS, TEXTS
 
-_WORLD = ("world/world.json", "world/arrays.npz", "manifest.json", "paths/way.csv", "report.html")
+_WORLD = (
+    "world/world.json",
+    "world/arrays.npz",
+    "world/shared.npz",
+    "manifest.json",
+    "paths/way.csv",
+    "report.html",
+)
 
 
 class Files:

@@ -12,7 +12,7 @@ from terrain_forge.datasets.point_files import Encoding, PointFile, points_of
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
-from terrain_forge.datasets.writer import DatasetWriter, needed, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Need, needed, one_of
 
 _HEAD = "# timestamp tx ty tz qx qy qz qw, of the lidar in the world at each sweep's first firing\n"
 
@@ -44,6 +44,7 @@ class Clouds(DatasetWriter):
     kind: ClassVar[str] = "clouds"
     title: ClassVar[str] = "point clouds"
     Options: ClassVar[type[Spec]] = Options
+    needs: ClassVar[tuple[Need, ...]] = ("a lidar",)
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a lidar, and LAZ without its library."""

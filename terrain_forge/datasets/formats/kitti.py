@@ -20,7 +20,7 @@ from terrain_forge.datasets.pictures import (
 from terrain_forge.datasets.poses import Poses, inverse_pose
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedLidar
-from terrain_forge.datasets.writer import DatasetWriter, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
 
 Number = Annotated[str, Len(2, 2), Predicate(str.isdecimal)]
 
@@ -45,6 +45,7 @@ class Kitti(DatasetWriter):
     kind: ClassVar[str] = "kitti"
     title: ClassVar[str] = "KITTI odometry"
     Options: ClassVar[type[Spec]] = Options
+    needs: ClassVar[tuple[Need, ...]] = ("two cameras",)
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a rectified stereo pair, or without a lidar of that name."""

@@ -14,7 +14,7 @@ from terrain_forge.datasets.clouds import places
 from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar, RecordedSeries
-from terrain_forge.datasets.writer import DatasetWriter
+from terrain_forge.datasets.writer import DatasetWriter, Need
 from terrain_forge.writers import write_png
 
 REGOLITH, CRATER, ROCK, MOUNTAIN, SKY, NONE = 0, 1, 2, 3, 4, 255
@@ -46,6 +46,7 @@ class Lusnar(DatasetWriter):
     kind: ClassVar[str] = "lusnar"
     title: ClassVar[str] = "LuSNAR"
     Options: ClassVar[type[Spec]] = Options
+    needs: ClassVar[tuple[Need, ...]] = ("two cameras", "depth", "class")
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a stereo pair that has depth and classes."""

@@ -11,7 +11,7 @@ from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_dep
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedCamera
-from terrain_forge.datasets.writer import DatasetWriter, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +31,7 @@ class Tum(DatasetWriter):
     kind: ClassVar[str] = "tum"
     title: ClassVar[str] = "TUM RGB-D"
     Options: ClassVar[type[Spec]] = Options
+    needs: ClassVar[tuple[Need, ...]] = ("depth",)
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without depth."""

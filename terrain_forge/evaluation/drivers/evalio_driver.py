@@ -13,8 +13,6 @@ import numpy as np
 from evalio import pipelines, types
 from recorded import about, quaternion_of, sweeps, table, transform, write_pose
 
-COLUMNS = 1800
-
 
 def pose_of(matrix: Any) -> Any:
     """Evalio's pose of a matrix, shape [4, 4]."""
@@ -23,26 +21,37 @@ def pose_of(matrix: Any) -> Any:
     return types.SE3(turn, np.ascontiguousarray(matrix[:3, 3]))
 
 
-def organised(points: Any, rings: int, period: float) -> list[Any]:
-    """All cells of a sweep; those without a return are at the origin."""
+class Grid:
+    """Organised sweeps: all cells, of which those without a return are at the origin."""
 
-    def cell(ring: int, column: int) -> Any:
-        time = types.Duration.from_nsec(int(column * period / COLUMNS))
-        return types.Point(row=ring, col=column, t=time)
+    def __init__(self, rings: int, columns: int, period: float) -> None:
+        self.columns, self._period = columns, period
+        times = [types.Duration.from_nsec(int(n * period / columns)) for n in range(columns)]
+        self._empty = [
+            [types.Point(row=ring, col=column, t=time) for column, time in enumerate(times)]
+            for ring in range(rings)
+        ]
 
-    cells = [[cell(ring, column) for column in range(COLUMNS)] for ring in range(rings)]
-    columns = np.clip(points["time"] * 1e9 / period * COLUMNS, 0, COLUMNS - 1).astype(int)
-    for column, (x, y, z, light, ring, time, _) in zip(
-        columns.tolist(), points.tolist(), strict=True
-    ):
-        cells[ring][column] = types.Point(
-            x=x, y=y, z=z, intensity=light, t=types.Duration.from_nsec(int(time * 1e9)),
-            range=int(1000 * (x * x + y * y + z * z) ** 0.5), row=ring, col=column,
-        )  # fmt: skip
-    return [point for ring in cells for point in ring]
+    def filled(self, points: Any) -> list[Any]:
+        """The cells of a sweep, ring by ring."""
+        cells = [ring[:] for ring in self._empty]
+        turns = points["time"] * 1e9 / self._period
+        if not turns.any():  # all at one time: clockwise from behind, as it turns
+            turns = 0.5 - np.arctan2(points["y"], points["x"]) / (2.0 * np.pi)
+        places = np.round(turns * self.columns, 3).astype(int) % self.columns
+        for column, (x, y, z, light, ring, time, _) in zip(
+            places.tolist(), points.tolist(), strict=True
+        ):
+            cells[ring][column] = types.Point(
+                x=x, y=y, z=z, intensity=light, t=types.Duration.from_nsec(int(time * 1e9)),
+                range=int(1000 * (x * x + y * y + z * z) ** 0.5), row=ring, col=column,
+            )  # fmt: skip
+        return [point for ring in cells for point in ring]
 
 
-def prepared(kind: str, words: list[str], dataset: Path, rings: int, rate: float) -> Any:
+def prepared(
+    kind: str, words: list[str], dataset: Path, *, rings: int, columns: int, rate: float
+) -> Any:
     """The pipeline with its parameters, sensors and frames told."""
     told = about(dataset)
     pipeline = getattr(pipelines, kind)()
@@ -56,7 +65,7 @@ def prepared(kind: str, words: list[str], dataset: Path, rings: int, rate: float
     pipeline.set_params(parameters)
     pipeline.set_lidar_params(
         types.LidarParams(
-            num_rows=rings, num_columns=COLUMNS, min_range=0.5, max_range=100.0, rate=rate
+            num_rows=rings, num_columns=columns, min_range=0.5, max_range=100.0, rate=rate
         )
     )
     imus = [one for one in told["sensors"] if one["kind"] == "imu"]
@@ -86,7 +95,10 @@ def main(dataset: Path, output: Path, kind: str, words: list[str]) -> None:
     name = streams["lidar0"]["name"]
     lidar = next(one for one in about(dataset)["sensors"] if one["name"] == name)
     rings = len(lidar["elevations_deg"]) or int(lidar["channels"])
-    pipeline = prepared(kind, words, dataset, rings, rate)
+    firing = 1e-6 * float(lidar["firing_period_us"])
+    columns = int(1.0 / (rate * firing) + 1e-6) if firing else int(lidar["horizontal_samples"])
+    pipeline = prepared(kind, words, dataset, rings=rings, columns=columns, rate=rate)
+    grid = Grid(rings, columns, period)
     stamps, felt = table(dataset, "imu0") if "imu0" in streams else ([], [])
     row = 0
     with output.open("w", encoding="utf-8") as file:
@@ -96,7 +108,7 @@ def main(dataset: Path, output: Path, kind: str, words: list[str]) -> None:
                 gyro, force = felt[row, :3].copy(), felt[row, 3:6].copy()
                 pipeline.add_imu(types.ImuMeasurement(when, gyro, force))
                 row += 1
-            whole = organised(points, rings, period)
+            whole = grid.filled(points)
             pipeline.add_lidar(types.LidarMeasurement(types.Stamp.from_nsec(stamp), whole))
             for when, where in pipeline.saved_estimates():
                 turn = where.rot

@@ -2,14 +2,17 @@
 
 Gravity and radius: NASA fact sheet (Williams). Irradiance: 1361 W/m² (Kopp & Lean 2011,
 doi:10.1029/2010GL045777) over the square of the mean distance in astronomical units. Rocks are
-taken as basalt; q(k) of Golombek et al. 2003, LPSC XXXIV. Density and colours are assumptions
-within the usual ranges (docs/science.md); the soils' order is that of the albedos, bright dust
-about 0.25 to 0.3 and dark sand 0.1 to 0.15. Craters: complex from about 6 km (Robbins & Hynek 2012,
-doi:10.1029/2011JE003967). Fresh ones of a kilometre are 0.2 D deep, an average of what is reported
-for primaries. Laws of large craters are too deep for small ones (Watters et al. 2015, JGR Planets
-120, 226, from the abstract): 0.15 D at the small end is an assumption, the middle
-between primaries (0.2) and secondaries (0.1), which counts do not tell apart. No diffusivity was
-measured that would hold all over the planet: craters wear as equilibrium needs.
+taken as basalt; q(k) of Golombek et al. 2003, LPSC XXXIV. Density is an assumption within the usual
+ranges (docs/science.md). Colours: dust has the chromaticity x = 0.42, y = 0.36, rock without it
+0.32, 0.32, each to within 0.02 to 0.03 (InSight, Maki et al. 2021, doi:10.1029/2020EA001336); soils
+are mixtures of both, a little towards the yellow of Curiosity's raw pictures (red over blue 1.7 to
+1.8), with luminances of 0.18 (dust), 0.13 and 0.08 (sand); rocks show dust in part. Craters:
+complex from about 6 km (Robbins & Hynek 2012, doi:10.1029/2011JE003967). Fresh ones of a kilometre
+are 0.2 D deep, an average of what is reported for primaries. Laws of large craters are too deep for
+small ones (Watters et al. 2015, JGR Planets 120, 226, from the abstract): 0.15 D at the small end
+is an assumption, the middle between primaries (0.2) and secondaries (0.1), which counts do not tell
+apart. No diffusivity was measured that would hold all over the planet: craters wear as equilibrium
+needs.
 Repose:
 33°, an assumption within what dry sand and lee faces of dunes have (30° to 34°). Relief: Hellas to
 Olympus Mons.
@@ -40,13 +43,13 @@ MARS = Body(
     sun_diameter=0.00611,
     airless=False,
     sky_rgb=(0.78, 0.50, 0.40),
-    ground_rgb=(0.65, 0.43, 0.29),
+    ground_rgb=(0.50, 0.37, 0.28),
     soils=(
-        Soil(name="mars_dust", rgb=(0.73, 0.51, 0.35)),
-        Soil(name="mars_plains", rgb=(0.65, 0.43, 0.29)),
-        Soil(name="mars_sand", rgb=(0.44, 0.34, 0.28)),
+        Soil(name="mars_dust", rgb=(0.59, 0.42, 0.31)),
+        Soil(name="mars_plains", rgb=(0.50, 0.37, 0.28)),
+        Soil(name="mars_sand", rgb=(0.36, 0.30, 0.25)),
     ),
-    rock_rgb=(0.44, 0.33, 0.27),
+    rock_rgb=(0.36, 0.31, 0.27),
     rock_density=2900.0,
     rock_decay=(1.79, 0.152),
     roughness=(0.58, 0.0959),

@@ -2,8 +2,10 @@
 
 Gravity and radius: NASA fact sheet (Williams). Irradiance: Kopp & Lean 2011,
 doi:10.1029/2010GL045777. Rocks are taken as breccia; q(k) is a fit to orbital and descent images
-(Li & Wu 2018, doi:10.1029/2017JE005496), known at second hand. Density and colours are assumptions
-within the usual ranges (docs/science.md); maria have an albedo of about 0.07, highlands 0.15.
+(Li & Wu 2018, doi:10.1029/2017JE005496), known at second hand. Density is an assumption within the
+usual ranges (docs/science.md). Colours: maria reflect about 0.08 of the light, highlands 0.15, a
+third more of red than of blue (laboratory spectra of Apollo's soils, as commonly quoted: an
+assumption); rocks are an eighth brighter than their soil, which covers most of them.
 Craters: complex where the depths of simple and complex ones cross (Pike 1977). Fresh ones are as
 deep as Pike's, 0.196 D^1.010 km, and the shallower the smaller they are: the two figures are a fit,
 within 0.005, to the classes of Stopar et al. 2017, doi:10.1016/j.icarus.2017.05.022 (0.13 from 40
@@ -36,12 +38,12 @@ MOON = Body(
     sun_diameter=0.00930,
     airless=True,
     sky_rgb=(0.0, 0.0, 0.0),
-    ground_rgb=(0.42, 0.41, 0.39),
+    ground_rgb=(0.39, 0.375, 0.35),
     soils=(
-        Soil(name="lunar_mare", rgb=(0.35, 0.34, 0.33)),
-        Soil(name="lunar_highlands", rgb=(0.50, 0.49, 0.47)),
+        Soil(name="lunar_mare", rgb=(0.325, 0.31, 0.285), rock_rgb=(0.345, 0.335, 0.31)),
+        Soil(name="lunar_highlands", rgb=(0.44, 0.425, 0.395), rock_rgb=(0.465, 0.455, 0.43)),
     ),
-    rock_rgb=(0.52, 0.51, 0.49),
+    rock_rgb=(0.415, 0.40, 0.375),
     rock_density=2700.0,
     rock_decay=(0.5648, 0.01285),
     roughness=(0.76, 0.05),

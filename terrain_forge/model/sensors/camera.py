@@ -18,7 +18,7 @@ from terrain_forge.model.camera_parts import (
     LensFlare,
 )
 from terrain_forge.model.distortion import AnyDistortion, Equidistant
-from terrain_forge.model.sensor import Form, Sdf, Sensor, Topic, View, white_noise
+from terrain_forge.model.sensor import Form, Near, Sdf, Sensor, Topic, View, white_noise
 
 _BENT = {"": (), "radtan": ("sdf", "usd"), "equidistant": ("usd",)}
 """The formats that know a distortion."""
@@ -117,6 +117,8 @@ class CameraSensor(Sensor):
     """Time from the first row's exposure to the last one's [s]; 0 for all at once."""
     flare: LensFlare | None = field(default_factory=LensFlare)
     """Sunlight that goes astray in the lens; null for none."""
+    near_m: Near = 0.005
+    """What of the rover is nearer than this is not seen, such as the sensor's own housing [m]."""
     channels: tuple[Channel, ...] = ()
     """What is true of each pixel's centre, beside the pictures: of the rectified ones where there
     are any, else of the raw ones. Disparity is a stereo pair's."""
@@ -214,7 +216,7 @@ class CameraSensor(Sensor):
         lens = {
             "horizontal_fov": self.view.horizontal_fov,
             "image": {"width": self.width_px, "height": self.height_px, "format": "R8G8B8"},
-            "clip": {"near": _NEAR, "far": far},
+            "clip": {"near": max(_NEAR, self.near_m), "far": far},
         }
         told = lens | white_noise(self.noise.at_half) | self.view.sdf_lens()
         return "camera", {"camera": told}

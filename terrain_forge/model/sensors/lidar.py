@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 
 from terrain_forge.base import Array, Fraction, NotNegative
 from terrain_forge.model.lidar_presets import LIDAR_PRESETS
-from terrain_forge.model.sensor import Angle, Form, Sdf, Sensor, Topic, white_noise
+from terrain_forge.model.sensor import Angle, Form, Near, Sdf, Sensor, Topic, white_noise
 
 Elevation = Annotated[float, Interval(ge=-90, le=90)]
 Speed = Annotated[float, Interval(ge=-1e6, le=1e6)]
@@ -89,6 +89,8 @@ class LidarSensor(Sensor):
     """What a white surface that faces the lidar has 100 of: `reflectivity` is reflectance times the
     cosine of incidence, the range made up for as in the devices themselves; `power` is that over
     the square of the range, 100 at 10 m."""
+    near_m: Near = 0.005
+    """What of the rover is nearer than this is not seen, such as the sensor's own housing [m]."""
     sees_rover: bool = True
     """Whether points on the rover itself are kept; else beams that it blocks return nothing."""
 

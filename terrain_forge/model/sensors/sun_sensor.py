@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.model.sensor import Sensor
+from terrain_forge.model.sensor import Near, Sensor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,6 +26,8 @@ class SunSensor(Sensor):
     """Samples per second [Hz]."""
     fov_deg: Annotated[float, Interval(gt=0, le=360)] = 140.0
     """Angle of its view's cone, from side to side [degrees]."""
+    near_m: Near = 0.005
+    """What of the rover is nearer than this hides nothing, such as the sensor's own housing [m]."""
     noise_deg: Annotated[float, Interval(ge=0, le=10)] = 0.1
     """Error of the direction, its standard deviation in each of two ways across [degrees]."""
     bias_deg: Annotated[float, Interval(ge=0, le=10)] = 0.0

@@ -17,10 +17,10 @@ from terrain_forge.report.recorded.measures import ImuErrors, RingCounts, WorldS
 from terrain_forge.sensors import allan_deviation
 
 _AXES = ("#b4552d", "#2f6f8f", "#5f8a3a")
-_INK = "#4a433d"
+INK = "#4a433d"
 _DRAWN = 2000
 """Columns that a line over time has; each shows the least and the largest value in it."""
-_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9, "labelcolor": _INK}
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9, "labelcolor": INK}
 
 
 def imu_plot(measured: ImuErrors, *, densities: Sequence[tuple[float, float]]) -> bytes:
@@ -31,7 +31,7 @@ def imu_plot(measured: ImuErrors, *, densities: Sequence[tuple[float, float]]) -
         densities: White noise N and walk K of the rates and of the forces.
     """
     beside = measured.errors is not None
-    figure = _figure(11.0 if beside else 6.0, 6.0)
+    figure = blank_figure(11.0 if beside else 6.0, 6.0)
     axes = figure.subplots(2, 2 if beside else 1, squeeze=False)
     figure.subplots_adjust(
         left=0.085 if beside else 0.13, right=0.985, bottom=0.09, top=0.95, hspace=0.32, wspace=0.3
@@ -39,18 +39,18 @@ def imu_plot(measured: ImuErrors, *, densities: Sequence[tuple[float, float]]) -
     for row, (title, unit) in enumerate((("Rates", "rad/s"), ("Specific forces", "m/s²"))):
         over_time, part = axes[row, 0], slice(3 * row, 3 * row + 3)
         _draw_over_time(over_time, measured.times, measured.told[:, part])
-        over_time.set_title(f"{title} [{unit}]", fontsize=10, loc="left", color=_INK)
+        over_time.set_title(f"{title} [{unit}]", fontsize=10, loc="left", color=INK)
         if measured.errors is not None:
             errors = measured.errors[:, part]
             _draw_allan(axes[row, 1], errors, measured.rate, *densities[row])
             heading = f"Allan deviation of their errors [{unit}]"
-            axes[row, 1].set_title(heading, fontsize=10, loc="left", color=_INK)
+            axes[row, 1].set_title(heading, fontsize=10, loc="left", color=INK)
     axes[1, 0].set_xlabel("time [s]")
-    axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, **_LEGEND)
+    axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, **LEGEND)
     if beside:
         axes[1, 1].set_xlabel("time of averaging τ [s]")
-        axes[0, 1].legend(loc="best", **_LEGEND)
-    return _png(figure)
+        axes[0, 1].legend(loc="best", **LEGEND)
+    return png_of(figure)
 
 
 def _draw_over_time(axes: Axes, times: Array, values: Array) -> None:
@@ -77,7 +77,7 @@ def _draw_allan(axes: Axes, errors: Array, rate: float, white: float, walk: floa
     )
     for name, line, style in lines:
         if line.any():
-            axes.plot(times, line, style, color=_INK, linewidth=1.0, label=name)
+            axes.plot(times, line, style, color=INK, linewidth=1.0, label=name)
     axes.set_xscale("log")
     if found.any():
         axes.set_yscale("log")
@@ -89,7 +89,7 @@ def _draw_allan(axes: Axes, errors: Array, rate: float, white: float, walk: floa
 
 def sweep_plot(sweep: WorldSweep | None, counts: RingCounts) -> bytes:
     """A sweep from above, by ring; beside it the returns per ring."""
-    figure = _figure(11.0 if sweep else 6.0, 4.6)
+    figure = blank_figure(11.0 if sweep else 6.0, 4.6)
     axes = figure.subplots(1, 2 if sweep else 1, squeeze=False)[0]
     figure.subplots_adjust(left=0.07, right=0.985, bottom=0.12, top=0.93, wspace=0.22)
     if sweep:
@@ -97,9 +97,9 @@ def sweep_plot(sweep: WorldSweep | None, counts: RingCounts) -> bytes:
         reach = 1.05 * float(np.percentile(np.abs(places).max(axis=1), 97.0))
         colours = sweep.ring / max(sweep.rings - 1, 1)
         axes[0].scatter(*places.T, c=colours, cmap="viridis", s=1.2, linewidths=0)
-        axes[0].plot(0, 0, "+", color=_INK)
+        axes[0].plot(0, 0, "+", color=INK)
         axes[0].set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        axes[0].set_title("A sweep from above, by ring", fontsize=10, loc="left", color=_INK)
+        axes[0].set_title("A sweep from above, by ring", fontsize=10, loc="left", color=INK)
         axes[0].set_xlabel("east of the lidar [m]")
         axes[0].set_ylabel("north of it [m]")
     bars, rings = axes[-1], np.arange(len(counts.ground))
@@ -107,23 +107,25 @@ def sweep_plot(sweep: WorldSweep | None, counts: RingCounts) -> bytes:
     if counts.rover.any():
         below = counts.ground
         bars.bar(rings, counts.rover, width=1.0, bottom=below, color=_AXES[0], label="the rover")
-        bars.legend(loc="upper right", **_LEGEND)
-    bars.set_title("Returns of a sweep by ring", fontsize=10, loc="left", color=_INK)
+        bars.legend(loc="upper right", **LEGEND)
+    bars.set_title("Returns of a sweep by ring", fontsize=10, loc="left", color=INK)
     bars.set_xlabel("ring")
     bars.xaxis.set_major_locator(MaxNLocator(integer=True))
     bars.set_xlim(-0.6, len(rings) - 0.4)
-    return _png(figure)
+    return png_of(figure)
 
 
-def _figure(width: float, height: float) -> Figure:
+def blank_figure(width: float, height: float) -> Figure:
+    """A white figure of some inches."""
     figure = Figure(figsize=(width, height), dpi=100, layout=None, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _png(figure: Figure) -> bytes:
+def png_of(figure: Figure) -> bytes:
+    """A figure as PNG, its axes in the page's style."""
     for axes in figure.axes:
-        axes.tick_params(labelsize=9, colors=_INK)
+        axes.tick_params(labelsize=9, colors=INK)
         axes.spines[["top", "right"]].set_visible(False)
     buffer = BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})

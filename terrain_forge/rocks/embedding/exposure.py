@@ -16,7 +16,7 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, worker_threads
+from terrain_forge.base import Array, inner, kernel, remembered, worker_threads
 from terrain_forge.model import RockPrototype
 from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter, mean_width
 
@@ -71,6 +71,7 @@ def exposure(prototypes: Sequence[RockPrototype]) -> Exposure:
     )
 
 
+@remembered
 def _outermost(prototype: RockPrototype) -> tuple[list[Array], list[Array]]:
     """Vertices, and edges by their two ends, that can be outermost in each bracket."""
     mesh = prototype.meshes[0]
@@ -89,6 +90,7 @@ def _outermost(prototype: RockPrototype) -> tuple[list[Array], list[Array]]:
     return [points[row] for row in marked], [lines[row] for row in crossed]
 
 
+@remembered
 def _upright(prototype: RockPrototype) -> list[float]:
     points, lines = prototype.meshes[0].vertices.copy(), edges(prototype.meshes[0])
     levels = points[:, 2].min() + np.ptp(points[:, 2]) * _BURIALS

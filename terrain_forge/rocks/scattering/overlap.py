@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, over_chunks
-from terrain_forge.model import RockField, RockLibrary, World, merge, rotations
+from terrain_forge.base import Array, inner, kernel, over_chunks, remembered
+from terrain_forge.model import RockField, RockLibrary, RockPrototype, World, merge, rotations
 from terrain_forge.rocks.embedding.outline import convex_hull
 
 
@@ -53,11 +53,7 @@ def overlapping_pairs(field: RockField, library: RockLibrary) -> list[tuple[int,
         field: The rocks.
         library: Their shapes.
     """
-    from scipy.spatial import ConvexHull
-
-    # The corners of a prototype's convex hull are all that an outline can have.
-    meshes = [prototype.meshes[0].vertices for prototype in library.prototypes]
-    outer = [vertices[ConvexHull(vertices).vertices] for vertices in meshes]
+    outer = [_corners(prototype) for prototype in library.prototypes]
     largest = np.array([np.linalg.norm(v, axis=1).max() for v in outer])
     rocks = _Rocks(
         centre=field.position[:, :2].copy(),
@@ -76,6 +72,15 @@ def overlapping_pairs(field: RockField, library: RockLibrary) -> list[tuple[int,
     over_chunks(_overlap, len(near), near, rocks, overlap)
     found = np.sort(field.id[near[overlap]], axis=1)
     return sorted((int(one), int(other)) for one, other in found)
+
+
+@remembered
+def _corners(prototype: RockPrototype) -> Array:
+    """The corners of a shape's convex hull, which are all that an outline can have."""
+    from scipy.spatial import ConvexHull
+
+    vertices = prototype.meshes[0].vertices
+    return np.asarray(vertices[ConvexHull(vertices).vertices])
 
 
 class _Rocks(NamedTuple):

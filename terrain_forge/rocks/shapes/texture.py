@@ -13,7 +13,7 @@ from terrain_forge.model import Mesh
 TEXTURE_SIDE = 256
 """Pixels of the tile each way."""
 MEAN_BRIGHTNESS = 200.0
-"""Mean of the tile, of 255: so much a population's colour is darkened on the whole."""
+"""Mean of the tile, of 255, which stands for a population's colour."""
 
 _GRAINS = 52  # cells of the mineral grains across the tile
 

@@ -189,6 +189,7 @@ class CameraFrames(Frames):
             time=eye.times,
             colour=self.sensor.colour,
             tracks_behind=self._driven(eye.time),
+            near=self.sensor.near_m,
         )
 
     def _picture(self, number: int, style: str) -> tuple[Image, Exposure]:
@@ -228,6 +229,7 @@ class CameraFrames(Frames):
             light.towards_sun,
             radius=radius,
             time=eye.time,
+            near=self.sensor.near_m,
         )
         sun = SunSeen(towards, radius, light.irradiance * beam(light), part)
         radiance = np.array(exposure.radiance)
@@ -271,8 +273,9 @@ class CameraFrames(Frames):
         position, rotation = eye.middle
         place = position + aside * rotation[:, 0]
         return channels.occlusion_file(
-            self.setting.scenery, exposure, points, place, lens, rotation, eye.time
-        )
+            self.setting.scenery, exposure, points, place, lens, rotation, eye.time,
+            self.sensor.near_m,
+        )  # fmt: skip
 
     def _key(self, *words: int) -> np.uint64:
         """What chance at an address hangs on."""

@@ -72,7 +72,9 @@ class SunSensing(Series):
         for second in np.unique(seconds).tolist():
             own = np.flatnonzero(seconds == second)
             towards = np.tile(sun, (len(own), 1))
-            hits = self.setting.scenery.cast(places[own], towards, times[own])
+            hits = self.setting.scenery.cast(
+                places[own], towards, times[own], near=self.sensor.near_m
+            )
             free[own] = np.isinf(hits.distance)
         return free
 

@@ -15,7 +15,8 @@ from terrain_forge.base import Array, Key, RecipeError, Spec, portable, stage_ke
 from terrain_forge.dtm import Nodes, PixelFrame
 from terrain_forge.model import Roughness, Site, Window
 from terrain_forge.terrain.continuation import Grain, Octaves, continue_dtm, noise_at
-from terrain_forge.terrain.layer import Layer
+from terrain_forge.terrain.layer import Beyond, Layer
+from terrain_forge.terrain.noise import octaves
 
 # Mean square difference of the unit-lattice noise at distances 2^(n/2), n = -12 … 8, over 4 million
 # pairs each (measured again by tests/test_terrain.py).
@@ -117,22 +118,45 @@ class Fractal(Layer):
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Noise octaves from the longest wavelength down to what the spacing can hold."""
+        noise = self._noise(site)
+        if site.dtm is None or not self.keep_means:
+            return noise_at(site, Nodes.of(window), noise)
+        return continue_dtm(site=site, window=window, noise=noise)
+
+    def beyond(self, site: Site) -> Beyond | None:
+        """The octaves whose waves the nodes can show, as rough as the ground is on the whole."""
+        noise = self._noise(site)
+
+        def relief(east: Array, north: Array, cell: float) -> Array:
+            shown = np.clip(noise.wavelengths / cell - 1.5, 0.0, 1.0)
+            count = int(np.count_nonzero(shown))
+            if not count:
+                return np.zeros((len(north), len(east)))
+            return octaves(
+                noise.key,
+                east=east,
+                north=north,
+                wavelengths=noise.wavelengths[:count],
+                amplitudes=(noise.factors * shown)[:count],
+            )
+
+        return relief
+
+    def _noise(self, site: Site) -> Octaves:
+        """The noise that continues the ground."""
         wavelengths = self.octaves(site)
         hurst = self.figures(site).hurst
         factors = octave_amplitudes(self.figures(site), wavelengths)
         if site.dtm is None and len(wavelengths):
             baseline = min(self._baseline, wavelengths[0] / _FEWEST_BASELINES)
             factors *= end_factors(hurst, wavelengths, baselines=(baseline, site.spacing))
-        noise = Octaves(
+        return Octaves(
             key=stage_key(site.seed, _STAGE),
             wavelengths=wavelengths,
             factors=self.gain * factors,
             variation=self.variation(site),
             grains=_grains(site, hurst) if self._follows(site) else (),
         )
-        if site.dtm is None or not self.keep_means:
-            return noise_at(site, Nodes.of(window), noise)
-        return continue_dtm(site=site, window=window, noise=noise)
 
     @property
     def _baseline(self) -> float:

@@ -84,7 +84,7 @@ def whole(site):
 
 LAYOUT = """
 manifest.json report.html preview.png timings.json world/world.json world/arrays.npz
-truth/surface.tif truth/surface_with_rocks.tif truth/rock_id.tif truth/rocks.csv
+world/shared.npz truth/surface.tif truth/surface_with_rocks.tif truth/rock_id.tif truth/rocks.csv
 truth/size_frequency.json truth/size_frequency.png paths/arc.csv paths/arc.tum
 sdf/world.sdf sdf/scene.sdf mjcf/world.xml mjcf/scene.xml usd/world.usda usd/scene.usda
 validation/report.json
@@ -227,15 +227,21 @@ def test_second_build_replaces_ours_and_refuses_others(built, tmp_path):
 
 @pytest.fixture
 def heeded():
-    """Children heed Ctrl-C, though a shell that starts the tests in the background ignores it."""
+    """Children heed Ctrl-C and the terminal's end, which tests in the background may ignore."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGHUP, hangup)
 
 
 @pytest.mark.usefixtures("heeded")
 @pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)]
+    "number",
+    [
+        signal.SIGINT,
+        *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGHUP, signal.SIGKILL)),
+    ],
 )
 def test_interruption_leaves_nothing_half(tmp_path, number):
     path = recipe(tmp_path / "work", MINI)

@@ -201,12 +201,19 @@ def test_a_validation_names_what_was_added_and_keeps_it(world):
     assert (world / "validation" / "drive_notes.txt").exists()
 
 
-def test_a_validation_says_which_edited_file_of_its_own_it_writes_anew(world):
-    page = world / "report.html"
-    page.write_text(page.read_text() + "<!-- mine -->")
-    done = run("validate", world, "--quick")
-    assert (done.returncode, "changed since it was built: report.html" in done.stderr) == (0, True)
-    assert "changed" not in run("validate", world, "--quick").stderr
+def test_an_edited_report_is_written_anew_only_by_force(world):
+    report = world / "validation" / "report.json"
+    for edited in (world / "report.html", report):
+        edited.write_text(edited.read_text() + "\n")
+        older = edited.read_bytes()
+        for command in (("validate", world, "--quick"), ("export", world, "--only", "geotiff")):
+            done = run(*command)
+            told = f"1 file changed since it was built: {edited.relative_to(world)}; move"
+            assert (done.returncode, told in done.stderr) == (2, True)
+            assert edited.read_bytes() == older
+        done = run("validate", world, "--quick", "--force")
+        assert (done.returncode, f"removed from {world}: " in done.stderr) == (0, True)
+        assert not altered_files(world, read_manifest(world))
 
 
 def test_a_manifest_cannot_have_files_elsewhere_removed(world):

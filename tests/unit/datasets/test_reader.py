@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from terrain_forge.base import DataError
 from terrain_forge.datasets import open_recording
@@ -121,6 +122,14 @@ BROKEN = {
         lambda f: _swap(f / "mav0/imu0/data.csv", f"{EPOCH + 5_000_000},", f"{EPOCH - 5},"),
         "imu0/data.csv: the stamp of row 2 is not after",
     ),
+    "before 0": (
+        lambda f: _swap(f / "mav0/imu0/data.csv", f"\n{EPOCH},", "\n-5,"),
+        "imu0/data.csv: the stamp -5 is before 0",
+    ),
+    "grey among colours": (
+        lambda f: Image.new("RGB", (64, 48)).save(f / f"mav0/cam0/data/{EPOCH + 200_000_000}.png"),
+        "is of mode RGB, others beside it L",
+    ),
     "words": (
         lambda f: _swap(f / "mav0/imu0/data.csv", "0.02", "much"),
         "imu0/data.csv cannot be read",
@@ -139,7 +148,7 @@ BROKEN = {
 def _read_all(folder):
     found = open_recording(folder)
     for camera in found.cameras:
-        camera.distortion, camera.image(0), camera.depth(0), found.truth_of(camera)
+        camera.distortion, camera.image(0), camera.image(1), camera.depth(0), found.truth_of(camera)
     found.lidars[0].sweep(0)
     assert len(found.imus[0].table[0]) == len(found.body_poses)
 

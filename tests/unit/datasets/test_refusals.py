@@ -85,6 +85,10 @@ def test_a_folder_that_holds_something_stays(tmp_path, recording):
     with pytest.raises(OutputError, match="out exists: remove it"):
         write_dataset(recording, "calibration", tmp_path / "out")
     assert [p.name for p in tmp_path.rglob("*")] == ["out", "mine"]
+    with pytest.raises(StorageError, match="/dev/null/x cannot be written: Not a directory"):
+        write_dataset(recording, "calibration", "/dev/null/x")
+    with pytest.raises(StorageError, match="cannot be written: File name too long"):
+        write_dataset(recording, "calibration", tmp_path / ("a" * 300))
     with pytest.raises(OutputError, match="lies in the recording itself"):
         write_dataset(recording, "calibration", recording.folder / "mav0" / "new")
 

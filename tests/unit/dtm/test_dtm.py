@@ -113,6 +113,16 @@ def test_site_metres_are_true(tmp_path):
     assert lon == pytest.approx(137.4 + np.degrees(200 / 3396190), abs=1e-6)
 
 
+def test_kilometres_are_read_without_a_word(tmp_path, capfd):
+    where = from_origin(5.0, -272.0, 1e-3, 1e-3)
+    write_raster(tmp_path / "dtm.tif", crs=f"{EQC} +units=km", transform=where)
+    capfd.readouterr()
+    site, ground = look(RasterDtm(source="dtm.tif", size_m=(120.0, 80.0)), tmp_path)
+    assert capfd.readouterr().err == ""
+    assert site.dtm.posting == pytest.approx(1.0, rel=1e-3)
+    assert ground.spacing == 0.5
+
+
 def test_north_is_true_on_a_polar_grid(tmp_path):
     write_raster(tmp_path / "dtm.tif", crs=POLAR, transform=from_origin(-200.0, 90150.0, 1.0, 1.0))
     site, _ = look(RasterDtm(source="dtm.tif", size_m=(60.0, 60.0)), tmp_path)

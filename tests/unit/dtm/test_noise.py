@@ -57,7 +57,7 @@ def planned(heights, posting, *, factor=2, margin=20, **options):
     return worlds.site().replace(size=size, spacing=posting / factor, **vars(found))
 
 
-@pytest.mark.parametrize("window", [0.0, 1.0, 1.5, 3, 4])
+@pytest.mark.parametrize("window", [0.0, 0.7, 1.0, 1.5, 3, 4])
 @pytest.mark.parametrize("deviation", [0.2, 0.35])
 def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, window):
     truth = clean()

@@ -130,6 +130,32 @@ def test_runs_have_a_spread(dataset, system):
     assert row.split()[6:10] == ["0.02", "0.01", "to", "0.03"]
 
 
+_SPOILING = """
+    from pathlib import Path
+    (Path(source) / "notes.txt").write_text("x")
+    Path(source, "poses", "00.txt").write_text("")
+"""
+
+
+def test_inputs_are_made_anew_where_a_system_spoiled_them_or_the_recording_grew(
+    dataset, system, caplog
+):
+    names = [
+        system("spoiling", _SPOILING + _KITTI, input="kitti", format="kitti"),
+        system("kitti", _KITTI, input="kitti", format="kitti"),
+    ]
+    results = evaluate_recording(dataset, chosen_systems(",".join(names), dataset))
+    assert [one.score is None for one in results] == [True, False]
+    assert "a system changed its input, which is made anew" in caplog.text
+    (of,) = (dataset / "slam" / "inputs").iterdir()
+    assert not list(of.rglob("notes.txt"))
+    index = dataset / "dataset.json"
+    index.write_text(index.read_text() + "\n")  # as where it grew
+    (one,) = evaluate_recording(dataset, chosen_systems(names[1], dataset))
+    assert one.score is not None
+    assert not of.exists()
+
+
 def test_a_binary_is_named_by_its_path(dataset, tmp_path):
     """ORB-SLAM2 as documented: its three arguments, its file, its format."""
     program = tmp_path / "ORB_SLAM2" / "Examples" / "Stereo" / "stereo_kitti"

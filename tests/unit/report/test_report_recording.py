@@ -183,6 +183,13 @@ def test_a_page_is_renewed_alone_and_the_manifest_knows_it(tmp_path, caplog):
     assert {name for name in before if before[name] != after["outputs"][name]} == {"report.html"}
     assert after["outputs"].keys() == before.keys()
     assert (out / "paths" / "note.txt").read_text() == "mine"
+    with (out / "report.html").open("a", encoding="utf-8") as page:
+        page.write("mine")
+    renew_report_page(world, out)
+    assert "1 file changed since it was built: report.html" in caplog.text
+    assert (out / "report.html").read_text(encoding="utf-8").endswith("mine")
+    renew_report_page(world, out, force=True)
+    assert altered_files(out, read_manifest(out)) == {}
 
 
 def test_a_page_that_fails_is_one_line_and_the_older_stays(tmp_path, monkeypatch, caplog):

@@ -322,7 +322,8 @@ def test_it_sees_the_rover_or_leaves_it_out(hill):
     state = hill.motion.base.at(1e-9 * sweep.begin + sweep.time.astype(float))
     points = deskewed_points(hill, lidar, sweep) - state.position
     points = (np.swapaxes(state.rotation, 1, 2) * points[:, None, :]).sum(axis=-1)
-    low, high = hill.scenery.rover_at(0.65).bodies[-2:]
+    bodies = hill.scenery.rover_at(0.65).bodies
+    low, high = bodies.low, bodies.high
     assert (points[own] > np.array(low) - 1e-3).all()
     assert (points[own] < np.array(high) + 1e-3).all()
     top = own & (np.hypot(points[:, 0] + 0.1, points[:, 1]) < 0.1)

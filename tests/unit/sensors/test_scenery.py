@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from terrain_forge.base import RecipeError, kernel
 from terrain_forge.geometry import rover_looks
+from terrain_forge.making import make_horizon
 from terrain_forge.model import DtmPatch, Trajectory
 from terrain_forge.scene import APRON, BODY, GROUND, MISSED, open_scene, shade8
 from terrain_forge.scene.embree import INCOHERENT
@@ -21,7 +24,7 @@ from terrain_forge.sensors import (
     motion_of_path,
     rolled,
 )
-from terrain_forge.sensors.apron import WorldEdge
+from terrain_forge.terrain import heights_beyond
 from tests.helpers import worlds
 from tests.helpers.rovers import morpheus, skid4
 
@@ -30,9 +33,19 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 @pytest.fixture(scope="module")
 def scenery():
-    world = worlds.world(rover=skid4())
+    world = with_horizon(worlds.world(rover=skid4()))
     with Scenery(world, motion_of_path(world.trajectories[0])) as scenery:
         yield scenery
+
+
+def with_horizon(world):
+    return world.replace(
+        horizon=make_horizon(world.site, world.ground, world.appearance, world.library)
+    )
+
+
+def beyond_edge(scenery):
+    return partial(heights_beyond, scenery.world.ground, scenery.world.horizon)
 
 
 def border(bounds, count=4000):
@@ -51,7 +64,7 @@ def test_the_ground_goes_on_beyond_its_edge_without_step_or_crack(scenery):
     points, outward = border(ground.bounds)
     edge = ground.height_at(*points.T)
     for away in (1e-6, 1e-3):
-        beyond = scenery.edge.heights_at(*(points + away * outward).T)
+        beyond = beyond_edge(scenery)(*(points + away * outward).T)
         assert np.abs(beyond - edge).max() < 2.0 * away + 1e-6
     random = np.random.default_rng(0)
     directions = random.normal(size=(len(points), 3))
@@ -64,7 +77,7 @@ def test_the_ground_goes_on_beyond_its_edge_without_step_or_crack(scenery):
 
 
 def test_light_falls_on_both_sides_of_the_edge_alike(scenery):
-    ground, apron = scenery.world.ground, scenery.edge.apron
+    ground, apron = scenery.world.ground, scenery.world.horizon
     slopes = np.gradient(ground.elevation.astype(float), ground.spacing)
     normals = np.stack([-slopes[1], -slopes[0], np.ones(ground.shape)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -84,24 +97,24 @@ def test_rays_meet_the_apron_where_its_heights_are_and_out_to_the_horizon(scener
     random = np.random.default_rng(1)
     west, south, east, north = scenery.world.ground.bounds
     half = np.array([east - west, north - south]) / 2
-    away = np.exp(random.uniform(np.log(1e-3), np.log(0.98 * scenery.edge.reach), 5000))
+    away = np.exp(random.uniform(np.log(1e-3), np.log(0.98 * scenery.world.horizon.reach), 5000))
     turn = random.uniform(0, 2 * np.pi, 5000)
     towards = np.column_stack([np.cos(turn), np.sin(turn)])
     towards /= np.abs(towards).max(axis=1, keepdims=True)
     points = np.array([west + east, south + north]) / 2 + towards * (half + away[:, None])
-    heights = scenery.edge.heights_at(*points.T)
+    heights = beyond_edge(scenery)(*points.T)
     assert np.array_equal(heights, scenery.height_at(*points.T))
     hits = scenery.scene.cast(np.column_stack([points, heights + 20.0]), DOWN)
     assert np.all(hits.rock == APRON)
     assert np.abs(hits.distance - 20.0).max() < 1e-3
     near = away < 20.0
     assert np.abs(hits.distance - 20.0)[near].max() < 2e-5
-    far = away > 0.9 * scenery.edge.reach  # level, but for the body's curvature
+    far = away > 0.9 * scenery.world.horizon.reach  # level, but for the body's curvature
     drop = np.hypot(*(points - np.clip(points, (west, south), (east, north))).T) ** 2
     level = heights + drop / (2 * scenery.world.site.body.mean_radius)
     assert np.ptp(level[far]) < 0.2
     with pytest.raises(ValueError, match="beyond the world's edge"):
-        scenery.edge.heights_at(0.0, 0.0)
+        beyond_edge(scenery)(0.0, 0.0)
 
 
 def test_what_lies_within_the_world_is_met_as_before_to_the_bit(scenery):
@@ -109,7 +122,7 @@ def test_what_lies_within_the_world_is_met_as_before_to_the_bit(scenery):
     origins = random.uniform((-11, -7, 3), (11, 7, 6), (4000, 3))
     directions = random.normal(size=(4000, 3))
     with_apron = scenery.scene.cast(origins, directions)
-    with open_scene(scenery.world) as alone:
+    with open_scene(scenery.world.replace(horizon=None)) as alone:
         without = alone.cast(origins, directions)
     met = without.rock != MISSED
     assert np.array_equal(without.rock[met], with_apron.rock[met])
@@ -132,13 +145,13 @@ def test_the_apron_follows_the_dtm_as_far_as_it_goes():
         filled=0,
     )
     world = worlds.world()
-    world = world.replace(site=world.site.replace(dtm=dtm))
-    edge = WorldEdge(world)
+    world = with_horizon(world.replace(site=world.site.replace(dtm=dtm)))
+    edge = partial(heights_beyond, world.ground, world.horizon)
     along = np.linspace(-20.0, 20.0, 9)
-    crest = edge.heights_at(np.full(9, 30.0), along)
-    below = edge.heights_at(np.full(9, 45.0), along)
+    crest = edge(np.full(9, 30.0), along)
+    below = edge(np.full(9, 45.0), along)
     assert np.all(np.abs(crest - below - 3.0) < 0.4)
-    assert np.abs(edge.heights_at(np.full(9, 300.0), along)).max() < 0.5
+    assert np.abs(edge(np.full(9, 300.0), along)).max() < 0.5
 
 
 def test_rays_meet_the_rover_where_it_is_at_their_time(scenery):
@@ -218,8 +231,23 @@ def test_sensors_that_see_nothing_are_refused(scenery):
     inside = seeing[0].replace(position_m=(0.0, 0.0, 0.3))
     with pytest.raises(RecipeError, match=r"inside a box of the rover's link 'base_link'.*\[0, "):
         check_mounts(setting, [inside])
+    with pytest.raises(RecipeError, match=r"or, where that is its housing, give it near_m: 0\.\d+"):
+        check_mounts(setting, [inside])
+    check_mounts(setting, [inside.replace(near_m=1.0)])
     with pytest.raises(RecipeError, match=r"'lidar' is 0\.\d+ m below the ground after .* s of"):
         check_mounts(setting, [seeing[1].replace(position_m=(0.9, 0.0, -0.4))])
+
+
+def test_a_sensor_sees_through_its_housing_and_no_farther(scenery):
+    """From within the chassis: all of it is nearer than a metre, the ground below is not."""
+    place = np.array([[0.0, 0.0, 0.3]])
+    base = scenery.motion.base.at(1.0)
+    origin = base.position + (base.rotation[0] @ place[0])
+    ahead = base.rotation[:, :, 0]
+    assert scenery.cast(origin, ahead, 1.0).rock[0] == BODY
+    free = scenery.cast(origin, ahead, 1.0, near=1.0)
+    assert free.rock[0] != BODY
+    assert free.distance[0] > 1.0
 
 
 def test_a_mast_that_drives_into_a_hill_is_refused():

@@ -1,0 +1,193 @@
+"""A site in tiles: per tile a payload whose levels of detail are variants, one stage over all.
+
+OUT/usd/world.usda                 a prim with a payload per tile, and what they share
+OUT/tiles/ROW/COLUMN/usd/tile.usda the variants `lod` of a tile: `full`, `quarter`, `sixteenth`
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+
+from terrain_forge.base import Array, image_rows
+from terrain_forge.geometry import (
+    GroundLevel,
+    bake_ground,
+    coarse_shape,
+    collision_losses,
+    detail_placement,
+    finest_texture,
+    grid_normals,
+    grid_texture_coordinates,
+    ground_levels,
+    grouped,
+    level_of_detail,
+    rock_texture,
+    shifted,
+    tile_anchor,
+)
+from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
+from terrain_forge.writers import write_png
+
+from .ground import DETAIL, fresh_craters, label_craters
+from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
+from .material import add_normal_map, bind, define_textured
+from .options import Options
+from .rocks import define_instancer, write_library, write_rocks
+from .writing import define_world
+
+LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
+"""Names of the levels of detail, and cells of the ground to one of theirs, each way."""
+_SHARED = "../../../../usd/assets"
+"""The shared assets' folder, from that of a tile."""
+_TILE = "tile"
+
+
+def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
+    """Write a tile's levels of detail and tile.usda; returns its place and the levels' errors."""
+    anchor = tile_anchor(tile, grid)
+    local = Tile(
+        number=tile.number, world=shifted(tile.world, anchor), whole=shifted(tile.whole, anchor)
+    )
+    finer = finest_texture(tile.ground.replace(elevation=_square(grid)), options.texture_pixels)
+    picture = bake_ground(tile.world, finer=finer).rgb
+    write_png(directory / "ground.png", image_rows(picture))
+    shapes = tile.whole.library.prototypes
+    coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
+    levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
+    errors: dict[str, float] = {}
+    strides = {stride: name for name, stride in LEVELS.items()}
+    for level in ground_levels(tile, grid, tuple(strides)):
+        name = strides[level.stride]
+        _write_ground(tile, level, directory / f"ground_{name}.usdc", options=options)
+        errors[name] = level.error
+        if level.stride == 1:
+            write_rocks(
+                local, directory, coarse=coarse, levels=levels, options=options,
+                name="rocks_full", shared=_SHARED,
+            )  # fmt: skip
+            continue
+        shown = local.field.diameter >= smallest_shown(level, tile)
+        errors[name] += float(local.field.height[~shown].max(initial=0.0))
+        _write_far_rocks(local, local.field.select(shown), directory, name)
+    _write_tile(directory / "tile.usda", anchor, list(errors))
+    return {"anchor": anchor.tolist(), "errors": errors}
+
+
+def _square(grid: TileGrid) -> Any:
+    """A grid of as many nodes as most tiles have, so that all pictures are equally fine."""
+    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
+    return np.zeros((side, side), np.float32)
+
+
+def smallest_shown(level: GroundLevel, tile: Tile) -> float:
+    """Diameter of the smallest rocks that a level of detail shows [m]: half its cells' side."""
+    return 0.5 * level.stride * tile.ground.spacing
+
+
+def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Options) -> None:
+    name, ground = path.stem, tile.ground
+    stage = new_stage(path, name)
+    mesh = define_mesh(stage, f"/{name}/surface", level.vertices, level.faces)
+    normals = grid_normals(ground, tile.whole.ground)[level.nodes]
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    define_st(mesh, grid_texture_coordinates(*ground.shape)[level.nodes], UsdGeom.Tokens.vertex)
+    make_collider(mesh, UsdPhysics.Tokens.none)
+    label(mesh.GetPrim(), "ground")
+    if level.stride == 1:
+        label_craters(mesh, ground, fresh_craters(tile.world))
+    look = f"/{name}/Looks/regolith"
+    friction = world_friction(tile.whole.site.body, options)
+    material = define_textured(stage, look, "./ground.png", friction.ground, wrap="clamp")
+    if level.stride == 1 and (detail := tile.whole.appearance.detail):
+        scale, offset = detail_placement(ground, detail)
+        add_normal_map(stage, look, f"{_SHARED}/{DETAIL}", scale=scale, offset=offset)
+    bind(mesh.GetPrim(), material)
+    save(stage)
+
+
+def _write_far_rocks(tile: Tile, rocks: RockField, directory: Path, level: str) -> None:
+    """Write the rocks of a level of detail that are seen from afar, which nothing touches."""
+    name = f"rocks_{level}"
+    stage = new_stage(directory / f"{name}.usdc", name)
+    far = np.array([len(shape.meshes) - 1 for shape in tile.whole.library.prototypes], np.int64)
+    friction = world_friction(tile.whole.site.body, Options()).rock
+    for population, some in grouped(rocks):
+        path = f"/{name}/visual_{population}"
+        levels = far[some.prototype]
+        define_instancer(stage, path, some, tile.whole, levels, shared=_SHARED)
+        image = f"{_SHARED}/rock_{population}.png"
+        look = define_textured(
+            stage, f"/{name}/Looks/rock_{population}", image, friction, wrap="repeat"
+        )
+        bind(stage.GetPrimAtPath(path), look)
+    save(stage)
+
+
+def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
+    """Write the layer that puts a tile to its place and offers its levels of detail."""
+    stage = new_stage(path, _TILE)
+    prim = stage.GetDefaultPrim()
+    UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(*anchor.tolist()))
+    variants = prim.GetVariantSets().AddVariantSet("lod")
+    for name in names:
+        variants.AddVariant(name)
+        variants.SetVariantSelection(name)
+        with variants.GetVariantEditContext():
+            for part in ("ground", "rocks"):
+                child = UsdGeom.Xform.Define(stage, f"/{_TILE}/{part}").GetPrim()
+                child.GetPayloads().AddPayload(f"./{part}_{name}.usdc")
+    variants.SetVariantSelection(names[0])
+    save(stage)
+
+
+def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
+    """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
+    del options
+    assets = directory / "assets"
+    assets.mkdir(exist_ok=True)
+    write_library(world.library, assets)
+    for population in range(len(world.field.populations)):
+        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+    if world.appearance.detail:
+        write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
+
+
+def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
+    """Write world.usda; returns what is lost."""
+    path = directory / "world.usda"
+    stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
+    define_world(stage, tiled.world, options.lights)
+    group = UsdGeom.Xform.Define(stage, f"/{ROOT}/Tiles").GetPrim()
+    Usd.ModelAPI(group).SetKind(Kind.Tokens.group)
+    layer = stage.GetRootLayer()
+    del stage, group
+    parent = layer.GetPrimAtPath(f"/{ROOT}/Tiles")
+    with Sdf.ChangeBlock():
+        for tile in tiled.tiles:
+            name = f"tile_{tile.row:03}_{tile.column:03}"
+            prim = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
+            prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
+            prim.variantSelections["lod"] = list(tile.figures["errors"])[-1]
+    layer.Save()
+    return tuple(_losses(tiled))
+
+
+def _losses(tiled: TiledSite) -> list[str]:
+    step = tiled.grid.step(tiled.site.spacing)
+    worst = {
+        name: max(tile.figures["errors"].get(name, 0.0) for tile in tiled.tiles) for name in LEVELS
+    }
+    far = ", ".join(f"{name} {worst[name]:.2g} m" for name in list(LEVELS)[1:])
+    return [
+        f"The ground's coordinates are rounded to {1e6 * step:.3g} µm.",
+        f"Levels of detail are off by up to: {far}; rocks smaller than half a cell of a level are "
+        "not in it, and nothing but its ground can be touched.",
+        "world.usda shows all tiles at their coarsest: choose the variant `lod` = `full` of those "
+        "that a rover drives on.",
+        *collision_losses(tiled.world.library.prototypes),
+    ]

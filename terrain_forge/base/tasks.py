@@ -1,0 +1,314 @@
+"""Tasks in other processes, on this machine or on a Dask cluster.
+
+A process that ends by a fault, for lack of memory or by a kill takes nothing with it but the task
+that it was at, which is tried again. Tasks leave files; what they return should be small.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from importlib import import_module
+from itertools import islice
+from queue import Empty, SimpleQueue
+from subprocess import PIPE, Popen
+from typing import Any, TypeVar
+
+from terrain_forge.base.errors import OutputError
+from terrain_forge.base.threads import ask_for_interrupt, worker_threads
+
+T = TypeVar("T")
+R = TypeVar("R")
+_TICK = 0.1
+"""How often an interrupt is looked for [s]."""
+_AHEAD = 4
+"""Tasks for each thread of a cluster that it is given at once."""
+_REACH = 5.0
+"""How long a scheduler has to answer [s]."""
+_THREADS = "NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+_SERVE = "from terrain_forge.base import serve_tasks; serve_tasks()"
+
+
+def run_tasks(
+    function: Callable[[T], R],
+    items: Iterable[T],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    tries: int = 2,
+    told: Callable[[str], None] | None = None,
+) -> Iterator[tuple[T, R | Exception]]:
+    """Each item with what a function returns for it, or the error it raised at last, in any order.
+
+    Args:
+        function: Found by its module and name, or a `functools.partial` of such a one.
+        items: What it is called with, taken as workers become free.
+        workers: Processes on this machine, by default one for each core; 0 calls it here. On a
+            cluster the tasks that are out at once, by default four for each of its threads.
+        scheduler: Address of a Dask scheduler, such as `tcp://host:8786`, or `local` for a cluster
+            on this machine; by default plain processes.
+        tries: How often an item is tried before its error is returned.
+        told: Called with the address of the cluster's dashboard, where there is one.
+
+    Raises:
+        OutputError: if the scheduler cannot be reached, or its workers cannot do our work.
+    """
+    if scheduler is not None:
+        return _on_dask(function, items, workers, scheduler, tries, told)
+    if workers == 0:
+        return _here(function, items, tries)
+    return _in_processes(function, items, workers or core_count(), tries)
+
+
+def core_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _here(
+    function: Callable[[T], R], items: Iterable[T], tries: int
+) -> Iterator[tuple[T, R | Exception]]:
+    for item in items:
+        ask_for_interrupt()
+        yield item, _tried(function, item, tries)
+
+
+def _tried(function: Callable[[T], R], item: T, tries: int) -> R | Exception:
+    for left in reversed(range(tries)):
+        try:
+            return function(item)
+        except Exception as error:
+            if not left:
+                return error
+    raise ValueError(f"tries: {tries}, at least 1")
+
+
+def _in_processes(
+    function: Callable[[T], R], items: Iterable[T], workers: int, tries: int
+) -> Iterator[tuple[T, R | Exception]]:
+    start = pickle.dumps((sys.path, pickle.dumps(function), tries))
+    waiting, done, lock = iter(items), SimpleQueue[Any](), threading.Lock()
+    stopped = threading.Event()
+    children: list[_Child] = []
+
+    def serve() -> None:
+        child = _Child(start, threads=max(core_count() // workers, 1))
+        children.append(child)
+        try:
+            while not stopped.is_set():
+                with lock:
+                    item = next(waiting, _END)
+                if item is _END:
+                    return
+                for left in reversed(range(tries)):
+                    result, died = child.ask(item)
+                    if not died or not left or stopped.is_set():
+                        break
+                done.put((item, result))
+        finally:
+            child.end()
+            done.put(_END)
+
+    with worker_threads(workers) as pool:
+        futures = [pool.submit(serve) for _ in range(workers)]
+        try:
+            serving = workers
+            while serving:
+                ask_for_interrupt()
+                with suppress(Empty):
+                    found = done.get(timeout=_TICK)
+                    if found is _END:
+                        serving -= 1
+                    else:
+                        yield found
+        finally:
+            stopped.set()
+            for child in children:
+                child.kill()
+        for future in futures:
+            future.result()
+
+
+_END: Any = object()
+
+
+class _Child:
+    """A process that is given one item after another; where it dies another takes its place."""
+
+    def __init__(self, start: bytes, *, threads: int) -> None:
+        self._start = start
+        self._environment = {**os.environ, **dict.fromkeys(_THREADS, str(threads))}
+        self._process: Popen[bytes] | None = None
+
+    def ask(self, item: Any) -> tuple[Any, bool]:
+        """The result or error of an item, and whether the process died over it."""
+        process = self._process or self._begun()
+        try:
+            _send(process.stdin, item)
+            return pickle.load(process.stdout), False  # type: ignore[arg-type]
+        except (EOFError, OSError, pickle.UnpicklingError):
+            process.kill()
+            status = process.wait()
+            self.end()
+            why = f"signal {-status}" if status < 0 else f"exit status {status}"
+            return OSError(f"its process ended: {why}"), True
+
+    def _begun(self) -> Popen[bytes]:
+        command = [sys.executable, "-c", _SERVE]
+        given: dict[str, Any] = {"stdin": PIPE, "stdout": PIPE, "env": self._environment}
+        # An interrupt from the keyboard is for us alone, we end the others.
+        self._process = process = Popen(command, start_new_session=True, **given)
+        with suppress(OSError):  # it has ended: asking tells
+            process.stdin.write(self._start)  # type: ignore[union-attr]
+        return process
+
+    def end(self) -> None:
+        """Let the process end."""
+        if self._process is not None:
+            with suppress(OSError):
+                self._process.stdin.close()  # type: ignore[union-attr]
+            self._process.wait()
+            self._process.stdout.close()  # type: ignore[union-attr]
+            self._process = None
+
+    def kill(self) -> None:
+        """End the process, whatever it does."""
+        if (process := self._process) is not None:
+            process.kill()
+
+
+def _send(pipe: Any, content: Any) -> None:
+    pipe.write(pickle.dumps(content))
+    pipe.flush()
+
+
+def serve_tasks() -> None:
+    """What such a process does: results of items, from its input to its output.
+
+    It ends where its input does, at once, whatever it is at: nobody waits for it any more.
+    """
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what libraries print is not for the pipe
+    given = sys.stdin.buffer
+    path, function, tries = pickle.load(given)
+    sys.path[:] = path
+    items: SimpleQueue[Any] = SimpleQueue()
+
+    def read() -> None:
+        try:
+            while True:
+                items.put(pickle.load(given))
+        except BaseException:
+            os._exit(0)
+
+    with worker_threads(1) as pool:
+        pool.submit(read)
+        called = pickle.loads(function)
+        while True:
+            _send(output, _portable(_tried(called, items.get(), tries)))
+
+
+def _portable(result: Any) -> Any:
+    """A result that can be sent, or the error that says why not."""
+    if isinstance(result, Exception):
+        result.add_note("".join(traceback.format_exception(result)))
+    try:
+        pickle.loads(pickle.dumps(result))
+    except Exception as error:
+        told = result if isinstance(result, Exception) else error
+        return RuntimeError(f"{type(told).__name__}: {told}")
+    return result
+
+
+def _on_dask(
+    function: Callable[[T], R],
+    items: Iterable[T],
+    workers: int | None,
+    scheduler: str,
+    tries: int,
+    told: Callable[[str], None] | None,
+) -> Iterator[tuple[T, R | Exception]]:
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise OutputError(
+            "a scheduler needs Dask: pip install 'terrain-forge[dask]', or leave it out"
+        ) from None
+    local = scheduler == "local"
+    try:
+        client: Any = (
+            distributed.Client(
+                n_workers=workers or core_count(), threads_per_worker=1, memory_limit=0
+            )
+            if local
+            else distributed.Client(scheduler, timeout=_REACH, set_as_default=False)
+        )
+    except (OSError, ValueError, TimeoutError) as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise OutputError(f"no Dask scheduler answers at {scheduler}: {why}") from None
+    try:
+        _require_same(client, scheduler)
+        if told and client.dashboard_link:
+            told(client.dashboard_link)
+        threads = sum(client.nthreads().values())
+        most = _AHEAD * threads if local or workers is None else workers
+        left = iter(items)
+
+        def submit(item: T) -> Any:
+            return client.submit(_on_worker, function, item, tries, pure=False)
+
+        out = {submit(item): item for item in islice(left, most)}
+        finished: Any = distributed.as_completed(out)
+        for future in finished:
+            ask_for_interrupt()
+            item = out.pop(future)
+            died = future.exception()  # its workers did, again and again
+            result = died if died is not None else future.result()
+            future.release()
+            for following in islice(left, 1):
+                out[another := submit(following)] = following
+                finished.add(another)
+            yield item, result
+    finally:
+        client.close()
+        if local:
+            client.cluster.close()
+
+
+def _on_worker(function: Callable[[T], R], item: T, tries: int) -> Any:
+    return _portable(_tried(function, item, tries))
+
+
+def _require_same(client: Any, scheduler: str) -> None:
+    """Refuse a cluster without workers, or whose workers are of another version than this."""
+    if not client.nthreads():
+        raise OutputError(f"the scheduler at {scheduler} has no workers: start dask worker")
+    mine = software()
+    for worker, found in client.run(software, on_error="return").items():
+        if isinstance(found, Exception):
+            raise OutputError(f"worker {worker} cannot run terrain-forge: {found}")
+        if found != mine:
+            raise OutputError(
+                f"worker {worker} has {_told(found)}, this machine {_told(mine)}: install the same"
+            )
+
+
+def _told(found: dict[str, str]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in found.items())
+
+
+def software() -> dict[str, str]:
+    """What makes the bytes of a world, by name."""
+    from importlib.metadata import version
+
+    from terrain_forge import __version__
+
+    return {"terrain-forge": __version__, **{name: version(name) for name in _MAKERS}}
+
+
+_MAKERS = "numpy", "scipy", "numba"

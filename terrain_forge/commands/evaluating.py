@@ -1,0 +1,71 @@
+"""The command `evaluate`: systems over a recording, or trajectories of files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from terrain_forge.base import OutputError
+from terrain_forge.terminal import SCORING, Display
+
+
+@click.command()
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "--systems",
+    metavar="NAMES",
+    help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
+    "files; by default all that are installed and find their sensors.",
+)
+@click.option(
+    "--binary",
+    "binaries",
+    multiple=True,
+    metavar="NAME=PATH",
+    help="A program that you have, such as orb-slam2=/opt/ORB_SLAM2/Examples/Stereo/stereo_kitti.",
+)
+@click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
+@click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
+@click.option("--install", metavar="NAME", help="Make what a system needs.")
+@click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
+@click.option(
+    "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
+)
+@SCORING
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
+def evaluate(
+    paths: tuple[Path, ...],
+    systems: str | None,
+    binaries: tuple[str, ...],
+    runs: int,
+    listed: bool,
+    install: str | None,
+    truth: Path | None,
+    estimate: Path | None,
+    changes: tuple[str, ...],
+    out: Path | None,
+) -> int:
+    """Run systems over the recording in OUT and score them, or score trajectories.
+
+    OUT holds what `terrain-forge record` recorded. With --truth and --estimate files are scored:
+    TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
+    alignment on the first third, drift of the path's length over 10 m.
+    """
+    from terrain_forge import pipeline
+    from terrain_forge.evaluation import chosen_systems, read_options
+    from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
+
+    options = read_options(changes)
+    if listed:
+        return list_systems()
+    if install:
+        return install_named(install)
+    if truth and estimate:
+        return tell_scores(truth, (estimate, *paths), options=options, out=out)
+    if truth or estimate or len(paths) != 1:
+        raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
+    chosen = chosen_systems(systems, paths[0], binaries)
+    with Display(pipeline.EVALUATE_STAGES) as display:
+        results = pipeline.evaluate(paths[0], chosen, runs=runs, options=options, progress=display)
+    return tell_systems(paths[0], results, out=out)

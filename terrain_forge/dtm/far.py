@@ -1,0 +1,248 @@
+"""Heights far around a site: the raster read in windows that double, each coarser than the last."""
+
+from __future__ import annotations
+
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, DataError, Mask, portable
+from terrain_forge.dtm.lattice import Georeferenced, patch_pixels
+from terrain_forge.dtm.projection import datum_radii, ellipsoid, geographic_crs, transform
+from terrain_forge.dtm.quality import fill_holes
+from terrain_forge.dtm.raster import Raster
+from terrain_forge.dtm.reading import placed
+from terrain_forge.model import FarHeights, Site
+
+_POSTS = 128
+"""Samples along the longer side of a window."""
+_FADE = 16
+"""Samples over which heights fade out where they end."""
+_AVERAGED = 2**20
+"""Samples of a window up to which all are read and averaged; of more, each so manieth is read."""
+_MOST = 2**24
+"""Samples that may have to be decoded for a window."""
+_EDGE = 8.0
+"""Samples over which a window fades into the next one."""
+_EYE = 50.0
+"""Height above the site's middle from which the horizon is looked for [m]."""
+
+
+def read_surroundings(
+    raster: Raster,
+    *,
+    source: str,
+    crs: str,
+    to_pixel: tuple[float, ...],
+    size: tuple[float, float],
+    reach: float | None,
+) -> tuple[FarHeights, ...]:
+    """The heights around a site, out to where nothing can be seen any more or the raster ends.
+
+    Args:
+        raster: The open raster.
+        source: Its name.
+        crs: The site's local CRS.
+        to_pixel: From the raster's coordinates to its samples, for this site.
+        size: The site's, east and north [m].
+        reach: How far is asked for from the site's border [m]; None for the horizon.
+    """
+    levels: list[FarHeights] = []
+    half, radius = max(size), raster.body.mean_radius
+    while True:
+        found = _level(raster, source, crs, to_pixel, half)
+        if found is None:
+            break
+        level, whole = found
+        levels.append(level)
+        middle = levels[0].heights[tuple(n // 2 for n in levels[0].heights.shape)]
+        rise = max(float(some.heights.max()) for some in levels) - float(middle)
+        seen = np.sqrt(2.0 * radius) * (np.sqrt(_EYE) + np.sqrt(max(rise, 0.0)))
+        if whole or half >= (seen if reach is None else reach + 0.5 * max(size)):
+            break
+        half *= 2.0
+    return tuple(levels)
+
+
+def _level(
+    raster: Raster, source: str, crs: str, to_pixel: tuple[float, ...], half: float
+) -> tuple[FarHeights, bool] | None:
+    """A window of that half side, and whether the raster ends in it; None where nothing is had."""
+    whole = placed(raster, crs, to_pixel)
+    steps = np.linspace(-half, half, 9)
+    column, row = patch_pixels(whole, crs, *np.meshgrid(steps, steps))
+    if not (np.isfinite(column).all() and np.isfinite(row).all()):
+        return None
+    wide, high = np.ptp(column), np.ptp(row)
+    step = max(int(max(wide, high) / _POSTS), 1)
+    (top, down), (left, across) = (
+        _span(places, length, step)
+        for places, length in zip((row, column), raster.shape, strict=True)
+    )
+    if min(down, across) < 2 * _FADE:
+        return None
+    read = _read(raster, slice(top, top + down * step), slice(left, left + across * step), step)
+    if read is None:
+        return None
+    heights, valid = read
+    if valid.mean() < 0.1:
+        return None
+    a, b, c, d, e, f = to_pixel
+    half_step = 0.5 * (step - 1)
+    level = FarHeights(
+        heights=fill_holes(heights, valid).astype(np.float32),
+        weight=_weight(valid).astype(np.float32),
+        to_pixel=(
+            a / step, b / step, (c - left - half_step) / step,
+            d / step, e / step, (f - top - half_step) / step,
+        ),
+        crs=raster.crs,
+        wrap=whole.wrap,
+        reach=half,
+        posting=2.0 * half * step / float(min(wide, high)),
+        source=source,
+    )  # fmt: skip
+    ends = down * step < high and across * step < wide
+    return level, bool(ends)
+
+
+def _span(places: Array, length: int, step: int) -> tuple[int, int]:
+    """First sample and number of steps that lie within the raster."""
+    first = max(floor(float(places.min())), 0)
+    last = min(ceil(float(places.max())) + 1, length)
+    return first, max((last - first) // step, 0)
+
+
+def _read(raster: Raster, rows: slice, columns: slice, step: int) -> tuple[Array, Mask] | None:
+    """Heights [m] of blocks of step × step samples, and which are measured."""
+    from rasterio.windows import Window
+
+    shape = (rows.stop - rows.start) // step, (columns.stop - columns.start) // step
+    window, band = Window.from_slices(rows, columns), raster.band
+    dataset = raster.dataset
+    if shape[0] * shape[1] * step * step <= _AVERAGED:
+        values = dataset.read(band, window=window).astype(np.float64)
+        valid = raster.valid(values, dataset.read_masks(band, window=window))
+        blocks = (shape[0], step, shape[1], step)
+        count = valid.reshape(blocks).sum(axis=(1, 3))
+        total = np.where(valid, values, 0.0).reshape(blocks).sum(axis=(1, 3))
+        known = 2 * count > step * step
+        values = np.where(known, total / np.maximum(count, 1), 0.0)
+    else:
+        if _decoded(dataset, band, rows, columns, step) > _MOST:
+            return None
+        values = dataset.read(band, window=window, out_shape=shape).astype(np.float64)
+        known = raster.valid(values, dataset.read_masks(band, window=window, out_shape=shape))
+    rise = _datum_rise(raster, rows.start, columns.start, shape, step)
+    return np.where(known, raster.heights(values) - rise, 0.0), known
+
+
+def _decoded(dataset: Any, band: int, rows: slice, columns: slice, step: int) -> float:
+    """Samples that are decoded to read every so manieth one; overviews are read if there are."""
+    overviews = [factor for factor in dataset.overviews(band) if factor <= step]
+    finer = max(overviews, default=1)
+    down, across = dataset.block_shapes[band - 1]
+    high, wide = (rows.stop - rows.start) / finer, (columns.stop - columns.start) / finer
+    left = max(step // finer, 1)
+    return float(ceil(high / max(down, left)) * down * ceil(wide / max(across, left)) * across)
+
+
+def _datum_rise(
+    raster: Raster, top: int, left: int, shape: tuple[int, int], step: int
+) -> Array | float:
+    """Radius of the ellipsoid at each sample above that at the raster's middle [m], for radii."""
+    middle = raster.vertical.reference_radius
+    if not middle or not raster.crs or len(set(ellipsoid(raster.crs))) == 1:
+        return 0.0
+    a, b, c, d, e, f = raster.to_pixel
+    rows, columns = (np.arange(n) * step + 0.5 * (step - 1) for n in shape)
+    column, row = np.meshgrid(columns + left - c, rows + top - f)
+    (p, q), (r, s) = portable.inverse([[a, b], [d, e]])
+    place = transform(
+        raster.crs, geographic_crs(raster.crs), p * column + q * row, r * column + s * row
+    )
+    return datum_radii(raster.crs, place[1]) - middle
+
+
+def _weight(valid: Mask) -> Array:
+    """1 within, fading to 0 where what is measured ends."""
+    from scipy.ndimage import distance_transform_edt
+
+    away = distance_transform_edt(np.pad(valid, 1))[1:-1, 1:-1]
+    part = np.clip((away - 1.0) / _FADE, 0.0, 1.0)
+    return np.asarray(part * part * (3.0 - 2.0 * part))
+
+
+def heights_at(level: FarHeights, crs: str, east: Array, north: Array) -> Array:
+    """Heights above the datum [m] at points of the site [m]."""
+    return _between(level.heights, *patch_pixels(level, crs, east, north))
+
+
+def weights_at(level: FarHeights, crs: str, east: Array, north: Array) -> Array:
+    """How far those heights are to be followed, 0 to 1."""
+    return _between(level.weight, *patch_pixels(level, crs, east, north))
+
+
+def far_heights(site: Site, east: Array, north: Array) -> tuple[Array, Array]:
+    """Heights above the datum [m] at points beyond a site, and how far they are to be followed.
+
+    The finest heights that there are count; each fades into the next coarser ones.
+
+    Args:
+        site: The site.
+        east: Of the points [m], shape [points].
+        north: Of the points [m], shape [points].
+    """
+    height, weight = np.zeros(len(east)), np.zeros(len(east))
+    off = np.maximum(np.abs(east), np.abs(north))
+
+    def follow(
+        raster: Georeferenced, values: NDArray[Any], shares: NDArray[Any] | None, reach: float
+    ) -> None:
+        chosen = np.flatnonzero((weight < 1.0) & (off <= reach))
+        if not len(chosen):
+            return
+        column, row = patch_pixels(raster, site.crs, east[chosen], north[chosen])
+        if shares is None:
+            rows, columns = values.shape
+            inside = np.minimum(
+                np.minimum(column, columns - 1 - column), np.minimum(row, rows - 1 - row)
+            )
+            part = np.clip(inside / _EDGE, 0.0, 1.0)
+        else:
+            part = _between(shares, column, row)
+        part *= 1.0 - weight[chosen]
+        height[chosen] += part * _between(values, column, row)
+        weight[chosen] += part
+
+    if site.dtm is not None:
+        patch = site.dtm
+        follow(patch, patch.heights, None, 0.75 * max(patch.heights.shape) * patch.posting)
+    for level in site.surroundings:
+        follow(level, level.heights, level.weight, level.reach)
+    return height / np.where(weight > 0.0, weight, 1.0), weight
+
+
+def _between(values: NDArray[Any], column: Array, row: Array) -> Array:
+    """Bilinear values of a grid; its edge goes on beyond it."""
+    rows, columns = values.shape
+    column, row = np.clip(column, 0.0, columns - 1.0), np.clip(row, 0.0, rows - 1.0)
+    i = np.minimum(column.astype(np.int64), columns - 2)
+    j = np.minimum(row.astype(np.int64), rows - 2)
+    u, v = column - i, row - j
+    south = values[j, i] * (1.0 - u) + values[j, i + 1] * u
+    north = values[j + 1, i] * (1.0 - u) + values[j + 1, i + 1] * u
+    return np.asarray(south * (1.0 - v) + north * v, np.float64)
+
+
+def require_coarser(raster: Raster, name: str) -> None:
+    """Refuse a second terrain model that cannot say where it lies or what its numbers are.
+
+    Raises:
+        DataError: what is missing.
+    """
+    if not raster.crs or not raster.vertical.known:
+        missing = "georeference" if not raster.crs else "vertical scale"
+        raise DataError(f"{name} has no {missing}: the horizon needs both", key=("horizon", "dtm"))

@@ -1,0 +1,78 @@
+"""A program that is watched: it ends with whoever started it, and with all that it started."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+_GRACE = 15.0
+"""How long a launcher has to end its program and itself [s]."""
+_NOTE = ".used"
+_LAUNCHER = str(Path(__file__).with_name("launcher.py"))
+
+
+class Program:
+    """A program from its start to the end of the `with` block, when what still runs is ended.
+
+    Args:
+        words: The program and its arguments.
+        folder: Where it runs; `.used` in it is ours meanwhile.
+        log: File that what it prints is written to.
+        environment: Variables beside those of this process.
+    """
+
+    def __init__(
+        self, words: Sequence[str], *, folder: Path, log: Path, environment: Mapping[str, str]
+    ) -> None:
+        self._note = folder / _NOTE
+        with log.open("wb") as file:
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-S", _LAUNCHER, str(self._note), *words], cwd=folder,
+                stdout=file, env={**os.environ, **environment}, stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+
+    def __enter__(self) -> Program:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:  # too late, or an interrupt: nothing goes on alone
+            self._process.terminate()
+            if not self.ended(_GRACE):
+                self._process.kill()
+                self._process.wait()
+        try:
+            os.killpg(self._process.pid, signal.SIGKILL)
+        except (ProcessLookupError, PermissionError):
+            pass
+        self._told = self._note.read_text(encoding="utf-8") if self._note.is_file() else "0 0"
+        self._note.unlink(missing_ok=True)
+
+    def ended(self, seconds: float) -> bool:
+        """Whether it ends within a time [s]."""
+        try:
+            self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    @property
+    def status(self) -> int:
+        """How it ended; below 0 by a signal."""
+        return int(self._process.returncode)
+
+    @property
+    def used(self) -> tuple[float, float] | str:
+        """Processor time [s] and largest memory [bytes], known after the block; 0 if it was killed.
+
+        Or why it could not be started.
+        """
+        try:
+            processor, memory = map(float, self._told.split())
+        except ValueError:
+            return self._told
+        return processor, memory

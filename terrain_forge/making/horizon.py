@@ -1,0 +1,63 @@
+"""What lies beyond a world's edge: ground out to the horizon, and rocks on its first metres."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from terrain_forge.base import linear_from_srgb, srgb_from_linear
+from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, RockLibrary, Site
+from terrain_forge.rocks import rocks_beyond
+from terrain_forge.terrain import heights_beyond, shape_horizon
+from terrain_forge.writers import vertex_normals
+
+
+def make_horizon(
+    site: Site, ground: Heightfield, appearance: Appearance, library: RockLibrary
+) -> Horizon | None:
+    """What lies beyond the edge of a world; None where the recipe wants nothing.
+
+    Args:
+        site: The world's site.
+        ground: The world's ground.
+        appearance: The world's colours.
+        library: The world's rock shapes.
+    """
+    recipe = site.recipe
+    spec, populations = recipe.horizon, recipe.rocks.populations
+    if spec.reach_m == 0.0:
+        return None
+    bare = shape_horizon(
+        site=site,
+        ground=ground,
+        ground_rgb=appearance.ground_rgb,
+        layers=recipe.terrain.layers,
+        reach=spec.reach_m,
+    )
+    width = min(spec.rocks_m, 0.9 * bare.reach)
+    if not populations or not library.prototypes or not width:
+        return bare
+    rocks = rocks_beyond(
+        site=site,
+        populations=populations,
+        library=library,
+        bounds=ground.bounds,
+        width=width,
+        height_at=partial(heights_beyond, ground, bare),
+    )
+    albedo = linear_from_srgb(appearance.rock_rgb / 255.0)[rocks.population]
+    rgb = np.round(255.0 * np.clip(srgb_from_linear(albedo * rocks.tone[:, None]), 0.0, 1.0))
+    first = np.int32(len(bare.mesh.vertices))
+    mesh = Mesh(
+        vertices=np.concatenate([bare.mesh.vertices, rocks.mesh.vertices]),
+        faces=np.concatenate([bare.mesh.faces, rocks.mesh.faces + first]),
+    )
+    normals = vertex_normals(rocks.mesh.vertices, rocks.mesh.faces)
+    return bare.replace(
+        mesh=mesh,
+        normals=np.concatenate([bare.normals, normals]),
+        rgb=np.concatenate([bare.rgb, rgb]),
+        rocks=rocks.number,
+        told=f"{bare.told}; {rocks.number} rocks within {width:g} m",
+    )

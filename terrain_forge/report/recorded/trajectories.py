@@ -1,0 +1,84 @@
+"""Plots of systems that were evaluated: their trajectories over the map, error over path length."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array
+from terrain_forge.report.recorded.plots import INK, LEGEND, blank_figure, png_of
+
+_COLOURS = ("#d1495b", "#2f6f8f", "#5f8a3a", "#8a5fa0", "#c39a2b", "#17a398", "#9a5b2d", "#444444")
+_MARGIN = 2.0
+"""Ground shown around the paths [m]."""
+_DRAWN = 2000
+"""Points of a line."""
+
+
+def trajectory_plot(
+    picture: NDArray[np.uint8],
+    bounds: tuple[float, float, float, float],
+    truth: Array,
+    runs: Mapping[str, Array],
+) -> bytes:
+    """Where systems say the rover went, over the picture from above; as PNG.
+
+    Args:
+        picture: The map, north up, shape [height, width, 3].
+        bounds: Its west, south, east, north [m].
+        truth: True places, shape [poses, 3].
+        runs: Rows of `read_errors` of each system's best run.
+    """
+    figure = blank_figure(7.4, 6.4)
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.08, top=0.985)
+    west, south, east, north = bounds
+    axes.imshow(picture, extent=(west, east, south, north), interpolation="bilinear")
+    thin = truth[:: max(1, len(truth) // _DRAWN)]
+    axes.plot(thin[:, 0], thin[:, 1], color="white", linewidth=3.2, alpha=0.85, label="truth")
+    for number, (name, rows) in enumerate(runs.items()):
+        colour = _COLOURS[number % len(_COLOURS)]
+        rows = rows[:: max(1, len(rows) // _DRAWN)]
+        axes.plot(rows[:, 2], rows[:, 3], color=colour, linewidth=1.3, label=name)
+    axes.plot(*truth[0, :2], "o", color="white", markeredgecolor=INK, markersize=6)
+    low, high = truth[:, :2].min(axis=0), truth[:, :2].max(axis=0)
+    reach = 0.5 * float((high - low).max()) + _MARGIN
+    middle = 0.5 * (low + high)
+    axes.set(
+        xlim=(middle[0] - reach, middle[0] + reach),
+        ylim=(middle[1] - reach, middle[1] + reach),
+        aspect="equal",
+    )
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.legend(loc="upper right", framealpha=0.85, fontsize=9, labelcolor=INK)
+    return png_of(figure)
+
+
+def error_plot(runs: Mapping[str, Array]) -> bytes:
+    """How far systems are off over the length of the true path, as PNG."""
+    figure = blank_figure(7.4, 3.6)
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.14, top=0.95)
+    least = np.inf
+    for number, (name, rows) in enumerate(runs.items()):
+        station, errors = _largest(rows[:, 1], rows[:, 5])
+        least = min(least, float(np.median(errors)))
+        colour = _COLOURS[number % len(_COLOURS)]
+        axes.plot(station, errors, color=colour, linewidth=1.2, label=name)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=max(0.1 * least, 1e-4))
+    axes.set_xlabel("length of the true path [m]")
+    axes.set_ylabel("distance to the truth [m]")
+    axes.grid(color="#eee8e0", linewidth=0.6)
+    axes.legend(loc="upper left", **LEGEND)
+    return png_of(figure)
+
+
+def _largest(station: Array, errors: Array) -> tuple[Array, Array]:
+    """The largest error of each of some pieces of the path."""
+    step = max(1, -(-len(station) // _DRAWN))
+    begins = np.arange(0, len(station), step)
+    return station[begins], np.maximum.reduceat(errors, begins)

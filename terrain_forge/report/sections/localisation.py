@@ -1,0 +1,89 @@
+"""How well systems localised on the recording: the paper's table, trajectories, errors."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.base import Array, DataError
+from terrain_forge.datasets import Recording
+from terrain_forge.evaluation import ERRORS, RESULTS, read_errors
+from terrain_forge.report.blocks import Block, drawing, heading, paragraph, table
+from terrain_forge.report.recorded.trajectories import error_plot, trajectory_plot
+from terrain_forge.report.section import Built, Section
+
+_DIFFERS = "differs: "
+_MOST = 8
+"""Systems that are drawn."""
+
+
+class Localisation(Section):
+    """What `terrain-forge evaluate` found."""
+
+    kind, title, place = "localisation", "Localisation", 87
+
+    def blocks(self, built: Built) -> Sequence[Block]:
+        """Scores, the paper's table, trajectories over the map, errors; none without scores."""
+        try:
+            found = built.recording
+            if found is None or not (found.folder / RESULTS / "evaluation.csv").is_file():
+                return []
+            return list(_blocks(built, found, found.folder / RESULTS))
+        except (DataError, OSError, ValueError) as error:
+            return [paragraph(f"The evaluation in dataset/{RESULTS} cannot be shown: {error}")]
+
+
+def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]:
+    head, *rows = _rows(folder / "evaluation.csv")
+    names = [row[0] for row in rows]
+    kept = [n for n in range(len(head)) if any(row[n] for row in rows)]
+    cells = [[row[n] for n in kept] for row in rows]
+    figures = "l" + "r" * (len(kept) - 2) + "l"
+    yield table([head[n] for n in kept], cells, figures=figures)
+    if (folder / "paper.csv").is_file():
+        text = (folder / "paper.txt").read_text(encoding="utf-8").splitlines()
+        yield heading(text[0])
+        head, *rows = _rows(folder / "paper.csv")
+        yield table(head, rows, figures="lrrrrrl")
+        for line in text:
+            if line.startswith(_DIFFERS):
+                yield paragraph(line.capitalize(), "note")
+    runs = _runs(folder, names)
+    if not runs:
+        return
+    truth = np.asarray(recording.base_poses.position)
+    yield drawing(
+        trajectory_plot(built.map, built.world.ground.bounds, truth, runs),
+        description="Trajectories over the map",
+        caption=(
+            "Where systems say the rover went, after the alignment, over the world from above; "
+            "each by its best run, of its sensor's own frame. The truth is base_link's."
+        ),
+    )
+    yield drawing(
+        error_plot(runs),
+        description="Error over the length of the path",
+        caption="Distance to the truth after the alignment; the largest of each piece is drawn.",
+    )
+
+
+def _rows(path: Path) -> list[list[str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return [row for row in csv.reader(file) if row]
+
+
+def _runs(folder: Path, systems: Sequence[str]) -> dict[str, Array]:
+    """The rows of each system's best run, of the best systems."""
+    best: dict[str, Array] = {}
+    for name in systems:
+        found = [read_errors(path) for path in sorted(folder.glob(f"{name}_*/{ERRORS}"))]
+        if found:
+            best[name] = min(found, key=_rms)
+    return {name: best[name] for name in sorted(best, key=lambda one: _rms(best[one]))[:_MOST]}
+
+
+def _rms(rows: Array) -> float:
+    return float(np.sqrt((rows[:, 5] ** 2).mean()))

@@ -1,0 +1,5 @@
+"""Studies: recipes with factors, built, recorded and evaluated over all of their levels."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

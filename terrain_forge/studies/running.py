@@ -1,0 +1,253 @@
+"""Carrying out the cells of a study, side by side; each one's result is a file, and stays."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.base import (
+    OutputError,
+    Progress,
+    StorageError,
+    TerrainForgeError,
+    ask_for_interrupt,
+    silent,
+    size_text,
+)
+from terrain_forge.building import holding
+from terrain_forge.evaluation import Program
+from terrain_forge.making import plan
+from terrain_forge.recipe import expected_nodes, memory_needed, rocks_of
+from terrain_forge.recording import RecordingCost, dataset_folder, recording_cost
+from terrain_forge.rovers import rover_of
+from terrain_forge.studies.cells import Cell, Study
+from terrain_forge.studies.worker import JOB, LOG, RESULT, sensors_for
+
+CELLS = "cells"
+INDEX = "study.json"
+_TICK = 0.1
+"""How often cells are looked at [s]."""
+_SPARE = 2**28
+"""Bytes of the disk that are left free."""
+_EVALUATED = 2.0
+"""A recording and what its systems are given, in recordings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellCost:
+    """What a cell takes on this machine."""
+
+    memory: float
+    """Largest memory [bytes]."""
+    recording: RecordingCost | None
+    """Its recording; None where its path is planned on the finished ground."""
+
+
+def cell_cost(cell: Cell) -> CellCost:
+    """About what a cell takes, its systems' time aside.
+
+    Raises:
+        RecipeError, DataError: if its world cannot be planned.
+    """
+    file = cell.recipe
+    try:
+        site = plan(file.recipe, folder=file.folder)
+    except TerrainForgeError as error:
+        raise type(error)(f"{cell.title}: {file.locate(error)}") from None
+    sensors = rover_of(site).sensors
+    names = sensors_for(cell.job, sensors)
+    chosen = [one for one in sensors if not names or one.name in names]
+    part = cell.job["record"]
+    return CellCost(
+        memory=memory_needed(expected_nodes(file.recipe), rocks_of(site)),
+        recording=recording_cost(site, chosen, begin=part["from_s"], end=part["to_s"]),
+    )
+
+
+def folder_of(cell: Cell, out: Path) -> Path:
+    """The folder of a cell."""
+    return out / CELLS / cell.digest
+
+
+def result_of(cell: Cell, out: Path) -> dict[str, Any] | None:
+    """The result of a cell; None where there is none that can be read."""
+    try:
+        told = json.loads((folder_of(cell, out) / RESULT).read_text(encoding="utf-8"))
+        return told if told["digest"] == cell.digest and "results" in told else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def run_cells(
+    study: Study, out: Path, *, jobs: int | None = None, progress: Progress = silent
+) -> list[dict[str, Any]]:
+    """Carry out the cells whose results are not there yet; those that failed are tried again.
+
+    Args:
+        study: The study.
+        out: Its folder.
+        jobs: How many cells at once; by default as many as there are cores and memory for.
+        progress: Told of each cell as it is done.
+
+    Returns:
+        The result of each cell, in their order.
+
+    Raises:
+        OutputError: if the folder is not that of this study, or another process writes there.
+        StorageError: if the disk is too small.
+        KeyboardInterrupt: with how far it came.
+    """
+    require_folder(study, out)
+    missing = _missing(study, out)
+    jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep)
+    count = len({cell.digest for cell in study.cells})
+    try:
+        with holding(out):
+            (out / CELLS).mkdir(exist_ok=True)
+            text = json.dumps(index_of(study), indent=1)
+            (out / INDEX).write_text(text + "\n", encoding="utf-8")
+            _run(missing, out, jobs, progress, count=count)
+            if not study.file.spec.keep:
+                for cell in study.cells:
+                    _forget(cell, out)
+    except KeyboardInterrupt:
+        done = count - len(_missing(study, out))
+        raise KeyboardInterrupt(
+            f"{done} of {count} cells are in {out}: the same command goes on from there"
+        ) from None
+    found = [result_of(cell, out) for cell in study.cells]
+    nothing = {"status": "failed", "why": "its process ended", "results": []}
+    return [one or nothing for one in found]
+
+
+def require_folder(study: Study, out: Path) -> None:
+    """Refuse a folder that holds something else.
+
+    Raises:
+        OutputError: says what.
+    """
+    if not out.exists() or (out.is_dir() and all(p.name.startswith(".") for p in out.iterdir())):
+        return
+    try:
+        name = json.loads((out / INDEX).read_text(encoding="utf-8"))["study"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise OutputError(f"{out} is there, and holds no study: name another by -o") from None
+    if name != study.file.name:
+        raise OutputError(f"{out} holds the study {name!r}, not {study.file.name!r}")
+
+
+def index_of(study: Study) -> dict[str, Any]:
+    """What a study is, as JSON values."""
+    return {
+        "study": study.file.name,
+        "about": study.file.spec.about,
+        "design": study.file.spec.design,
+        "factors": {one.name: [level.name for level in one.levels] for one in study.factors},
+        "cells": [
+            {"levels": dict(cell.levels), "seed": cell.seed, "folder": f"{CELLS}/{cell.digest}"}
+            for cell in study.cells
+        ],
+    }
+
+
+def _missing(study: Study, out: Path) -> list[Cell]:
+    """One cell for each result that is not there, or is that of a failure."""
+    found: dict[str, Cell] = {}
+    for cell in study.cells:
+        there = result_of(cell, out)
+        if there is None or there["status"] != "done":
+            found.setdefault(cell.digest, cell)
+    return list(found.values())
+
+
+def _jobs(missing: Sequence[Cell], asked: int | None, out: Path, *, keep: bool) -> int:
+    """How many cells at once; what the disk cannot hold is refused."""
+    if not missing:
+        return 1
+    costs = costs_of(missing)
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    fitting = int(0.8 * there / max(cost.memory for cost in costs))
+    jobs = min(asked or max(1, min(os.cpu_count() or 1, fitting)), len(missing))
+    sizes = sorted((one.recording.size for one in costs if one.recording), reverse=True)
+    needed = _EVALUATED * sum(sizes if keep else sizes[:jobs])
+    place = next(above for above in (out, *out.absolute().parents) if above.exists())
+    free = shutil.disk_usage(place).free
+    if needed + _SPARE > free:
+        what = f"{len(missing)} recordings that are kept" if keep else f"{jobs} recordings at once"
+        raise StorageError(
+            f"{out} cannot be written: {what} need about {size_text(int(needed))}, the disk has "
+            f"{size_text(free)} free, of which {size_text(_SPARE)} stay so; record less by "
+            f"`record: {{to_s: …}}`{', or leave out `keep`' if keep else ', or give fewer --jobs'}"
+        )
+    return jobs
+
+
+def costs_of(cells: Sequence[Cell]) -> list[CellCost]:
+    """What some cells take; worlds that differ by the seed alone are alike."""
+    known: dict[str, CellCost] = {}
+    found = []
+    for cell in cells:
+        key = json.dumps([cell.job["recipe"] | {"seed": 0}, cell.job["record"]], sort_keys=True)
+        if key not in known:
+            known[key] = cell_cost(cell)
+        found.append(known[key])
+    return found
+
+
+def _run(cells: Sequence[Cell], out: Path, jobs: int, progress: Progress, *, count: int) -> None:
+    """Keep so many cells going until all are done."""
+    waiting, running = list(cells), dict[str, tuple[Cell, Program]]()
+    workers = max(1, (os.cpu_count() or 1) // jobs)
+    before, done = count - len(cells), 0
+    with ExitStack() as programs:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                cell = waiting.pop(0)
+                running[cell.digest] = cell, programs.enter_context(_start(cell, out, workers))
+            names = "; ".join(cell.title for cell, _ in running.values())
+            progress(f"cells: {before + done} of {count}, now {names}", done / len(cells))
+            time.sleep(_TICK)
+            ask_for_interrupt()
+            for digest, (cell, program) in list(running.items()):
+                if program.ended(0.0):
+                    del running[digest]
+                    _settle(cell, out)
+                    done += 1
+
+
+def _start(cell: Cell, out: Path, workers: int) -> Program:
+    folder = folder_of(cell, out)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / RESULT).unlink(missing_ok=True)  # of a failure
+    job = {**cell.job, "workers": workers, "digest": cell.digest}
+    (folder / JOB).write_text(json.dumps(job, indent=1) + "\n", encoding="utf-8")
+    words = [sys.executable, "-m", "terrain_forge.studies.worker", str(folder.absolute())]
+    return Program(words, folder=folder, log=folder / LOG, environment={"MPLBACKEND": "Agg"})
+
+
+def _settle(cell: Cell, out: Path) -> None:
+    """Write that a cell failed whose process ended without a result, and why."""
+    folder = folder_of(cell, out)
+    if result_of(cell, out) is None:
+        lines = (folder / LOG).read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        why = lines[-1][:500] if lines else "its process ended without a word"
+        told = {"digest": cell.digest, "status": "failed", "why": why, "results": []}
+        (folder / RESULT).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    if not cell.job["keep"]:
+        _forget(cell, out)
+
+
+def _forget(cell: Cell, out: Path) -> None:
+    """Remove the recording of a cell that is done."""
+    there = result_of(cell, out)
+    if there is not None and there["status"] == "done":
+        with suppress(FileNotFoundError):
+            shutil.rmtree(dataset_folder(folder_of(cell, out)))

@@ -1,0 +1,94 @@
+"""One cell of a study in a process of its own: `python -m terrain_forge.studies.worker FOLDER`.
+
+FOLDER holds job.json; what comes of it is written as result.json, and none where this is killed.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.base import TerrainForgeError
+from terrain_forge.evaluation import ScoreOptions, evaluate_recording, result_plain
+from terrain_forge.making import plan
+from terrain_forge.model import Sensor
+from terrain_forge.pipeline import realise, record
+from terrain_forge.recipe import load_recipe
+from terrain_forge.rovers import rover_of
+from terrain_forge.sensors import Frames, instrument_kinds
+from terrain_forge.studies.cells import adapter_of
+
+JOB, RESULT, LOG = "job.json", "result.json", "log.txt"
+KEPT = "slam"
+"""What is kept of an evaluation: trajectories, errors, tables."""
+_KINDS = {
+    "mono": ("camera", "stereo"),
+    "stereo": ("stereo",),
+    "rgbd": ("camera", "stereo"),
+    "lidar": ("lidar",),
+}
+"""Kinds of sensors that serve a system's need; tables, such as an IMU's, are always recorded."""
+
+
+def sensors_for(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> tuple[str, ...]:
+    """Names of the sensors that a cell records: those that its systems can use."""
+    if only := job["record"]["only"]:
+        return tuple(only)
+    needs = [need for system in job["systems"] for need in system["needs"]]
+    if not all(system["needs"] for system in job["systems"]):
+        return ()  # one that says nothing may use anything
+    wanted = {kind for need in needs for kind in _KINDS.get(need, ())}
+    kinds = instrument_kinds()
+    known = [one for one in sensors if one.kind in kinds]
+    return tuple(
+        one.name for one in known if one.kind in wanted or not issubclass(kinds[one.kind], Frames)
+    )
+
+
+def carry_out(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Make the world, record it, evaluate the systems; whatever goes wrong is a result."""
+    try:
+        file = load_recipe(job["path"], changes=tuple(job["changes"]))
+        site = plan(file.recipe, folder=file.folder)
+        part, sensors = job["record"], rover_of(site).sensors
+        recorded = record(
+            realise(site), folder, begin=part["from_s"], end=part["to_s"],
+            only=sensors_for(job, sensors), workers=job["workers"], force=True,
+        )  # fmt: skip
+        results = evaluate_recording(
+            recorded.folder,
+            [adapter_of(plain) for plain in job["systems"]],
+            runs=job["runs"],
+            options=ScoreOptions(**job["score"]),
+            progress=lambda name: print(name, flush=True),  # noqa: T201 (into the cell's log)
+        )
+    except TerrainForgeError as error:
+        return {"status": "failed", "why": str(error), "results": []}
+    _keep(recorded.folder / KEPT, folder / KEPT)
+    return {"status": "done", "why": "", "results": [result_plain(one) for one in results]}
+
+
+def _keep(source: Path, target: Path) -> None:
+    """Take over what an evaluation left, but for the recording in other formats."""
+    if target.exists():
+        shutil.rmtree(target)  # of this very cell, before it was done
+    shutil.copytree(source, target, ignore=shutil.ignore_patterns("inputs"))
+
+
+def main(folder: Path) -> int:
+    """Carry out the job of a folder."""
+    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    result = carry_out(job, folder)
+    whole = {"digest": job["digest"], **result}
+    being = folder / f".{RESULT}"
+    being.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    being.replace(folder / RESULT)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,0 +1,99 @@
+"""The command that makes many worlds of one recipe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from terrain_forge.recipe import MOST_WORLDS
+from terrain_forge.terminal.completion import complete_exporters
+from terrain_forge.terminal.display import Display
+from terrain_forge.terminal.given import load_given, located
+from terrain_forge.terminal.lines import say, time_text
+from terrain_forge.terminal.options import RECIPE, SEED, SET, names_of
+from terrain_forge.terminal.running import FAILED_CHECK
+
+_MOST_TOLD = 5
+"""Failures that the terminal shows."""
+
+
+@click.command(name="worlds")
+@RECIPE
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), help="Folder of all [default: ./NAME-worlds]."
+)
+@click.option("--count", type=click.IntRange(1, MOST_WORLDS), metavar="N", help="How many worlds.")
+@click.option(
+    "--grid",
+    metavar="ROWSxCOLUMNS",
+    help="One scene of rows of rising difficulty and columns of variants, with flat borders.",
+)
+@SEED
+@SET
+@click.option(
+    "--only",
+    metavar="FORMATS",
+    shell_complete=complete_exporters,
+    help="Write only these exports, such as mjcf.",
+)
+@click.option("--workers", type=click.IntRange(0), metavar="N", help="Processes [default: cores].")
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786.")
+def make_worlds(
+    recipe: Path,
+    out: Path | None,
+    count: int | None,
+    grid: str | None,
+    seed: int | None,
+    changes: tuple[str, ...],
+    only: str | None,
+    workers: int | None,
+    scheduler: str | None,
+) -> int:
+    """Make many worlds of RECIPE, which differ as its part `worlds` says.
+
+    Each has a folder with its world, truth and exports; worlds.csv tells what was drawn for each
+    and how hard it is. Killed or interrupted, the same command goes on where it was. A world has
+    the same bytes, however many there are and whoever makes them.
+    """
+    from terrain_forge.variation import make_grid, read_summary, worlds
+
+    file = load_given(recipe, seed=seed, changes=changes)
+    names = names_of(only)
+    if grid is not None:
+        out = out or Path(f"{file.recipe.name}-grid")
+        with located(file), Display(("worlds",)) as display:
+            made = make_grid(file, out, shape=_shape(grid), only=names, progress=display)
+        say(f"{made}: {grid} worlds as one scene in {time_text(display.elapsed)}")
+        return 0
+    out = out or Path(f"{file.recipe.name}-worlds")
+    with located(file), Display(("worlds",)) as display:
+        result = worlds(
+            file,
+            out,
+            count=count,
+            only=names,
+            workers=workers,
+            scheduler=scheduler,
+            progress=display,
+        )
+    rate = result.made / max(display.elapsed, 1e-9)
+    say(f"{out}: {len(result.folders):,} worlds, {result.made:,} made now, {rate:.1f} a second")
+    arrive = [read_summary(one)["measured"].get("arrive") for one in result.folders]
+    if known := [one for one in arrive if one is not None]:
+        low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
+        say(f"  arrive       {middle:.0%} of random starts, {low:.0%} to {high:.0%} in most worlds")
+    for number, why in result.failed[:_MOST_TOLD]:
+        say(f"  not made     {number:05}: {why}")
+    if len(result.failed) > _MOST_TOLD:
+        say(f"  not made     {len(result.failed) - _MOST_TOLD} more")
+    return FAILED_CHECK if result.failed else 0
+
+
+def _shape(text: str) -> tuple[int, int]:
+    """Rows and columns of a grid, such as 5x8."""
+    rows, _, columns = text.lower().replace("×", "x").partition("x")
+    if not (rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
+        raise click.BadParameter(f"{text!r}: rows and columns, such as 5x8", param_hint="--grid")
+    return int(rows), int(columns)

@@ -1,0 +1,1 @@
+"""The ground beyond a site, out to the horizon."""

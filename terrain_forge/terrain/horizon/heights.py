@@ -1,0 +1,212 @@
+"""How high the ground beyond a world is, and its colour.
+
+It is what was read of it, where anything was: the DTM's patch, then ever coarser heights around.
+Where they end it is level, as high as they are on the whole. Layers go on in it as far as they can
+say how (`Layer.beyond`). What the ground at the border is besides all this runs out: it is
+smoothed along the ring, and falls to nothing over about the length of the site's side. Farther out
+the body curves away.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, linear_from_srgb, portable, srgb_from_linear
+from terrain_forge.dtm import far_heights
+from terrain_forge.model import Heightfield, Horizon, Mesh, Site
+from terrain_forge.terrain.horizon.rings import (
+    Ring,
+    ring_faces,
+    ring_points,
+    rings_around,
+)
+from terrain_forge.terrain.layer import Beyond, Layer
+from terrain_forge.writers import vertex_normals
+
+_EYE = 5.0
+"""Height over the site's relief from which the horizon is looked at [m]."""
+_INWARD = 2
+"""Cells over which the ground's slope across its border is taken."""
+_RUNOUT = 0.1
+"""How far that slope goes on, as a part of the site's shorter side."""
+
+
+def shape_horizon(
+    *,
+    site: Site,
+    ground: Heightfield,
+    ground_rgb: NDArray[np.uint8],
+    layers: tuple[Layer, ...],
+    reach: float | None,
+) -> Horizon:
+    """The ground beyond a world's edge, without rocks.
+
+    Args:
+        site: The world's site.
+        ground: The world's ground.
+        ground_rgb: Its colour, sRGB, shape [rows, columns, 3].
+        layers: The recipe's layers.
+        reach: How far it goes on [m]; None for the true horizon.
+    """
+    rings = rings_around(ground, _reach(site, ground) if reach is None else reach)
+    heights, linear, weight = _values(site, ground, ground_rgb, layers, rings)
+    vertices = np.column_stack([np.concatenate([ring.points for ring in rings]), heights])
+    faces = ring_faces(rings)
+    normals = vertex_normals(vertices, faces)
+    border = len(rings[0].points)
+    normals[:border] = _border_normals(ground)
+    rgb = np.round(255.0 * np.clip(srgb_from_linear(linear), 0.0, 1.0)).astype(np.uint8)
+    rgb[:border] = border_values(ground_rgb)
+    starts = np.cumsum([0, *(len(ring.points) for ring in rings)])
+    known = [
+        ring.away
+        for ring, a, b in zip(rings, starts[:-1], starts[1:], strict=True)
+        if weight[a:b].mean() > 0.5
+    ]
+    followed = max(known, default=0.0)
+    return Horizon(
+        mesh=Mesh(vertices=vertices, faces=faces),
+        normals=normals.astype(np.float32),
+        rgb=rgb,
+        ground_vertices=len(vertices),
+        ground_faces=len(faces),
+        rocks=0,
+        reach=rings[-1].away,
+        followed=followed,
+        told=_told(site, rings[-1].away, followed),
+    )
+
+
+def _told(site: Site, reach: float, followed: float) -> str:
+    sources = dict.fromkeys(level.source for level in site.surroundings)
+    if not followed:
+        return f"level ground out to {_length(reach)}: no heights were read beyond the site"
+    told = f"heights of {', '.join(sources) or 'the DTM around the site'} out to"
+    told += f" {_length(followed)}"
+    return told if followed >= 0.9 * reach else f"{told}, then level out to {_length(reach)}"
+
+
+def _length(metres: float) -> str:
+    return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{metres:.3g} m"
+
+
+def _reach(site: Site, ground: Heightfield) -> float:
+    """How far can be seen from 5 m above the site's relief [m], and hills beyond that."""
+    low, high = float(ground.elevation.min()), float(ground.elevation.max())
+    level = np.sqrt(2.0 * site.body.mean_radius * (_EYE + high - low))
+    tops = [(float(f.heights.max()) - site.datum_height, f.reach) for f in site.surroundings]
+    hills = np.sqrt(2.0 * site.body.mean_radius * max([0.0, *(top - low for top, _ in tops)]))
+    known = max([0.0, *(far for _, far in tops)])
+    return float(max(level, min(level + hills, known)))
+
+
+def _values(
+    site: Site,
+    ground: Heightfield,
+    ground_rgb: NDArray[np.uint8],
+    layers: tuple[Layer, ...],
+    rings: list[Ring],
+) -> tuple[Array, Array, Array]:
+    """Height [m], linear colour of all nodes, and how far heights are followed there."""
+    border, sides = len(rings[0].points), _sides(ground)
+    inner = ring_points(ground, rings[0].parts, -_INWARD * ground.spacing)
+    points = np.concatenate([inner, *(ring.points for ring in rings)])
+    known, weight = far_heights(site, *points.T)
+    known -= site.datum_height + _plane(site, points)
+    height = border_values(ground.elevation).astype(np.float64)
+    level = float(height.mean()) if site.dtm is None else _level(site, known, weight)
+    base = level + weight * (known - level)
+    going_on = [f for layer in layers if layer.mask is None and (f := layer.beyond(site))]
+    base[border:] += np.concatenate([_relief(going_on, ring) for ring in rings])
+    rest = height - base[border : 2 * border]
+    inside = ground.height_at(*inner.T) - base[:border]
+    slope = (rest - inside) / (_INWARD * ground.spacing)
+    colour = linear_from_srgb(np.arange(256) / 255.0)[border_values(ground_rgb)]
+    state = np.column_stack([rest, slope, colour])
+    mean, states = state.mean(axis=0), [state]
+    runout = _RUNOUT * min(sides)
+    for last, ring in pairwise(rings):
+        step = ring.away - last.away
+        state = _smoothed(_smoothed(states[-1]))[ring.kept]
+        slope = state[:, 1] / (1.0 + step / runout)
+        fade = 1.0 / (1.0 + min(sides) / step)
+        rest = (state[:, 0] + slope * step) * (1.0 - fade)
+        colour = state[:, 2:] + fade * (mean[2:] - state[:, 2:])
+        states.append(np.column_stack([rest, slope, colour]))
+    whole = np.concatenate(states)
+    points = points[border:]
+    west, south, east, north = ground.bounds
+    off = points - np.clip(points, (west, south), (east, north))
+    drop = (off * off).sum(axis=1) / (2.0 * site.body.mean_radius)
+    heights = base[border:] + whole[:, 0] - drop
+    heights[:border] = height
+    return heights, whole[:, 2:], weight[border:]
+
+
+def _sides(ground: Heightfield) -> tuple[float, float]:
+    west, south, east, north = ground.bounds
+    return east - west, north - south
+
+
+def _level(site: Site, known: Array, weight: Array) -> float:
+    """How high the ground is where nothing is known: as the outermost that is [m]."""
+    if not site.surroundings:
+        return float((weight * known).sum() / max(float(weight.sum()), 1e-9))
+    far = site.surroundings[-1]
+    total = float(far.weight.sum())
+    return float((far.heights * far.weight).sum(dtype=np.float64) / total) - site.datum_height
+
+
+def _plane(site: Site, points: Array) -> Array:
+    """Height of the plane that levelling takes away [m]; far out it flattens.
+
+    It holds to one diagonal of the site from its middle. From there on its rise grows with the
+    logarithm of the distance: else a slope of the site would lift the landscape by kilometres.
+    """
+    held = float(np.sqrt(site.size[0] ** 2 + site.size[1] ** 2))
+    far = np.maximum(np.sqrt((points * points).sum(axis=1)) / held, 1.0)
+    share = (1.0 + portable.log(far)) / far
+    return np.asarray(share * (site.slope[0] * points[:, 0] + site.slope[1] * points[:, 1]))
+
+
+def _relief(layers: list[Beyond], ring: Ring) -> Array:
+    """What the layers add at a ring's nodes [m]."""
+    total = np.zeros(len(ring.points))
+    first = 0
+    for number, part in enumerate(ring.parts):
+        count = len(part) - 1
+        points = ring.points[first : first + count]
+        along, across = points[:, number % 2], points[:1, 1 - number % 2]
+        east, north = (along, across) if number % 2 == 0 else (across, along)
+        for relief in layers:
+            total[first : first + count] += relief(east, north, ring.cell).ravel()
+        first += count
+    return total
+
+
+def _smoothed(values: Array) -> Array:
+    """Values along a closed ring, their shortest waves gone."""
+    return 0.25 * (np.roll(values, 1, axis=0) + np.roll(values, -1, axis=0)) + 0.5 * values
+
+
+def border_values(grid: NDArray[Any]) -> NDArray[Any]:
+    """Values of a grid at its border's nodes, counter-clockwise from the south-western corner."""
+    return np.concatenate([grid[0, :-1], grid[:-1, -1], grid[-1, :0:-1], grid[:0:-1, 0]])
+
+
+def _border_normals(ground: Heightfield) -> Array:
+    """Unit normals of the ground at its border's nodes, as the renderer takes them."""
+    z, spacing = ground.elevation, ground.spacing
+    strips = ((z[:2], 0), (z[:, -2:].T, 1), (z[-2:], 1), (z[:, :2].T, 0))  # S, E, N, W
+    slopes = []
+    for number, (strip, own) in enumerate(strips):
+        across, along = (part[own] for part in np.gradient(strip.astype(np.float64), spacing))
+        east, north = (along, across) if number % 2 == 0 else (across, along)
+        side = np.column_stack([-east, -north, np.ones(len(east))])
+        slopes.append(side[:-1] if number < 2 else side[:0:-1])
+    normals = np.concatenate(slopes)
+    return np.asarray(normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True)))

@@ -1,0 +1,210 @@
+"""What the ground is made of, place by place: bedrock, lag, sand, dust on the body's regolith.
+
+Each material lies where its mask and its patches let it, a later one on those before it. It has a
+colour, a grain and a friction of its own. All of it is addressed by position, so that it never
+repeats and is the same in every window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+
+from terrain_forge.base import (
+    Array,
+    FileName,
+    Fraction,
+    Key,
+    Positive,
+    RecipeError,
+    Spec,
+    linear_from_srgb,
+    portable,
+    srgb_from_linear,
+    stage_key,
+)
+from terrain_forge.model import Body, GroundMaterial, Heightfield, Site, Window
+from terrain_forge.terrain.masks import Mask, mask_weight
+from terrain_forge.terrain.noise import octaves
+
+MOST_MATERIALS = 15
+"""Materials that a recipe may have, besides the regolith."""
+_OCTAVES = 6
+_FALL = 0.6
+_DEVIATION = 0.30
+"""Standard deviation of the patches' noise, of the first octave's amplitude."""
+
+MaterialKind = Literal["regolith", "bedrock", "lag", "sand", "dust", "own"]
+
+
+class _Kind(NamedTuple):
+    """What a kind of ground is like where the recipe does not say."""
+
+    windy: tuple[float, float, float]
+    """Linear colour over the regolith's on a body with wind."""
+    airless: tuple[float, float, float]
+    """As `windy`, on one without."""
+    pebbles: float
+    """Share of places that hold a small stone."""
+    roughness: float
+    """Rise of its fine relief over that of the body's regolith."""
+    slabs: float
+    """How much it is jointed into slabs."""
+    surface: Literal["usual", "loose", "bedrock"]
+    """Whose friction it has: the regolith's, the lowest of it, or bedrock's."""
+
+
+_KINDS: dict[str, _Kind] = {
+    "regolith": _Kind((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 0.6, 1.0, 0.0, "usual"),
+    "bedrock": _Kind((1.10, 1.16, 1.20), (1.25, 1.25, 1.25), 0.25, 0.7, 1.0, "bedrock"),
+    "lag": _Kind((0.72, 0.80, 0.86), (1.08, 1.08, 1.08), 1.0, 1.2, 0.0, "usual"),
+    "sand": _Kind((0.60, 0.71, 0.80), (0.96, 0.96, 0.96), 0.02, 0.45, 0.0, "loose"),
+    "dust": _Kind((1.43, 1.30, 1.23), (1.04, 1.04, 1.04), 0.12, 0.6, 0.0, "loose"),
+    "own": _Kind((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 0.4, 1.0, 0.0, "usual"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialSpec(Spec):
+    """One kind of ground, and where it lies."""
+
+    kind: MaterialKind
+    """What it is. `bedrock`: slabs flush with the soil, between joints; `lag`: pebbles that the
+    wind has left; `sand`: dark and fine; `dust`: bright and fine; `regolith`: as elsewhere; `own`:
+    nothing is assumed, so that it needs a colour and a friction."""
+    name: FileName | None = None
+    """What truth calls it; without it, its kind."""
+    mask: Mask | None = None
+    """Where it lies; without it, everywhere that its patches let it."""
+    cover: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    """Share of that place which it covers, in patches with edges."""
+    patch_m: Positive = 4.0
+    """Size of its largest patches [m]; each has finer ones at its edge."""
+    rgb: tuple[Fraction, Fraction, Fraction] | None = None
+    """sRGB colour of it where it is level, 0 to 1 each; without it by its kind, from the ground's.
+    """
+    friction: Positive | None = None
+    """Coefficient of sliding friction of wheels on it; without it by its kind, from the body's:
+    bedrock's, the lower end of the regolith's for sand and dust, the regolith's."""
+    pebbles: Fraction | None = None
+    """Share of places that hold a pebble, in pictures alone; without it by its kind."""
+
+    def __post_init__(self) -> None:
+        if self.mask is None and self.cover == 1.0:
+            raise ValueError("a material needs a mask or a cover below 1: it would hide all others")
+        if self.kind == "own":
+            missing = [name for name in ("rgb", "friction") if getattr(self, name) is None]
+            if missing:
+                raise ValueError(f"kind own needs {' and '.join(missing)}: nothing else tells them")
+
+    @property
+    def label(self) -> str:
+        """What truth calls it."""
+        return self.name or self.kind
+
+
+def check_materials(specs: tuple[MaterialSpec, ...], site: Site) -> None:
+    """Refuse materials that a site cannot have, too many of them, or two with one name.
+
+    Raises:
+        RecipeError, DataError: for the first that is wrong.
+    """
+    if len(specs) > MOST_MATERIALS:
+        raise RecipeError(
+            f"{len(specs)} materials, at most {MOST_MATERIALS}", key=("terrain", "materials")
+        )
+    named = {"ground"}
+    for number, spec in enumerate(specs):
+        key: Key = ("terrain", "materials", number)
+        if spec.label.lower() in named:
+            raise RecipeError(
+                f"a material before is called {spec.label!r} too: give each a name of its own",
+                key=(*key, "name"),
+            )
+        named.add(spec.label.lower())
+        if spec.mask is not None:
+            spec.mask.check(site=site, key=(*key, "mask"))
+
+
+def ground_materials(
+    specs: tuple[MaterialSpec, ...], *, body: Body, soil_rgb: Array
+) -> tuple[GroundMaterial, ...]:
+    """The regolith and the materials on it; `soil_rgb` is the linear colour of the regolith."""
+    usual = MaterialSpec(kind="regolith", name="ground", cover=0.5)
+    return tuple(_made(spec, body, soil_rgb) for spec in (usual, *specs))
+
+
+def _made(spec: MaterialSpec, body: Body, soil_rgb: Array) -> GroundMaterial:
+    kind, friction = _KINDS[spec.kind], body.friction
+    of_kind = {
+        "usual": friction.regolith.coefficient,
+        "loose": friction.regolith.lowest,
+        "bedrock": friction.bedrock.coefficient,
+    }[kind.surface]
+    factor = kind.airless if body.airless else kind.windy
+    own = linear_from_srgb(spec.rgb) if spec.rgb else soil_rgb * factor
+    return GroundMaterial(
+        name=spec.label,
+        kind=spec.kind,
+        rgb=tuple(srgb_from_linear(np.clip(own, 0.0, 1.0)).tolist()),
+        friction=of_kind if spec.friction is None else spec.friction,
+        pebbles=kind.pebbles if spec.pebbles is None else spec.pebbles,
+        roughness=kind.roughness,
+        slabs=kind.slabs,
+    )
+
+
+def classify_ground(
+    specs: tuple[MaterialSpec, ...], *, site: Site, window: Window, around: Window, heights: Array
+) -> NDArray[np.uint8]:
+    """Which material lies at the window's nodes: 0 for the regolith, n for the nth of `specs`.
+
+    A node has the same one in every window.
+
+    Args:
+        specs: The materials.
+        site: The site.
+        window: The nodes that are wanted.
+        around: The nodes of `heights`, which reach `Mask.reach` beyond the window or to the site's
+            edge.
+        heights: Heights [m], shape [rows, columns] of `around`.
+    """
+    found = np.zeros((window.rows + 1, window.columns + 1), np.uint8)
+    east, north = site.axes(window)
+    south, west = window.row - around.row, window.column - around.column
+    own = np.s_[south : south + window.rows + 1, west : west + window.columns + 1]
+    for number, spec in enumerate(specs, 1):
+        share = np.full(found.shape, spec.cover)
+        if spec.mask is not None:
+            weight = mask_weight(spec.mask, site=site, window=around, elevation=heights)
+            share *= weight[own]
+        key = stage_key(site.seed, f"material/{spec.label}")
+        waves = spec.patch_m * 0.5 ** np.arange(float(_OCTAVES))
+        noise = octaves(
+            key,
+            east=east,
+            north=north,
+            wavelengths=waves[waves >= site.spacing],
+            amplitudes=_FALL ** np.arange(float(np.count_nonzero(waves >= site.spacing))),
+        )
+        # The normal distribution by the logistic one: the rank of the noise, 0 to 1.
+        rank = 1.0 / (1.0 + portable.exp(np.clip(-1.702 / _DEVIATION * noise, -60.0, 60.0)))
+        found[rank < share] = number
+    return found
+
+
+def materials_reach(specs: tuple[MaterialSpec, ...], site: Site) -> float:
+    """How far around a node its material looks at the ground [m]."""
+    return max((spec.mask.reach(site) for spec in specs if spec.mask is not None), default=0.0)
+
+
+def of_window(ground: Heightfield, site: Site, window: Window) -> Array:
+    """The ground's heights at the nodes of a window that lies in it [m]."""
+    column, row = site.first_node(ground)
+    rows = slice(window.row - row, window.row - row + window.rows + 1)
+    columns = slice(window.column - column, window.column - column + window.columns + 1)
+    return ground.elevation[rows, columns].astype(np.float64)

@@ -1,0 +1,5 @@
+"""Sites in tiles: planned once, built tile by tile, brought together, cut, checked."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

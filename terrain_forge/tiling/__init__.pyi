@@ -1,0 +1,13 @@
+"""Sites in tiles: planned once, built tile by tile, brought together, cut, checked."""
+
+from .building import STAGES as STAGES
+from .building import TiledResult as TiledResult
+from .building import build_tiles as build_tiles
+from .building import progress_figures as progress_figures
+from .making import make_tile as make_tile
+from .order import TileOrder as TileOrder
+from .order import is_site as is_site
+from .order import load_order as load_order
+from .order import order_tiles as order_tiles
+from .order import require_whole as require_whole
+from .order import save_order as save_order

@@ -1,0 +1,154 @@
+"""Building a site in tiles: what is missing is made, then all is brought together."""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from terrain_forge.base import (
+    OutputError,
+    Stopwatch,
+    StorageError,
+    TerrainForgeError,
+    core_count,
+    run_tasks,
+    size_text,
+)
+from terrain_forge.building import BuildResult, holding, storing
+from terrain_forge.tiling.joining import begin, join, sample_world, write_manifest
+from terrain_forge.tiling.making import make_tile
+from terrain_forge.tiling.order import TileOrder, save_order
+from terrain_forge.tiling.page import write_page
+from terrain_forge.truth import require_parquet
+
+_log = logging.getLogger(__name__)
+_MOST_FAILURES = 16
+"""Tiles that fail until no further one is begun."""
+_NAMED = 5
+STAGES = ("compile", "plan", "tiles", "verification", "joining", "report page", "manifest")
+"""Stages of a build in tiles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiledResult(BuildResult):
+    """What a build in tiles left behind; its world is that of the site's south-western corner."""
+
+    tiles: int
+    """Tiles of the site."""
+    made: int
+    """Those of them that were not there before."""
+
+    def __repr__(self) -> str:
+        return f"<TiledResult {str(self.directory)!r}: {self.tiles} tiles, {self.made} new>"
+
+
+@dataclass
+class _Pace:
+    """What was made so far, and what that took."""
+
+    made: int = 0
+    processor: float = 0.0
+    peak: int = 0
+    failed: dict[int, Exception] = field(default_factory=dict)
+    begin: float = field(default_factory=time.perf_counter)
+
+    def told(self, missing: int) -> str:
+        """How far it is."""
+        gone = time.perf_counter() - self.begin
+        rate = self.made / gone if gone else 0.0
+        text = f"tiles: {self.made} of {missing}"
+        if self.made:
+            text += f", {rate:.2g} a second" if rate >= 1.0 else f", {1.0 / rate:.2g} s each"
+        return text + (f", {len(self.failed)} failed" if self.failed else "")
+
+
+def build_tiles(
+    order: TileOrder,
+    *,
+    watch: Stopwatch,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> TiledResult:
+    """Make the tiles that are missing, and bring all together.
+
+    Raises:
+        OutputError: if the folder holds anything else, or the scheduler cannot be used.
+        StorageError: if the disk does not take the site.
+        TerrainForgeError: names the tiles that failed; the others are whole.
+    """
+    out = order.out
+    tiles = order.site.recipe.tiles
+    if tiles is not None and tiles.parquet:
+        require_parquet()
+    save_order(order)
+    with holding(out):
+        with storing(out, out):
+            begin(order)
+        missing = order.missing()
+        pace = _Pace()
+        watch(f"tiles: 0 of {len(missing)}")
+        work = partial(make_tile, str(out))
+        told = partial(_log.warning, "Dask's dashboard: %s")
+        for number, result in run_tasks(
+            work, missing, workers=workers, scheduler=scheduler, told=told
+        ):
+            if isinstance(result, Exception):
+                pace.failed[number] = result
+                _log.debug("tile %s", number, exc_info=result)
+                if len(pace.failed) >= _MOST_FAILURES:
+                    break
+            else:
+                pace.made += 1
+                pace.processor += result["processor_s"]
+                pace.peak = max(pace.peak, result["peak_bytes"])
+            share = (pace.made + len(pace.failed)) / len(missing)
+            watch(pace.told(len(missing)), share)
+        if pace.failed:
+            raise _failure(order, pace.failed)
+        with storing(out, out):
+            joined = join(order, watch)
+            watch("report page")
+            write_page(order, joined["verification"], joined["manifest"])
+            write_manifest(order, joined["manifest"])
+    watch.figures.update(
+        tiles=len(order.grid), tiles_made=pace.made, workers=workers or core_count(),
+        processor_s=round(pace.processor, 3), peak_worker_bytes=pace.peak,
+    )  # fmt: skip
+    watch.write(out)
+    return TiledResult(
+        directory=out,
+        world=sample_world(order),
+        passed=True,
+        exports=order.exports,
+        tiles=len(order.grid),
+        made=pace.made,
+    )
+
+
+def _failure(order: TileOrder, failed: dict[int, Exception]) -> TerrainForgeError:
+    """The error that names tiles which failed, of the kind that all of them have."""
+    named = ", ".join(order.grid.folder(number) for number in sorted(failed)[:_NAMED])
+    more = f" and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
+    first = failed[min(failed)]
+    why = " ".join(str(first).split()) or type(first).__name__
+    kinds = {type(error) for error in failed.values()}
+    kind: Callable[[str], TerrainForgeError] = OutputError
+    if kinds == {StorageError}:
+        kind = StorageError
+    return kind(
+        f"{order.out}: {len(failed)} tile{'s' * (len(failed) > 1)} failed twice, {named}{more}: "
+        f"{why}; the others are whole, and the same build goes on"
+    )
+
+
+def progress_figures(result: TiledResult) -> str:
+    """A line about what a build in tiles took."""
+    told: dict[str, Any] = json.loads((result.directory / "timings.json").read_text())
+    peak = size_text(told["peak_worker_bytes"])
+    each = told["processor_s"] / max(result.made, 1)
+    return f"{result.made} of {result.tiles} tiles made, {each:.2g} s of a core and {peak} each"

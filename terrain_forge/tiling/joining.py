@@ -1,0 +1,164 @@
+"""What tiles are together: what exports need of the whole, verification, list of files, page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from terrain_forge import __version__
+from terrain_forge.base import OutputError, Stopwatch, read_text, software
+from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
+from terrain_forge.recipe import sha256
+from terrain_forge.tiling.making import world_of
+from terrain_forge.tiling.order import FOLDER, TILE, TileOrder
+from terrain_forge.truth import write_merged
+
+MANIFEST = "manifest.json"
+FORMAT = "tiles 1"
+TABLE = "tiles.csv"
+"""The list of tiles, in the folder of the order."""
+_MOST = 2**26
+
+
+def sample_world(order: TileOrder) -> World:
+    """The world of a corner of the site, for what all tiles share: shapes, colours, light."""
+    return world_of(order, Window(column=0, row=0, columns=2, rows=2))
+
+
+def begin(order: TileOrder) -> None:
+    """Write what tiles share, before any of them."""
+    world = sample_world(order)
+    for export in order.exports:
+        exporter, options = export.opened()
+        (order.out / export.folder).mkdir(exist_ok=True)
+        if hasattr(exporter, "begin_tiles"):
+            exporter.begin_tiles(world, order.out / export.folder, options=options)
+
+
+def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
+    """What a tile says of itself.
+
+    Raises:
+        OutputError: if it is damaged.
+    """
+    path = order.folder(number) / TILE
+    try:
+        told: dict[str, Any] = json.loads(read_text(path, TILE, most=_MOST))
+        if told["format"] == 1 and (told["row"], told["column"]) == order.grid.place(number):
+            return told
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise OutputError(
+        f"{path} is damaged: move {path.parent} away, and build again, which makes it anew"
+    )
+
+
+def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
+    """Bring the tiles together; returns the site's manifest.
+
+    Raises:
+        OutputError: for a tile that is damaged.
+    """
+    out, site = order.out, order.site
+    watch("verification")
+    verification = write_merged(site, (one["counts"] for _, one in _each(order)), out / "truth")
+    exports: dict[str, Any] = {}
+    world = sample_world(order)
+    for export in order.exports:
+        watch(f"joining: {export.folder}")
+        exporter, options = export.opened()
+        folder = out / export.folder
+        tiled = TiledSite(
+            site=site, grid=order.grid, world=world, tiles=tuple(_built(order, export))
+        )
+        losses = exporter.join_tiles(tiled, folder, options=options)  # type: ignore[attr-defined]
+        exports[export.folder] = {
+            "kind": export.kind, "options": export.options, "losses": list(losses)
+        }  # fmt: skip
+    watch("manifest")
+    rocks = _write_table(order)
+    names = [
+        path.relative_to(out).as_posix()
+        for folder in (FOLDER, "truth", *exports)
+        for path in sorted((out / folder).rglob("*"))
+        if path.is_file()
+    ]
+    manifest = {
+        "terrain_forge": __version__,
+        "format": FORMAT,
+        "name": site.name,
+        "seed": site.seed,
+        "recipe": json.loads(site.recipe_json),
+        "versions": software(),
+        "inputs": dict(site.inputs),
+        "tiles": {
+            "count": len(order.grid), "across": order.grid.across, "up": order.grid.up,
+            "cells": order.grid.cells, "rocks": rocks,
+        },
+        "exports": exports,
+        "outputs": {name: sha256(out / name) for name in names},
+    }  # fmt: skip
+    return {"manifest": manifest, "verification": verification}
+
+
+def write_manifest(order: TileOrder, manifest: dict[str, Any]) -> None:
+    """Write the list of what the site is, after all else."""
+    path, fresh = order.out / MANIFEST, order.out / f".{MANIFEST}"
+    text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    fresh.write_text(text, encoding="utf-8")
+    fresh.replace(path)
+
+
+def _each(order: TileOrder) -> Iterator[tuple[int, dict[str, Any]]]:
+    for number in range(len(order.grid)):
+        yield number, read_tile(order, number)
+
+
+def _built(order: TileOrder, export: Export) -> Iterator[BuiltTile]:
+    for number, told in _each(order):
+        row, column = order.grid.place(number)
+        yield BuiltTile(
+            number=number,
+            row=row,
+            column=column,
+            window=order.grid.window(number),
+            folder=f"../{order.grid.folder(number)}/{export.folder}",
+            height=tuple(told["height_m"]),
+            figures=told["figures"][export.folder],
+        )
+
+
+def _write_table(order: TileOrder) -> int:
+    """Write the list of tiles with the hashes of their own lists; returns the number of rocks."""
+    rocks = 0
+    path = order.out / FOLDER / TABLE
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("row,column,rocks,lowest_m,highest_m,sha256\n")
+        for number, told in _each(order):
+            rocks += told["rocks"]
+            low, high = told["height_m"]
+            digest = sha256(order.folder(number) / TILE)
+            file.write(
+                f"{told['row']},{told['column']},{told['rocks']},{low!r},{high!r},{digest}\n"
+            )
+    return rocks
+
+
+def read_site(out: Path) -> dict[str, Any]:
+    """The manifest of a built site in tiles.
+
+    Raises:
+        OutputError: if the folder holds none, or one whose build is not finished.
+    """
+    path = out / MANIFEST
+    if not path.is_file():
+        raise OutputError(f"{out} is not finished: the same build goes on with it")
+    try:
+        manifest: dict[str, Any] = json.loads(read_text(path, MANIFEST, most=2**30))
+    except ValueError:
+        raise OutputError(f"{path} is damaged: not JSON") from None
+    if manifest.get("format") != FORMAT:
+        raise OutputError(f"{path} is not one of this version of terrain-forge: move it away")
+    return manifest

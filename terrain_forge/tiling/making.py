@@ -1,0 +1,105 @@
+"""A tile: its ground and rocks are made, its files written, and moved to their place at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.base import Stopwatch, silent
+from terrain_forge.building import storing, write_through
+from terrain_forge.making import make_world
+from terrain_forge.model import Tile, Window, World
+from terrain_forge.recipe import sha256
+from terrain_forge.tiling.order import TILE, TileOrder, load_order
+from terrain_forge.truth import write_tile_truth
+
+STAGING = ".terrain-forge"
+"""Where tiles are made, in the site's folder."""
+_MARGIN = 1
+"""Cells around a tile whose ground its normals need."""
+
+
+def make_tile(out: str, number: int) -> dict[str, Any]:
+    """Make a tile of the site in a folder, unless it is there; returns what that took.
+
+    Raises:
+        StorageError: if the disk does not take it.
+    """
+    begin = time.perf_counter(), time.process_time()
+    order = load_order(Path(out))
+    place = order.folder(number)
+    if not (place / TILE).is_file():
+        # As deep as its place, so that what it refers to in the site's folder is there already.
+        fresh = order.out / STAGING / f"{number}" / f"{platform.node()}-{os.getpid()}"
+        with storing(place, order.out):
+            shutil.rmtree(fresh, ignore_errors=True)
+            try:
+                fresh.mkdir(parents=True)
+                _write(order, number, fresh)
+                write_through(fresh)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                _take_place(fresh, place)
+            finally:
+                shutil.rmtree(fresh, ignore_errors=True)
+    return {
+        "wall_s": time.perf_counter() - begin[0],
+        "processor_s": time.process_time() - begin[1],
+        "peak_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+    }
+
+
+def _take_place(fresh: Path, place: Path) -> None:
+    """Move a tile to its place, if no other worker has done so meanwhile."""
+    try:
+        fresh.rename(place)
+    except OSError:
+        if not (place / TILE).is_file():
+            raise
+
+
+def _write(order: TileOrder, number: int, folder: Path) -> None:
+    tile = tile_of(order, number)
+    tiles = order.site.recipe.tiles
+    parquet = tiles is not None and tiles.parquet
+    counts = write_tile_truth(tile, folder / "truth", parquet=parquet)
+    figures: dict[str, Any] = {}
+    for export in order.exports:
+        exporter, options = export.opened()
+        place = folder / export.folder
+        place.mkdir()
+        export_tile: Callable[..., dict[str, Any]] = exporter.export_tile  # type: ignore[attr-defined]
+        figures[export.folder] = export_tile(tile, place, grid=order.grid, options=options)
+    ground = tile.ground.elevation
+    row, column = order.grid.place(number)
+    names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    told = {
+        "format": 1,
+        "row": row,
+        "column": column,
+        "rocks": len(tile.field),
+        "height_m": [float(ground.min()), float(ground.max())],
+        "files": {name.as_posix(): sha256(folder / name) for name in names},
+        "figures": figures,
+        "counts": counts,
+    }
+    text = json.dumps(told, indent=1, allow_nan=False) + "\n"
+    (folder / TILE).write_text(text, encoding="utf-8")
+
+
+def tile_of(order: TileOrder, number: int) -> Tile:
+    """A tile, in a world that is somewhat larger: what shapes its border lies beyond it."""
+    window = order.grid.window(number)
+    around = order.site.padded(window, _MARGIN * order.site.spacing)
+    return world_of(order, around).tile(window, number=number)
+
+
+def world_of(order: TileOrder, window: Window) -> World:
+    """The world of a window of the site."""
+    return make_world(order.site, window, settled=True, progress=Stopwatch(silent))

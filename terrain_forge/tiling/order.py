@@ -1,0 +1,278 @@
+"""What a site in tiles is made from, as its folder keeps it: the planned site and the exports.
+
+OUT/site/site.json, arrays.npz   the planned site
+OUT/site/order.json              tiles, exports, versions
+OUT/tiles/ROW/COLUMN/            the files of a tile, with tile.json; whole or not there
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import (
+    OutputError,
+    RecipeError,
+    from_plain,
+    read_arrays,
+    read_text,
+    software,
+    to_plain,
+)
+from terrain_forge.model import USUAL_CELLS, Export, Site, TileGrid, plain_options, sensor_kinds
+from terrain_forge.recipe import ExportOrder
+from terrain_forge.rocks import find_library, rock_margin
+from terrain_forge.terrain import stencil_reach
+
+FOLDER, ORDER = "site", "order.json"
+TILE = "tile.json"
+"""A tile's own list of its files."""
+MOST = 2**30
+"""Bytes of a site's JSON."""
+TILED = "geotiff", "usd", "glb", "sdf"
+"""Exporters of ours that write tile by tile."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TileOrder:
+    """A site in tiles that is to be built, or was."""
+
+    out: Path
+    """The folder of the site."""
+    site: Site
+    """The planned site."""
+    grid: TileGrid
+    """How it is cut."""
+    exports: tuple[Export, ...]
+    """What is exported of each tile."""
+
+    def missing(self) -> list[int]:
+        """Numbers of the tiles that are not there."""
+        return [n for n in range(len(self.grid)) if not (self.folder(n) / TILE).is_file()]
+
+    def folder(self, number: int) -> Path:
+        """Where a tile's files lie."""
+        return self.out / self.grid.folder(number)
+
+
+def is_site(out: Path) -> bool:
+    """Whether a folder is that of a site in tiles, finished or not."""
+    return (out / FOLDER / ORDER).is_file()
+
+
+def require_whole(out: Path, workers: int | None, scheduler: str | None) -> None:
+    """Refuse what is for sites in tiles alone, where a world is built as one.
+
+    Raises:
+        OutputError: says what.
+    """
+    if is_site(out):
+        raise OutputError(f"{out} holds a site in tiles: choose another folder with -o")
+    if workers is not None or scheduler is not None:
+        raise OutputError(
+            "--workers and --scheduler are for sites in tiles: add `tiles: {}` to the recipe"
+        )
+
+
+def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrder:
+    """Check that a site can be built in tiles.
+
+    Raises:
+        RecipeError: for tiles that are no whole number of cells or smaller than what lies in them,
+            an export that is not made tile by tile, or what needs the whole site.
+    """
+    for order in orders:
+        if not hasattr(order.exporter, "export_tile"):
+            raise RecipeError(
+                f"{order.kind} is not written tile by tile, as {', '.join(TILED)} are: leave it "
+                "out, and take a part of the built site with `terrain-forge cut`",
+                key=("exports", order.folder),
+            )
+    _require_no_whole(site)
+    grid = TileGrid.of(site, _cells(site))
+    exports = tuple(
+        Export(folder=order.folder, kind=order.kind, options=plain_options(order.options))
+        for order in orders
+    )
+    return TileOrder(out=out, site=site, grid=grid, exports=exports)
+
+
+def _require_no_whole(site: Site) -> None:
+    validate = site.recipe.validate
+    if validate is not None and (validate.drive or validate.drives):
+        key = "drive" if validate.drive else "drives"
+        raise RecipeError(
+            "a site in tiles is not driven: leave it out, and drive a part that "
+            "`terrain-forge cut` takes",
+            key=("validate", key),
+        )
+
+
+def _cells(site: Site) -> int:
+    """Cells of a tile each way."""
+    tiles, key = site.recipe.tiles, ("tiles", "size_m")
+    if tiles is None or tiles.size_m is None:
+        cells = USUAL_CELLS
+    else:
+        exact = tiles.size_m / site.spacing
+        cells = round(exact)
+        if cells < 2 or abs(exact - cells) > 1e-6 * cells:
+            nearest = max(cells, 2) * site.spacing
+            raise RecipeError(
+                f"{tiles.size_m:g} m is not a whole number (2 or more) of cells of "
+                f"{site.spacing:g} m; {nearest:g} m would be",
+                key=key,
+            )
+    rocks, layers = site.recipe.rocks, site.recipe.terrain.layers
+    library = find_library(rocks.library, custom=site.meshes)
+    margin = rock_margin(
+        site=site, populations=rocks.populations, lists=rocks.lists, library=library
+    )
+    reaches = {
+        f"the ground that a rock of {site.largest_rock:.3g} m needs around it": margin,
+        "the reach of the ground's layers": stencil_reach(site, layers),
+    }
+    what, reach = max(reaches.items(), key=lambda item: item[1])
+    if cells * site.spacing < reach:
+        raise RecipeError(
+            f"tiles of {cells * site.spacing:g} m are smaller than {what}, {reach:.3g} m: choose "
+            "larger ones, or smaller rocks",
+            key=key,
+        )
+    return cells
+
+
+def save_order(order: TileOrder) -> None:
+    """Write the order into its site's folder.
+
+    Raises:
+        OutputError: if the folder holds anything but the same order.
+    """
+    texts = _files(order)
+    folder = order.out / FOLDER
+    if is_site(order.out):
+        _require_same(order.out, texts)
+        return
+    if order.out.exists() and any(path.name != ".terrain-forge" for path in order.out.iterdir()):
+        raise OutputError(
+            f"{order.out} exists and is no site in tiles; remove it or choose another with -o"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in texts.items():  # the order itself last: with it the site is begun
+        fresh = folder / f".{name}"
+        fresh.write_bytes(content)
+        fresh.replace(folder / name)
+
+
+def _files(order: TileOrder) -> dict[str, bytes]:
+    arrays: dict[str, NDArray[Any]] = {}
+    site = to_plain(order.site, arrays, "site")
+    binary = BytesIO()
+    np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+    told = {
+        "format": 1,
+        "cells": order.grid.cells,
+        "exports": [{"folder": e.folder, "kind": e.kind, "options": e.options}
+                    for e in order.exports],
+        "made_by": software(),
+    }  # fmt: skip
+    return {
+        "site.json": _json(site),
+        "arrays.npz": binary.getvalue(),
+        ORDER: _json(told),
+    }
+
+
+def _json(plain: Any) -> bytes:
+    return (json.dumps(plain, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _require_same(out: Path, texts: dict[str, bytes]) -> None:
+    folder = out / FOLDER
+    mine, theirs = json.loads(texts[ORDER]), _read(folder / ORDER)
+    for part, what in (
+        ("made_by", "was begun by {theirs}, this is {mine}"),
+        ("cells", "holds tiles of {theirs} cells, this recipe makes tiles of {mine}"),
+        ("exports", "holds tiles with other exports: {theirs}, not {mine}"),
+    ):
+        if mine[part] != theirs.get(part):
+            told = {"mine": _told(mine[part]), "theirs": _told(theirs.get(part))}
+            raise OutputError(
+                f"{out} {what.format(**told)}; nothing was changed: choose another folder with -o"
+            )
+    for name in ("site.json", "arrays.npz"):
+        if (folder / name).read_bytes() != texts[name]:
+            raise OutputError(
+                f"{out} holds tiles of another recipe{_difference(folder, texts)}; nothing was "
+                "changed: choose another folder with -o"
+            )
+
+
+def _difference(folder: Path, texts: dict[str, bytes]) -> str:
+    """Where two recipes differ first."""
+    theirs, mine = (
+        json.loads(json.loads(text)["recipe_json"])
+        for text in ((folder / "site.json").read_bytes(), texts["site.json"])
+    )
+    return next(
+        (
+            f" ({key}: {_told(theirs.get(key))}, not {_told(mine[key])})"
+            for key in mine
+            if mine[key] != theirs.get(key)
+        ),
+        "",
+    )
+
+
+def _told(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {some}" for name, some in value.items())
+    if isinstance(value, list):
+        return ", ".join(one["folder"] for one in value) or "none"
+    return str(value)[:60]
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(read_text(path, path.name, most=MOST))
+    except ValueError:
+        raise OutputError(f"{path} is damaged: not JSON") from None
+
+
+def load_order(out: Path) -> TileOrder:
+    """The order of a site in tiles.
+
+    Raises:
+        OutputError: if the folder is none.
+    """
+    path = out / FOLDER / ORDER
+    if not path.is_file():
+        raise OutputError(f"{out} is no site in tiles (no {FOLDER}/{ORDER})")
+    state = path.stat()
+    return _load(str(out), state.st_mtime_ns, state.st_ino)
+
+
+@lru_cache(maxsize=2)
+def _load(out: str, *state: int) -> TileOrder:
+    del state
+    sensor_kinds()  # registers them among the records
+    folder = Path(out) / FOLDER
+    told = _read(folder / ORDER)
+    try:
+        site: Site = from_plain(_read(folder / "site.json"), read_arrays(folder / "arrays.npz"))
+        return TileOrder(
+            out=Path(out),
+            site=site,
+            grid=TileGrid.of(site, int(told["cells"])),
+            exports=tuple(Export(**plain) for plain in told["exports"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise OutputError(f"{folder} is damaged: {error}") from None

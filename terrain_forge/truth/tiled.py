@@ -1,0 +1,110 @@
+"""The truth of a tile of a site that is built in tiles."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import OutputError
+from terrain_forge.dtm import geographic_crs, transform
+from terrain_forge.model import Tile, World
+from terrain_forge.truth.merging import count_rocks
+from terrain_forge.truth.rasters import rock_rasters
+from terrain_forge.truth.tables import write_rocks
+from terrain_forge.writers import write_geotiff
+
+
+def write_tile_truth(tile: Tile, folder: Path, *, parquet: bool) -> dict[str, Any]:
+    """Write the surface, whose rock is on top, and the rocks; returns what there is of them.
+
+    Rasters hold the tile's nodes but those of its northern and eastern border, which the next
+    tiles have; at the site's own border all.
+    """
+    folder.mkdir()
+    world = tile.world
+    top, rock_id = rock_rasters(world)
+    ground, own = disjoint(tile)
+    write = partial(write_geotiff, world_ground=ground, site=world.site, cloud_optimized=True)
+    write(folder / "surface_with_rocks.tif", top[own], description="ground and rocks")
+    about = "id of the rock on top, -1 where there is none"
+    write(folder / "rock_id.tif", rock_id[own], units="", nodata=-1, description=about)
+    write_rocks(world, folder / "rocks.csv")
+    if parquet:
+        write_parquet(world, folder / "rocks.parquet")
+    return count_rocks(world, rock_id)
+
+
+def disjoint(tile: Tile) -> tuple[Any, tuple[slice, slice]]:
+    """The ground's nodes that no other tile's rasters have, and where they are in the tile's."""
+    whole, window = tile.whole.site.window, tile.world.window
+    rows, columns = (
+        cells + (first + cells == all_cells)
+        for first, cells, all_cells in (
+            (window.row, window.rows, whole.rows),
+            (window.column, window.columns, whole.columns),
+        )
+    )
+    ground = tile.ground.cut(column=0, row=0, columns=columns - 1, rows=rows - 1)
+    return ground, (slice(rows), slice(columns))
+
+
+def require_parquet() -> None:
+    """Refuse what cannot be written.
+
+    Raises:
+        OutputError: if pyarrow is not installed.
+    """
+    try:
+        import_module("pyarrow.parquet")
+    except ImportError:
+        raise OutputError(
+            "tiles.parquet needs pyarrow: pip install 'terrain-forge[parquet]', or leave it out"
+        ) from None
+
+
+def write_parquet(world: World, path: Path) -> None:
+    """Write the table of rocks as GeoParquet 1.1: places as points in the site's CRS."""
+    arrow: Any = import_module("pyarrow")
+    parquet: Any = import_module("pyarrow.parquet")
+    rocks, site = world.field, world.site
+    points = np.empty(len(rocks), [("order", "u1"), ("kind", "<u4"), ("x", "<f8"), ("y", "<f8")])
+    points["order"], points["kind"] = 1, 1
+    points["x"], points["y"] = rocks.position[:, :2].T
+    names = np.array(rocks.populations, dtype=object)
+    columns: dict[str, Any] = {
+        "id": rocks.id,
+        "population": arrow.array(names[rocks.population].tolist(), arrow.string()),
+        "prototype": rocks.prototype,
+        **{f"{axis}_m": rocks.position[:, n] for n, axis in enumerate("xyz")},
+        **{f"q{axis}": rocks.quaternion[:, n] for n, axis in enumerate("wxyz")},
+        "diameter_m": rocks.diameter,
+        "height_m": rocks.height,
+        "buried_fraction": rocks.buried_fraction,
+        "volume_m3": rocks.volume,
+        "mass_kg": rocks.mass,
+        "dynamic": rocks.dynamic,
+        "collides": rocks.collides,
+    }
+    if site.georeferenced:
+        lonlat = transform(site.crs, geographic_crs(site.crs), *rocks.position[:, :2].T)
+        columns["lon_deg"], columns["lat_deg"] = lonlat
+    size = points.dtype.itemsize
+    raw = [points[n : n + 1].tobytes() for n in range(len(points))]
+    columns["geometry"] = arrow.array(raw, arrow.binary())
+    assert all(len(one) == size for one in raw)
+    primary: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["Point"], "crs": _crs(site)}
+    geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": primary}}
+    table = arrow.table(columns).replace_schema_metadata({"geo": json.dumps(geo)})
+    parquet.write_table(table, path, compression="zstd")
+
+
+def _crs(site: Any) -> Any:
+    """The site's CRS as PROJJSON; None where it has no place."""
+    from rasterio.crs import CRS
+
+    return CRS.from_wkt(site.crs).to_dict(projjson=True) if site.crs else None

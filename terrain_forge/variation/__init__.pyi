@@ -1,0 +1,9 @@
+"""Many worlds of one recipe: what is drawn for each, how hard it is, and making them all."""
+
+from .drawing import Drawn as Drawn
+from .drawing import draw as draw
+from .grid import make_grid as make_grid
+from .series import Worlds as Worlds
+from .series import name_of as name_of
+from .series import read_summary as read_summary
+from .series import worlds as worlds

@@ -1,0 +1,220 @@
+"""What one of many worlds is: its recipe, drawn by its number alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import (
+    DataError,
+    Key,
+    RecipeError,
+    hint_at,
+    stage_key,
+    uniforms,
+)
+from terrain_forge.dtm import Centre, RasterDtm, Terrain, places_of, whole_at_hand
+from terrain_forge.making import plan
+from terrain_forge.model import BODIES, Site
+from terrain_forge.recipe import (
+    DifficultySpec,
+    Recipe,
+    Variation,
+    WorldsSpec,
+    recipe_from_json,
+    recipe_json,
+)
+from terrain_forge.variation.difficulty import between, with_difficulty
+
+PLACES = 64
+"""Random places of which the one of a world's difficulty is taken."""
+_CENTRE = "dtm.centre"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """One of many worlds before it is made."""
+
+    number: int
+    """Its number, from 0."""
+    recipe: Recipe
+    """Its own recipe, which a build makes the same world of."""
+    site: Site
+    """Its site."""
+    difficulty: float | None
+    """The difficulty that was wished; None where there is none."""
+    values: dict[str, Any] = field(default_factory=dict)
+    """What was drawn, by the key in the recipe."""
+
+
+def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None = None) -> Drawn:
+    """Draw one of a recipe's worlds.
+
+    It hangs on the recipe's seed and the number alone, not on how many there are.
+
+    Args:
+        recipe: With `worlds`, which says what differs.
+        number: Of the world, from 0.
+        folder: What the recipe's paths are relative to.
+        difficulty: Its difficulty, instead of a drawn one.
+
+    Raises:
+        RecipeError, DataError: if such a world cannot be; names the key.
+    """
+    spec = recipe.worlds or WorldsSpec()
+    level = difficulty if difficulty is not None else _level(spec.difficulty, recipe.seed, number)
+    plain = json.loads(recipe_json(recipe))
+    plain["worlds"], plain["name"] = None, f"{recipe.name}-{number:05}"
+    plain["seed"] = int(stage_key(recipe.seed, f"worlds/{number}/seed")) >> 1
+    values: dict[str, Any] = {}
+    if spec.difficulty is not None and level is not None:
+        values |= with_difficulty(plain, spec.difficulty, level)
+    for key, wish in spec.vary.items():
+        if wish != "anywhere":
+            where = ("worlds", "vary", key)
+            value = _value(wish, level, recipe.seed, number, where)
+            _put(plain, key, value, where)
+            values[key] = value
+        elif key != _CENTRE:
+            raise RecipeError(f"only {_CENTRE} can be `anywhere`", key=("worlds", "vary", key))
+    own = _checked(plain)
+    if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
+        rank = level if _ranked(spec, own, level) else None
+        own, site, place = _placed(own, recipe.seed, number, folder, spec, rank)
+        values[_CENTRE] = place
+    else:
+        site = plan(own, folder=folder)
+    values["seed"] = own.seed
+    return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
+
+
+def _level(spec: DifficultySpec | None, seed: int, number: int) -> float | None:
+    if spec is None:
+        return None
+    if isinstance(spec.level, float | int):
+        return float(spec.level)
+    low, high = spec.level
+    return low + _chance(seed, number, "difficulty") * (high - low)
+
+
+def _chance(seed: int, number: int, what: str) -> float:
+    """An even number in (0, 1) for one thing of one world."""
+    return float(uniforms(stage_key(seed, f"worlds/{number}/{what}"), 1)[0])
+
+
+def _value(wish: Variation, level: float | None, seed: int, number: int, where: Key) -> Any:
+    """What is drawn for a key."""
+    try:
+        kind, (*given,) = wish.given
+    except RecipeError as error:
+        raise RecipeError(str(error), key=where) from None
+    chance = _chance(seed, number, f"vary/{where[-1]}")
+    if kind == "choice":
+        return given[min(int(chance * len(given)), len(given) - 1)]
+    low, high = given
+    if kind == "integers":
+        if low > high:
+            raise RecipeError(f"{low} to {high}: the smaller number first", key=where)
+        return low + min(int(chance * (high - low + 1)), high - low)
+    if kind.endswith("difficulty"):
+        if level is None:
+            raise RecipeError("the worlds have no difficulty: add worlds.difficulty", key=where)
+        chance = level
+    return between(low, high, chance, logarithmic=kind.startswith("log"))
+
+
+def _put(plain: dict[str, Any], name: str, value: Any, where: Key) -> None:
+    """Put a value at a dotted key of a recipe, which must be there.
+
+    Raises:
+        RecipeError: names the part that is not there, and what is.
+    """
+    target: Any = plain
+    words = name.split(".")
+    for depth, word in enumerate(words):
+        if isinstance(target, list):
+            if not word.isdecimal() or int(word) >= len(target):
+                raise RecipeError(
+                    f"{'.'.join(words[:depth])} has {len(target)} members, counted from 0; "
+                    f"found {word!r}",
+                    key=where,
+                )
+            step: int | str = int(word)
+        elif isinstance(target, dict) and word in target:
+            step = word
+        else:
+            allowed = sorted(target) if isinstance(target, dict) else []
+            above = ".".join(words[:depth]) or "the recipe"
+            has = ", ".join(allowed) or "no keys: give it one in the recipe first"
+            raise RecipeError(
+                f"{above} has no key {word!r}{hint_at(word, allowed)}, it has {has}", key=where
+            )
+        if depth == len(words) - 1:
+            target[step] = value
+        else:
+            target = target[step]
+
+
+def _checked(plain: dict[str, Any]) -> Recipe:
+    try:
+        return recipe_from_json(json.dumps(plain))
+    except RecipeError as error:
+        raise RecipeError(f"what is drawn cannot be: {error}", key=("worlds",)) from None
+
+
+def _ranked(spec: WorldsSpec, own: Recipe, level: float | None) -> bool:
+    """Whether the place is taken by the difficulty."""
+    wish = spec.difficulty
+    told = any(key.startswith(_CENTRE) for key in spec.vary if spec.vary[key] != "anywhere")
+    wanted = wish is not None and wish.place is not None and level is not None
+    return wanted and not told and isinstance(own.dtm, RasterDtm)
+
+
+def _placed(
+    own: Recipe, seed: int, number: int, folder: Path, spec: WorldsSpec, level: float | None
+) -> tuple[Recipe, Site, dict[str, Any]]:
+    """The recipe at a place of its terrain model, the site there, and the place.
+
+    The first of the places that can be planned counts.
+    """
+    if not isinstance(own.dtm, RasterDtm):
+        raise RecipeError(
+            f"a dtm of kind {own.dtm.kind} has no other places", key=("worlds", "vary", _CENTRE)
+        )
+    terrain = _places(own.dtm, own.body, folder)
+    drawn = uniforms(stage_key(seed, f"worlds/{number}/place"), PLACES)
+    chosen = np.minimum((drawn * len(terrain.place)).astype(np.int64), len(terrain.place) - 1)
+    if level is not None and spec.difficulty is not None and spec.difficulty.place is not None:
+        rank = between(*spec.difficulty.place, level, logarithmic=False) * (PLACES - 1)
+        by_slope = chosen[np.argsort(terrain.slope[chosen], kind="stable")]
+        chosen = by_slope[np.argsort(np.abs(np.arange(PLACES) - rank), kind="stable")]
+    last: DataError | RecipeError | None = None
+    for n in chosen.tolist():
+        x, y = terrain.place[n].tolist()
+        centre = Centre(crs=(x, y)) if terrain.georeferenced else Centre(offset_m=(x, y))
+        there = replace(own, dtm=replace(own.dtm, centre=centre))
+        try:
+            name = "crs" if terrain.georeferenced else "offset_m"
+            return there, plan(there, folder=folder), {name: [x, y]}
+        except (DataError, RecipeError) as error:
+            if error.key[:1] != ("dtm",):
+                raise
+            last = error
+    raise DataError(f"none of {PLACES} places of the DTM can be built: {last}", key=("dtm",))
+
+
+@lru_cache(maxsize=4)
+def _places(spec: RasterDtm, body: str, folder: Path) -> Terrain:
+    whole = replace(whole_at_hand(spec, body=BODIES[body]), centre=Centre(offset_m=(0.0, 0.0)))
+    return places_of(
+        whole,
+        body=BODIES[body],
+        folder=folder,
+        size=spec.size_m,
+        levelled=spec.level == "plane",
+    )

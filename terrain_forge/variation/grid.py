@@ -1,0 +1,184 @@
+"""A curriculum as one scene: rows of rising difficulty, columns of variants, flat borders."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import Array, Progress, Stopwatch, silent
+from terrain_forge.building import replacing, require_ours, write_export, write_manifest
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import make_world, plan
+from terrain_forge.model import Appearance, Heightfield, World
+from terrain_forge.recipe import (
+    DifficultySpec,
+    Recipe,
+    RecipeFile,
+    WorldsSpec,
+    load_recipe,
+    recipe_from_json,
+    recipe_json,
+)
+from terrain_forge.rocks import RocksSpec
+from terrain_forge.truth import write_truth
+from terrain_forge.variation.drawing import draw
+from terrain_forge.variation.series import orders_of, summary_of
+
+BORDER = 2.0
+"""Width of the border between worlds of a grid [m], half of which slopes to its flat middle."""
+
+
+def make_grid(
+    recipe: Recipe | RecipeFile | Path | str,
+    out: Path | str,
+    *,
+    shape: tuple[int, int],
+    folder: Path | str = ".",
+    only: tuple[str, ...] | None = None,
+    border: float = BORDER,
+    progress: Progress = silent,
+) -> Path:
+    """Make rows of rising difficulty × columns of variants as one scene; returns its folder.
+
+    Row 0 is the southern one, of the least difficulty of `worlds.difficulty`. The worlds lie as
+    they are made alone, each moved up or down so that its edge lies at 0 on average; borders slope
+    from their edges to 0. `grid.json` tells where each is and what was drawn for it.
+
+    Args:
+        recipe: What to make, or its file.
+        out: Folder; an older world of ours is replaced.
+        shape: Rows and columns.
+        folder: What the recipe's paths are relative to; of a file, its own folder.
+        only: Folders of the exports to write; by default all of the recipe.
+        border: Width of the border [m].
+        progress: Called with the share that is made.
+
+    Raises:
+        RecipeError, DataError, OutputError, StorageError: as `build`.
+    """
+    given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
+    if isinstance(given, RecipeFile):
+        folder, given = given.folder, given.recipe
+    recipe, folder = recipe_from_json(recipe_json(given)), Path(folder).resolve()
+    out = Path(out).resolve()
+    require_ours(out)
+    orders = orders_of(recipe, only)
+    margin = max(round(0.5 * border / recipe.terrain.spacing_m), 1)
+    whole, cells = _assembled(recipe, folder, shape, margin, progress)
+    with replacing(out) as directory:
+        exports = tuple(write_export(whole, directory, order) for order in orders)
+        write_truth(whole, directory, figures=False)
+        whole.save(directory)
+        text = json.dumps({"rows": shape[0], "columns": shape[1], "worlds": cells}, indent=1)
+        (directory / "grid.json").write_text(text + "\n", encoding="utf-8")
+        write_manifest(whole.site, directory, exports=exports, altered={})
+    return out
+
+
+def _assembled(
+    recipe: Recipe, folder: Path, shape: tuple[int, int], margin: int, progress: Progress
+) -> tuple[World, list[dict[str, Any]]]:
+    """The world of all, and what each of its parts is."""
+    rows, columns = shape
+    spacing = recipe.terrain.spacing_m
+    across, up = (round(length / spacing) + 2 * margin for length in recipe.dtm.size_m)
+    site = plan(
+        replace(
+            recipe,
+            name=f"{recipe.name}-grid",
+            dtm=FlatDtm(size_m=(columns * across * spacing, rows * up * spacing)),
+            terrain=replace(recipe.terrain, layers=()),
+            rocks=RocksSpec(library=recipe.rocks.library),
+            paths=(),
+            validate=None,
+            dataset=None,
+            worlds=None,
+        ),
+        folder=folder,
+    )
+    elevation = np.zeros((rows * up + 1, columns * across + 1), np.float32)
+    colours = np.zeros((*elevation.shape, 3), np.uint8)
+    fields, cells, number = [], [], 0
+    for world, summary, row, column in _worlds(recipe, folder, shape):
+        place = (
+            slice(row * up, (row + 1) * up + 1),
+            slice(column * across, (column + 1) * across + 1),
+        )
+        lifted, rise = _with_border(world.ground.elevation.astype(np.float64), margin)
+        elevation[place] = lifted
+        edges = ((margin, margin), (margin, margin), (0, 0))
+        colours[place] = np.pad(world.appearance.ground_rgb, edges, mode="edge")
+        middle = (
+            site.west + (column + 0.5) * across * spacing,
+            site.south + (row + 0.5) * up * spacing,
+        )
+        moved = world.field.position + np.array([*middle, rise])
+        fields.append(
+            world.field.replace(
+                position=moved, id=number + np.arange(len(world.field), dtype=np.int32)
+            )
+        )
+        number += len(world.field)
+        height = float(world.ground.height_at(0.0, 0.0)) + rise
+        cells.append({"row": row, "column": column, "origin_m": [*middle, height], **summary})
+        progress("worlds", len(cells) / (rows * columns))
+    field = fields[0].joined(*fields[1:])
+    ground = Heightfield(elevation=elevation, spacing=spacing, origin=(site.west, site.south))
+    return (
+        World(
+            site=site,
+            window=site.window,
+            ground=ground,
+            appearance=Appearance(
+                ground_rgb=colours,
+                rock_rgb=world.appearance.rock_rgb,
+                detail=world.appearance.detail,
+            ),
+            library=world.library,
+            field=field,
+            neighbours=field.select(np.zeros(len(field), np.bool_)),
+            trajectories=(),
+            rover=world.rover,
+            lighting=world.lighting,
+            unplaced=world.unplaced,
+        ),
+        cells,
+    )
+
+
+def _worlds(
+    recipe: Recipe, folder: Path, shape: tuple[int, int]
+) -> Iterator[tuple[World, dict[str, Any], int, int]]:
+    """Each world with what was drawn for it, its row and its column."""
+    spec = recipe.worlds or WorldsSpec()
+    wish = spec.difficulty or DifficultySpec()
+    recipe = replace(recipe, paths=(), worlds=replace(spec, difficulty=wish))
+    low, high = wish.level if isinstance(wish.level, tuple) else (wish.level, wish.level)
+    rows, columns = shape
+    for row in range(rows):
+        level = low + (high - low) * (row / (rows - 1) if rows > 1 else 0.5)
+        for column in range(columns):
+            drawn = draw(recipe, row * columns + column, folder=folder, difficulty=level)
+            site = drawn.site
+            world = make_world(site, site.window, settled=True, progress=Stopwatch(silent))
+            yield world, summary_of(drawn, world, spec.arrival), row, column
+
+
+def _with_border(elevation: Array, margin: int) -> tuple[Array, float]:
+    """Heights with a border that falls to 0, and how far the middle was raised [m]."""
+    edge = [elevation[0], elevation[-1], elevation[:, 0], elevation[:, -1]]
+    rise = -float(np.concatenate(edge).mean())
+    padded = np.pad(elevation + rise, margin, mode="edge")
+    rows, columns = elevation.shape
+    far = [
+        np.maximum(np.maximum(-n, n - (nodes - 1)), 0.0)
+        for nodes in (rows, columns)
+        for n in [np.arange(-margin, nodes + margin, dtype=np.float64)]
+    ]
+    part = np.minimum(np.sqrt(far[0][:, None] ** 2 + far[1] ** 2) / margin, 1.0)
+    return padded * (1.0 - part * part * (3.0 - 2.0 * part)), rise

@@ -1,0 +1,317 @@
+"""Making many worlds: each a folder that appears whole, in any order, by any number of workers."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import shutil
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge import __version__
+from terrain_forge.base import (
+    OutputError,
+    Progress,
+    RecipeError,
+    Stopwatch,
+    TerrainForgeError,
+    compile_ahead,
+    run_tasks,
+    silent,
+)
+from terrain_forge.building import chosen_exports, holding, write_export, write_manifest
+from terrain_forge.making import make_world
+from terrain_forge.model import World
+from terrain_forge.paths import arrivals, write_trajectories
+from terrain_forge.recipe import (
+    ArrivalSpec,
+    ExportOrder,
+    Recipe,
+    RecipeFile,
+    WorldsSpec,
+    input_paths,
+    load_recipe,
+    recipe_from_json,
+    recipe_json,
+)
+from terrain_forge.truth import rate_world, write_truth
+from terrain_forge.variation.drawing import Drawn, draw
+from terrain_forge.variation.sharing import drop_unshared, share
+
+ORDER, TABLE, POOL, SUMMARY = "worlds.json", "worlds.csv", "shared", "drawn.json"
+FORMAT = 1
+_BEGUN = ".begun-"
+_PICTURE = 256
+"""Pixels a side of the ground's pictures, where the recipe does not tell."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worlds:
+    """What was made of many worlds."""
+
+    directory: Path
+    """Folder of all."""
+    folders: tuple[Path, ...]
+    """Folders of the worlds, by their numbers; those that could not be made are left out."""
+    made: int
+    """How many of them were made now; the others were there."""
+    failed: tuple[tuple[int, str], ...]
+    """Numbers of those that could not be made, and why."""
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return f"<Worlds {str(self.directory)!r}: {len(self.folders)} worlds{failed}>"
+
+
+def worlds(
+    recipe: Recipe | RecipeFile | Path | str,
+    out: Path | str,
+    *,
+    count: int | None = None,
+    folder: Path | str = ".",
+    only: tuple[str, ...] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = silent,
+) -> Worlds:
+    """Make many worlds of one recipe, as its `worlds` part says, or what of them is missing.
+
+    World n hangs on the recipe and n alone: killed and begun again, by any number of workers, among
+    more worlds, its files have the same bytes.
+
+    Args:
+        recipe: What to make, or its file.
+        out: Folder of all; a folder for each world is made in it.
+        count: How many, instead of what the recipe says.
+        folder: What the recipe's paths are relative to; of a file, its own folder.
+        only: Folders of the exports to write; by default all of the recipe.
+        workers: Processes; by default one for each core, 0 for this one.
+        scheduler: Address of a Dask scheduler, whose workers see the same files.
+        progress: Called with the share that is made.
+
+    Raises:
+        RecipeError, DataError: if the first world cannot be; nothing is written.
+        OutputError: if the folder holds anything else, or another process writes it.
+        StorageError: if the disk does not take it.
+    """
+    given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
+    if isinstance(given, RecipeFile):
+        folder, given = given.folder, given.recipe
+    recipe = recipe_from_json(recipe_json(given))
+    folder, out = Path(folder).resolve(), Path(out).resolve()
+    count = (recipe.worlds or WorldsSpec()).count if count is None else count
+    if count < 1:
+        raise RecipeError(f"{count} worlds, at least 1", key=("worlds", "count"))
+    orders = orders_of(recipe, only)
+    draw(recipe, 0, folder=folder)  # what is wrong in all of them is told at once
+    _require_apart(out, recipe, folder)
+    _require_ours(out, recipe, orders)
+    with holding(out):
+        (out / POOL).mkdir(exist_ok=True)
+        _write(out / ORDER, _order(recipe, orders))
+        for left in out.glob(f"{_BEGUN}*"):
+            shutil.rmtree(left)
+        missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
+        if missing:
+            compile_ahead(silent)
+        task = partial(_make, recipe=recipe, folder=folder, out=out, only=only)
+        failed: dict[int, str] = {}
+        done = run_tasks(task, missing, workers=workers, scheduler=scheduler)
+        for share_done, (number, error) in enumerate(done, 1):
+            if isinstance(error, Exception):
+                failed[number] = " ".join(str(error).split()) or type(error).__name__
+                if not isinstance(error, TerrainForgeError):
+                    raise error
+            progress("worlds", share_done / len(missing))
+        drop_unshared(out / POOL)
+        folders = tuple(out / name_of(n) for n in range(count) if n not in failed)
+        _write_table(out, folders)
+    return Worlds(
+        directory=out,
+        folders=folders,
+        made=len(missing) - len(failed),
+        failed=tuple(sorted(failed.items())),
+    )
+
+
+def name_of(number: int) -> str:
+    """The folder of a world."""
+    return f"{number:05}"
+
+
+def orders_of(recipe: Recipe, only: tuple[str, ...] | None) -> tuple[ExportOrder, ...]:
+    """The exports, with small pictures of the ground where the recipe does not tell their size."""
+    orders = chosen_exports(recipe, only)
+    told = recipe.exports if isinstance(recipe.exports, dict) else {}
+    return tuple(
+        replace(order, options=replace(order.options, texture_pixels=_PICTURE))
+        if "texture_pixels" in {one.name for one in fields(order.options)}
+        and "texture_pixels" not in told.get(order.folder, {})
+        else order
+        for order in orders
+    )
+
+
+def _order(recipe: Recipe, orders: tuple[ExportOrder, ...]) -> dict[str, Any]:
+    """What the worlds of a folder have in common."""
+    plain = json.loads(recipe_json(recipe))
+    if plain["worlds"]:
+        del plain["worlds"]["count"]  # of which no world knows
+    return {
+        "terrain_forge": __version__,
+        "format": FORMAT,
+        "recipe": plain,
+        "exports": sorted(order.folder for order in orders),
+    }
+
+
+def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) -> None:
+    """Refuse a folder that holds anything but worlds of this recipe.
+
+    Raises:
+        OutputError: says what it holds.
+    """
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    try:
+        found = json.loads((out / ORDER).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise OutputError(
+            f"{out} exists and holds no worlds of ours (no {ORDER}): choose another folder"
+        ) from None
+    wanted = _order(recipe, orders)
+    for key in wanted:
+        if not isinstance(found, dict) or found.get(key) != wanted[key]:
+            what = {"exports": "other exports"}.get(key, f"another {key}")
+            raise OutputError(f"{out} holds worlds of {what}: choose another folder")
+
+
+def _require_apart(out: Path, recipe: Recipe, folder: Path) -> None:
+    for path in input_paths(recipe, folder):
+        if path.resolve().is_relative_to(out):
+            raise OutputError(f"the input {path} lies in {out}, where the worlds go")
+
+
+def _make(
+    number: int, *, recipe: Recipe, folder: Path, out: Path, only: tuple[str, ...] | None
+) -> None:
+    """Make one world, in a folder beside its own that then takes its name."""
+    orders = orders_of(recipe, only)
+    drawn = draw(recipe, number, folder=folder)
+    begun = out / f"{_BEGUN}{name_of(number)}-{os.getpid()}"
+    shutil.rmtree(begun, ignore_errors=True)
+    begun.mkdir()
+    try:
+        world = make_world(drawn.site, drawn.site.window, settled=True, progress=Stopwatch(silent))
+        spec = (recipe.worlds or WorldsSpec()).arrival
+        summary = summary_of(drawn, world, spec)
+        exports = tuple(write_export(world, begun, order) for order in orders)
+        write_truth(world, begun, figures=False)
+        if world.trajectories:
+            write_trajectories(world.trajectories, begun / "paths")
+        world.save(begun)
+        _write(begun / SUMMARY, summary)
+        write_manifest(world.site, begun, exports=exports, altered={})
+        share((path for path in sorted(begun.rglob("*")) if path.is_file()), out / POOL)
+        begun.rename(out / name_of(number))
+    except BaseException:
+        shutil.rmtree(begun, ignore_errors=True)
+        raise
+
+
+def summary_of(drawn: Drawn, world: World, spec: ArrivalSpec) -> dict[str, Any]:
+    """What was drawn for a world, and what was measured in it, as JSON has it."""
+    area = float(np.prod(world.site.size))
+    own = world.field.diameter
+    measured: dict[str, Any] = {
+        "rocks": len(own),
+        "rock_cover": round(float((0.25 * np.pi * own * own).sum()) / area, 6),
+        "slope_deg": round(_median_slope(world), 3),
+    }
+    if world.rover.wheels:
+        found = arrivals(
+            rate_world(world), seed=world.site.seed, starts=spec.starts, distance=spec.distance_m
+        )
+        measured |= {
+            "arrive": round(found.planned, 4),
+            "arrive_straight": round(found.straight, 4),
+            "passable": round(found.passable, 4),
+        }
+    return {
+        "number": drawn.number,
+        "name": world.site.name,
+        "seed": world.site.seed,
+        "rover": world.rover.name,
+        "difficulty": drawn.difficulty,
+        "drawn": {key: value for key, value in drawn.values.items() if key != "seed"},
+        "measured": measured,
+    }
+
+
+def _median_slope(world: World) -> float:
+    """Median slope of the ground's cells [degrees]."""
+    z = world.ground.elevation.astype(np.float64)
+    east = z[:-1, 1:] + z[1:, 1:] - z[:-1, :-1] - z[1:, :-1]
+    north = z[1:, :-1] + z[1:, 1:] - z[:-1, :-1] - z[:-1, 1:]
+    steepness = np.sqrt(east * east + north * north) / (2.0 * world.ground.spacing)
+    return math.degrees(math.atan(float(np.median(steepness))))
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """What was drawn for a world and measured in it.
+
+    Raises:
+        OutputError: if the folder holds no world of ours.
+    """
+    try:
+        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        if isinstance(found, dict) and {"number", "drawn", "measured"} <= {*found}:
+            return found
+    except (OSError, ValueError):
+        pass
+    raise OutputError(f"{folder} holds no readable {SUMMARY}: remove the folder and make it again")
+
+
+def _write_table(out: Path, folders: tuple[Path, ...]) -> None:
+    """One row for each world: what was drawn, and what was measured."""
+    found = [read_summary(folder) for folder in folders]
+    rows = [
+        {
+            "world": folder.name,
+            "seed": one["seed"],
+            "difficulty": one["difficulty"],
+            **one["drawn"],
+            **one["measured"],
+        }
+        for folder, one in zip(folders, found, strict=True)
+    ]
+    head = list(dict.fromkeys(key for row in rows for key in row))
+    text = StringIO()
+    table = csv.DictWriter(text, head, lineterminator="\n")
+    table.writeheader()
+    for row in rows:
+        table.writerow({key: _plain(value) for key, value in row.items()})
+    _replace(out / TABLE, text.getvalue())
+
+
+def _plain(value: Any) -> Any:
+    """A value as a field of a table."""
+    return json.dumps(value) if isinstance(value, dict | list | tuple) else value
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    _replace(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file that is there whole or not at all."""
+    fresh = path.with_name(f".{path.name}-{os.getpid()}")
+    fresh.write_text(text, encoding="utf-8")
+    fresh.replace(path)

@@ -1,0 +1,66 @@
+"""Tasks in other processes: results, errors, deaths."""
+
+from __future__ import annotations
+
+import os
+import signal
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from terrain_forge.base import OutputError, RecipeError, run_tasks
+
+
+def work(folder: Path, item: int) -> int:
+    """Square an item; 3 is refused, 5 kills its process the first time, 7 each time."""
+    os.write(1, b"noise on the output")
+    if item == 3:
+        raise RecipeError("no threes", key=("seed",))
+    if item == 5 and not (folder / "5").exists():
+        (folder / "5").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if item == 7:
+        os._exit(9)
+    return item**2
+
+
+def check_results(found: dict[int, int | Exception]) -> None:
+    """That all came that should, and the others with their error."""
+    assert sorted(found) == list(range(10))
+    refused, dead = found.pop(3), found.pop(7)
+    assert isinstance(refused, RecipeError)
+    assert refused.key == ("seed",)
+    assert isinstance(dead, Exception)
+    assert found == {item: item**2 for item in found}
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_a_dead_process_takes_nothing_with_it_but_its_task(tmp_path: Path, workers: int) -> None:
+    check_results(dict(run_tasks(partial(work, tmp_path), range(10), workers=workers)))
+
+
+def test_a_generator_that_is_left_ends_its_processes(tmp_path: Path) -> None:
+    results = run_tasks(partial(work, tmp_path), iter(range(10**9)), workers=1)
+    assert next(results) == (0, 0)
+    results.close()
+
+
+def test_tasks_run_here_too(tmp_path: Path) -> None:
+    assert dict(run_tasks(partial(work, tmp_path), [1, 2], workers=0)) == {1: 1, 2: 4}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_gives_the_same(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    work_there = partial(work, tmp_path)
+    check_results(dict(run_tasks(work_there, range(10), workers=2, scheduler="local")))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_cannot_be_reached_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(OutputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        next(run_tasks(partial(work, tmp_path), [1], scheduler="tcp://127.0.0.1:9"))

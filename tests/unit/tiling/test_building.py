@@ -1,0 +1,155 @@
+"""A site in tiles: the same as one world, resumed, refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+import terrain_forge as tf
+from terrain_forge.base import OutputError, RecipeError, StorageError
+from terrain_forge.truth import rock_rasters
+from tests.helpers import command_line as command
+from tests.unit.tiling.conftest import write_recipe
+
+
+def contents(out: Path) -> dict[str, str]:
+    """Hashes of a site's files but those of how long it took."""
+    return {
+        path.relative_to(out).as_posix(): sha256(path.read_bytes()).hexdigest()
+        for path in out.rglob("*")
+        if path.is_file() and path.name != "timings.json"
+    }
+
+
+def rocks_in(out: Path) -> list[dict[str, str]]:
+    tables = sorted(out.glob("tiles/*/*/truth/rocks.csv"))
+    assert len(tables) == 6
+    return [row for path in tables for row in csv.DictReader(path.read_text().splitlines())]
+
+
+def test_rasters_of_all_tiles_are_those_of_one_world(built, whole):
+    for name, wanted in (
+        ("elevation", whole.ground.elevation),
+        ("surface_with_rocks", rock_rasters(whole)[0]),
+        ("rock_id", rock_rasters(whole)[1]),
+    ):
+        with rasterio.open(built / "geotiff" / f"{name}.vrt") as raster:
+            assert np.array_equal(raster.read(1)[::-1], wanted)
+            with rasterio.open(built / f"tiles/000/000/geotiff/{name}.tif") as tile:
+                assert tile.crs == raster.crs
+                assert tile.shape == (80, 80)
+            assert raster.xy(raster.height - 1, 0) == pytest.approx((-25.0, -20.0))
+
+
+def test_normals_do_not_know_of_tiles(built, whole):
+    """Slopes come from neighbouring nodes, which for a border's lie in the next tile."""
+    from terrain_forge.geometry import grid_normals
+
+    up = grid_normals(whole.ground, whole.ground).reshape(*whole.ground.shape, 3)[..., 2]
+    with rasterio.open(built / "geotiff/slope.vrt") as raster:
+        assert np.allclose(raster.read(1)[::-1], np.degrees(np.arccos(up)), atol=0.05)
+
+
+def test_each_rock_is_in_one_tile(built, whole):
+    rocks = rocks_in(built)
+    assert sorted(int(rock["id"]) for rock in rocks) == whole.field.id.tolist()
+    heights = {int(rock["id"]): rock["z_m"] for rock in rocks}
+    assert [heights[n] for n in whole.field.id.tolist()] == [
+        f"{z:.7f}" for z in whole.field.position[:, 2]
+    ]
+
+
+def test_counts_are_those_of_the_whole(built, whole):
+    from terrain_forge.truth.size_frequency import size_frequency
+
+    merged = json.loads((built / "truth/size_frequency.json").read_text())
+    one = size_frequency(whole)
+    mine, wanted = merged["populations"][0], one["populations"][0]
+    assert mine["count"] == pytest.approx(wanted["count"])
+    assert mine["cover"] == pytest.approx(wanted["cover"])
+    assert merged["overlaps"]["pairs"] == one["overlaps"]["pairs"] == 0
+    apart = wanted["kolmogorov_smirnov"]["distance"] - mine["kolmogorov_smirnov"]["distance"]
+    assert 0.0 <= apart <= mine["kolmogorov_smirnov"]["largest_class"]
+
+
+def test_order_and_workers_change_no_byte_and_a_build_goes_on(built, recipe, tmp_path):
+    out = tmp_path / "six"
+    shutil.copytree(built, out)
+    for path in ("manifest.json", "geotiff", "tiles/001/002", "tiles/000/001"):
+        place = out / path
+        shutil.rmtree(place) if place.is_dir() else place.unlink()
+    (out / ".terrain-forge").mkdir()
+    (out / ".terrain-forge/lock").write_bytes(b"a terrain-forge is or was at work here\n")
+    (out / ".terrain-forge/3-host-1").mkdir()
+    (out / ".terrain-forge/3-host-1/half").write_text("of a killed worker")
+    (out / "notes.txt").write_text("a user's")
+    result = tf.build(tf.load_recipe(recipe).recipe, out, workers=1)
+    assert (result.tiles, result.made) == (6, 2)
+    assert (out / "notes.txt").read_text() == "a user's"
+    (out / "notes.txt").unlink()
+    assert contents(out) == contents(built)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed: 7": "seed: 8"}, r"another recipe \(seed: 7, not 8\)"),
+        ({"size_m: 20": "size_m: 10"}, "holds tiles of 80 cells, this recipe makes tiles of 40"),
+        ({"[geotiff]": "[]"}, "other exports"),
+    ],
+)
+def test_tiles_of_another_recipe_stay(built, tmp_path, changes, message):
+    before = contents(built)
+    recipe = tf.load_recipe(write_recipe(tmp_path, **changes)).recipe
+    with pytest.raises(OutputError, match=message):
+        tf.build(recipe, built)
+    assert contents(built) == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"size_m: 20": "size_m: 20.1"}, "20.1 m is not a whole number"),
+        ({"size_m: 20": "size_m: 1"}, "tiles of 1 m are smaller than the ground that a rock"),
+        ({"[geotiff]": "[mjcf]"}, "mjcf is not written tile by tile"),
+        ({"tiles:": "validate: {drives: 3}\ntiles:"}, "a site in tiles is not driven"),
+    ],
+)
+def test_what_cannot_be_is_told_before_anything_is_written(tmp_path, changes, message):
+    recipe = tf.load_recipe(write_recipe(tmp_path, **changes)).recipe
+    with pytest.raises(RecipeError, match=message):
+        tf.build(recipe, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_others_is_left_alone(recipe, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.txt").write_text("years")
+    with pytest.raises(OutputError, match="not a terrain-forge world"):
+        tf.build(tf.load_recipe(recipe).recipe, tmp_path / "mine")
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+
+
+def test_tiles_that_fail_are_named_and_the_others_whole(built, recipe, tmp_path):
+    out = tmp_path / "six"
+    shutil.copytree(built, out)
+    shutil.rmtree(out / "tiles/001")
+    (out / "tiles/001").write_text("where a folder should be")
+    with pytest.raises(StorageError, match=r"3 tiles failed twice, tiles/001/000, tiles/001/001"):
+        tf.build(tf.load_recipe(recipe).recipe, out, workers=1)
+    assert (out / "tiles/001").read_text() == "where a folder should be"
+    assert (out / "tiles/000/000/tile.json").is_file()
+
+
+def test_workers_are_for_tiles(tmp_path):
+    path = write_recipe(tmp_path, **{"tiles: {size_m: 20}": ""})
+    done = command.run("build", path, "-o", tmp_path / "out", "--workers", 2)
+    assert done.returncode == 2
+    assert "for sites in tiles: add `tiles: {}`" in done.stderr

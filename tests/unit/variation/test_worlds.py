@@ -1,0 +1,164 @@
+"""Many worlds of one recipe: the same bytes whoever makes them, killed or not; harder is harder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import terrain_forge as tf
+from terrain_forge.building import read_manifest
+from terrain_forge.variation import draw, make_grid, name_of, read_summary, worlds
+from tests.helpers.places import ROOT
+
+RECIPE: dict[str, Any] = {
+    "name": "many",
+    "seed": 3,
+    "body": "mars",
+    "dtm": {"kind": "flat", "size_m": [8.0, 8.0]},
+    "terrain": {"spacing_m": 0.1, "layers": [{"kind": "fractal"}]},
+    "rocks": {
+        "library": {"shapes": 2},
+        "populations": [
+            {
+                "name": "stones",
+                "size_frequency": {"kind": "golombek", "k": 0.05},
+                "diameter_m": [0.2, 0.8],
+            }
+        ],
+    },
+    "rover": "skid4",
+    "exports": ["mjcf"],
+    "worlds": {
+        "count": 4,
+        "difficulty": {},
+        "vary": {"sun.elevation_deg": {"uniform": [10, 80]}},
+    },
+}
+
+
+def recipe(folder: Path, change: Callable[[dict[str, Any]], object] | None = None) -> Path:
+    plain = json.loads(json.dumps(RECIPE))
+    if change:
+        change(plain)
+    path = folder / "many.yaml"
+    path.write_text(json.dumps(plain), encoding="utf-8")
+    return path
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """All files of all worlds; which of them are links to a shared one does not count."""
+    files = (path for path in out.rglob("*") if path.is_file() and path.parent.name != "shared")
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("worlds")
+    return worlds(recipe(folder), folder / "out", workers=0).directory
+
+
+def test_a_killed_series_goes_on_to_the_same_bytes(made: Path, tmp_path: Path) -> None:
+    path, out = recipe(tmp_path), tmp_path / "out"
+    worlds(path, out, count=1, workers=0)
+    (out / ".begun-00002-1").mkdir()  # as a kill leaves it
+    (out / ".begun-00002-1" / "half").write_text("half")
+    result = worlds(path, out, workers=2)
+    assert (result.made, len(result.folders), result.failed) == (3, 4, ())
+    assert contents(out) == contents(made)
+
+
+def test_each_is_a_world_that_its_own_recipe_makes(made: Path, tmp_path: Path) -> None:
+    folder = made / name_of(2)
+    drawn = draw(tf.load_recipe(recipe(tmp_path)).recipe, 2, folder=tmp_path)
+    assert drawn.site.recipe.worlds is None
+    assert tf.World.load(folder) == tf.realise(drawn.site)
+    assert read_manifest(folder)["recipe"]["seed"] == drawn.recipe.seed
+    assert tf.validate(folder, every_consumer=False)
+
+
+def test_what_is_alike_is_there_once(made: Path) -> None:
+    one, other = (made / name_of(n) / "world" / "shared.npz" for n in (0, 3))
+    assert one.samefile(other)
+    ground = made / name_of(0) / "mjcf" / "assets" / "ground.bin"
+    assert ground.stat().st_nlink == 1
+
+
+def test_the_table_tells_what_was_drawn(made: Path) -> None:
+    head, *rows = (made / "worlds.csv").read_text().splitlines()
+    assert len(rows) == 4
+    assert {"world", "difficulty", "sun.elevation_deg", "arrive"} <= {*head.split(",")}
+
+
+def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
+    def graded(plain: dict[str, Any]) -> None:
+        plain["dtm"]["size_m"] = [12.0, 12.0]
+        plain["worlds"]["difficulty"] = {"level": [0.0, 1.0], "rock_cover": [0.002, 0.3]}
+
+    out = make_grid(recipe(tmp_path, graded), tmp_path / "grid", shape=(3, 2))
+    cells = json.loads((out / "grid.json").read_text())["worlds"]
+    measured = np.array([cell["measured"]["arrive_straight"] for cell in cells]).reshape(3, 2)
+    assert [cell["difficulty"] for cell in cells] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
+    assert np.all(np.diff(measured.mean(axis=1)) < 0.0)
+    world = tf.World.load(out)
+    assert len(world.field) == sum(cell["measured"]["rocks"] for cell in cells)
+    rows, columns = (n // m for n, m in zip(world.ground.shape, (3, 2), strict=True))
+    assert np.all(world.ground.elevation[:: rows + 0] == 0.0)  # between all rows
+    assert np.all(world.ground.elevation[:, ::columns] == 0.0)
+    x, y, z = cells[3]["origin_m"]
+    assert float(world.ground.height_at(x, y)) == pytest.approx(z, abs=1e-4)
+
+
+def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
+    def anywhere(plain: dict[str, Any]) -> None:
+        source = ROOT / "dtm_samples" / "gale_floor_synthetic.tif"
+        plain["dtm"] = {"source": str(source), "size_m": [8.0, 8.0]}
+        plain["worlds"] = {"vary": {"dtm.centre": "anywhere"}}
+
+    file = tf.load_recipe(recipe(tmp_path, anywhere))
+    drawn = [draw(file.recipe, n, folder=tmp_path) for n in range(5)]
+    places = {one.site.lonlat for one in drawn}
+    assert len(places) == 5
+    by_slope = replace(file.recipe, worlds=tf.WorldsSpec(difficulty=tf.DifficultySpec()))
+    sites = [draw(by_slope, 0, folder=tmp_path, difficulty=d).site for d in (0.0, 1.0)]
+    gentle, steep = (np.std(np.diff(one.dtm.heights[123:133, 123:133])) for one in sites)
+    assert 1.3 * gentle < steep
+
+
+@pytest.mark.parametrize(
+    ("vary", "why"),
+    [
+        ({"rocks.populations.0.k": {"uniform": [0.1, 0.2]}}, "has no key 'k'"),
+        ({"rocks.populations.3.name": {"choice": ["a"]}}, "has 1 members"),
+        ({"sun.elevation_deg": {}}, "exactly one of"),
+        ({"sun.elevation_deg": {"uniform": [1, 2], "choice": [3]}}, "uniform and choice"),
+        ({"sun.elevation_deg": {"uniform": [100, 200]}}, "what is drawn cannot be"),
+        ({"sun.elevation_deg": "anywhere"}, "only dtm.centre"),
+        ({"dtm.centre": "anywhere"}, "no other places"),
+    ],
+)
+def test_a_wrong_wish_is_told_before_anything_is_written(
+    tmp_path: Path, vary: dict[str, Any], why: str
+) -> None:
+    path = recipe(tmp_path, lambda plain: plain["worlds"].update(vary=vary))
+    with pytest.raises(tf.RecipeError, match=why):
+        worlds(path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> None:
+    before = contents(made)
+    other = recipe(tmp_path, lambda plain: plain.update(seed=4))
+    with pytest.raises(tf.OutputError, match="another recipe"):
+        worlds(other, made)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(tf.OutputError, match=r"no worlds\.json"):
+        worlds(other, tmp_path / "mine")
+    assert contents(made) == before
+    assert read_summary(made / name_of(1))["number"] == 1
