@@ -37,7 +37,7 @@ from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage
 from .material import add_normal_map, bind, define_textured
 from .options import Options
 from .rocks import define_instancer, write_library, write_rocks
-from .writing import define_world
+from .writing import define_world, write_sky
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
@@ -153,6 +153,7 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     write_library(world.library, assets)
     for population in range(len(world.field.populations)):
         write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+    write_sky(world, assets)
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
 

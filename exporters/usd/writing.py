@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Usd, UsdGeom, UsdLux, UsdPhysics
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
@@ -16,6 +16,7 @@ from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
     detail_loss,
+    dome_image,
     largest_outline_error,
     level_of_detail,
     light_levels,
@@ -25,13 +26,16 @@ from terrain_forge.geometry import (
     with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
-from terrain_forge.writers import write_png
+from terrain_forge.writers import encode_hdr, write_png
 
 from .ground import DETAIL, fresh_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save
 from .options import Options
 from .rocks import write_library, write_rocks
 from .rover import rig_losses, write_scene
+
+SKY = "sky.hdr"
+"""The image of the sky, in the assets."""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
@@ -41,6 +45,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     write_library(world.library, assets)
     for population in np.unique(world.field.population).tolist():
         write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+    write_sky(world, assets)
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
     shapes = world.library.prototypes
@@ -95,8 +100,20 @@ def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), towards).GetQuat()
     UsdGeom.Xformable(sun).AddOrientOp().Set(Gf.Quatf(turn))
     sky = UsdLux.DomeLight.Define(stage, f"/{ROOT}/Sky")
-    sky.CreateColorAttr(Gf.Vec3f(*lighting.sky_rgb))
     sky.CreateIntensityAttr(levels.sky)
+    if lighting.dust is None:
+        sky.CreateColorAttr(Gf.Vec3f(*lighting.sky_rgb))
+        return
+    sky.CreateTextureFileAttr(Sdf.AssetPath(f"./assets/{SKY}"))
+    sky.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
+    # A dome's pole is its y axis, its image's middle on z: so x stays east, the middle is south.
+    UsdGeom.Xformable(sky).AddRotateXOp().Set(90.0)
+
+
+def write_sky(world: World, assets: Path) -> None:
+    """Write the sky as an image, where it is more than a colour."""
+    if (image := dome_image(world)) is not None:
+        (assets / SKY).write_bytes(encode_hdr(image))
 
 
 def _losses(

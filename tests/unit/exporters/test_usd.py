@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -20,7 +22,7 @@ from terrain_forge.base import ExportError, matrix_from_quaternion
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.geometry.rock_mesh import outline_error
 from terrain_forge.making import plan
-from terrain_forge.model import Mesh, rotations, simple_sensors
+from terrain_forge.model import MARS, Mesh, rotations, simple_sensors
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, RocksSpec, dynamic_contact
@@ -478,6 +480,26 @@ def test_the_sky_lights_the_world(small_world, stage):
     sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
     assert np.allclose(sky.GetColorAttr().Get(), small_world.lighting.sky_rgb)
     assert 0 < sky.GetIntensityAttr().Get() < small_world.lighting.irradiance
+
+
+def test_a_dusty_sky_is_an_image_with_its_glow_where_the_sun_is(small_world, tmp_path):
+    light = small_world.lighting.replace(
+        dust=MARS.dust, sun_azimuth=np.radians(60.0), sun_elevation=np.radians(20.0)
+    )
+    export(small_world.replace(lighting=light), tmp_path, options=Options())
+    stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
+    sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
+    file = Path(sky.GetTextureFileAttr().Get().resolvedPath).read_bytes()
+    header, pixels = file.split(b"-Y 256 +X 512\n", 1)
+    assert header.startswith(b"#?RADIANCE")
+    image = np.frombuffer(pixels, np.uint8).reshape(256, 512, 4).astype(float)
+    bright = image[..., :3].sum(axis=-1) * 2.0 ** (image[..., 3] - 136.0)
+    row, column = np.unravel_index(bright.argmax(), bright.shape)
+    # OpenEXR's map of longitudes, which USD takes: the middle on z, to its right towards -x.
+    lat, lon = np.pi * (0.5 - (row + 0.5) / 256), np.pi * (1.0 - 2.0 * (column + 0.5) / 512)
+    own = Gf.Vec3d(np.cos(lat) * np.sin(lon), np.sin(lat), np.cos(lat) * np.cos(lon))
+    towards = UsdGeom.Xformable(sky).GetLocalTransformation().TransformDir(own)
+    assert np.dot(towards, light.towards_sun) > np.cos(np.radians(1.5))
 
 
 @pytest.fixture(scope="module")
