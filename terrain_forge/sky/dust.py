@@ -67,12 +67,13 @@ def daylight(dust: Dust, sine: float, ground: Array) -> Daylight:
         np.array(values) for values in (dust.albedo, dust.forward, dust.wide, dust.share)
     )
     beam = float(portable.exp(-tau / sun))
-    mean = share * forward + (1.0 - share) * wide
-    total = _two_stream(tau, albedo, mean, sun) / (1.0 - ground * _reflected(tau, albedo, mean))
+    peak = share * forward**2
+    mean = (share * forward + (1.0 - share) * wide - peak) / (1.0 - peak)
+    depth, left = (1.0 - albedo * peak) * tau, (1.0 - peak) * albedo / (1.0 - albedo * peak)
+    total = _two_stream(depth, left, mean, sun) / (1.0 - ground * _reflected(depth, left, mean))
     diffuse = np.maximum(total - beam, 0.0) * sun / level
 
     steps = (np.arange(SKY_STEPS) / (SKY_STEPS - 1.0)) ** 2
-    depth = _scaled(tau, albedo, mean)[0]
     paths = [_path(_thick(steps, dust), sun, float(one)) for one in depth]
     across = 0.25 * albedo * np.stack(paths, axis=-1) * tau / np.maximum(depth, 1e-12) * sun / level
     cosine = 1.0 - 0.5 * (2.0 * steps) ** 2
@@ -135,13 +136,6 @@ def _flux(across: Array, around: Array, sun: float) -> Array:
     return np.array(total)
 
 
-def _scaled(tau: float, albedo: Array, mean: Array) -> tuple[Array, Array, Array]:
-    """Depth, albedo and asymmetry without the forward peak (delta-Eddington)."""
-    peak = mean * mean
-    left = 1.0 - albedo * peak
-    return left * tau, (1.0 - peak) * albedo / left, mean / (1.0 + mean)
-
-
 def _gammas(albedo: Array, mean: Array, sun: float) -> tuple[Array, Array, Array, Array]:
     third = 0.25 * (2.0 - 3.0 * mean * sun)
     first = 0.25 * (7.0 - albedo * (4.0 + 3.0 * mean))
@@ -149,9 +143,8 @@ def _gammas(albedo: Array, mean: Array, sun: float) -> tuple[Array, Array, Array
     return first, second, third, 1.0 - third
 
 
-def _two_stream(tau: float, albedo: Array, mean: Array, sun: float) -> Array:
+def _two_stream(depth: Array, albedo: Array, mean: Array, sun: float) -> Array:
     """Part of the Sun's light on a layer that goes through it, directly or scattered."""
-    depth, albedo, mean = _scaled(tau, albedo, mean)
     first, second, third, fourth = _gammas(albedo, mean, sun)
     k = np.sqrt(first * first - second * second)
     a1 = first * fourth + second * third
@@ -164,10 +157,9 @@ def _two_stream(tau: float, albedo: Array, mean: Array, sun: float) -> Array:
     return np.asarray(np.clip(beam * (1.0 - albedo / below * lost), 0.0, 1.0))
 
 
-def _reflected(tau: float, albedo: Array, mean: Array) -> Array:
+def _reflected(depth: Array, albedo: Array, mean: Array) -> Array:
     """Part of diffuse light on a layer that it sends back, as of light from 30° high."""
     sun = 0.5
-    depth, albedo, mean = _scaled(tau, albedo, mean)
     first, second, third, fourth = _gammas(albedo, mean, sun)
     k = np.sqrt(first * first - second * second)
     a2 = first * third + second * fourth

@@ -100,15 +100,15 @@ MARS = Body(
     ),
     dust=Dust(
         tau=0.5,
-        albedo=(0.97, 0.92, 0.78),
-        share=(0.515, 0.543, 0.641),
+        albedo=(0.95, 0.87, 0.75),
+        share=(0.526, 0.575, 0.667),
         forward=(0.89, 0.90, 0.92),
-        wide=(0.40, 0.36, 0.24),
+        wide=(0.40, 0.33, 0.15),
         height=11_000.0,
         air_masses=22.0,
         source="albedos between those of Tomasko et al. 1999, doi:10.1029/1998JE900016, and "
         "Ockert-Bell et al. 1997, doi:10.1029/96JE03991; half of the extinction is diffraction by "
-        "grains of 1.6 µm (van de Hulst 1957), the rest so that the mean cosine is 0.65 to 0.68 "
+        "grains of 1.6 µm (van de Hulst 1957), the rest so that the mean cosine is 0.66 "
         "(Tomasko et al.); optical depth of a clear season (Lemmon et al. 2015, "
         "doi:10.1016/j.icarus.2014.03.029)",
     ),
