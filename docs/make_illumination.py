@@ -22,7 +22,7 @@ _SKIES = ((40.0, 0.5), (40.0, 1.5), (8.0, 0.5), (4.0, 0.5))
 
 
 def skies() -> None:
-    """The sky towards the Sun and away from it, for a height of the Sun and a depth of dust."""
+    """The sky towards the Sun, a low one through a long lens, and away from it."""
     file = tf.load_recipe(ROOT / "recipes" / "hello.yaml")
     world = tf.realise(plan(file.recipe, folder=file.folder), settled=False)
     eye = np.array([0.0, 0.0, float(world.ground.height_at(0.0, 0.0)) + 1.8])
@@ -39,11 +39,11 @@ def skies() -> None:
                     scene,
                     pinhole_camera(
                         position=eye, yaw=np.radians(90.0 - azimuth), pitch=-0.15,
-                        field_of_view=1.3, width=480, height=220,
+                        field_of_view=0.4 if narrow else 1.3, width=480, height=220,
                     ),
                     light,
                 )
-                for azimuth in (250.0, 70.0)
+                for azimuth, narrow in ((250.0, elevation < 10.0), (70.0, False))
             ]  # fmt: skip
             rows.append(np.concatenate(views, axis=1))
     write_png(OUT / "mars_skies.png", np.concatenate(rows))
