@@ -50,7 +50,7 @@ def read_surroundings(
         reach: How far is asked for from the site's border [m]; None for the horizon.
     """
     levels: list[FarHeights] = []
-    half, radius = max(size), raster.body.mean_radius
+    half, radius = _first(raster, crs, to_pixel, max(size)), raster.body.mean_radius
     while True:
         found = _level(raster, source, crs, to_pixel, half)
         if found is None:
@@ -64,6 +64,16 @@ def read_surroundings(
             break
         half *= 2.0
     return tuple(levels)
+
+
+def _first(raster: Raster, crs: str, to_pixel: tuple[float, ...], half: float) -> float:
+    """Half the side [m] of the smallest window that has samples enough, from a half side on."""
+    steps = np.array([-half, half])
+    column, row = patch_pixels(placed(raster, crs, to_pixel), crs, *np.meshgrid(steps, steps))
+    have = max(float(np.ptp(column)), float(np.ptp(row)), 1e-9)
+    if not np.isfinite(have):
+        return half
+    return half * 2.0 ** max(ceil(float(portable.log2(_POSTS / have))), 0)
 
 
 def _level(
