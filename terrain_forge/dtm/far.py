@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, floor
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,7 @@ def _level(
         wrap=whole.wrap,
         reach=half,
         posting=2.0 * half * step / float(min(wide, high)),
-        source=source,
+        source=PurePath(source).name,
     )  # fmt: skip
     ends = down * step < high and across * step < wide
     return level, bool(ends)

@@ -21,6 +21,8 @@ _STEPS = 257
 _DRAWS = 6
 _FOOT = 0.4
 """Where the ground under a rock is looked at, as a part of its diameter from its middle."""
+_WAIST = 0.42
+"""Part of its height to which a simple shape is sunk at least: below its waist it narrows."""
 _CORNERS = 0.92
 """How far out the corners of the simple shape lie, as a part of the shape's own extent there."""
 
@@ -136,7 +138,8 @@ def _placed(
     around = [height_at(x + a * foot, y + b * foot) for a, b in _AROUND]
     low, high = spec.buried_fraction
     tall = size * np.ptp(shapes[:, :, 2], axis=1)
-    bottom = np.min(around, axis=0) - (low + drawn[:, 4] * (high - low)) * tall
+    buried = np.maximum(low + drawn[:, 4] * (high - low), _WAIST)
+    bottom = np.min(around, axis=0) - buried * tall
     half = portable.tan(np.pi * drawn[:, 5])[:, None]
     cosine, sine = (1.0 - half * half) / (1.0 + half * half), 2.0 * half / (1.0 + half * half)
     local = shapes * size[:, None, None]
