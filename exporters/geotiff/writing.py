@@ -13,7 +13,7 @@ from annotated_types import MinLen
 from numpy.typing import NDArray
 
 from terrain_forge.base import RecipeError, Spec, portable
-from terrain_forge.geometry import grid_normals
+from terrain_forge.geometry import grid_normals, with_horizon_loss
 from terrain_forge.model import ExportReport, World, merge
 from terrain_forge.truth import rock_rasters
 from terrain_forge.writers import write_geotiff
@@ -84,7 +84,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         if metres:
             largest = max(largest, float(np.abs(grid).max()))
     files = tuple(Path(f"{product}.tif") for product in sorted(options.products))
-    return ExportReport(files=files, losses=_losses(world, options, largest))
+    report = ExportReport(files=files, losses=_losses(world, options, largest))
+    return with_horizon_loss(report, world.horizon, shown=False)
 
 
 def _rasters(world: World, options: Options) -> Iterator[tuple[str, NDArray[Any]]]:
