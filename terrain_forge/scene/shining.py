@@ -1,4 +1,8 @@
-"""Light that comes back from what the eight rays of a packet see: texture, tracks, reflectance."""
+"""Light that comes back from what the eight rays of a packet see: texture, tracks, reflectance.
+
+Reflectance is the lunar-Lambert law (McEwen 1991, doi:10.1016/0019-1035(91)90228-U) with an
+opposition surge.
+"""
 
 from __future__ import annotations
 
@@ -241,7 +245,7 @@ def _shine_sky(space, stage, channel):  # type: ignore[no-untyped-def]
 
 @merged
 def _reflect(space, stage):  # type: ignore[no-untyped-def]
-    """Lunar-Lambert reflectance over albedo times the cosine of incidence (light.py)."""
+    """Lunar-Lambert reflectance over albedo times the cosine of incidence."""
     sun_x, sun_y, sun_z, lunar = stage.sun[0], stage.sun[1], stage.sun[2], stage.lunar
     for lane in range(LANES):
         x, y, z = space[BENT_X + lane], space[BENT_Y + lane], space[BENT_Z + lane]

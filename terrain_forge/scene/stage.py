@@ -1,4 +1,4 @@
-"""Ground, rocks and tracks as the kernels of `look.py` need them: records in 32 bits."""
+"""Ground, rocks and tracks as the kernels of `looking.py` need them: records in 32 bits."""
 
 from __future__ import annotations
 
@@ -87,10 +87,15 @@ class Wheels(NamedTuple):
     """Width of a wheel [m]."""
 
 
-def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
-    """A scene in some light; with one channel colours are the mean of three."""
+def prepare_stage(
+    scene: RayScene, lighting: Lighting, channels: int, *, facing: float = 0.35
+) -> Stage:
+    """A scene in some light; with one channel colours are the mean of three.
+
+    Level ground that is seen under an angle of this cosine, `facing`, shows in its own colour.
+    """
     subject, ground = scene.subject, scene.subject.ground
-    light, stones = prepare_light(subject, lighting, facing=0.35), prepare_stones(scene)
+    light, stones = prepare_light(subject, lighting, facing=facing), prepare_stones(scene)
     albedo = linear_from_srgb(np.arange(256) / 255.0)[subject.ground_rgb]
     z = (ground.elevation - scene.origin[2]).astype(np.float32)
     nodes = np.empty((*ground.shape, GROUND_RGB + channels), np.float32)

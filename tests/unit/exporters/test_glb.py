@@ -188,8 +188,13 @@ def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):
     root = text["nodes"][text["scenes"][text["scene"]]["nodes"][0]]
     up = Rotation.from_quat(root["rotation"]).apply([0, 0, 1])
     assert np.allclose(up, [0, 1, 0])
-    light = text["extensions"]["KHR_lights_punctual"]["lights"][0]
+    light, lamp = text["extensions"]["KHR_lights_punctual"]["lights"]
     assert light["type"] == "directional"
+    level = light["intensity"] * small_world.lighting.towards_sun[2] / np.pi
+    assert 0.5 < level < 1.0  # of its own albedo, in viewers that take lux as they stand
+    assert lamp["range"] < 0.01
+    real, _ = chunks(exported(small_world, tmp_path / "real", lights="physical"))
+    (light,) = real["extensions"]["KHR_lights_punctual"]["lights"]
     assert light["intensity"] == pytest.approx(98 * small_world.lighting.irradiance)
     dim, _ = chunks(exported(small_world, tmp_path / "dim", sun_lux=3))
     assert dim["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] == 3
@@ -246,7 +251,9 @@ def test_a_bare_world_without_paths(small_world, tmp_path):
     world = small_world.replace(field=nothing, trajectories=())
     text, _ = chunks(exported(world, tmp_path / "glb"))
     assert "animations" not in text
-    assert [node["name"] for node in text["nodes"]] == ["by-hand", "sun", "ground_000"]
+    assert [node["name"] for node in text["nodes"]] == [
+        *("by-hand", "sun", "sun_for_blender", "ground_000")
+    ]
 
 
 @pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.writing"])

@@ -401,8 +401,31 @@ def test_a_file_that_is_open_is_a_clear_error(small_world, tmp_path):
 def test_losses_are_named(small_world, tmp_path):
     (tmp_path / "usd").mkdir()
     losses = " ".join(export(small_world, tmp_path / "usd", options=Options()).losses)
-    for word in ("fixed", "share colliders", "W/m²", "half-precision", "without a normal map"):
+    for word in (
+        "fixed",
+        "share colliders",
+        "made for display",
+        "half-precision",
+        "without a normal map",
+    ):
         assert word in losses
+
+
+@pytest.mark.parametrize("lights", ["display", "physical"])
+def test_lights_are_for_display_or_as_in_nature(small_world, tmp_path, lights):
+    """For display level white ground is less than white where a renderer takes light as it is."""
+    told = export(small_world, tmp_path, options=Options(lights=lights)).losses
+    stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun")).GetIntensityAttr().Get()
+    sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
+    light = small_world.lighting
+    if lights == "physical":
+        assert sun == pytest.approx(light.irradiance)
+        assert any("W/m²" in loss for loss in told)
+    else:
+        level = sun * light.towards_sun[2] / np.pi
+        level += sky.GetIntensityAttr().Get() * np.mean(light.sky_rgb)
+        assert 0.4 < level < 1.0
 
 
 def test_the_outlines_of_small_rocks_are_within_the_option_and_said(small_world, tmp_path):
