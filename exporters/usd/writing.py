@@ -16,6 +16,7 @@ from terrain_forge.geometry import (
     detail_loss,
     largest_outline_error,
     level_of_detail,
+    rock_maps,
     rock_texture,
     static_losses,
     texture_loss,
@@ -26,7 +27,7 @@ from terrain_forge.writers import write_png
 from .ground import DETAIL, fresh_craters, write_ground
 from .layer import ROOT, new_stage, save
 from .options import Options
-from .rocks import write_library, write_rocks
+from .rocks import NORMALS, ROUGHNESS, write_library, write_rocks
 from .rover import rig_losses, write_scene
 
 _SKY_SHARE = 0.2
@@ -40,6 +41,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     write_library(world.library, assets)
     for population in np.unique(world.field.population).tolist():
         write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+    if maps := rock_maps(world):
+        for file, image in zip((NORMALS, ROUGHNESS), maps, strict=True):
+            write_png(assets / file, image)
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
     shapes = world.library.prototypes
