@@ -46,7 +46,7 @@ class Options(Spec):
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     normal_maps: bool = True
-    """Whether ground and rocks get normal maps of what is finer than their meshes; `gz` only, Classic
+    """Whether ground and rocks get normal maps of what is finer than they are; `gz` only, Classic
     has none."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
