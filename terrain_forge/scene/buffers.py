@@ -57,6 +57,8 @@ def prepare_stones(scene: RayScene) -> Stones:
         centre=stones.position - scene.origin,
         rotation=stones.rotation,
         size=np.array(stones.grain),
+        scale=stones.scale,
+        tile=scene.subject.tile,
         rgb=stones.rgb,
         first_face=first[stones.mesh],
         faces=faces,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, Rows, shaped
 from terrain_forge.model import USUAL, Heightfield, Lighting, Mesh, World, merge, rotations
+from terrain_forge.scene.rock_tile import no_tile, rock_tile
 from terrain_forge.scene.tints import rock_colours
 
 
@@ -75,6 +76,8 @@ class Subject(Record):
     grain: NDArray[np.uint8] | None = None
     """Pebbles, roughness and slabs of the nodes, 100 for 1, shape [rows, columns, 3]; None where
     they are usual."""
+    tile: NDArray[np.float32] = field(default_factory=no_tile)
+    """Relief of rocks' faces, as `rock_tile` makes it."""
     apron: Apron | None = None
     """What lies beyond the ground's edge; None for nothing that rays could meet."""
 
@@ -124,6 +127,7 @@ def subject_of(world: World) -> Subject:
             grain=rocks.diameter,
             rgb=rock_colours(world, rocks),
         ),
+        tile=rock_tile(world.library),
         lighting=world.lighting,
         sun_diameter=world.site.body.sun_diameter,
         seed=world.site.seed,

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import inner, mix
-from terrain_forge.scene.grain import SOIL_COARSEST, cell_hash, face, ground_grain, part
+from terrain_forge.base import inner
+from terrain_forge.scene.grain import SOIL_COARSEST, cell_hash, ground_grain, part
+from terrain_forge.scene.rock_tile import tile_at
 
 (
     X, Y, Z, FLAT_X, FLAT_Y, FLAT_Z, BENT_X, BENT_Y, BENT_Z, RED, GREEN, BLUE, RANGE, SHADE, LIFT,
@@ -21,6 +22,7 @@ from terrain_forge.scene.grain import SOIL_COARSEST, cell_hash, face, ground_gra
 distance from the camera, the part of sunlight that small stones keep off, the height of the smooth
 surface over the triangle, and what it belongs to: a rock's row, -1 for the ground."""
 COLUMNS = 16
+_SMOOTH = 1e-3  # things that are made for a size below this have no relief [m]
 NOBODY = -9.0
 """Owner of a point that is not yet shaded."""
 
@@ -80,6 +82,10 @@ class Stones(NamedTuple):
     """Shape [rocks, 3, 3]."""
     size: NDArray[np.float64]
     """Exposed diameter [m], shape [rocks]."""
+    scale: NDArray[np.float64]
+    """Size in units of the shape [m], shape [rocks]."""
+    tile: NDArray[np.float32]
+    """Relief of their faces, as `rock_tile` makes it."""
     rgb: NDArray[np.float64]
     """Linear albedo, shape [rocks, 3]."""
     first_face: NDArray[np.int64]
@@ -253,8 +259,18 @@ def see_rock(point, land, stones, rock, triangle, u, v, footprint):  # type: ign
     own_y = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
     own_z = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
     size = stones.size[rock]
-    key = mix(land.key, np.uint64(rock))
-    value, rise_x, rise_y, rise_z = face(key, own_x, own_y, own_z, 0.35 * size, footprint)
+    x, y, z = point[FLAT_X], point[FLAT_Y], point[FLAT_Z]
+    facing = (
+        turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z,
+        turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z,
+        turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z,
+    )
+    own = own_x, own_y, own_z
+    value, rise_x, rise_y, rise_z = 0.0, 0.0, 0.0, 0.0
+    if size > _SMOOTH:
+        value, rise_x, rise_y, rise_z = tile_at(
+            stones.tile, own, facing, stones.scale[rock], footprint
+        )
     a, b, c = _smooth_normal(stones, rock, triangle, u, v)
     a, b, c = a - rise_x, b - rise_y, c - rise_z
     _set_normal(
@@ -267,11 +283,11 @@ def see_rock(point, land, stones, rock, triangle, u, v, footprint):  # type: ign
     i, j, s, t = _cell(land, point[X], point[Y])
     ground = _height(land, i, j, s, t)
     low = max(0.0, 1.0 - (point[Z] - ground) / (0.04 + 0.12 * size))
-    up = min(1.0, max(0.0, (point[BENT_Z] - 0.35 + 0.5 * value) / 0.5))
+    up = min(1.0, max(0.0, (point[BENT_Z] - 0.35 + value) / 0.5))
     dust = min(1.0, stones.dust * up + 0.6 * low * low)
     for channel in range(3):
-        bare = stones.rgb[rock, channel] * (1.0 + 0.45 * value)
-        soiled = _colour(land, i, j, s, t, channel) * (1.0 + 0.2 * value)
+        bare = stones.rgb[rock, channel] * (1.0 + value)
+        soiled = _colour(land, i, j, s, t, channel) * (1.0 + 0.4 * value)
         point[RED + channel] = bare + dust * (soiled - bare)
 
 
