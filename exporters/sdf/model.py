@@ -46,6 +46,8 @@ class Model:
     """Whether Gazebo Classic shall read it."""
     version: str
     """Version of SDF."""
+    relief: bool = True
+    """Whether its materials have maps of normals and roughness; not for Gazebo Classic."""
 
     @property
     def name(self) -> str:
@@ -68,19 +70,29 @@ class Model:
         write_xml(self.path("model.sdf"), element("sdf", body, version=self.version))
         write_config(self.folder, "model.sdf", self.version, name=title, description=title)
 
-    def textured(self, image: str, *, normals: str | None = None) -> Lines:
+    def textured(
+        self,
+        image: str,
+        *,
+        normals: str | None = None,
+        roughness: str | None = None,
+        factor: Sequence[float] = (1.0, 1.0, 1.0),
+    ) -> Lines:
         """A matt material that shows an image of the model's materials/textures.
 
-        Gazebo Classic does without its map of `normals`.
+        Gazebo Classic does without its maps of `normals` and `roughness`, and without the linear
+        `factor` on its colours.
         """
         if self.classic:
             uris = [element("uri", self.uri(path)) for path in ("materials/scripts", TEXTURES)]
             name = element("name", self._script_name(image))
             return element("material", element("script", *uris, name))
         maps = {"albedo_map": image} | ({"normal_map": normals} if normals else {})
+        maps |= {"roughness_map": roughness} if roughness else {}
         uris_of_maps = {name: self.uri(f"{TEXTURES}/{file}") for name, file in maps.items()}
         metal = element("metal", *leaves(**uris_of_maps, roughness=1, metalness=0))
-        return _matt("1 1 1 1", element("pbr", metal))
+        shade = " ".join(f"{part:.6g}" for part in (*factor, 1.0))
+        return _matt(shade, element("pbr", metal))
 
     def write_scripts(self, images: list[str], *, address: str) -> None:
         """Write the OGRE script that Gazebo Classic needs for textured materials, if it reads this.

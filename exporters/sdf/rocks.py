@@ -13,16 +13,22 @@ from terrain_forge.geometry import (
     inertias,
     mean_rock_srgb,
     merge_rocks,
+    rock_factors,
+    rock_maps,
     rock_texture,
     write_rock_shape,
     write_rocks_glb,
 )
 from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import Lines, element, numbers, rock_name, write_png, write_stl
 
 from .model import TEXTURES, Model, inertial, mesh, plain, surface
 from .options import Options
+
+_NORMALS, _ROUGHNESS = "rock_normals.png", "rock_roughness.png"
+"""The maps that all single rocks share."""
 
 
 def write_tile(
@@ -75,6 +81,9 @@ def write_model(world: World, model: Model, *, links: list[Lines], options: Opti
     for population in populations:
         image = rock_texture(world, population)
         write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
+    if populations and model.relief and (maps := rock_maps(world)):
+        for file, image in zip((_NORMALS, _ROUGHNESS), maps, strict=True):
+            write_png(model.path(f"{TEXTURES}/{file}"), image)
     model.write_scripts(list(map(_texture_file, populations)), address="wrap")
     model.write(title=f"{world.site.name}: rocks", links=links)
 
@@ -83,7 +92,7 @@ def _single_rocks(world: World, rocks: RockField, model: Model, friction: float)
     """A visual and the convex collisions of each rock, a line each, named by the rock's id."""
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)]).tolist()
     touch = "".join(surface(friction))
-    looks = _looks(model, rocks)
+    looks = _looks(world, model)
     lines: Lines = []
     for row, pose in enumerate(poses):
         name, place = f"{rock_name(rocks.id[row])}_", f"<pose>{numbers(pose)}</pose>"
@@ -99,7 +108,7 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
     """
     field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
-    looks, tensors = _looks(model, field), inertias(field, world.library)
+    looks, tensors = _looks(world, model), inertias(field, world.library)
     models = []
     for row, rock in enumerate(field.id.tolist()):
         contact = dynamic_contact(float(field.diameter[row]))  # as it was settled
@@ -119,7 +128,7 @@ def _parts(
     rocks: RockField,
     row: int,
     model: Model,
-    looks: list[str],
+    looks: list[list[str]],
     touch: str,
     *,
     name: str = "",
@@ -127,12 +136,13 @@ def _parts(
 ) -> Lines:
     """The visual of a rock's shape and, where there is a touch, collisions of its convex parts."""
     prototype, size = int(rocks.prototype[row]), f"{rocks.scale[row]:.9g}"
+    tint = int(rock_tints(rocks.id[row : row + 1], world.site.seed)[0])
 
     def geometry(file: str) -> str:
         mesh = f"<uri>{model.uri(file)}</uri><scale>{size} {size} {size}</scale>"
         return f"{place}<geometry><mesh>{mesh}</mesh></geometry>"
 
-    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]]}"
+    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]][tint]}"
     hulls = world.library.prototypes[prototype].hulls if touch else ()
     return [f'<visual name="{name}visual">{look}</visual>'] + [
         f'<collision name="{name}collision_{part}">{geometry(_hull_file(prototype, part))}{touch}'
@@ -141,10 +151,17 @@ def _parts(
     ]
 
 
-def _looks(model: Model, rocks: RockField) -> list[str]:
-    """The material of each population's single rocks, as text."""
-    populations = range(len(rocks.populations))
-    return ["".join(model.textured(_texture_file(number))) for number in populations]
+def _looks(world: World, model: Model) -> list[list[str]]:
+    """The materials of each population's single rocks by their tints, as text."""
+    has_maps = model.relief and rock_maps(world) is not None
+    maps = {"normals": _NORMALS, "roughness": _ROUGHNESS} if has_maps else {}
+    return [
+        [
+            "".join(model.textured(_texture_file(number), factor=factor, **maps))
+            for factor in rock_factors(world, number).tolist()
+        ]
+        for number in range(len(world.field.populations))
+    ]
 
 
 def _shape_file(prototype: int) -> str:

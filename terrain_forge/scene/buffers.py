@@ -30,6 +30,10 @@ class Stones(NamedTuple):
     """Shape [rocks, 3, 3]."""
     size: Array
     """Exposed diameter [m], shape [rocks]."""
+    scale: Array
+    """Size in units of the shape [m], shape [rocks]."""
+    tile: NDArray[np.float32]
+    """Relief of their faces, as `rock_tile` makes it."""
     rgb: Array
     """Linear albedo, shape [rocks, 3]."""
     first_face: NDArray[np.int64]
@@ -51,6 +55,8 @@ def prepare_stones(scene: RayScene) -> Stones:
         centre=stones.position - scene.origin,
         rotation=stones.rotation,
         size=np.array(stones.grain),
+        scale=stones.scale,
+        tile=scene.subject.tile,
         rgb=stones.rgb,
         first_face=first[stones.mesh],
         faces=faces,

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from terrain_forge.exporters.glb import Options, export
 from terrain_forge.exporters.glb.rocks import node_texts
 
-from terrain_forge.base import ExportError, xyzw
+from terrain_forge.base import ExportError, linear_from_srgb, xyzw
 from terrain_forge.model import rotations
+from terrain_forge.scene import rock_tints, tint_colours
 from tests.helpers.ground_pictures import (
     PIXELS,
     detailed,
@@ -109,11 +110,12 @@ def test_large_rocks_share_their_meshes(small_world, glb):
     text, _ = chunks(glb)
     field = small_world.field
     large = field.diameter >= 0.5
-    kinds = set(zip(field.prototype[large], field.population[large], strict=True))
+    tints = rock_tints(field.id[large], small_world.site.seed)
+    kinds = set(zip(field.prototype[large], field.population[large], tints, strict=True))
     shared = [mesh for mesh in text["meshes"] if mesh["name"].startswith("rock_shape_")]
-    assert len(shared) == len(kinds) < large.sum()
+    assert len(shared) == len(kinds) <= large.sum()
     positions = {mesh["primitives"][0]["attributes"]["POSITION"] for mesh in shared}
-    assert len(positions) == len({prototype for prototype, _ in kinds})
+    assert len(positions) == len({prototype for prototype, *_ in kinds})
 
 
 def test_small_rocks_are_merged(small_world, scene):
@@ -174,10 +176,20 @@ def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
     wanted = np.concatenate([shape.meshes[0].vertices[shape.meshes[0].faces], shape.uvs[0]], axis=2)
     found = np.concatenate([mesh.vertices[mesh.faces], mesh.visual.uv[mesh.faces]], axis=2)
     assert np.allclose(found, wanted, atol=1e-6)
-    image = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
+    look = mesh.visual.material
+    image = np.asarray(look.baseColorTexture.convert("RGB")) / 255.0
     brightest = small_world.library.texture[::-1] == small_world.library.texture.max()
-    rgb = small_world.appearance.rock_rgb[field.population[row]]
-    assert np.abs(image[brightest].astype(int) - rgb).max() <= 3
+    colours = tint_colours(small_world)[field.population[row]]
+    lightest = small_world.library.texture.max() / small_world.library.texture.mean()
+    shown = linear_from_srgb(image[brightest].mean(axis=0))
+    assert np.allclose(shown, lightest * colours.max(axis=0), atol=0.01)
+    tint = rock_tints(field.id[row : row + 1], small_world.site.seed)[0]
+    factor = np.asarray(look.baseColorFactor)[:3] / 255.0
+    assert np.allclose(factor * colours.max(axis=0), colours[tint], atol=0.005)
+    normals = np.asarray(look.normalTexture.convert("RGB"))
+    assert np.array_equal(normals, small_world.library.normals[::-1])
+    rough = np.asarray(look.metallicRoughnessTexture.convert("RGB"))
+    assert np.array_equal(rough[..., 1], small_world.library.roughness[::-1])
 
 
 def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):

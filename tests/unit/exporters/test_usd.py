@@ -18,12 +18,14 @@ from terrain_forge.exporters.usd import Options, export
 
 from terrain_forge.base import ExportError, matrix_from_quaternion
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.geometry import rock_factors
 from terrain_forge.geometry.rock_mesh import outline_error
 from terrain_forge.making import plan
 from terrain_forge.model import Mesh, rotations, simple_sensors
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, RocksSpec, dynamic_contact
+from terrain_forge.scene import rock_tints
 from terrain_forge.terrain import CraterLayer
 from tests.helpers import worlds
 from tests.helpers.ground_pictures import (
@@ -304,11 +306,18 @@ def test_every_convex_part_is_a_collider(loosened, tmp_path):
 
 def test_rocks_show_their_populations_texture(small_world, stage, usd):
     for prim in labelled(stage, "rock"):
-        population = int(prim.GetName().removeprefix("visual_"))
+        population, tint = map(int, prim.GetName().removeprefix("visual_").split("_"))
         material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
         image = UsdShade.Shader(stage.GetPrimAtPath(material.GetPath().AppendChild("image")))
         file = image.GetInput("file").Get()
         assert file.resolvedPath == str(usd / "assets" / f"rock_{population}.png")
+        factor = rock_factors(small_world, population)[tint]
+        if (scale := image.GetInput("scale")) or not np.allclose(factor, 1.0):
+            assert np.allclose(np.array(scale.Get())[:3], factor, atol=1e-6)
+        assert material.ComputeSurfaceSource()[0].GetInput("normal").HasConnectedSource()
+        assert material.ComputeSurfaceSource()[0].GetInput("roughness").HasConnectedSource()
+        ids = UsdGeom.PointInstancer(prim).GetIdsAttr().Get()
+        assert set(rock_tints(np.array(ids, np.int32), small_world.site.seed)) == {tint}
         assert image.GetInput("wrapS").Get() == image.GetInput("wrapT").Get() == "repeat"
         target = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()[0]
         mesh = stage.GetPrimAtPath(target.AppendChild("shape"))
