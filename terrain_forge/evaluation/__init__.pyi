@@ -16,6 +16,16 @@ from .catalogue import known_systems as known_systems
 from .catalogue import with_binaries as with_binaries
 from .files import read_options as read_options
 from .files import score_files as score_files
+from .map_files import MapPoints as MapPoints
+from .map_files import read_map as read_map
+from .map_score import MapScore as MapScore
+from .map_score import SiteGrid as SiteGrid
+from .map_score import score_map as score_map
+from .map_score import site_grid as site_grid
+from .map_tables import MAPS as MAPS
+from .map_tables import map_rows as map_rows
+from .map_tables import score_maps as score_maps
+from .map_tables import write_maps as write_maps
 from .paper_table import paper_rows as paper_rows
 from .paper_table import write_paper_table as write_paper_table
 from .poses import TimedPoses as TimedPoses
@@ -37,5 +47,6 @@ from .tables import latex_table as latex_table
 from .tables import score_lines as score_lines
 from .tables import score_plain as score_plain
 from .tables import score_rows as score_rows
+from .tables import table_lines as table_lines
 from .tables import write_scores as write_scores
 from .visual_odometry import stereo_odometry as stereo_odometry

@@ -72,6 +72,8 @@ class Score(Record):
     """Length of the true path where there are paired poses [m]."""
     scale: float
     """Scale that the alignment applied."""
+    alignment: Array = field(metadata={"dtype": np.float64, "shape": (4, 4)})
+    """From the estimate's frame to the truth's, its scale inside, shape [4, 4]."""
     ate: Spread
     """Absolute trajectory error, distances after the alignment [m]."""
     drift: Spread | None
@@ -130,7 +132,7 @@ def score_poses(
         raise DataError(
             f"{estimate.name}: {len(true.time)} poses at times of the truth, at least 3"
         )
-    laid, factor = aligned(true, told, part=options.align, by=options.third_by, scale=options.scale)
+    laid, motion = aligned(true, told, part=options.align, by=options.third_by, scale=options.scale)
     errors = portable.norm(laid.position - true.position)
     ate = spread(errors)
     assert ate is not None
@@ -143,7 +145,8 @@ def score_poses(
         poses=len(true.time),
         tracked=_tracked(truth, estimate, options.gap_s),
         length=float(true.stations[-1]),
-        scale=factor,
+        scale=float(portable.norm(motion[:3, 0])) if options.scale else 1.0,
+        alignment=motion,
         ate=ate,
         drift=spread(lengths),
         rpe=spread(away),
