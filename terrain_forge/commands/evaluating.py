@@ -33,6 +33,11 @@ from terrain_forge.terminal import SCORING, Display
     "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
 )
 @click.option(
+    "--stamps",
+    type=click.Path(path_type=Path),
+    help="Times of the poses of --estimate [s], a line each: it is in KITTI's format.",
+)
+@click.option(
     "--map",
     "maps",
     multiple=True,
@@ -53,6 +58,7 @@ def evaluate(
     install: str | None,
     truth: Path | None,
     estimate: Path | None,
+    stamps: Path | None,
     maps: tuple[str, ...],
     area: str | None,
     cell: float,
@@ -81,7 +87,7 @@ def evaluate(
     if install:
         return install_named(install)
     if truth and estimate:
-        return tell_scores(truth, (estimate, *paths), options=options, out=out)
+        return tell_scores(truth, (estimate, *paths), options=options, out=out, stamps=stamps)
     if truth or estimate or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
     status = 0

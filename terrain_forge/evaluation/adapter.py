@@ -54,6 +54,12 @@ class Adapter(Spec):
     folder, `*` for any characters."""
     format: OutputFormat = "tum"
     """Format of the trajectory."""
+    stamps: str = ""
+    """Of `kitti`, where not each frame has a pose: the file that tells of which they are, a number
+    a line, as `output` names one; without it there must be as many poses as frames."""
+    stamps_in: Literal["seconds", "frames"] = "seconds"
+    """What these numbers are: seconds from the first frame on, as in KITTI's times.txt, or the
+    recording's own; or numbers of frames, from 0."""
     frame: FileName = "base_link"
     """Whose motion the trajectory is: `base_link`, a sensor's folder such as `cam0`, `lidar0` or
     `imu0`, or `body`: that of the first IMU, or base_link where none was recorded."""
@@ -146,11 +152,14 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
         output = folder / f"{adapter.name}.{adapter.format}"
         told = {**places, "folder": str(folder), "output": str(output)}
         words = adapter.words(told)
-        pattern = _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), adapter.output)
+        pattern, stamps = (
+            _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), text)
+            for text in (adapter.output, adapter.stamps)
+        )
         status, why, used = _watched(words, folder, adapter)
         estimate, wrong = None, ""
         if status == "done":
-            estimate, wrong = _estimate(folder, pattern, adapter)
+            estimate, wrong = _estimate(folder, pattern, stamps, adapter)
             status, why = ("done", "") if estimate is not None else ("lost", wrong)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
@@ -205,14 +214,20 @@ def _found(folder: Path, pattern: str) -> list[Path]:
     return [p for p in named if p.is_file() and p.resolve().is_relative_to(inside)]
 
 
-def _estimate(folder: Path, pattern: str, adapter: Adapter) -> tuple[TimedPoses | None, str]:
+def _estimate(
+    folder: Path, pattern: str, stamps: str, adapter: Adapter
+) -> tuple[TimedPoses | None, str]:
     """The trajectory that a program wrote, or what is wrong with it."""
     files = _found(folder, pattern)
     if not files:
         return None, f"wrote no trajectory ({Path(pattern).name})"
+    beside = _found(folder, stamps) if stamps else []
+    if stamps and not beside:
+        return None, f"wrote no stamps ({Path(stamps).name})"
     try:
         if adapter.format == "kitti":
-            return read_kitti_poses(files[0], name=adapter.name), ""
+            times = beside[0] if beside else None
+            return read_kitti_poses(files[0], name=adapter.name, stamps=times), ""
         return read_poses(files[0], name=adapter.name, euroc=adapter.format == "euroc"), ""
     except DataError as error:
         return None, str(error).replace(f"{folder}/", "")

@@ -166,16 +166,26 @@ def truth_of(recording: Recording, frame: str) -> TimedPoses:
 
 
 def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPoses:
-    """The estimate with times: KITTI's format has only the numbers of its frames."""
+    """The estimate with times: KITTI's format has only the numbers of its frames, or stamps."""
     if adapter.format != "kitti":
         return estimate
     told, frames = len(estimate.time), len(truth.time)
-    if told != frames:
-        raise DataError(
-            f"{adapter.name}: {told} poses of {frames} frames, and KITTI's format has no times to "
-            "tell of which"
-        )
-    return estimate.replace(time=truth.time)
+    if not adapter.stamps:
+        if told != frames:
+            raise DataError(
+                f"{adapter.name}: {told} poses of {frames} frames, and KITTI's format has no times "
+                "to tell of which: name a file of them as `stamps` of the system"
+            )
+        return estimate.replace(time=truth.time)
+    if adapter.stamps_in == "seconds":
+        since = truth.time[0] if estimate.time[0] < 0.5 * truth.time[0] else 0.0
+        return estimate.replace(time=estimate.time + since)
+    number = np.round(estimate.time).astype(np.int64)
+    wrong = (number != estimate.time) | (number < 0) | (number >= frames)
+    if wrong.any():
+        first = estimate.time[int(np.argmax(wrong))]
+        raise DataError(f"{adapter.name}: stamp {first:g} is no frame of 0 to {frames - 1}")
+    return estimate.replace(time=truth.time[number])
 
 
 def _input(

@@ -103,13 +103,21 @@ def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -
     return checked_poses(time, position, quaternion, name=name or path.stem, places=places)
 
 
-def read_kitti_poses(path: Path | str, *, name: str = "") -> TimedPoses:
+def read_kitti_poses(
+    path: Path | str, *, name: str = "", stamps: Path | str | None = None
+) -> TimedPoses:
     """Read a trajectory in KITTI's format, the 12 numbers of a 3 × 4 matrix a line.
 
-    It has no times: they are the numbers of the lines, from 0.
+    It has no times: they are the numbers of the lines, from 0, unless a file tells them.
+
+    Args:
+        path: The file.
+        name: What tables call it.
+        stamps: File with a number for each pose, a line each, ascending.
 
     Raises:
-        DataError: as `read_poses`; also for a matrix that is no rotation.
+        DataError: as `read_poses`; also for a matrix that is no rotation, or other than one stamp
+            for each pose.
     """
     from scipy.spatial.transform import Rotation
 
@@ -125,10 +133,13 @@ def read_kitti_poses(path: Path | str, *, name: str = "") -> TimedPoses:
     whole = np.where(finite[:, None, None], turns, np.eye(3))
     quaternion = np.roll(Rotation.from_matrix(whole).as_quat(), 1, axis=-1)
     quaternion[~finite] = np.nan
-    return checked_poses(
-        np.arange(len(values), dtype=np.float64), matrices[:, :, 3], quaternion,
-        name=name or path.stem, places=places,
-    )  # fmt: skip
+    time = np.arange(len(values), dtype=np.float64)
+    if stamps is not None:
+        told, places = _read_rows(Path(stamps), 1)
+        if len(told) != len(values):
+            raise DataError(f"{stamps}: {len(told)} stamps for the {len(values)} poses of {path}")
+        time = told[:, 0]
+    return checked_poses(time, matrices[:, :, 3], quaternion, name=name or path.stem, places=places)
 
 
 def _read_rows(path: Path, count: int, *, longer: bool = False) -> tuple[Array, list[str]]:

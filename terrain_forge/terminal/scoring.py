@@ -48,10 +48,15 @@ def tell_maps(scores: Sequence[MapScore], *, out: Path | None) -> None:
 
 
 def tell_scores(
-    truth: Path, estimates: Sequence[Path], *, options: ScoreOptions, out: Path | None
+    truth: Path,
+    estimates: Sequence[Path],
+    *,
+    options: ScoreOptions,
+    out: Path | None,
+    stamps: Path | None = None,
 ) -> int:
     """Score trajectories of files and say how well they did; returns the command's status."""
-    scores, failures = evaluation.score_files(truth, estimates, options)
+    scores, failures = evaluation.score_files(truth, estimates, options, stamps=stamps)
     for line in evaluation.score_lines(scores) if scores else ():
         say(line)
     for path in evaluation.write_scores(scores, out, failures=failures) if out else ():
