@@ -16,6 +16,11 @@ from .catalogue import known_systems as known_systems
 from .catalogue import with_binaries as with_binaries
 from .files import read_options as read_options
 from .files import score_files as score_files
+from .loops import Loops as Loops
+from .loops import LoopScore as LoopScore
+from .loops import made_loops as made_loops
+from .loops import read_loops as read_loops
+from .loops import score_loops as score_loops
 from .map_files import MapPoints as MapPoints
 from .map_files import read_map as read_map
 from .map_score import MapScore as MapScore

@@ -15,6 +15,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import DataError, FileName, Record, Spec
+from terrain_forge.evaluation.loops import Loops, read_loops
 from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
 from terrain_forge.evaluation.program import Program
 
@@ -60,6 +61,11 @@ class Adapter(Spec):
     stamps_in: Literal["seconds", "frames"] = "seconds"
     """What these numbers are: seconds from the first frame on, as in KITTI's times.txt, or the
     recording's own; or numbers of frames, from 0."""
+    loops: str = ""
+    """The file of its loop closures, where it writes one, as `output` names one: two times a line,
+    of the two ends, and perhaps x, y, z of the second in the frame of the first [m]."""
+    loops_in: Literal["seconds", "frames"] = "seconds"
+    """What these times are, as of `stamps_in`."""
     frame: FileName = "base_link"
     """Whose motion the trajectory is: `base_link`, a sensor's folder such as `cam0`, `lidar0` or
     `imu0`, or `body`: that of the first IMU, or base_link where none was recorded."""
@@ -126,6 +132,8 @@ class Run(Record):
     """What was wrong."""
     estimate: TimedPoses | None = None
     """The trajectory, in the system's own frame and clock."""
+    loops: Loops | None = None
+    """Its loop closures, in its own clock; None where it tells none."""
     seconds: float
     """How long it ran [s]."""
     processor_s: float
@@ -152,15 +160,17 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
         output = folder / f"{adapter.name}.{adapter.format}"
         told = {**places, "folder": str(folder), "output": str(output)}
         words = adapter.words(told)
-        pattern, stamps = (
+        pattern, stamps, closures = (
             _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), text)
-            for text in (adapter.output, adapter.stamps)
+            for text in (adapter.output, adapter.stamps, adapter.loops)
         )
         status, why, used = _watched(words, folder, adapter)
-        estimate, wrong = None, ""
+        estimate, loops, wrong = None, None, ""
         if status == "done":
             estimate, wrong = _estimate(folder, pattern, stamps, adapter)
             status, why = ("done", "") if estimate is not None else ("lost", wrong)
+            for path in _found(folder, closures)[:1] if closures and estimate else ():
+                loops, why = _closures(path)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
             (keep / _LOG).write_bytes(_end_of(folder / _LOG, _KEPT))
@@ -172,8 +182,16 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
     seconds, processor, memory = used
     return Run(
         system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
-        processor_s=processor, memory=memory, log=last,
+        processor_s=processor, memory=memory, log=last, loops=loops,
     )  # fmt: skip
+
+
+def _closures(path: Path) -> tuple[Loops | None, str]:
+    """The loop closures that a program wrote, or what is wrong with them."""
+    try:
+        return read_loops(path), ""
+    except DataError as error:
+        return None, f"loop closures: {str(error).replace(f'{path.parent}/', '')}"
 
 
 def _watched(

@@ -95,7 +95,7 @@ def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -
     """
     path = Path(path)
     comma = path.suffix.lower() == ".csv" if euroc is None else euroc
-    values, places = _read_rows(path, 8, longer=comma)
+    values, places = read_rows(path, 8, longer=comma)
     if comma:
         values[:, 0] *= 1e-9
     time, position = values[:, 0], values[:, 1:4]
@@ -122,7 +122,7 @@ def read_kitti_poses(
     from scipy.spatial.transform import Rotation
 
     path = Path(path)
-    values, places = _read_rows(path, 12)
+    values, places = read_rows(path, 12)
     matrices = values.reshape(-1, 3, 4)
     turns = matrices[:, :, :3]
     finite = np.asarray(np.isfinite(turns).all(axis=(1, 2)))
@@ -135,32 +135,48 @@ def read_kitti_poses(
     quaternion[~finite] = np.nan
     time = np.arange(len(values), dtype=np.float64)
     if stamps is not None:
-        told, places = _read_rows(Path(stamps), 1)
+        told, places = read_rows(Path(stamps), 1)
         if len(told) != len(values):
             raise DataError(f"{stamps}: {len(told)} stamps for the {len(values)} poses of {path}")
         time = told[:, 0]
     return checked_poses(time, matrices[:, :, 3], quaternion, name=name or path.stem, places=places)
 
 
-def _read_rows(path: Path, count: int, *, longer: bool = False) -> tuple[Array, list[str]]:
-    """The first numbers of each line, and the places of the lines; comments are passed over."""
+def read_rows(
+    path: Path, count: int, *, longer: bool = False, least: int = 2, most: int = 0
+) -> tuple[Array, list[str]]:
+    """The first numbers of each line, and the places of the lines; comments are passed over.
+
+    Args:
+        path: The file.
+        count: Numbers that a line must have.
+        longer: Whether it may have more.
+        least: Lines that there must be.
+        most: Numbers that are read where there are so many, NaN where there are fewer; `count` by
+            default.
+
+    Raises:
+        DataError: naming file and line.
+    """
     rows, places = [], []
     text = read_text(path, str(path), most=_MAX_FILE)
+    most = max(most, count)
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.strip()
         if not plain or plain.startswith("#"):
             continue
         words = plain.replace(",", " ").split()
         try:
-            rows.append([float(word) for word in words[:count]])
+            row = [float(word) for word in words[:most]]
         except ValueError:
             raise DataError(f"{path}:{number}: {plain[:60]!r}, must be {count} numbers") from None
-        if len(rows[-1]) < count or (len(words) > count and not longer):
+        if len(row) < count or (len(words) > count and not longer):
             raise DataError(f"{path}:{number}: {len(words)} numbers, must be {count}")
+        rows.append(row + [np.nan] * (most - len(row)))
         places.append(f"{path}:{number}")
-    if len(rows) < 2:
-        raise DataError(f"{path}: {len(rows)} poses, at least 2 are needed")
-    return np.array(rows), places
+    if len(rows) < least:
+        raise DataError(f"{path}: {len(rows)} poses, at least {least} are needed")
+    return np.array(rows).reshape(-1, most), places
 
 
 def checked_poses(

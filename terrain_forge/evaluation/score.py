@@ -38,6 +38,10 @@ class ScoreOptions(Spec):
     may have. A jittering estimate's path grows with the rate of its poses, not with its error."""
     gap_s: Annotated[float, Interval(ge=0.001, le=1000)] = 1.0
     """The system was lost where its poses are farther apart than this [s]."""
+    loop_m: Positive = 2.0
+    """How near each other the ends of a loop closure must truly be [m]."""
+    loop_apart_m: Positive = 10.0
+    """Length of the path that must lie between them [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
