@@ -13,6 +13,7 @@ from terrain_forge.base import DataError
 from terrain_forge.evaluation import MapPoints, map_rows, read_map, score_map, site_grid
 from terrain_forge.evaluation.map_tables import score_maps
 from tests.helpers import worlds
+from tests.helpers.command_line import run
 
 AREA = (-3.0, -2.25, 3.0, 2.25)
 
@@ -191,3 +192,34 @@ def test_what_is_no_map_is_refused(tmp_path, name, content, told):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DataError, match=told):
         read_map(tmp_path / name)
+
+
+def test_the_command_scores_maps_of_a_built_world(world, grid, tmp_path):
+    world.save(tmp_path / "out")
+    whole = _whole(grid)
+    np.save(tmp_path / "whole.npy", np.column_stack([whole.position, whole.rock]))
+    area = ",".join(map(str, AREA))
+    done = run("evaluate", tmp_path / "out", "--map", tmp_path / "whole.npy", f"--area={area}",
+               "-o", tmp_path / "told")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].split()[-2:] == ["300.0", "300.0"]
+    told = json.loads((tmp_path / "told/maps.json").read_text())
+    assert (told[0]["right"], told[0]["f1"]) == (1.0, 1.0)
+    assert not (tmp_path / "out/dataset").exists()
+    done = run("evaluate", tmp_path / "out", "--map", tmp_path / "whole.npy", "--area=1,2")
+    assert (done.returncode, "must be W,S,E,N" in done.stderr) == (2, True)
+
+
+def test_the_command_scores_poses_of_kittis_format_with_stamps(tmp_path):
+    time = 100.0 + np.arange(5.0)
+    place = np.column_stack([np.arange(5.0), 0.0 * time, 0.0 * time])
+    lines = [f"{t} {x} {y} {z} 0 0 0 1" for t, (x, y, z) in zip(time, place.tolist(), strict=True)]
+    (tmp_path / "truth.tum").write_text("\n".join(lines) + "\n")
+    rows = [f"1 0 0 {x} 0 1 0 {y} 0 0 1 {z}" for x, y, z in place[1:4].tolist()]
+    (tmp_path / "mine.txt").write_text("\n".join(rows) + "\n")
+    (tmp_path / "stamps.txt").write_text("101\n102\n103\n")
+    words = ["evaluate", "--truth", tmp_path / "truth.tum", "--estimate", tmp_path / "mine.txt"]
+    done = run(*words, "--stamps", tmp_path / "stamps.txt", "--set", "align=none")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].split()[:3] == ["mine", "50", "0"]
+    assert "must be 8" in run(*words).stderr
