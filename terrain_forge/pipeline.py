@@ -6,7 +6,7 @@ recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ►
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,6 @@ from terrain_forge.building import (
     write_export,
     write_files,
 )
-from terrain_forge.evaluation import Adapter, Result, ScoreOptions, evaluate_recording
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
@@ -70,8 +69,6 @@ VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
 RECORD_STAGES = (*RECORDING, "report page")
 """Stages of a recording of a built world."""
-EVALUATE_STAGES = ("systems", "report page")
-"""Stages of an evaluation of systems on a recording."""
 
 
 def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
@@ -365,41 +362,6 @@ def record(
             watch("report page")
             renew_report_page(world, out, force=force)
         return recorded
-
-
-def evaluate(
-    out: Path | str,
-    systems: Sequence[Adapter],
-    *,
-    runs: int = 1,
-    options: ScoreOptions | None = None,
-    progress: Progress | bool = False,
-) -> list[Result]:
-    """Run systems over the recording of a built world, and show on its page how well they did.
-
-    Args:
-        out: The built folder, or that of a recording alone, which has no page.
-        systems: The systems.
-        runs: How often each is run.
-        options: What is free in the scores.
-        progress: Called with what is being done; True shows it.
-
-    Raises:
-        DataError: if there is no recording, or it is broken.
-    """
-    out = Path(out).resolve()
-    with watched(progress, EVALUATE_STAGES) as watch:
-        results = evaluate_recording(
-            out,
-            systems,
-            runs=runs,
-            options=options,
-            progress=lambda name: watch(f"systems: {name}"),
-        )
-        if (out / "world").is_dir() and dataset_folder(out).is_dir():
-            watch("report page")
-            report.renew_report_page(World.load(out), out)
-    return results
 
 
 def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:

@@ -36,6 +36,7 @@ from .running import run_command as run_command
 from .running import run_process as run_process
 from .scoring import install_named as install_named
 from .scoring import list_systems as list_systems
+from .scoring import tell_maps as tell_maps
 from .scoring import tell_scores as tell_scores
 from .scoring import tell_systems as tell_systems
 from .sunlight import illumination as illumination
