@@ -17,22 +17,22 @@ from terrain_forge.terminal import (
     FORCE,
     OUT,
     RECIPE,
-    SCHEDULER,
     SCORING,
     SEED,
     SET,
-    WORKERS,
     Display,
     InOrder,
     complete_exporters,
     complete_starters,
     complete_terrain_models,
     completion_script,
+    cut_command,
     names_of,
     run_command,
     run_process,
     say,
     show_log,
+    tiling,
 )
 
 
@@ -139,8 +139,7 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
 @DRIVES
-@WORKERS
-@SCHEDULER
+@tiling
 @FORCE
 def build(
     recipe: Path,
@@ -149,9 +148,7 @@ def build(
     changes: tuple[str, ...],
     only: str | None,
     drives: int | None,
-    workers: int | None,
-    scheduler: str | None,
-    force: bool,
+    **how: Any,
 ) -> None:
     """Make the world of RECIPE, check it, and write it to a folder.
 
@@ -172,10 +169,8 @@ def build(
             out,
             folder=file.folder,
             only=names_of(only),
-            force=force,
-            workers=workers,
-            scheduler=scheduler,
             progress=display,
+            **how,
         )
     tell_build(result, out, display.elapsed)
     finish(result.passed, out)
@@ -395,6 +390,15 @@ def sites() -> None:
 
     for line in place_lines():
         say(line)
+
+
+def _cut(*given: Any, **how: Any) -> Any:
+    from terrain_forge import pipeline
+
+    return pipeline.cut(*given, **how)
+
+
+cli.add_command(cut_command(_cut))
 
 
 def main(arguments: list[str]) -> int:
