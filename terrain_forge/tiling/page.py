@@ -135,10 +135,10 @@ def _z(value: float | None) -> str:
 
 
 def _exports(manifest: dict[str, Any]) -> str:
-    told = "".join(
-        f"<h3>{escape(folder)}</h3><ul>{''.join(f'<li>{escape(lost)}</li>' for lost in e['losses'])}</ul>"
-        for folder, e in manifest["exports"].items()
-    )
+    told = ""
+    for folder, export in manifest["exports"].items():
+        lost = "".join(f"<li>{escape(sentence)}</li>" for sentence in export["losses"])
+        told += f"<h3>{escape(folder)}</h3><ul>{lost}</ul>"
     size = size_text(manifest["tiles"]["bytes"])
     return (
         f"<h2>Files</h2><p>The tiles have {size}. A part of the site becomes a world of its own, "
