@@ -35,11 +35,7 @@ def test_a_damaged_file_is_found(copied, name):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    try:
-        assert not pipeline.validate(copied)
-    except OutputError as error:  # a list that cannot even be read
-        assert "damaged" in str(error)
-        return
+    assert not pipeline.validate(copied)
     damaged = json.loads((copied / "validation/report.json").read_text())["damaged"]
     assert f"{name} is damaged" in damaged
 
