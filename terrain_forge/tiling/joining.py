@@ -27,7 +27,7 @@ def sample_world(order: TileOrder) -> World:
     return world_of(order, Window(column=0, row=0, columns=2, rows=2))
 
 
-def begin(order: TileOrder) -> None:
+def begin_site(order: TileOrder) -> None:
     """Write what tiles share, before any of them."""
     world = sample_world(order)
     for export in order.exports:
