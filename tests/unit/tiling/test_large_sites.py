@@ -34,7 +34,7 @@ def wide(tmp_path_factory):
 
 def test_a_site_beyond_memory_is_in_tiles_by_itself(wide):
     assert wide.recipe.tiles is not None
-    with pytest.raises(RecipeError, match="GB of memory, this machine has .* build it in `tiles`"):
+    with pytest.raises(RecipeError, match=r"GB of memory, this machine has .* build it in `tiles`"):
         tf.realise(wide)
 
 
