@@ -57,7 +57,14 @@ from terrain_forge.recording import (
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
-from terrain_forge.tiling import build_tiles, is_site, order_tiles, require_whole
+from terrain_forge.tiling import (
+    build_tiles,
+    cut_world,
+    is_site,
+    order_tiles,
+    require_whole,
+    validate_site,
+)
 from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
@@ -206,6 +213,40 @@ def _write_whole(
     return exports, report.assess(world, directory, exports=exports, watch=watch)
 
 
+def cut(
+    site: Path | str,
+    out: Path | str,
+    *,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    only: tuple[str, ...] | None = None,
+    force: bool = False,
+    progress: Progress | bool = False,
+) -> BuildResult:
+    """Write a part of a site in tiles as a world of its own.
+
+    Args:
+        site: The folder of the site; it need not be finished.
+        out: Output folder; an older world of ours is replaced when the new one is whole.
+        centre: The part's middle, east and north [m].
+        size: Its size, east and north [m].
+        only: Formats to write; by default those of the site's recipe.
+        force: Whether files may be removed that lie in the older world and are not its own.
+        progress: Called with each stage as it begins, and how far it is; True shows them.
+
+    Raises:
+        OutputError: if there is no such site, or the part is not in it.
+        RecipeError, ExportError, StorageError: as `write_world`.
+    """
+    out, place = Path(out).resolve(), Path(site).resolve()
+    if out.is_relative_to(place):
+        raise OutputError(f"{out} lies in the site: choose another folder with -o")
+    with watched(progress, STAGES) as watch:
+        world = cut_world(place, centre=centre, size=size, watch=watch)
+        exports = None if only is None else only
+        return write_world(world, out, exports=exports, force=force, progress=watch)
+
+
 def export(
     out: Path | str,
     only: tuple[str, ...],
@@ -289,6 +330,9 @@ def validate(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
+    if is_site(out):
+        with watched(progress, VALIDATE_STAGES) as watch:
+            return validate_site(out, watch=watch)
     finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
         manifest = read_manifest(out)

@@ -48,11 +48,15 @@ class Model:
     """Version of SDF."""
     relief: bool = True
     """Whether its materials have maps of normals and roughness; not for Gazebo Classic."""
+    address: str = ""
+    """Its folder as seen from a resource path, where that is not the folder's name."""
+    called: str = ""
+    """Its name, where that is not the folder's."""
 
     @property
     def name(self) -> str:
-        """Name of the model, and of its folder."""
-        return self.folder.name
+        """Name of the model."""
+        return self.called or self.folder.name
 
     def path(self, name: str) -> Path:
         """The path of one of the model's files; makes its folder."""
@@ -62,7 +66,7 @@ class Model:
 
     def uri(self, name: str) -> str:
         """The URI of one of the model's files."""
-        return f"model://{self.name}/{name}"
+        return f"model://{self.address or self.name}/{name}"
 
     def write(self, *, title: str, links: list[Lines]) -> None:
         """Write model.sdf, a static model of the links, and model.config."""

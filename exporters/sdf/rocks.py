@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,16 +33,25 @@ _NORMALS, _ROUGHNESS = "rock_normals.png", "rock_roughness.png"
 
 
 def write_tile(
-    tile: Tile, model: Model, friction: float, coarse: list[Mesh], options: Options
+    tile: Tile,
+    model: Model,
+    friction: float,
+    coarse: list[Mesh],
+    options: Options,
+    *,
+    shapes: Model | None = None,
 ) -> Lines:
     """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
-    Among the merged rocks a mesh of `coarse` stands for each prototype.
+    The single ones' shapes lie in the model, or in that of `shapes`. Among the merged rocks a mesh
+    of `coarse` stands for each prototype.
     """
     whole = tile.whole
     single = is_single(tile.field, options.individual_min_m)
     parts: list[Lines] = [
-        _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
+        _single_rocks(
+            whole, tile.field.select(single & ~tile.field.dynamic), shapes or model, friction
+        )
     ]
     small = tile.field.select(~single)
     for population, unseen, rocks in grouped(small, ~small.collides):
@@ -71,21 +81,35 @@ def is_single(field: RockField, least: float) -> NDArray[np.bool_]:
 def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
     """Write the model of the tiles' links, and the meshes and textures that single rocks share."""
     single = world.field.select(is_single(world.field, options.individual_min_m))
-    for prototype in np.unique(single.prototype).tolist():
+    kinds = np.unique(single.prototype).tolist(), np.unique(single.population).tolist()
+    write_shapes(world, model, *kinds)
+    model.write_scripts(list(map(_texture_file, kinds[1])), address="wrap")
+    model.write(title=f"{world.site.name}: rocks", links=links)
+
+
+def write_shapes(
+    world: World,
+    model: Model,
+    prototypes: Sequence[int] | None = None,
+    populations: Sequence[int] | None = None,
+) -> None:
+    """Write meshes of some prototypes and pictures of some populations, by default of all."""
+    if prototypes is None:
+        prototypes = range(len(world.library.prototypes))
+    if populations is None:
+        populations = range(len(world.field.populations))
+    for prototype in prototypes:
         shape = world.library.prototypes[prototype]
         write_rock_shape(model.path(_shape_file(prototype)), shape)
         for part, hull in enumerate(shape.hulls):
             path = model.path(_hull_file(prototype, part))
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
-    populations = np.unique(single.population).tolist()
     for population in populations:
         image = rock_texture(world, population)
         write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
     if populations and model.relief and (maps := rock_maps(world)):
         for file, image in zip((_NORMALS, _ROUGHNESS), maps, strict=True):
             write_png(model.path(f"{TEXTURES}/{file}"), image)
-    model.write_scripts(list(map(_texture_file, populations)), address="wrap")
-    model.write(title=f"{world.site.name}: rocks", links=links)
 
 
 def _single_rocks(world: World, rocks: RockField, model: Model, friction: float) -> Lines:
