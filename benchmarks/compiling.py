@@ -33,7 +33,7 @@ def main() -> None:
         os.environ["NUMBA_NUM_THREADS"] = "1"  # else other processes compile ahead, unseen
         from numba.core import event
 
-        from terrain_forge.base.compiling import LISTED, plain_types
+        from terrain_forge.base.listed import LISTED, plain_types
         from terrain_forge.pipeline import build
         from terrain_forge.recipe import load_recipe
 

@@ -10,7 +10,7 @@ from inspect import signature
 import pytest
 from numba.types import NamedTuple
 
-from terrain_forge.base.compiling import LISTED, is_kept, kernel, numba_types, plain_types
+from terrain_forge.base.listed import LISTED, is_kept, kernel, numba_types, plain_types
 from tests.helpers.places import ROOT
 
 KERNELS = {
