@@ -1,7 +1,8 @@
 """Compiles the kernels of a first build side by side, before it begins.
 
-`kernels.json` lists them with the types that they are called with, room by room, the slowest first;
-`python benchmarks/compiling.py --write` writes it. A kernel that is not listed compiles when it is
+`kernels.json` lists them with the types that they are called with, room by room, the slowest first,
+`kernels-record.json` what a recording needs besides; `python benchmarks/compiling.py --write`
+writes both. A kernel that is not listed compiles when it is
 called, as all do where there is one processor core.
 """
 
@@ -18,7 +19,7 @@ from typing import Any
 
 from numba import config, get_num_threads
 
-from terrain_forge.base.listed import is_kept, kernel, listed, numba_types
+from terrain_forge.base.listed import is_kept, kernel, listed, numba_types, signatures
 from terrain_forge.base.progress import Progress, silent
 from terrain_forge.base.shipped import unpack
 from terrain_forge.base.threads import ask_for_interrupt, worker_threads
@@ -30,17 +31,18 @@ _TICK = 0.2
 """How often progress is told [s]."""
 
 
-def compile_ahead(progress: Progress = silent) -> None:
+def compile_ahead(progress: Progress = silent, *, purpose: str = "build") -> None:
     """Compile all listed kernels that the cache lacks, if these are many, in other processes.
 
     Args:
         progress: Called a few times a second with how many there are and the share that is done.
+        purpose: "build" or "record".
     """
     if settings.DISABLE_JIT:
         return
-    missing = _missing()
+    missing = _missing(purpose)
     if any(missing.values()) and unpack(missing):
-        missing = _missing()
+        missing = _missing(purpose)
     threads = get_num_threads()
     count = sum(map(len, missing.values()))
     if threads == 1 or count <= _FEW:
@@ -64,11 +66,11 @@ def compile_ahead(progress: Progress = silent) -> None:
                     waiting.get_nowait()
 
 
-def _missing() -> dict[str, dict[str, list[Any]]]:
+def _missing(purpose: str) -> dict[str, dict[str, list[Any]]]:
     """The listed kernels that the cache lacks, by room."""
     return {
         room: {name: types for name, types in kernels.items() if not is_kept(name, types)}
-        for room, kernels in listed().items()
+        for room, kernels in listed(purpose).items()
     }
 
 
@@ -100,9 +102,8 @@ def _serve(
 
 def main(names: Iterable[str]) -> None:
     """Compile kernels, and answer after each."""
-    signatures = {name: one for room in listed().values() for name, one in room.items()}
     for name in map(str.strip, names):
-        kernel(name).compile(numba_types(signatures[name]))
+        kernel(name).compile(numba_types(signatures()[name]))
         sys.stdout.write(f"{name}\n")
         sys.stdout.flush()
 

@@ -1,4 +1,4 @@
-"""The kernels that `kernels.json` lists, by room and name, with the types that they take."""
+"""The kernels that a purpose needs, by room and name, with the types that they take."""
 
 from __future__ import annotations
 
@@ -11,22 +11,34 @@ from typing import Any
 
 from numba import types as _types
 
-LISTED = Path(__file__).with_name("kernels.json")
+LISTED = {
+    "build": Path(__file__).with_name("kernels.json"),
+    "record": Path(__file__).with_name("kernels-record.json"),
+}
 types: Any = _types
 
 
 @cache
-def listed() -> dict[str, dict[str, list[Any]]]:
+def listed(purpose: str) -> dict[str, dict[str, list[Any]]]:
     """Signatures by room and name."""
-    return dict(json.loads(LISTED.read_text()))
+    return dict(json.loads(LISTED[purpose].read_text()))
+
+
+@cache
+def signatures() -> dict[str, list[Any]]:
+    """Signatures of the kernels of all purposes, by name."""
+    rooms = (room for purpose in LISTED for room in listed(purpose).values())
+    return {name: signature for room in rooms for name, signature in room.items()}
 
 
 def kernel(name: str) -> Any:
     """The kernel of a name `module:function`, ready to be compiled."""
-    module, function = name.split(":")
-    room = import_module(module.rpartition(".")[0])
-    getattr(room, "before_compiling", lambda: None)()
-    return getattr(import_module(module), function)
+    home, function = name.split(":")
+    module = import_module(home)
+    used = (one.py_func.__module__ for one in vars(module).values() if hasattr(one, "py_func"))
+    for room in {one.rpartition(".")[0] for one in (home, *used)}:
+        getattr(import_module(room), "before_compiling", lambda: None)()
+    return getattr(module, function)
 
 
 def is_kept(name: str, signature: list[Any]) -> bool:
@@ -59,7 +71,8 @@ def _type(plain: Any) -> Any:
     scalar = getattr(types, name)
     if not rest:
         return scalar
-    return types.Array(scalar, int(rest[0][0]), "C", readonly="readonly" in rest)
+    layout = "A" if "strided" in rest else "C"
+    return types.Array(scalar, int(rest[0][0]), layout, readonly="readonly" in rest)
 
 
 def plain_types(signature: Iterable[Any]) -> list[Any]:
@@ -69,8 +82,9 @@ def plain_types(signature: Iterable[Any]) -> list[Any]:
 
 def _plain(found: Any) -> Any:
     if isinstance(found, types.Array):
-        assert found.is_c_contig, found
-        return f"{found.dtype} {found.ndim}d{'' if found.mutable else ' readonly'}"
+        assert found.layout in "CA", found
+        strided = "" if found.is_c_contig else " strided"
+        return f"{found.dtype} {found.ndim}d{strided}{'' if found.mutable else ' readonly'}"
     if isinstance(found, types.BaseNamedTuple):
         made = found.instance_class
         return {f"{made.__module__}:{made.__qualname__}": plain_types(found)}

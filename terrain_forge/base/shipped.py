@@ -26,7 +26,7 @@ import llvmlite
 import numba
 from llvmlite import binding
 
-from terrain_forge.base.listed import kernel, listed, numba_types, place
+from terrain_forge.base.listed import kernel, numba_types, place, signatures
 
 settings: Any = numba.config
 HERE = Path(__file__).parent
@@ -47,9 +47,9 @@ def unpack(missing: dict[str, dict[str, list[Any]]]) -> bool:
         if json.loads(archive.read(_HOLDS_FOR)) != _conditions():
             return False
         brought = set(archive.namelist())
-        for name, signature in _signatures(missing).items():
+        for name in (name for room in missing.values() for name in room):
             if _entry(name) in brought:
-                file, key = place(name, signature)
+                file, key = place(name, signatures()[name])
                 file.save(key, pickle.loads(archive.read(_entry(name))))
     return True
 
@@ -67,14 +67,10 @@ def _compile() -> None:
     """Compile into the cache that the environment names, and write from there."""
     with ZipFile(_archive(), "w", compression=ZIP_LZMA) as archive:
         archive.writestr(_HOLDS_FOR, json.dumps(_conditions(), indent=1))
-        for name, signature in _signatures(listed()).items():
+        for name, signature in signatures().items():
             kernel(name).compile(numba_types(signature))
             file, key = place(name, signature)
             archive.writestr(_entry(name), pickle.dumps(file.load(key)))
-
-
-def _signatures(rooms: dict[str, dict[str, list[Any]]]) -> dict[str, list[Any]]:
-    return {name: signature for room in rooms.values() for name, signature in room.items()}
 
 
 def _archive() -> Path:
@@ -108,7 +104,7 @@ def _conditions() -> dict[str, str]:
 
 def _sources() -> Iterator[Path]:
     """The files of the rooms, and of the packages that a checkout keeps elsewhere."""
-    rooms = {name.split(".")[1] for name in listed()} | {"base", "model"}
+    rooms = {name.split(".")[1] for name in signatures()} | {"base", "model"}
     for room in rooms:
         found = find_spec(f"terrain_forge.{room}")
         assert found is not None

@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from terrain_forge.base import Stopwatch, size_text
+from terrain_forge.base import Stopwatch, compile_ahead, size_text
 from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
@@ -79,6 +79,7 @@ def record_dataset(
     if not order.force:
         require_same(folder, differing)
     with holding(out):
+        compile_ahead(watch, purpose="record")
         watch("scene")
         with open_setting(world, spec, progress=watch) as setting, Store(folder) as store:
             tell_unmeasured(setting)
