@@ -1,9 +1,9 @@
 """Measures what a first build compiles: `python benchmarks/compiling.py [--write] [RECIPE …]`.
 
 Builds the recipes (by default hello, moon_craters and mars_ripples) in this process with an empty
-cache, and prints the processor time that each kernel took to compile and that the builds took
-besides; rock shapes are made anew. With `--write` the list that later builds compile ahead is
-written anew.
+cache, records half a second in the first, and prints the processor time that each kernel took to
+compile and that all took besides; rock shapes are made anew. With `--write` the lists that later
+builds and recordings compile ahead are written anew.
 """
 
 from __future__ import annotations
@@ -33,32 +33,42 @@ def main() -> None:
         os.environ["NUMBA_NUM_THREADS"] = "1"  # else other processes compile ahead, unseen
         from numba.core import event
 
-        from terrain_forge.base.compiling import LISTED, plain_types
-        from terrain_forge.pipeline import build
+        from terrain_forge.base import compiling
+        from terrain_forge.pipeline import build, record
         from terrain_forge.recipe import load_recipe
 
+        compiling.unpack = lambda _: False  # nor is what a wheel brings along taken
         listener = _listener(event.Listener)
         event.register("numba:compile", listener)
         begin = time.process_time()
         for n, recipe in enumerate(arguments.recipes):
             path = HERE.parent / "recipes" / recipe
             build(load_recipe(path).recipe, f"{folder}/{n}", folder=path.parent)
+        built = len(listener.rows)
+        record(f"{folder}/0", begin=10.0, end=10.5)
         whole = time.process_time() - begin
-    rows = sorted(listener.rows, key=lambda row: -row[0])
-    for seconds, kernel, _ in rows:
+    for seconds, kernel, _ in sorted(listener.rows, key=lambda row: -row[0]):
         print(f"{seconds:8.2f} s  {kernel}")
-    compiled = sum(seconds for seconds, _, _ in rows)
-    print(f"{compiled:8.2f} s  {len(rows)} kernels, {compiled / (whole - compiled):.2f} × the rest")
-    if not arguments.write:
-        return
+    compiled = sum(seconds for seconds, _, _ in listener.rows)
+    count = len(listener.rows)
+    print(f"{compiled:8.2f} s  {count} kernels, {compiled / (whole - compiled):.2f} × the rest")
+    if arguments.write:
+        _write("build", listener.rows[:built])
+        _write("record", listener.rows[built:])
+
+
+def _write(purpose: str, rows: list[tuple[float, str, Any]]) -> None:
+    """Write the list of what a purpose compiles, slowest first."""
+    from terrain_forge.base.listed import LISTED, plain_types
+
     rooms: dict[str, dict[str, Any]] = defaultdict(dict)
     cost: dict[str, float] = defaultdict(float)
-    for seconds, kernel, signature in rows:
+    for seconds, kernel, signature in sorted(rows, key=lambda row: -row[0]):
         room = ".".join(kernel.split(":")[0].split(".")[:-1])
         rooms[room][kernel] = plain_types(signature)
         cost[room] += seconds
     slowest = sorted(rooms, key=lambda room: -cost[room])
-    LISTED.write_text(json.dumps({room: rooms[room] for room in slowest}, indent=1) + "\n")
+    LISTED[purpose].write_text(json.dumps({room: rooms[room] for room in slowest}, indent=1) + "\n")
 
 
 def _listener(base: Any) -> Any:

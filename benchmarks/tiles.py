@@ -16,7 +16,7 @@ from pathlib import Path
 
 import terrain_forge as tf
 from terrain_forge.building import chosen_exports
-from terrain_forge.tiling import make_tile, order_tiles, save_order
+from terrain_forge.tiling import begin_site, make_tile, order_tiles, save_order
 
 
 def main() -> None:
@@ -32,6 +32,7 @@ def main() -> None:
     site = tf.plan(file.recipe, folder=file.folder)
     order = order_tiles(site, out, chosen_exports(file.recipe, None))
     save_order(order)
+    begin_site(order)
     tell("plan", begin, f"{len(order.grid)} tiles")
     middle = order.grid.up // 2 * order.grid.across + order.grid.across // 2
     for number in range(middle, middle + given.tiles):

@@ -83,7 +83,6 @@ from .paths import plan_path as plan_path
 from .paths import traversability as traversability
 from .pipeline import build as build
 from .pipeline import check as check
-from .pipeline import evaluate as evaluate
 from .pipeline import export as export
 from .pipeline import realise as realise
 from .pipeline import record as record

@@ -17,16 +17,15 @@ from terrain_forge.terminal import (
     FORCE,
     OUT,
     RECIPE,
-    SCHEDULER,
     SEED,
     SET,
-    WORKERS,
     Display,
     InOrder,
     complete_exporters,
     complete_starters,
     complete_terrain_models,
     completion_script,
+    cut_command,
     illumination,
     make_worlds,
     names_of,
@@ -34,6 +33,7 @@ from terrain_forge.terminal import (
     run_process,
     say,
     show_log,
+    tiling,
 )
 
 
@@ -140,8 +140,7 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
 @DRIVES
-@WORKERS
-@SCHEDULER
+@tiling
 @FORCE
 def build(
     recipe: Path,
@@ -150,9 +149,7 @@ def build(
     changes: tuple[str, ...],
     only: str | None,
     drives: int | None,
-    workers: int | None,
-    scheduler: str | None,
-    force: bool,
+    **how: Any,
 ) -> None:
     """Make the world of RECIPE, check it, and write it to a folder.
 
@@ -173,10 +170,8 @@ def build(
             out,
             folder=file.folder,
             only=names_of(only),
-            force=force,
-            workers=workers,
-            scheduler=scheduler,
             progress=display,
+            **how,
         )
     tell_build(result, out, display.elapsed)
     finish(result.passed, out)
@@ -349,6 +344,15 @@ def sites() -> None:
 
 
 cli.add_command(make_worlds)
+
+
+def _cut(*given: Any, **how: Any) -> Any:
+    from terrain_forge import pipeline
+
+    return pipeline.cut(*given, **how)
+
+
+cli.add_command(cut_command(_cut))
 
 
 def main(arguments: list[str]) -> int:

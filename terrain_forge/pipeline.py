@@ -6,7 +6,7 @@ recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ►
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,6 @@ from terrain_forge.building import (
     write_export,
     write_files,
 )
-from terrain_forge.evaluation import Adapter, Result, ScoreOptions, evaluate_recording
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
@@ -58,7 +57,14 @@ from terrain_forge.recording import (
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
-from terrain_forge.tiling import build_tiles, is_site, order_tiles, require_whole
+from terrain_forge.tiling import (
+    build_tiles,
+    cut_world,
+    is_site,
+    order_tiles,
+    require_whole,
+    validate_site,
+)
 from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
@@ -70,8 +76,6 @@ VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
 RECORD_STAGES = (*RECORDING, "report page")
 """Stages of a recording of a built world."""
-EVALUATE_STAGES = ("systems", "report page")
-"""Stages of an evaluation of systems on a recording."""
 
 
 def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
@@ -209,6 +213,40 @@ def _write_whole(
     return exports, report.assess(world, directory, exports=exports, watch=watch)
 
 
+def cut(
+    site: Path | str,
+    out: Path | str,
+    *,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    only: tuple[str, ...] | None = None,
+    force: bool = False,
+    progress: Progress | bool = False,
+) -> BuildResult:
+    """Write a part of a site in tiles as a world of its own.
+
+    Args:
+        site: The folder of the site; it need not be finished.
+        out: Output folder; an older world of ours is replaced when the new one is whole.
+        centre: The part's middle, east and north [m].
+        size: Its size, east and north [m].
+        only: Formats to write; by default those of the site's recipe.
+        force: Whether files may be removed that lie in the older world and are not its own.
+        progress: Called with each stage as it begins, and how far it is; True shows them.
+
+    Raises:
+        OutputError: if there is no such site, or the part is not in it.
+        RecipeError, ExportError, StorageError: as `write_world`.
+    """
+    out, place = Path(out).resolve(), Path(site).resolve()
+    if out.is_relative_to(place):
+        raise OutputError(f"{out} lies in the site: choose another folder with -o")
+    with watched(progress, STAGES) as watch:
+        world = cut_world(place, centre=centre, size=size, watch=watch)
+        exports = None if only is None else only
+        return write_world(world, out, exports=exports, force=force, progress=watch)
+
+
 def export(
     out: Path | str,
     only: tuple[str, ...],
@@ -292,6 +330,9 @@ def validate(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
+    if is_site(out):
+        with watched(progress, VALIDATE_STAGES) as watch:
+            return validate_site(out, watch=watch)
     finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
         manifest = read_manifest(out)
@@ -365,41 +406,6 @@ def record(
             watch("report page")
             renew_report_page(world, out, force=force)
         return recorded
-
-
-def evaluate(
-    out: Path | str,
-    systems: Sequence[Adapter],
-    *,
-    runs: int = 1,
-    options: ScoreOptions | None = None,
-    progress: Progress | bool = False,
-) -> list[Result]:
-    """Run systems over the recording of a built world, and show on its page how well they did.
-
-    Args:
-        out: The built folder, or that of a recording alone, which has no page.
-        systems: The systems.
-        runs: How often each is run.
-        options: What is free in the scores.
-        progress: Called with what is being done; True shows it.
-
-    Raises:
-        DataError: if there is no recording, or it is broken.
-    """
-    out = Path(out).resolve()
-    with watched(progress, EVALUATE_STAGES) as watch:
-        results = evaluate_recording(
-            out,
-            systems,
-            runs=runs,
-            options=options,
-            progress=lambda name: watch(f"systems: {name}"),
-        )
-        if (out / "world").is_dir() and dataset_folder(out).is_dir():
-            watch("report page")
-            report.renew_report_page(World.load(out), out)
-    return results
 
 
 def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:

@@ -13,6 +13,7 @@ from terrain_forge.geometry import (
     level_of_detail,
     static_losses,
     texture_loss,
+    with_horizon_loss,
     write_ground_obj,
 )
 from terrain_forge.model import ExportReport, Mesh, Tile, World, world_friction
@@ -75,7 +76,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     package = leaves(name=name, version="0.0.0", description="A world of terrain-forge")
     write_xml(directory / "package.xml", element("package", *package, format="2"))
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    return ExportReport(files=tuple(files), losses=_losses(world, coarse, load, options))
+    report = ExportReport(files=tuple(files), losses=_losses(world, coarse, load, options))
+    return with_horizon_loss(report, world.horizon, shown=False)
 
 
 def _ground_link(tile: Tile, folder: Path, options: Options) -> Lines:

@@ -13,16 +13,8 @@ from annotated_types import MinLen
 from numpy.typing import NDArray
 
 from terrain_forge.base import RecipeError, Spec, portable
-from terrain_forge.geometry import grid_normals
-from terrain_forge.model import (
-    ExportReport,
-    Heightfield,
-    Site,
-    Tile,
-    TileGrid,
-    World,
-    merge,
-)
+from terrain_forge.geometry import grid_normals, with_horizon_loss
+from terrain_forge.model import ExportReport, Heightfield, Site, Tile, TileGrid, World, merge
 from terrain_forge.truth import disjoint, rock_rasters
 from terrain_forge.writers import write_geotiff
 
@@ -79,7 +71,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         if _UNITS.get(product) == "m":
             largest = max(largest, float(np.abs(grid).max()))
     files = tuple(Path(f"{product}.tif") for product in sorted(options.products))
-    return ExportReport(files=files, losses=_losses(world, options, largest))
+    report = ExportReport(files=files, losses=_losses(world, options, largest))
+    return with_horizon_loss(report, world.horizon, shown=False)
 
 
 def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:

@@ -96,6 +96,7 @@ def matt(
     texture: int | None = None,
     rgb: Sequence[float] = (1.0, 1.0, 1.0),
     normals: dict[str, Any] | None = None,
+    roughness: int | None = None,
 ) -> dict[str, Any]:
     """A rough, non-metallic material.
 
@@ -104,6 +105,7 @@ def matt(
         texture: Index of its texture, whose colours `rgb` multiplies.
         rgb: Linear colour, 0 to 1.
         normals: Its normal map, as glTF describes one.
+        roughness: Index of the texture whose green is its roughness.
     """
     look: dict[str, Any] = {
         "baseColorFactor": [*rgb, 1.0],
@@ -112,5 +114,7 @@ def matt(
     }
     if texture is not None:
         look["baseColorTexture"] = {"index": texture}
+    if roughness is not None:
+        look["metallicRoughnessTexture"] = {"index": roughness}
     relief = {"normalTexture": normals} if normals else {}
     return {"name": name, "pbrMetallicRoughness": look, **relief}

@@ -10,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import inlined, kernel, xyzw
-from terrain_forge.geometry import grouped, merge_in_parts, rock_texture, surface
+from terrain_forge.geometry import (
+    grouped,
+    merge_in_parts,
+    rock_factors,
+    rock_maps,
+    rock_texture,
+    surface,
+)
 from terrain_forge.model import Mesh, RockField, Tile, World
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     ROCK,
     Gltf,
@@ -53,19 +61,40 @@ def rock_meshes(
     prototypes = world.library.prototypes
     shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
 
-    @cache
-    def look(population: int) -> int:
-        texture = gltf.add_texture(encode_png(rock_texture(world, population)), tiles=True)
-        return gltf.add("materials", matt(world.field.populations[population], texture=texture))
+    picture = cache(lambda n: gltf.add_texture(encode_png(rock_texture(world, n)), tiles=True))
+    relief = _add_maps(world, gltf) if len(rocks) else {}
 
-    kinds = np.stack([rocks.prototype, levels, rocks.population], axis=-1)
+    @cache
+    def look(population: int, tint: int) -> int:
+        rgb = rock_factors(world, population)[tint].tolist()
+        name = f"{world.field.populations[population]}_{tint}"
+        made = matt(name, texture=picture(population), rgb=rgb, **relief)
+        return gltf.add("materials", made)
+
+    tints = rock_tints(rocks.id, world.site.seed)
+    kinds = np.stack([rocks.prototype, levels, rocks.population, tints], axis=-1)
     distinct, kind_of_rock = np.unique(kinds, axis=0, return_inverse=True)
     meshes = []
-    for prototype, level, population in distinct.tolist():
-        primitive = {**shape(prototype, level), "material": look(population)}
-        name = f"rock_shape_{prototype:03}_{level}_{world.field.populations[population]}"
+    for prototype, level, population, tint in distinct.tolist():
+        primitive = {**shape(prototype, level), "material": look(population, tint)}
+        name = f"rock_shape_{prototype:03}_{level}_{world.field.populations[population]}_{tint}"
         meshes.append(gltf.add("meshes", {"name": name, "primitives": [primitive]}))
     return np.array(meshes, np.int64)[kind_of_rock.reshape(-1)]
+
+
+def _add_maps(world: World, gltf: Gltf) -> dict[str, Any]:
+    """Add the rocks' normals and roughness; returns what `matt` takes of them."""
+    maps = rock_maps(world)
+    if maps is None:
+        return {}
+    normals, roughness = maps
+    # Green is the roughness, blue whether it is metal.
+    rough = np.zeros((*roughness.shape, 3), np.uint8)
+    rough[..., 1] = roughness
+    return {
+        "normals": {"index": gltf.add_texture(encode_png(normals), tiles=True)},
+        "roughness": gltf.add_texture(encode_png(rough), tiles=True),
+    }
 
 
 def node_texts(rocks: RockField, meshes: NDArray[np.int64]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import image_rows, portable, worker_threads
+from terrain_forge.base import image_rows, portable, srgb_from_linear, worker_threads
 from terrain_forge.geometry import (
     bake_tile,
     cell_bands,
@@ -27,10 +27,13 @@ from terrain_forge.geometry import (
     mean_rock_srgb,
     merge_in_parts,
     node_bands,
+    rock_factors,
+    rock_maps,
     rock_texture,
     write_ground_obj,
 )
 from terrain_forge.model import Tile, World, rotations
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     Floats,
     Indices,
@@ -132,10 +135,28 @@ def write_materials(
         name, image = f"rock_{number}", f"rock_{number}.png"
         if textured:
             write_png(directory / image, rock_texture(world, number))
-            materials.append(MattMaterial(name=name, texture=image))
+            materials += [
+                MattMaterial(
+                    name=f"{name}_{tint}",
+                    rgb=srgb_from_linear(factor).tolist(),
+                    texture=image,
+                    **_maps(world),
+                )
+                for tint, factor in enumerate(rock_factors(world, number))
+            ]
         else:
             materials.append(MattMaterial(name=name, rgb=mean_rock_srgb(world, number)))
+    if textured and (maps := rock_maps(world)):
+        for file, image in zip(_maps(world).values(), maps, strict=True):
+            write_png(directory / file, image)
     write_mtl(directory / MATERIALS, materials)
+
+
+def _maps(world: World) -> dict[str, str]:
+    """Files of the maps that all rocks share, by the fields of their materials."""
+    if rock_maps(world) is None:
+        return {}
+    return {"normals": "rock_normals.png", "roughness": "rock_roughness.png"}
 
 
 class _Body:
@@ -176,7 +197,7 @@ def _write_single_rocks(body: _Body, world: World) -> None:
     meshes = [shape.meshes[0] for shape in shapes]
     normals = cache(lambda shape: vertex_normals(meshes[shape].vertices, meshes[shape].faces))
     coordinates = cache(lambda shape: index_corners(shapes[shape].uvs[0]))
-    turns = rotations(field)
+    turns, tints = rotations(field), rock_tints(field.id, world.site.seed)
     for row, prototype in enumerate(field.prototype.tolist()):
         mesh, turn = meshes[prototype], turns[row].T
         body.begin(rock_name(field.id[row]))
@@ -184,7 +205,7 @@ def _write_single_rocks(body: _Body, world: World) -> None:
             portable.product(field.scale[row] * mesh.vertices, turn) + field.position[row],
             portable.product(normals(prototype), turn),
             mesh.faces,
-            f"rock_{field.population[row]}",
+            f"rock_{field.population[row]}_{tints[row]}",
             coordinates(prototype),
         )
 

@@ -1,8 +1,7 @@
-"""Plain meshes: PLY in trimesh, OBJ and STL, which take it much memory, read piece by piece."""
+"""Plain meshes, read piece by piece: they may be larger than the memory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
@@ -43,7 +42,9 @@ def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
         ground, solids = ground_and_rocks(sample, objects)
         return replace(reading, ground=tuple(ground), seen=solids)
     heights, near = np.full(len(sample.points), np.nan), [np.zeros((0, 3))]
-    for mesh in _surfaces(files):  # the files do not tell ground from rocks
+    for mesh in (
+        some for file in files for some in read_triangles(file)
+    ):  # the files do not tell ground from rocks
         heights = np.fmax(heights, highest_on([mesh], sample.points))
         faces = mesh.faces[sample.near(mesh.vertices[mesh.faces[:, 0]])]
         near.append(mesh.vertices[faces].reshape(-1, 3))
@@ -56,18 +57,6 @@ def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
         hidden=~free_of_rocks(sample.world, sample.points, margin=0.0),
         reasons={**reading.reasons, "frames": "ground and rocks are one mesh"},
     )
-
-
-def _surfaces(files: list[Path]) -> Iterator[Mesh]:
-    """The triangles of STL or PLY files, by and by."""
-    import trimesh
-
-    for file in files:
-        if file.suffix == ".stl":
-            yield from read_triangles(file)
-        else:
-            mesh = trimesh.load_mesh(file, process=False)
-            yield Mesh(vertices=mesh.vertices, faces=mesh.faces)
 
 
 def opening(folder: Path, options: Any) -> Opening:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.base import ExportError
-from terrain_forge.geometry import level_of_detail, texture_loss
+from terrain_forge.geometry import level_of_detail, texture_loss, with_horizon_loss
 from terrain_forge.model import ExportReport, World
 from terrain_forge.writers import MattMaterial
 
@@ -43,7 +43,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     if options.format == "obj":
         write_materials(world, directory, grounds=grounds, textured=options.rocks == "objects")
     files = sorted(path.relative_to(directory) for path in directory.iterdir())
-    return ExportReport(files=tuple(files), losses=tuple(_losses(world, detail, options)))
+    report = ExportReport(files=tuple(files), losses=tuple(_losses(world, detail, options)))
+    return with_horizon_loss(report, world.horizon, shown=False)
 
 
 def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:

@@ -46,11 +46,17 @@ class Model:
     """Whether Gazebo Classic shall read it."""
     version: str
     """Version of SDF."""
+    relief: bool = True
+    """Whether its materials have maps of normals and roughness; not for Gazebo Classic."""
+    address: str = ""
+    """Its folder as seen from a resource path, where that is not the folder's name."""
+    called: str = ""
+    """Its name, where that is not the folder's."""
 
     @property
     def name(self) -> str:
-        """Name of the model, and of its folder."""
-        return self.folder.name
+        """Name of the model."""
+        return self.called or self.folder.name
 
     def path(self, name: str) -> Path:
         """The path of one of the model's files; makes its folder."""
@@ -60,7 +66,7 @@ class Model:
 
     def uri(self, name: str) -> str:
         """The URI of one of the model's files."""
-        return f"model://{self.name}/{name}"
+        return f"model://{self.address or self.name}/{name}"
 
     def write(self, *, title: str, links: list[Lines]) -> None:
         """Write model.sdf, a static model of the links, and model.config."""
@@ -68,19 +74,29 @@ class Model:
         write_xml(self.path("model.sdf"), element("sdf", body, version=self.version))
         write_config(self.folder, "model.sdf", self.version, name=title, description=title)
 
-    def textured(self, image: str, *, normals: str | None = None) -> Lines:
+    def textured(
+        self,
+        image: str,
+        *,
+        normals: str | None = None,
+        roughness: str | None = None,
+        factor: Sequence[float] = (1.0, 1.0, 1.0),
+    ) -> Lines:
         """A matt material that shows an image of the model's materials/textures.
 
-        Gazebo Classic does without its map of `normals`.
+        Gazebo Classic does without its maps of `normals` and `roughness`, and without the linear
+        `factor` on its colours.
         """
         if self.classic:
             uris = [element("uri", self.uri(path)) for path in ("materials/scripts", TEXTURES)]
             name = element("name", self._script_name(image))
             return element("material", element("script", *uris, name))
         maps = {"albedo_map": image} | ({"normal_map": normals} if normals else {})
+        maps |= {"roughness_map": roughness} if roughness else {}
         uris_of_maps = {name: self.uri(f"{TEXTURES}/{file}") for name, file in maps.items()}
         metal = element("metal", *leaves(**uris_of_maps, roughness=1, metalness=0))
-        return _matt("1 1 1 1", element("pbr", metal))
+        shade = " ".join(f"{part:.6g}" for part in (*factor, 1.0))
+        return _matt(shade, element("pbr", metal))
 
     def write_scripts(self, images: list[str], *, address: str) -> None:
         """Write the OGRE script that Gazebo Classic needs for textured materials, if it reads this.

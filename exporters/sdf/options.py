@@ -48,7 +48,7 @@ class Options(Spec):
     horizon: bool = True
     """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
     normal_maps: bool = True
-    """Whether the ground's textures get normal maps of soil and small stones; `gz` only, Classic
+    """Whether ground and rocks get normal maps of what is finer than they are; `gz` only, Classic
     has none."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""

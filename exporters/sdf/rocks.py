@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,29 +14,44 @@ from terrain_forge.geometry import (
     inertias,
     mean_rock_srgb,
     merge_rocks,
+    rock_factors,
+    rock_maps,
     rock_texture,
     write_rock_shape,
     write_rocks_glb,
 )
 from terrain_forge.model import Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import Lines, element, numbers, rock_name, write_png, write_stl
 
 from .model import TEXTURES, Model, inertial, mesh, plain, surface
 from .options import Options
 
+_NORMALS, _ROUGHNESS = "rock_normals.png", "rock_roughness.png"
+"""The maps that all single rocks share."""
+
 
 def write_tile(
-    tile: Tile, model: Model, friction: float, coarse: list[Mesh], options: Options
+    tile: Tile,
+    model: Model,
+    friction: float,
+    coarse: list[Mesh],
+    options: Options,
+    *,
+    shapes: Model | None = None,
 ) -> Lines:
     """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
-    Among the merged rocks a mesh of `coarse` stands for each prototype.
+    The single ones' shapes lie in the model, or in that of `shapes`. Among the merged rocks a mesh
+    of `coarse` stands for each prototype.
     """
     whole = tile.whole
     single = is_single(tile.field, options.individual_min_m)
     parts: list[Lines] = [
-        _single_rocks(whole, tile.field.select(single & ~tile.field.dynamic), model, friction)
+        _single_rocks(
+            whole, tile.field.select(single & ~tile.field.dynamic), shapes or model, friction
+        )
     ]
     small = tile.field.select(~single)
     for population, unseen, rocks in grouped(small, ~small.collides):
@@ -65,25 +81,42 @@ def is_single(field: RockField, least: float) -> NDArray[np.bool_]:
 def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
     """Write the model of the tiles' links, and the meshes and textures that single rocks share."""
     single = world.field.select(is_single(world.field, options.individual_min_m))
-    for prototype in np.unique(single.prototype).tolist():
+    kinds = np.unique(single.prototype).tolist(), np.unique(single.population).tolist()
+    write_shapes(world, model, *kinds)
+    model.write_scripts(list(map(_texture_file, kinds[1])), address="wrap")
+    model.write(title=f"{world.site.name}: rocks", links=links)
+
+
+def write_shapes(
+    world: World,
+    model: Model,
+    prototypes: Sequence[int] | None = None,
+    populations: Sequence[int] | None = None,
+) -> None:
+    """Write meshes of some prototypes and pictures of some populations, by default of all."""
+    if prototypes is None:
+        prototypes = range(len(world.library.prototypes))
+    if populations is None:
+        populations = range(len(world.field.populations))
+    for prototype in prototypes:
         shape = world.library.prototypes[prototype]
         write_rock_shape(model.path(_shape_file(prototype)), shape)
         for part, hull in enumerate(shape.hulls):
             path = model.path(_hull_file(prototype, part))
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
-    populations = np.unique(single.population).tolist()
     for population in populations:
         image = rock_texture(world, population)
         write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
-    model.write_scripts(list(map(_texture_file, populations)), address="wrap")
-    model.write(title=f"{world.site.name}: rocks", links=links)
+    if populations and model.relief and (maps := rock_maps(world)):
+        for file, image in zip((_NORMALS, _ROUGHNESS), maps, strict=True):
+            write_png(model.path(f"{TEXTURES}/{file}"), image)
 
 
 def _single_rocks(world: World, rocks: RockField, model: Model, friction: float) -> Lines:
     """A visual and the convex collisions of each rock, a line each, named by the rock's id."""
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)]).tolist()
     touch = "".join(surface(friction))
-    looks = _looks(model, rocks)
+    looks = _looks(world, model)
     lines: Lines = []
     for row, pose in enumerate(poses):
         name, place = f"{rock_name(rocks.id[row])}_", f"<pose>{numbers(pose)}</pose>"
@@ -99,7 +132,7 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
     """
     field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
-    looks, tensors = _looks(model, field), inertias(field, world.library)
+    looks, tensors = _looks(world, model), inertias(field, world.library)
     models = []
     for row, rock in enumerate(field.id.tolist()):
         contact = dynamic_contact(float(field.diameter[row]))  # as it was settled
@@ -119,7 +152,7 @@ def _parts(
     rocks: RockField,
     row: int,
     model: Model,
-    looks: list[str],
+    looks: list[list[str]],
     touch: str,
     *,
     name: str = "",
@@ -127,12 +160,13 @@ def _parts(
 ) -> Lines:
     """The visual of a rock's shape and, where there is a touch, collisions of its convex parts."""
     prototype, size = int(rocks.prototype[row]), f"{rocks.scale[row]:.9g}"
+    tint = int(rock_tints(rocks.id[row : row + 1], world.site.seed)[0])
 
     def geometry(file: str) -> str:
         mesh = f"<uri>{model.uri(file)}</uri><scale>{size} {size} {size}</scale>"
         return f"{place}<geometry><mesh>{mesh}</mesh></geometry>"
 
-    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]]}"
+    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]][tint]}"
     hulls = world.library.prototypes[prototype].hulls if touch else ()
     return [f'<visual name="{name}visual">{look}</visual>'] + [
         f'<collision name="{name}collision_{part}">{geometry(_hull_file(prototype, part))}{touch}'
@@ -141,10 +175,17 @@ def _parts(
     ]
 
 
-def _looks(model: Model, rocks: RockField) -> list[str]:
-    """The material of each population's single rocks, as text."""
-    populations = range(len(rocks.populations))
-    return ["".join(model.textured(_texture_file(number))) for number in populations]
+def _looks(world: World, model: Model) -> list[list[str]]:
+    """The materials of each population's single rocks by their tints, as text."""
+    has_maps = model.relief and rock_maps(world) is not None
+    maps = {"normals": _NORMALS, "roughness": _ROUGHNESS} if has_maps else {}
+    return [
+        [
+            "".join(model.textured(_texture_file(number), factor=factor, **maps))
+            for factor in rock_factors(world, number).tolist()
+        ]
+        for number in range(len(world.field.populations))
+    ]
 
 
 def _shape_file(prototype: int) -> str:

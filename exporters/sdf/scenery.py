@@ -24,11 +24,19 @@ _SYSTEMS = {
 
 
 def write_world(
-    path: Path, world: World, *, name: str, models: list[Model], movers: list[Lines], sensing: bool
+    path: Path,
+    world: World,
+    *,
+    name: str,
+    models: list[Model],
+    movers: list[Lines],
+    sensing: bool,
+    included: bool = True,
 ) -> None:
     """Write a world file that includes the models and holds what moves: dynamic rocks, actors.
 
-    Where something carries sensors (`sensing`), gz-sim wants plugins.
+    Models that are not `included` tell the version alone; movers include what there is. Where
+    something carries sensors (`sensing`), gz-sim wants plugins.
     """
     classic, version = models[0].classic, models[0].version
     # Siblings share one name space, and actors have the names of their paths.
@@ -41,7 +49,7 @@ def write_world(
         _physics(physics, classic=classic),
         *(_systems() if sensing and not classic else []),
         *_lights(world.lighting, sun=sun),
-        *(element("include", *leaves(uri=f"model://{model.name}")) for model in models),
+        *(element("include", *leaves(uri=f"model://{one.name}")) for one in models if included),
         *movers,
         name=world_name(name),
     )

@@ -45,7 +45,12 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         heightmap = make_heightmap(world.ground, bits=options.grey_bits)
     name, classic = file_name(world.site.name), options.flavour == "classic"
     ground_model, rock_model, _ = models = [
-        Model(folder=directory / f"models/{name}_{part}", classic=classic, version=options.version)
+        Model(
+            folder=directory / f"models/{name}_{part}",
+            classic=classic,
+            version=options.version,
+            relief=options.normal_maps and not classic,
+        )
         for part in ("ground", "rocks", "rover")
     ]
     coarse = [coarse_shape(shape, options.outline_error) for shape in world.library.prototypes]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
@@ -10,12 +11,18 @@ _KINDS = Sdf.ValueTypeNames
 
 
 def define_textured(
-    stage: Usd.Stage, path: str, image: str, friction: float | None, *, wrap: str
+    stage: Usd.Stage,
+    path: str,
+    image: str,
+    friction: float | None,
+    *,
+    wrap: str,
+    factor: Sequence[float] = (1.0, 1.0, 1.0),
 ) -> UsdShade.Material:
     """A matt material that shows an sRGB image through the texture coordinates `st`.
 
     Without friction it is for the eye alone. Beyond the image's edge lies the image again (`wrap`
-    is `repeat`) or its rim (`clamp`).
+    is `repeat`) or its rim (`clamp`); its linear light is multiplied by `factor`.
     """
     plain = friction is None
     material = (
@@ -28,6 +35,8 @@ def define_textured(
     kind = "UsdPrimvarReader_float2"
     reader = _shader(stage, f"{path}/st", kind, varname=(_KINDS.String, "st"))
     texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
+    if tuple(factor) != (1.0, 1.0, 1.0):
+        texture.CreateInput("scale", _KINDS.Float4).Set(Gf.Vec4f(*factor, 1.0))
     coordinates = reader.CreateOutput("result", _KINDS.Float2)
     texture.CreateInput("st", _KINDS.Float2).ConnectToSource(coordinates)
     colour = texture.CreateOutput("rgb", _KINDS.Float3)
@@ -40,26 +49,38 @@ def add_normal_map(
     path: str,
     image: str,
     *,
-    scale: tuple[float, float],
-    offset: tuple[float, float],
+    scale: tuple[float, float] | None = None,
+    offset: tuple[float, float] = (0.0, 0.0),
 ) -> None:
     """Bend the light on a textured material by an image of normals that repeats.
 
-    The image is -1 to 1 as 0 to 255, green towards north; it lies at `scale` · st + `offset`.
+    The image is -1 to 1 as 0 to 255, green towards v; it lies at `scale` · st + `offset`, or as the
+    material's own image.
     """
-    laid = {"scale": (_KINDS.Float2, Gf.Vec2f(*scale))}
-    laid["translation"] = (_KINDS.Float2, Gf.Vec2f(*offset))
-    place = _shader(stage, f"{path}/normals_st", "UsdTransform2d", **laid)
-    reader = UsdShade.Shader.Get(stage, f"{path}/st")
-    place.CreateInput("in", _KINDS.Float2).ConnectToSource(reader.GetOutput("result"))
+    place = UsdShade.Shader.Get(stage, f"{path}/st")
+    if scale is not None:
+        laid = {"scale": (_KINDS.Float2, Gf.Vec2f(*scale))}
+        laid["translation"] = (_KINDS.Float2, Gf.Vec2f(*offset))
+        reader, place = place, _shader(stage, f"{path}/normals_st", "UsdTransform2d", **laid)
+        place.CreateInput("in", _KINDS.Float2).ConnectToSource(reader.GetOutput("result"))
+        place.CreateOutput("result", _KINDS.Float2)
     texture = _define_image(stage, f"{path}/normals", image, "raw", wrap="repeat")
     for name, value in (("scale", (2.0, 2.0, 2.0, 1.0)), ("bias", (-1.0, -1.0, -1.0, 0.0))):
         texture.CreateInput(name, _KINDS.Float4).Set(Gf.Vec4f(*value))
-    placed = place.CreateOutput("result", _KINDS.Float2)
-    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(placed)
+    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(place.GetOutput("result"))
     normals = texture.CreateOutput("rgb", _KINDS.Float3)
     surface = UsdShade.Shader.Get(stage, f"{path}/surface")
     surface.CreateInput("normal", _KINDS.Normal3f).ConnectToSource(normals)
+
+
+def add_roughness_map(stage: Usd.Stage, path: str, image: str) -> None:
+    """Let an image that repeats say how rough a textured material shines."""
+    texture = _define_image(stage, f"{path}/roughness", image, "raw", wrap="repeat")
+    place = UsdShade.Shader.Get(stage, f"{path}/st")
+    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(place.GetOutput("result"))
+    surface = UsdShade.Shader.Get(stage, f"{path}/surface")
+    rough = texture.CreateOutput("r", _KINDS.Float)
+    surface.GetInput("roughness").ConnectToSource(rough)
 
 
 def define_friction(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:

@@ -14,10 +14,18 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.base import xyzw
-from terrain_forge.geometry import grouped, inertias, merge_in_parts, principal_axes
+from terrain_forge.geometry import (
+    grouped,
+    inertias,
+    merge_in_parts,
+    principal_axes,
+    rock_factors,
+    rock_maps,
+)
 from terrain_forge.model import Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.writers import rock_name, vertex_normals
+from terrain_forge.scene import rock_tints
+from terrain_forge.writers import rock_name, vertex_normals, write_png
 
 from .layer import (
     define_mesh,
@@ -30,10 +38,25 @@ from .layer import (
     specify,
     specify_place,
 )
-from .material import bind, bind_friction, define_friction, define_textured
+from .material import (
+    add_normal_map,
+    add_roughness_map,
+    bind,
+    bind_friction,
+    define_friction,
+    define_textured,
+)
 from .options import Options
 
 _LIBRARY = "rock_library"
+NORMALS, ROUGHNESS = "rock_normals.png", "rock_roughness.png"
+"""The maps that all rocks' materials share."""
+
+
+def write_rock_maps(world: World, assets: Path) -> None:
+    """Write the maps of normals and roughness that all rocks share, if there are any."""
+    for file, image in zip((NORMALS, ROUGHNESS), rock_maps(world) or (), strict=False):
+        write_png(assets / file, image)
 
 
 def write_library(library: RockLibrary, assets: Path) -> None:
@@ -95,19 +118,20 @@ def write_rocks(
     name, whole, field = name or tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)
     friction = world_friction(whole.site.body, options).rock
+    tints = rock_tints(field.id, whole.site.seed)
     looks = {
-        n: define_textured(
-            stage, f"/{name}/Looks/rock_{n}", f"{shared}/rock_{n}.png", friction, wrap="repeat"
+        (n, tint): _define_look(
+            stage, f"/{name}/Looks/rock_{n}_{tint}", whole, n, tint, friction, shared=shared
         )
-        for n in np.unique(field.population).tolist()
+        for n, tint in np.unique(np.stack([field.population, tints], -1), axis=0).tolist()
     }
     fixed, dynamic = field.select(~field.dynamic), field.select(field.dynamic)
-    for population, rocks in grouped(fixed):
+    for population, tint, rocks in grouped(fixed, rock_tints(fixed.id, whole.site.seed)):
         # The finest level of detail where the camera may come close enough to tell.
         level = np.where(rocks.diameter >= options.collider_min_m, 0, levels[rocks.prototype])
-        path = f"/{name}/visual_{population}"
+        path = f"/{name}/visual_{population}_{tint}"
         define_instancer(stage, path, rocks, whole, level, shared=shared)
-        bind(stage.GetPrimAtPath(path), looks[population])
+        bind(stage.GetPrimAtPath(path), looks[population, tint])
     colliders = UsdGeom.Xform.Define(stage, f"/{name}/colliders")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
     if looks:
@@ -118,13 +142,33 @@ def write_rocks(
     for number, (vertices, faces) in enumerate(parts):
         path = f"/{name}/colliders/small{f'_{number}' if number else ''}"
         make_collider(define_mesh(stage, path, vertices, faces), UsdPhysics.Tokens.none)
-    _define_dynamic_groups(stage, f"/{name}", dynamic, looks)
+    _define_dynamic_groups(stage, f"/{name}", dynamic, whole.site.seed, looks)
     layer = stage.GetRootLayer()
     del stage
     # Composing each rock while it is written would take ten times as long.
     _specify_hulls(layer, f"/{name}/colliders", solid.select(large), shared)
-    _specify_dynamic(layer, f"/{name}", dynamic, whole.library, shared)
+    _specify_dynamic(layer, f"/{name}", dynamic, whole, shared)
     layer.Save()
+
+
+def _define_look(
+    stage: Usd.Stage,
+    path: str,
+    world: World,
+    population: int,
+    tint: int,
+    friction: float,
+    *,
+    shared: str,
+) -> UsdShade.Material:
+    """The material of a population's rocks of one colour."""
+    factor = rock_factors(world, population)[tint].tolist()
+    image = f"{shared}/rock_{population}.png"
+    look = define_textured(stage, path, image, friction, wrap="repeat", factor=factor)
+    if world.library.normals is not None:
+        add_normal_map(stage, path, f"{shared}/{NORMALS}")
+        add_roughness_map(stage, path, f"{shared}/{ROUGHNESS}")
+    return look
 
 
 def define_instancer(
@@ -174,22 +218,26 @@ def _specify_hulls(layer: Sdf.Layer, path: str, rocks: RockField, shared: str) -
 
 
 def _define_dynamic_groups(
-    stage: Usd.Stage, root: str, rocks: RockField, looks: dict[int, UsdShade.Material]
+    stage: Usd.Stage,
+    root: str,
+    rocks: RockField,
+    seed: int,
+    looks: dict[tuple[int, int], UsdShade.Material],
 ) -> None:
-    """A group `dynamic_<population>` for each population's dynamic rocks, with its materials."""
+    """A group `dynamic_<population>_<tint>` for the dynamic rocks of a look."""
     if not len(rocks):
         return
     sliding = dynamic_contact(float(rocks.diameter[0])).sliding  # the same for all sizes
     friction = define_friction(stage, f"{root}/Looks/dynamic", sliding)
-    for population in np.unique(rocks.population).tolist():
-        group = UsdGeom.Xform.Define(stage, f"{root}/dynamic_{population}").GetPrim()
+    for population, tint, _ in grouped(rocks, rock_tints(rocks.id, seed)):
+        group = UsdGeom.Xform.Define(stage, f"{root}/dynamic_{population}_{tint}").GetPrim()
         label(group, "rock")
-        bind(group, looks[population])
+        bind(group, looks[population, tint])
         bind_friction(group, friction)
 
 
 def _specify_dynamic(
-    layer: Sdf.Layer, root: str, rocks: RockField, shapes: RockLibrary, shared: str
+    layer: Sdf.Layer, root: str, rocks: RockField, world: World, shared: str
 ) -> None:
     """A body `rock_<id>` for each dynamic rock, in the groups of `_define_dynamic_groups`.
 
@@ -198,12 +246,13 @@ def _specify_dynamic(
     if not len(rocks):
         return
     kinds = Sdf.ValueTypeNames
-    moments, axes = principal_axes(inertias(rocks, shapes))
+    moments, axes = principal_axes(inertias(rocks, world.library))
+    tints = rock_tints(rocks.id, world.site.seed).tolist()
     with Sdf.ChangeBlock():
-        for row, (population, prototype) in enumerate(
-            zip(rocks.population.tolist(), rocks.prototype.tolist(), strict=True)
+        for row, (population, tint, prototype) in enumerate(
+            zip(rocks.population.tolist(), tints, rocks.prototype.tolist(), strict=True)
         ):
-            parent = layer.GetPrimAtPath(f"{root}/dynamic_{population}")
+            parent = layer.GetPrimAtPath(f"{root}/dynamic_{population}_{tint}")
             body = Sdf.PrimSpec(parent, rock_name(rocks.id[row]), Sdf.SpecifierDef, "Xform")
             specify_place(body, position=rocks.position[row], quaternion=rocks.quaternion[row])
             schemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]

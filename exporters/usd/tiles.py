@@ -36,7 +36,7 @@ from .ground import DETAIL, fresh_craters, label_craters
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
-from .rocks import define_instancer, write_library, write_rocks
+from .rocks import define_instancer, write_library, write_rock_maps, write_rocks
 from .writing import define_world, write_sky
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
@@ -153,6 +153,7 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     write_library(world.library, assets)
     for population in range(len(world.field.populations)):
         write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+    write_rock_maps(world, assets)
     write_sky(world, assets)
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))

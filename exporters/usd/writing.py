@@ -31,7 +31,7 @@ from terrain_forge.writers import encode_hdr, write_png
 from .ground import DETAIL, fresh_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save
 from .options import Options
-from .rocks import write_library, write_rocks
+from .rocks import write_library, write_rock_maps, write_rocks
 from .rover import rig_losses, write_scene
 
 SKY = "sky.hdr"
@@ -45,6 +45,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     write_library(world.library, assets)
     for population in np.unique(world.field.population).tolist():
         write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+    write_rock_maps(world, assets)
     write_sky(world, assets)
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))

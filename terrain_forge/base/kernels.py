@@ -7,17 +7,14 @@ which there is `over_chunks`.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numba import get_num_threads, njit
-from numba.core import event as events
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
+from terrain_forge.base.compiler import KernelCompiler, PartCompiler
 from terrain_forge.base.threads import worker_threads
 
 _CHUNKS_PER_THREAD = 4
@@ -26,57 +23,25 @@ _CHUNKS_PER_THREAD = 4
 _NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
 _NOT_FROM_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True}
 
-kernel: Any = njit(cache=True, nogil=True, error_model="numpy", **_NOT_FROM_C)
+kernel: Any = njit(
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+    pipeline_class=KernelCompiler,
+    **_NOT_FROM_C,
+)
 """Compiles a function that Python calls; kept on disk for the next run."""
 
 
-class _Part(JITCodeLibrary):  # type: ignore[misc]
-    """The code of an inner function, which kernels take over and optimise with their own.
-
-    Numba would optimise it by itself too, and make machine code of it that nobody calls: a fifth of
-    the time that all kernels take.
-    """
-
-    @property
-    def codegen(self) -> Any:
-        """Itself, which has no environment to set."""
-        return self
-
-    def set_env(self, name: str, env: object) -> None:
-        """Do nothing: there is no machine code that would look for it."""
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """There is none."""
-        del name
-        return 0
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
-        self._finalized = True
-
-
-class _PartCompiler(CompilerBase):  # type: ignore[misc]
-    def define_pipelines(self) -> list[Any]:
-        """The passes of every function, with a library of ours."""
-        state: Any = self.state
-        library, passes = cast(Any, _Part), cast(Any, DefaultPassBuilder)
-        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
-        return [passes.define_nopython_pipeline(state)]
-
-
 inner: Any = njit(
-    error_model="numpy", pipeline_class=_PartCompiler, **_NOT_FROM_C, **_NOT_FROM_PYTHON
+    error_model="numpy", pipeline_class=PartCompiler, **_NOT_FROM_C, **_NOT_FROM_PYTHON
 )
 """Compiles a function that only kernels call; it is kept within them. Python cannot call it, since
 its entry from there would often take longer to compile than itself."""
 
 merged: Any = njit(
     error_model="numpy",
-    pipeline_class=_PartCompiler,
+    pipeline_class=PartCompiler,
     forceinline=True,
     **_NOT_FROM_C,
     **_NOT_FROM_PYTHON,
@@ -87,36 +52,6 @@ more to call than to run."""
 inlined: Any = njit(error_model="numpy", inline="always")
 """Makes a function a part of the kernel that calls it, in one place: cheaper than `inner` for large
 ones and for those that take many arrays."""
-
-
-class _CollectorPause(events.Listener):
-    """Keeps the garbage collector still while a kernel compiles.
-
-    Walking over the compiler's many objects it would take a sixth of the time, and find nothing.
-    """
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self._enabled = True
-
-    def on_start(self, event: events.Event) -> None:
-        """Stop collecting at the outermost function; the compiler's own lock is held here."""
-        del event
-        if self._depth == 0:
-            self._enabled = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-
-    def on_end(self, event: events.Event) -> None:
-        """Go on as before."""
-        del event
-        self._depth -= 1
-        if self._depth == 0 and self._enabled:
-            gc.enable()
-
-
-_register: Any = events.register
-_register("numba:compile", _CollectorPause())
 
 
 def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:

@@ -71,6 +71,7 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     )
     for line in site_facts(site):
         yield f"  {line}"
+    yield f"  horizon      {_horizon(site)}"
     rocks = rocks_of(site)
     yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
     for population in recipe.rocks.populations:
@@ -124,3 +125,18 @@ def _lines(description: Description) -> Iterator[str]:
         yield f"  {name:<12} {value}"
     for warning in description.warnings:
         yield f"  warning      {warning}"
+
+
+def _horizon(site: Site) -> str:
+    """What lies beyond the site, in words, and what it takes."""
+    spec = site.recipe.horizon
+    if spec.reach_m == 0.0:
+        return "none: the world ends at its border"
+    known = [(level.reach, level.source) for level in site.surroundings]
+    if not known:
+        told = "no heights were read beyond the site: level ground"
+    else:
+        sources = ", ".join(dict.fromkeys(source for _, source in known))
+        told = f"heights read out to {max(known)[0] / 1e3:.3g} km ({sources})"
+    rocks = f"; rocks within {spec.rocks_m:g} m" if spec.rocks_m else ""
+    return f"{told}{rocks}; 1 to 7 MB in each format that takes it"

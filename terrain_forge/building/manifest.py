@@ -104,6 +104,10 @@ def read_manifest(directory: Path) -> Manifest:
         raise OutputError(f"{directory}: {error}") from None
     except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None
+    if isinstance(manifest, dict) and isinstance(manifest.get("tiles"), dict):
+        raise OutputError(
+            f"{directory} is a site in tiles: `terrain-forge cut` makes a world of a part of it"
+        )
     if not _is_ours(manifest):
         raise OutputError(
             f"{directory}/{NAME} is not one of this version of terrain-forge: move it away"

@@ -32,6 +32,21 @@ from terrain_forge.terminal import SCORING, Display
 @click.option(
     "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
 )
+@click.option(
+    "--stamps",
+    type=click.Path(path_type=Path),
+    help="Times of the poses of --estimate [s], a line each: it is in KITTI's format.",
+)
+@click.option(
+    "--map",
+    "maps",
+    multiple=True,
+    metavar="[SYSTEM=]FILE",
+    help="Score a map against the world: a cloud (PLY, PCD, LAZ) or a height grid (GeoTIFF, .npy, "
+    "x y z rock as text), in the world's frame or in that of a system that was evaluated.",
+)
+@click.option("--area", metavar="W,S,E,N", help="Part of the site that maps are scored on [m].")
+@click.option("--cell", type=float, default=0.15, metavar="M", help="Size of a map's cells [m].")
 @SCORING
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
 def evaluate(
@@ -43,6 +58,10 @@ def evaluate(
     install: str | None,
     truth: Path | None,
     estimate: Path | None,
+    stamps: Path | None,
+    maps: tuple[str, ...],
+    area: str | None,
+    cell: float,
     changes: tuple[str, ...],
     out: Path | None,
 ) -> int:
@@ -52,9 +71,15 @@ def evaluate(
     TUM (`time x y z qx qy qz qw`) or EuRoC's CSV, of the same frame. The defaults are the paper's:
     alignment on the first third, drift of the path's length over 10 m.
     """
-    from terrain_forge import pipeline
+    from terrain_forge import report
     from terrain_forge.evaluation import chosen_systems, read_options
-    from terrain_forge.terminal import install_named, list_systems, tell_scores, tell_systems
+    from terrain_forge.terminal import (
+        install_named,
+        list_systems,
+        tell_maps,
+        tell_scores,
+        tell_systems,
+    )
 
     options = read_options(changes)
     if listed:
@@ -62,10 +87,33 @@ def evaluate(
     if install:
         return install_named(install)
     if truth and estimate:
-        return tell_scores(truth, (estimate, *paths), options=options, out=out)
+        return tell_scores(truth, (estimate, *paths), options=options, out=out, stamps=stamps)
     if truth or estimate or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
-    chosen = chosen_systems(systems, paths[0], binaries)
-    with Display(pipeline.EVALUATE_STAGES) as display:
-        results = pipeline.evaluate(paths[0], chosen, runs=runs, options=options, progress=display)
-    return tell_systems(paths[0], results, out=out)
+    status = 0
+    if systems or binaries or not maps:
+        chosen = chosen_systems(systems, paths[0], binaries)
+        with Display(report.EVALUATE_STAGES) as display:
+            results = report.evaluate(
+                paths[0], chosen, runs=runs, options=options, progress=display
+            )
+        status = tell_systems(paths[0], results, out=out)
+    if maps:
+        scores = report.evaluate_maps(paths[0], maps, area=_area(area), cell=cell)
+        tell_maps(scores, out=out)
+    return status
+
+
+def _area(text: str | None) -> tuple[float, float, float, float] | None:
+    """The area that was given.
+
+    Raises:
+        OutputError: if it is none.
+    """
+    if text is None:
+        return None
+    try:
+        west, south, east, north = map(float, text.split(","))
+    except ValueError:
+        raise OutputError(f"--area {text!r}: must be W,S,E,N, such as -10,-10,10,10") from None
+    return west, south, east, north

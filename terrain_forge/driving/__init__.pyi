@@ -1,6 +1,8 @@
 """Driving a rover over a world in MuJoCo."""
 
+from .controller import TURN_RATE as TURN_RATE
 from .controller import eased as eased
+from .controller import wheel_rates as wheel_rates
 from .files import stem as stem
 from .files import write_figure as write_figure
 from .files import write_starts_figure as write_starts_figure

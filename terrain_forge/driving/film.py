@@ -32,6 +32,7 @@ from terrain_forge.scene import (
     take_picture,
     tones,
 )
+from terrain_forge.terrain import shape_horizon
 from terrain_forge.writers import write_png
 
 FRAMES = 24
@@ -119,7 +120,7 @@ def photograph(
     position = result.position[pose]
     size = max(world.rover.length / _LENGTH, 1.0)
     away = size * _BEHIND
-    subject = _around(subject_of(world), position, _REACH + away - _BEHIND)
+    subject = _around(world, position, _REACH + away - _BEHIND)
     rover = rover_parts(world, result, pose)
     ground = subject.ground
     # The mean heading around the pose, so that the camera swings calmly.
@@ -138,8 +139,9 @@ def photograph(
         return take_picture(scene, camera)
 
 
-def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
-    """The ground and the rocks so far around a place, with no tracks on it but the rover's."""
+def _around(world: World, position: Array, reach_m: float) -> Subject:
+    """The ground and the rocks so far around a place, and what lies beyond, without rocks."""
+    subject = subject_of(world)
     ground, rocks, grain = subject.ground, subject.instances, subject.node_grain
     rows, columns = ground.shape
     reach = math.ceil(reach_m / ground.spacing)
@@ -147,10 +149,14 @@ def _around(subject: Subject, position: Array, reach_m: float) -> Subject:
     column, row = max(min(i, columns - 2) - reach, 0), max(min(j, rows - 2) - reach, 0)
     wide, high = min(2 * reach, columns - 1 - column), min(2 * reach, rows - 1 - row)
     near = np.abs(rocks.position[:, :2] - position[:2]).max(axis=1) < reach_m + 2.0
+    part = ground.cut(column=column, row=row, columns=wide, rows=high)
+    rgb = subject.ground_rgb[row : row + high + 1, column : column + wide + 1]
+    beyond = shape_horizon(site=world.site, ground=part, ground_rgb=rgb, layers=(), reach=None)
     return subject.replace(
-        ground=ground.cut(column=column, row=row, columns=wide, rows=high),
-        ground_rgb=subject.ground_rgb[row : row + high + 1, column : column + wide + 1],
+        ground=part,
+        ground_rgb=rgb,
         grain=grain[row : row + high + 1, column : column + wide + 1],
+        horizon=beyond,
         instances=rocks.select(near),
         tracks=(),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, floor
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from terrain_forge.model import FarHeights, Site
 
 _POSTS = 128
 """Samples along the longer side of a window."""
-_FADE = 16
-"""Samples over which heights fade out where they end."""
+_FEWEST = 8
+"""Samples that a window has at least, each way."""
+_FADE = 12
+"""Samples over which heights fade out where they end; a quarter of a smaller window."""
 _AVERAGED = 2**20
 """Samples of a window up to which all are read and averaged; of more, each so manieth is read."""
 _MOST = 2**24
@@ -50,7 +53,7 @@ def read_surroundings(
         reach: How far is asked for from the site's border [m]; None for the horizon.
     """
     levels: list[FarHeights] = []
-    half, radius = max(size), raster.body.mean_radius
+    half, radius = _first(raster, crs, to_pixel, max(size)), raster.body.mean_radius
     while True:
         found = _level(raster, source, crs, to_pixel, half)
         if found is None:
@@ -66,6 +69,17 @@ def read_surroundings(
     return tuple(levels)
 
 
+def _first(raster: Raster, crs: str, to_pixel: tuple[float, ...], half: float) -> float:
+    """Half the side [m] of the smallest window that has samples enough, from a half side on."""
+    steps = np.array([-half, half])
+    column, row = patch_pixels(placed(raster, crs, to_pixel), crs, *np.meshgrid(steps, steps))
+    have = max(float(np.ptp(column)), float(np.ptp(row)), 1e-9)
+    if not np.isfinite(have):
+        return half
+    wanted = min(_POSTS, min(raster.shape) // 2)
+    return half * 2.0 ** max(ceil(float(portable.log2(wanted / have))), 0)
+
+
 def _level(
     raster: Raster, source: str, crs: str, to_pixel: tuple[float, ...], half: float
 ) -> tuple[FarHeights, bool] | None:
@@ -77,11 +91,9 @@ def _level(
         return None
     wide, high = np.ptp(column), np.ptp(row)
     step = max(int(max(wide, high) / _POSTS), 1)
-    (top, down), (left, across) = (
-        _span(places, length, step)
-        for places, length in zip((row, column), raster.shape, strict=True)
-    )
-    if min(down, across) < 2 * _FADE:
+    top, down = _span(row, raster.shape[0], step)
+    left, across = _span(column, raster.shape[1], step, goes_round=raster.goes_round)
+    if min(down, across) < _FEWEST:
         return None
     read = _read(raster, slice(top, top + down * step), slice(left, left + across * step), step)
     if read is None:
@@ -102,16 +114,19 @@ def _level(
         wrap=whole.wrap,
         reach=half,
         posting=2.0 * half * step / float(min(wide, high)),
-        source=source,
+        source=PurePath(source).name,
     )  # fmt: skip
     ends = down * step < high and across * step < wide
     return level, bool(ends)
 
 
-def _span(places: Array, length: int, step: int) -> tuple[int, int]:
-    """First sample and number of steps that lie within the raster."""
-    first = max(floor(float(places.min())), 0)
-    last = min(ceil(float(places.max())) + 1, length)
+def _span(places: Array, length: int, step: int, *, goes_round: bool = False) -> tuple[int, int]:
+    """First sample and number of steps that lie within the raster, or once around the body."""
+    first, last = floor(float(places.min())), ceil(float(places.max())) + 1
+    if goes_round:
+        last = min(last, first + length)
+    else:
+        first, last = max(first, 0), min(last, length)
     return first, max((last - first) // step, 0)
 
 
@@ -120,19 +135,23 @@ def _read(raster: Raster, rows: slice, columns: slice, step: int) -> tuple[Array
     from rasterio.windows import Window
 
     shape = (rows.stop - rows.start) // step, (columns.stop - columns.start) // step
-    window, band = Window.from_slices(rows, columns), raster.band
-    dataset = raster.dataset
-    if shape[0] * shape[1] * step * step <= _AVERAGED:
-        values = dataset.read(band, window=window).astype(np.float64)
-        valid = raster.valid(values, dataset.read_masks(band, window=window))
+    dataset, band, pieces = raster.dataset, raster.band, raster.pieces(columns)
+    needed = shape[0] * shape[1] * step * step
+    if needed <= _AVERAGED or (len(pieces) > 1 and needed <= _MOST):
+        windows = [Window.from_slices(rows, piece) for piece in pieces]
+        read = [dataset.read(band, window=window) for window in windows]
+        masks = [dataset.read_masks(band, window=window) for window in windows]
+        values = np.concatenate(read, axis=1).astype(np.float64)
+        valid = raster.valid(values, np.concatenate(masks, axis=1))
         blocks = (shape[0], step, shape[1], step)
         count = valid.reshape(blocks).sum(axis=(1, 3))
         total = np.where(valid, values, 0.0).reshape(blocks).sum(axis=(1, 3))
         known = 2 * count > step * step
         values = np.where(known, total / np.maximum(count, 1), 0.0)
     else:
-        if _decoded(dataset, band, rows, columns, step) > _MOST:
+        if len(pieces) > 1 or _decoded(dataset, band, rows, columns, step) > _MOST:
             return None
+        window = Window.from_slices(rows, columns)
         values = dataset.read(band, window=window, out_shape=shape).astype(np.float64)
         known = raster.valid(values, dataset.read_masks(band, window=window, out_shape=shape))
     rise = _datum_rise(raster, rows.start, columns.start, shape, step)
@@ -171,7 +190,7 @@ def _weight(valid: Mask) -> Array:
     from scipy.ndimage import distance_transform_edt
 
     away = distance_transform_edt(np.pad(valid, 1))[1:-1, 1:-1]
-    part = np.clip((away - 1.0) / _FADE, 0.0, 1.0)
+    part = np.clip((away - 1.0) / min(_FADE, 0.25 * min(valid.shape)), 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))
 
 

@@ -28,6 +28,9 @@ _BETAS_ALONE = np.arange(24, 47) / 10.0
 _BETA_PRIOR = (3.5, 0.3)  # 2H + 2 of HURST_PRIOR
 _SMOOTHED = (0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5)
 _BETA_LIMITS = (3.0, 3.9)  # exponents 0.5 to 0.95
+_RISE = 0.06
+"""Of the exponent in an octave below the waves seen: the mean of what clean DTMs show there."""
+_SHORTEST = 0.35  # cycles per post, which increments over one and two posts look at
 _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
 _FOLDS = 2  # cycles per post, either way, that are folded into a spectrum of points
 _STEEP, _LEAK = 5.0, 0.15  # exponent of a spectrum, misfit for each one beyond
@@ -298,8 +301,12 @@ def _floor(
     first = int(hidden[0])
     # A window that is off by a twentieth tells the more the farther its noise has fallen.
     unsure = noise * np.hypot(0.15, 0.1 * (2.0 * math.pi * window.smoothing * number) ** 2)
-    beta, error, scale = _law(number, ground, np.hypot(tiles.error() * ground, unsure), seen)
-    law = scale * _ground(number, beta)
+    errors = np.hypot(tiles.error() * ground, unsure)
+    beta, error, scale, middle = _law(number, ground, errors, seen)
+    octaves = np.maximum(portable.log2(number / middle), 0.0)
+    law = scale * _ground(number, beta) * portable.power(2.0, -_RISE * octaves**2)
+    beta += 2.0 * _RISE * max(math.log2(_SHORTEST / middle), 0.0)
+    beta = min(beta, _BETA_LIMITS[1])
     kept = np.where(np.arange(len(number)) < first, ground, np.minimum(law, density)) / density
     kept = np.where(kept > 0.95, 1.0, kept)
     return NoiseFloor(
@@ -313,8 +320,10 @@ def _floor(
     )
 
 
-def _law(number: Array, ground: Array, error: Array, seen: Mask) -> tuple[float, float, float]:
-    """β, its standard error and the scale of the spectrum that passes through the waves seen.
+def _law(
+    number: Array, ground: Array, error: Array, seen: Mask
+) -> tuple[float, float, float, float]:
+    """β, its standard error, scale and middle of the spectrum that passes through the waves seen.
 
     Of the long waves those within two octaves of the hidden ones count.
     """
@@ -330,4 +339,4 @@ def _law(number: Array, ground: Array, error: Array, seen: Mask) -> tuple[float,
     known = float(np.sum(weight * (x - mean_x) ** 2)) + scatter**-2.0
     slope = float(np.sum(weight * (x - mean_x) * (y - mean_y)))
     beta = float(np.clip((mean / scatter**2 - slope) / known, *_BETA_LIMITS))
-    return beta, known**-0.5, math.exp(mean_y + beta * mean_x)
+    return beta, known**-0.5, math.exp(mean_y + beta * mean_x), math.exp(mean_x)

@@ -15,6 +15,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import DataError, FileName, Record, Spec
+from terrain_forge.evaluation.loops import Loops, read_loops
 from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
 from terrain_forge.evaluation.program import Program
 
@@ -54,6 +55,17 @@ class Adapter(Spec):
     folder, `*` for any characters."""
     format: OutputFormat = "tum"
     """Format of the trajectory."""
+    stamps: str = ""
+    """Of `kitti`, where not each frame has a pose: the file that tells of which they are, a number
+    a line, as `output` names one; without it there must be as many poses as frames."""
+    stamps_in: Literal["seconds", "frames"] = "seconds"
+    """What these numbers are: seconds from the first frame on, as in KITTI's times.txt, or the
+    recording's own; or numbers of frames, from 0."""
+    loops: str = ""
+    """The file of its loop closures, where it writes one, as `output` names one: two times a line,
+    of the two ends, and perhaps x, y, z of the second in the frame of the first [m]."""
+    loops_in: Literal["seconds", "frames"] = "seconds"
+    """What these times are, as of `stamps_in`."""
     frame: FileName = "base_link"
     """Whose motion the trajectory is: `base_link`, a sensor's folder such as `cam0`, `lidar0` or
     `imu0`, or `body`: that of the first IMU, or base_link where none was recorded."""
@@ -120,6 +132,8 @@ class Run(Record):
     """What was wrong."""
     estimate: TimedPoses | None = None
     """The trajectory, in the system's own frame and clock."""
+    loops: Loops | None = None
+    """Its loop closures, in its own clock; None where it tells none."""
     seconds: float
     """How long it ran [s]."""
     processor_s: float
@@ -146,12 +160,17 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
         output = folder / f"{adapter.name}.{adapter.format}"
         told = {**places, "folder": str(folder), "output": str(output)}
         words = adapter.words(told)
-        pattern = _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), adapter.output)
+        pattern, stamps, closures = (
+            _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), text)
+            for text in (adapter.output, adapter.stamps, adapter.loops)
+        )
         status, why, used = _watched(words, folder, adapter)
-        estimate, wrong = None, ""
+        estimate, loops, wrong = None, None, ""
         if status == "done":
-            estimate, wrong = _estimate(folder, pattern, adapter)
+            estimate, wrong = _estimate(folder, pattern, stamps, adapter)
             status, why = ("done", "") if estimate is not None else ("lost", wrong)
+            for path in _found(folder, closures)[:1] if closures and estimate else ():
+                loops, why = _closures(path)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
             (keep / _LOG).write_bytes(_end_of(folder / _LOG, _KEPT))
@@ -163,8 +182,16 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
     seconds, processor, memory = used
     return Run(
         system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
-        processor_s=processor, memory=memory, log=last,
+        processor_s=processor, memory=memory, log=last, loops=loops,
     )  # fmt: skip
+
+
+def _closures(path: Path) -> tuple[Loops | None, str]:
+    """The loop closures that a program wrote, or what is wrong with them."""
+    try:
+        return read_loops(path), ""
+    except DataError as error:
+        return None, f"loop closures: {str(error).replace(f'{path.parent}/', '')}"
 
 
 def _watched(
@@ -205,14 +232,20 @@ def _found(folder: Path, pattern: str) -> list[Path]:
     return [p for p in named if p.is_file() and p.resolve().is_relative_to(inside)]
 
 
-def _estimate(folder: Path, pattern: str, adapter: Adapter) -> tuple[TimedPoses | None, str]:
+def _estimate(
+    folder: Path, pattern: str, stamps: str, adapter: Adapter
+) -> tuple[TimedPoses | None, str]:
     """The trajectory that a program wrote, or what is wrong with it."""
     files = _found(folder, pattern)
     if not files:
         return None, f"wrote no trajectory ({Path(pattern).name})"
+    beside = _found(folder, stamps) if stamps else []
+    if stamps and not beside:
+        return None, f"wrote no stamps ({Path(stamps).name})"
     try:
         if adapter.format == "kitti":
-            return read_kitti_poses(files[0], name=adapter.name), ""
+            times = beside[0] if beside else None
+            return read_kitti_poses(files[0], name=adapter.name, stamps=times), ""
         return read_poses(files[0], name=adapter.name, euroc=adapter.format == "euroc"), ""
     except DataError as error:
         return None, str(error).replace(f"{folder}/", "")

@@ -114,16 +114,17 @@ def aligned(
     part: Part = "first_third",
     by: By = "length",
     scale: bool = False,
-) -> tuple[TimedPoses, float]:
-    """The estimate in the truth's frame, and the scale that was applied.
+) -> tuple[TimedPoses, Array]:
+    """The estimate in the truth's frame, and the motion that brought it there, shape [4, 4].
 
     Both have as many poses, at the same times (`associate`). `origin` lays the first pose on the
-    truth's, rotation included.
+    truth's, rotation included. Where a scale is found too, the motion's upper left holds it.
     """
     from scipy.spatial.transform import Rotation
 
+    motion = np.eye(4)
     if part == "none":
-        return estimate, 1.0
+        return estimate, motion
     factor = 1.0
     if part == "origin":
         rotation = portable.product(truth.rotation[0], estimate.rotation[0].T)
@@ -136,4 +137,5 @@ def aligned(
     place = factor * portable.product(estimate.position, rotation.T) + shift
     turns = Rotation.from_matrix(portable.product(rotation, estimate.rotation))
     quaternion = np.roll(turns.as_quat(), 1, axis=-1)
-    return estimate.replace(position=place, quaternion=quaternion), factor
+    motion[:3, :3], motion[:3, 3] = factor * rotation, shift
+    return estimate.replace(position=place, quaternion=quaternion), motion

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import DataError, ExportError, OutputError, RecipeError, StorageError
+from terrain_forge.base import Array, DataError, ExportError, OutputError, RecipeError, StorageError
 from terrain_forge.datasets import INDEX, Recording, open_recording, write_dataset
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
@@ -24,6 +24,7 @@ from terrain_forge.evaluation.catalogue import (
     vocabulary_of,
     with_binaries,
 )
+from terrain_forge.evaluation.loops import LoopScore, score_loops
 from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
@@ -97,16 +98,21 @@ def _result(
             system=adapter.name, status="failed", why=str(error), seconds=0.0, processor_s=0.0,
             memory=0.0, log="",
         )  # fmt: skip
-    score = None
+    score, closures = None, None
     if run.estimate is not None:
         try:
             truth = truth_of(recording, adapter.frame)
             estimate = _timed(run.estimate, adapter, truth)
             score = score_poses(truth, estimate, options)
             write_errors(score, keep / ERRORS)
+            closures, wrong = _closures(run, adapter, truth, options)
+            run = run.replace(why=wrong or run.why)
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
-    return Result(run=run, number=number, score=score, frame=adapter.frame, world=recording.name)
+    return Result(
+        run=run, number=number, score=score, loops=closures, frame=adapter.frame,
+        world=recording.name,
+    )  # fmt: skip
 
 
 def _state(folder: Path) -> set[tuple[str, int, int]]:
@@ -190,16 +196,46 @@ def truth_of(recording: Recording, frame: str) -> TimedPoses:
 
 
 def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPoses:
-    """The estimate with times: KITTI's format has only the numbers of its frames."""
+    """The estimate with times: KITTI's format has only the numbers of its frames, or stamps."""
     if adapter.format != "kitti":
         return estimate
     told, frames = len(estimate.time), len(truth.time)
-    if told != frames:
-        raise DataError(
-            f"{adapter.name}: {told} poses of {frames} frames, and KITTI's format has no times to "
-            "tell of which"
-        )
-    return estimate.replace(time=truth.time)
+    if not adapter.stamps:
+        if told != frames:
+            raise DataError(
+                f"{adapter.name}: {told} poses of {frames} frames, and KITTI's format has no times "
+                "to tell of which: name a file of them as `stamps` of the system"
+            )
+        return estimate.replace(time=truth.time)
+    time = _stamped(estimate.time, adapter.stamps_in, truth, adapter.name)
+    return estimate.replace(time=time)
+
+
+def _closures(
+    run: Run, adapter: Adapter, truth: TimedPoses, options: ScoreOptions | None
+) -> tuple[LoopScore | None, str]:
+    """How good a run's loop closures are, or what is wrong with them."""
+    if run.loops is None:
+        return None, ""
+    try:
+        time = _stamped(run.loops.time, adapter.loops_in, truth, adapter.name)
+    except DataError as error:
+        return None, f"loop closures: {error}"
+    return score_loops(truth, run.loops.replace(time=time), options), ""
+
+
+def _stamped(told: Array, kind: str, truth: TimedPoses, name: str) -> Array:
+    """Times by the recording's clock, of seconds or numbers of frames."""
+    if not told.size:
+        return told
+    if kind == "seconds":
+        return told + (truth.time[0] if told.min() < 0.5 * truth.time[0] else 0.0)
+    number, frames = np.round(told).astype(np.int64), len(truth.time)
+    wrong = (number != told) | (number < 0) | (number >= frames)
+    if wrong.any():
+        first = told.ravel()[int(np.argmax(wrong))]
+        raise DataError(f"{name}: stamp {first:g} is no frame of 0 to {frames - 1}")
+    return np.asarray(truth.time[number])
 
 
 def _input(

@@ -6,12 +6,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from terrain_forge.base import DataError
-from terrain_forge.evaluation.poses import read_poses
+from terrain_forge.evaluation.poses import read_kitti_poses, read_poses
 from terrain_forge.evaluation.score import Score, ScoreOptions, score_poses
 
 
 def score_files(
-    truth: Path, estimates: Iterable[Path], options: ScoreOptions | None = None
+    truth: Path,
+    estimates: Iterable[Path],
+    options: ScoreOptions | None = None,
+    *,
+    stamps: Path | None = None,
 ) -> tuple[list[Score], list[tuple[str, str]]]:
     """Score trajectories of files against one of the truth.
 
@@ -19,6 +23,7 @@ def score_files(
         truth: File of the truth (`read_poses`), of the frame that the estimates are of.
         estimates: Files of the estimates.
         options: What is free in it.
+        stamps: The estimates are in KITTI's format, and this file has the time of each pose [s].
 
     Returns:
         The scores, and for each file that could not be scored its name and why.
@@ -31,7 +36,8 @@ def score_files(
     failures: list[tuple[str, str]] = []
     for path in estimates:
         try:
-            scores.append(score_poses(true, read_poses(path), options))
+            told = read_kitti_poses(path, stamps=stamps) if stamps else read_poses(path)
+            scores.append(score_poses(true, told, options))
         except DataError as error:
             failures.append((path.stem, str(error)))
     return scores, failures

@@ -109,8 +109,22 @@ def _motion(recording: Recording, results: Sequence[Result]) -> Iterator[str]:
         yield "recorded quickly: small pictures, and few of them"
 
 
+_NEEDED = {
+    "stereo": {*_CAMERA, "horizontal_fov_deg"},
+    "lidar": {
+        *(*_LIDAR, "elevations_deg", "channels", "vertical_fov_deg"),
+        *("firing_period_us", "horizontal_samples"),
+    },
+}
+"""Figures of sensors that a comparison needs; recordings of others may lack them."""
+
+
 def _sensors(recording: Recording) -> Iterator[str]:
-    told: list[Mapping[str, Any]] = list(recording.about.get("sensors", []))
+    told: list[Mapping[str, Any]] = [
+        one
+        for one in recording.about.get("sensors", [])
+        if _NEEDED.get(one["kind"], set()) <= {*one}
+    ]
     there = {one["name"] for one in recording.about["streams"]}
     cameras = [one for one in told if one.get("kind") == "stereo" and recording.cameras]
     for one in cameras[:1]:

@@ -95,7 +95,7 @@ def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -
     """
     path = Path(path)
     comma = path.suffix.lower() == ".csv" if euroc is None else euroc
-    values, places = _read_rows(path, 8, longer=comma)
+    values, places = read_rows(path, 8, longer=comma)
     if comma:
         values[:, 0] *= 1e-9
     time, position = values[:, 0], values[:, 1:4]
@@ -103,18 +103,26 @@ def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -
     return checked_poses(time, position, quaternion, name=name or path.stem, places=places)
 
 
-def read_kitti_poses(path: Path | str, *, name: str = "") -> TimedPoses:
+def read_kitti_poses(
+    path: Path | str, *, name: str = "", stamps: Path | str | None = None
+) -> TimedPoses:
     """Read a trajectory in KITTI's format, the 12 numbers of a 3 × 4 matrix a line.
 
-    It has no times: they are the numbers of the lines, from 0.
+    It has no times: they are the numbers of the lines, from 0, unless a file tells them.
+
+    Args:
+        path: The file.
+        name: What tables call it.
+        stamps: File with a number for each pose, a line each, ascending.
 
     Raises:
-        DataError: as `read_poses`; also for a matrix that is no rotation.
+        DataError: as `read_poses`; also for a matrix that is no rotation, or other than one stamp
+            for each pose.
     """
     from scipy.spatial.transform import Rotation
 
     path = Path(path)
-    values, places = _read_rows(path, 12)
+    values, places = read_rows(path, 12)
     matrices = values.reshape(-1, 3, 4)
     turns = matrices[:, :, :3]
     finite = np.asarray(np.isfinite(turns).all(axis=(1, 2)))
@@ -125,31 +133,50 @@ def read_kitti_poses(path: Path | str, *, name: str = "") -> TimedPoses:
     whole = np.where(finite[:, None, None], turns, np.eye(3))
     quaternion = np.roll(Rotation.from_matrix(whole).as_quat(), 1, axis=-1)
     quaternion[~finite] = np.nan
-    return checked_poses(
-        np.arange(len(values), dtype=np.float64), matrices[:, :, 3], quaternion,
-        name=name or path.stem, places=places,
-    )  # fmt: skip
+    time = np.arange(len(values), dtype=np.float64)
+    if stamps is not None:
+        told, places = read_rows(Path(stamps), 1)
+        if len(told) != len(values):
+            raise DataError(f"{stamps}: {len(told)} stamps for the {len(values)} poses of {path}")
+        time = told[:, 0]
+    return checked_poses(time, matrices[:, :, 3], quaternion, name=name or path.stem, places=places)
 
 
-def _read_rows(path: Path, count: int, *, longer: bool = False) -> tuple[Array, list[str]]:
-    """The first numbers of each line, and the places of the lines; comments are passed over."""
+def read_rows(
+    path: Path, count: int, *, longer: bool = False, least: int = 2, most: int = 0
+) -> tuple[Array, list[str]]:
+    """The first numbers of each line, and the places of the lines; comments are passed over.
+
+    Args:
+        path: The file.
+        count: Numbers that a line must have.
+        longer: Whether it may have more.
+        least: Lines that there must be.
+        most: Numbers that are read where there are so many, NaN where there are fewer; `count` by
+            default.
+
+    Raises:
+        DataError: naming file and line.
+    """
     rows, places = [], []
     text = read_text(path, str(path), most=_MAX_FILE)
+    most = max(most, count)
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.strip()
         if not plain or plain.startswith("#"):
             continue
         words = plain.replace(",", " ").split()
         try:
-            rows.append([float(word) for word in words[:count]])
+            row = [float(word) for word in words[:most]]
         except ValueError:
             raise DataError(f"{path}:{number}: {plain[:60]!r}, must be {count} numbers") from None
-        if len(rows[-1]) < count or (len(words) > count and not longer):
+        if len(row) < count or (len(words) > count and not longer):
             raise DataError(f"{path}:{number}: {len(words)} numbers, must be {count}")
+        rows.append(row + [np.nan] * (most - len(row)))
         places.append(f"{path}:{number}")
-    if len(rows) < 2:
-        raise DataError(f"{path}: {len(rows)} poses, at least 2 are needed")
-    return np.array(rows), places
+    if len(rows) < least:
+        raise DataError(f"{path}: {len(rows)} poses, at least {least} are needed")
+    return np.array(rows).reshape(-1, most), places
 
 
 def checked_poses(

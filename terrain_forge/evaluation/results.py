@@ -11,6 +11,7 @@ import numpy as np
 
 from terrain_forge.base import Array, DataError, Record, read_text
 from terrain_forge.evaluation.adapter import Run
+from terrain_forge.evaluation.loops import LoopScore
 from terrain_forge.evaluation.paper import SETUP, paper_figure
 from terrain_forge.evaluation.score import Score
 from terrain_forge.evaluation.tables import score_plain, write_table
@@ -20,7 +21,7 @@ ERRORS = "errors.csv"
 ERROR_COLUMNS = "time [s]", "path length [m]", "x [m]", "y [m]", "z [m]", "error [m]"
 _HEAD = (
     "system", "runs", "length [m]", "tracked [%]", "ATE [m]", "ATE of runs [m]",
-    "TDr median [%]", "TDr rms [%]", "processor [s/frame]", "memory [MB]",
+    "TDr median [%]", "TDr rms [%]", "loops right", "processor [s/frame]", "memory [MB]",
 )  # fmt: skip
 _PAPER = "in the paper", "its ATE [m]", "its TDr [%]"
 _LAST = "result"
@@ -36,6 +37,8 @@ class Result(Record):
     """Which of the system's runs, from 1."""
     score: Score | None = None
     """Its score; None where it failed."""
+    loops: LoopScore | None = None
+    """How good its loop closures are; None where it tells none."""
     frame: str
     """Whose motion was compared."""
     world: str
@@ -57,6 +60,7 @@ def result_plain(result: Result) -> dict[str, Any]:
         "processor_s": run.processor_s,
         "memory_bytes": run.memory,
         "score": score_plain(result.score) if result.score else None,
+        "loops": vars(result.loops).copy() if result.loops else None,
         "paper": paper and vars(paper).copy(),
     }
 
@@ -94,6 +98,7 @@ def _figures(results: Sequence[Result]) -> list[str]:
         f"{ate.min():.3g} to {ate.max():.3g}" if len(ate) > 1 else "",
         _percent(_median(one.median for one in drifts)) if drifts else "",
         _percent(_median(one.rms for one in drifts)) if drifts else "",
+        next((one.loops.told for one in results if one.loops), ""),
         f"{_median(run.processor_s / max(score.poses, 1) for score, run in good):.3g}",
         f"{_median(run.memory / 1e6 for _, run in good):.0f}",
     ]

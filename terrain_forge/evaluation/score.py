@@ -38,6 +38,10 @@ class ScoreOptions(Spec):
     may have. A jittering estimate's path grows with the rate of its poses, not with its error."""
     gap_s: Annotated[float, Interval(ge=0.001, le=1000)] = 1.0
     """The system was lost where its poses are farther apart than this [s]."""
+    loop_m: Positive = 2.0
+    """How near each other the ends of a loop closure must truly be [m]."""
+    loop_apart_m: Positive = 10.0
+    """Length of the path that must lie between them [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,8 @@ class Score(Record):
     """Length of the true path where there are paired poses [m]."""
     scale: float
     """Scale that the alignment applied."""
+    alignment: Array = field(metadata={"dtype": np.float64, "shape": (4, 4)})
+    """From the estimate's frame to the truth's, its scale inside, shape [4, 4]."""
     ate: Spread
     """Absolute trajectory error, distances after the alignment [m]."""
     drift: Spread | None
@@ -130,7 +136,7 @@ def score_poses(
         raise DataError(
             f"{estimate.name}: {len(true.time)} poses at times of the truth, at least 3"
         )
-    laid, factor = aligned(true, told, part=options.align, by=options.third_by, scale=options.scale)
+    laid, motion = aligned(true, told, part=options.align, by=options.third_by, scale=options.scale)
     errors = portable.norm(laid.position - true.position)
     ate = spread(errors)
     assert ate is not None
@@ -143,7 +149,8 @@ def score_poses(
         poses=len(true.time),
         tracked=_tracked(truth, estimate, options.gap_s),
         length=float(true.stations[-1]),
-        scale=factor,
+        scale=float(portable.norm(motion[:3, 0])) if options.scale else 1.0,
+        alignment=motion,
         ate=ate,
         drift=spread(lengths),
         rpe=spread(away),

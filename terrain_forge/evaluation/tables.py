@@ -59,16 +59,7 @@ def _figure(score: Score, what: str) -> float | None:
 
 def score_lines(scores: Sequence[Score]) -> list[str]:
     """The table as text; columns that are empty in all rows are left out."""
-    rows = score_rows(scores)
-    kept = [n for n in range(len(rows[0])) if any(row[n] for row in rows[1:])]
-    widths = [max(len(row[n]) for row in rows) for n in kept]
-    return [
-        "  ".join(
-            row[n].ljust(width) if n == 0 else row[n].rjust(width)
-            for n, width in zip(kept, widths, strict=True)
-        ).rstrip()
-        for row in rows
-    ]
+    return table_lines(score_rows(scores))
 
 
 def score_plain(score: Score) -> dict[str, Any]:
@@ -85,6 +76,7 @@ def score_plain(score: Score) -> dict[str, Any]:
         "tracked": score.tracked,
         "length_m": score.length,
         "scale": score.scale,
+        "alignment": score.alignment.ravel().tolist(),
         "ate_m": plain(score.ate),
         "drift": plain(score.drift),
         "rpe_m": plain(score.rpe),
@@ -105,8 +97,13 @@ def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = 
 
 def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
     """Write a table as evaluation.csv and evaluation.tex, and all of it as evaluation.json."""
+    return write_table_as("evaluation", rows, whole, folder)
+
+
+def write_table_as(name: str, rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
+    """Write a table as CSV and LaTeX, and all of it as JSON; returns the files, JSON first."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"evaluation.{ending}" for ending in ("json", "csv", "tex")]
+    paths = [folder / f"{name}.{ending}" for ending in ("json", "csv", "tex")]
     texts = (
         json.dumps(whole, indent=1) + "\n",
         "".join(",".join(map(quoted, row)) + "\n" for row in rows),
@@ -115,6 +112,19 @@ def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
     for path, text in zip(paths, texts, strict=True):
         path.write_text(text, encoding="utf-8")
     return paths
+
+
+def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines of text; columns that are empty in all rows are left out."""
+    kept = [n for n in range(len(rows[0])) if any(row[n] for row in rows[1:])]
+    widths = [max(len(row[n]) for row in rows) for n in kept]
+    return [
+        "  ".join(
+            row[n].ljust(width) if n == 0 else row[n].rjust(width)
+            for n, width in zip(kept, widths, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
 
 
 _ESCAPED = str.maketrans({**{mark: f"\\{mark}" for mark in "%_&#${}"}, "\\": r"\textbackslash{}"})

@@ -42,6 +42,8 @@ from .rock_properties import inertias as inertias
 from .rock_properties import mean_rock_colour as mean_rock_colour
 from .rock_properties import mean_rock_srgb as mean_rock_srgb
 from .rock_properties import principal_axes as principal_axes
+from .rock_properties import rock_factors as rock_factors
+from .rock_properties import rock_maps as rock_maps
 from .rock_properties import rock_texture as rock_texture
 from .rover_meshes import rover_looks as rover_looks
 from .rover_meshes import rover_mesh as rover_mesh

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, image_rows, linear_from_srgb, portable, srgb_from_linear
+from terrain_forge.base import Array, image_rows, portable, srgb_from_linear
 from terrain_forge.model import RockField, RockLibrary, World
+from terrain_forge.scene import tint_colours
 
 
 def inertias(field: RockField, library: RockLibrary) -> Array:
@@ -36,28 +37,45 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
 def rock_texture(world: World, population: int) -> NDArray[np.uint8]:
     """The sRGB image that tiles over a population's rocks, first row on top.
 
+    It shows the lightest of the population's colours in each channel; `rock_factors` darken it.
+
     Returns:
         Pixels, shape [rows, columns, 3]; texture coordinates of 1 are the image's width and height.
     """
-    # 256 brightnesses at most: colours are looked up, not computed for each pixel.
-    shades = np.arange(256)[:, None] / 255.0 * _linear(world, population)
+    # 256 brightnesses at most: colours are looked up, not computed for each pixel. Its mean is the
+    # colour.
+    lightest = tint_colours(world)[population].max(axis=0)
+    shades = np.arange(256)[:, None] / world.library.texture.mean() * lightest
     table = np.rint(255.0 * srgb_from_linear(np.minimum(shades, 1.0))).astype(np.uint8)
     pixels: NDArray[np.uint8] = table[image_rows(world.library.texture)]
     return pixels
 
 
+def rock_factors(world: World, population: int) -> Array:
+    """What the texture's linear light is multiplied by for each tint, 0 to 1, shape [TINTS, 3]."""
+    colours = tint_colours(world)[population]
+    return np.asarray(colours / np.maximum(colours.max(axis=0), 1e-9))
+
+
+def rock_maps(world: World) -> tuple[NDArray[np.uint8], NDArray[np.uint8]] | None:
+    """Images of the rocks' normals and of their roughness, which lie on them as `rock_texture`.
+
+    Returns:
+        The normals, -1 to 1 as 0 to 255, shape [rows, columns, 3], and the roughness, 0 to 255,
+        shape [rows, columns], first rows on top; None where the library has none.
+    """
+    normals, roughness = world.library.normals, world.library.roughness
+    if normals is None or roughness is None:
+        return None
+    return image_rows(normals), image_rows(roughness)
+
+
 def mean_rock_colour(world: World, population: int) -> Array:
-    """The texture's mean as linear colour, 0 to 1, shape [3]: for rocks that show no texture."""
-    return linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)
+    """Mean linear colour of a population's rocks, 0 to 1, shape [3]: for those without texture."""
+    return np.asarray(tint_colours(world)[population].mean(axis=0))
 
 
 def mean_rock_srgb(world: World, population: int) -> list[float]:
     """`mean_rock_colour` as sRGB, 0 to 1."""
     colour: list[float] = srgb_from_linear(mean_rock_colour(world, population)).tolist()
     return colour
-
-
-def _linear(world: World, population: int) -> Array:
-    """What the texture's brightness multiplies, so that its mean is the population's colour."""
-    colour = linear_from_srgb(world.appearance.rock_rgb[population] / 255.0)
-    return np.asarray(colour * (255.0 / world.library.texture.mean()))

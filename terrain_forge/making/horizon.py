@@ -12,6 +12,9 @@ from terrain_forge.rocks import rocks_beyond
 from terrain_forge.terrain import heights_beyond, shape_horizon
 from terrain_forge.writers import vertex_normals
 
+_DUST, _LUNAR_DUST = 0.4, 0.2
+"""How much of the ground's colour lies on rocks, with air and without."""
+
 
 def make_horizon(
     site: Site, ground: Heightfield, appearance: Appearance, library: RockLibrary
@@ -47,7 +50,10 @@ def make_horizon(
         height_at=partial(heights_beyond, ground, bare),
     )
     albedo = linear_from_srgb(appearance.rock_rgb / 255.0)[rocks.population]
-    rgb = np.round(255.0 * np.clip(srgb_from_linear(albedo * rocks.tone[:, None]), 0.0, 1.0))
+    soil = linear_from_srgb(appearance.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
+    dust = _DUST if max(site.body.sky_rgb) > 0.0 else _LUNAR_DUST
+    mixed = (1.0 - dust) * albedo * rocks.tone[:, None] + dust * soil
+    rgb = np.round(255.0 * np.clip(srgb_from_linear(mixed), 0.0, 1.0))
     first = np.int32(len(bare.mesh.vertices))
     mesh = Mesh(
         vertices=np.concatenate([bare.mesh.vertices, rocks.mesh.vertices]),

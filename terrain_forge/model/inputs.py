@@ -58,7 +58,7 @@ class FarHeights(Record):
     posting: float
     """Distance of the samples on the ground [m]."""
     source: str
-    """The raster, as the recipe writes it."""
+    """Name of the raster."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

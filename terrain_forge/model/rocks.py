@@ -79,6 +79,15 @@ class RockLibrary(Record):
     texture: NDArray[np.uint8] = field(metadata=shaped("rows", "columns", dtype=np.uint8))
     """Brightness of a rock's surface, which tiles both ways and which a population's colour
     multiplies, linear, 0 to 255, rows run up, shape [rows, columns]."""
+    normals: NDArray[np.uint8] | None = field(
+        default=None, metadata=shaped("rows", "columns", 3, dtype=np.uint8)
+    )
+    """Normals of the same relief towards u, v and outwards, -1 to 1 as 0 to 255, shape [rows,
+    columns, 3]; None where the surface is smooth."""
+    roughness: NDArray[np.uint8] | None = field(
+        default=None, metadata=shaped("rows", "columns", dtype=np.uint8)
+    )
+    """How rough it shines, 0 to 255, shape [rows, columns]; None for matt throughout."""
 
     @cached_property
     def content_hash(self) -> str:

@@ -48,6 +48,7 @@ from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
 from .trajectory import duration as duration
 from .trajectory import make_trajectory as make_trajectory
+from .trajectory import stand as stand
 from .traversability_field import IMPASSABLE as IMPASSABLE
 from .traversability_field import UNKNOWN as UNKNOWN
 from .traversability_field import Traversability as Traversability

@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from terrain_forge.base import ExportError, RecipeError
-from terrain_forge.model import Site, check_capacity
+from terrain_forge.model import Site, Window, check_capacity
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.recipe.exports import ExportOrder
 from terrain_forge.recipe.schema import Recipe, TilesSpec
@@ -129,9 +129,17 @@ def require_fits(site: Site) -> None:
         raise missing
 
 
-def _missing(recipe: Recipe, rocks: float) -> RecipeError | None:
+def require_window_fits(site: Site, window: Window) -> None:
+    """Refuse the world of a window of a site that would not fit into this machine's memory."""
+    nodes = (window.columns + 1) * (window.rows + 1)
+    rocks = rocks_of(site) * min(nodes / expected_nodes(site.recipe), 1.0)
+    if (missing := _missing(site.recipe, rocks, nodes)) is not None:
+        raise missing
+
+
+def _missing(recipe: Recipe, rocks: float, nodes: float | None = None) -> RecipeError | None:
     """What is said of a world that does not fit into memory; None for one that does."""
-    nodes = expected_nodes(recipe)
+    nodes = nodes or expected_nodes(recipe)
     needed = memory_needed(nodes, rocks)
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed <= there:

@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from terrain_forge.base import Stopwatch, processors, size_text
+from terrain_forge.base import Stopwatch, compile_ahead, processors, size_text
 from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
@@ -78,6 +78,7 @@ def record_dataset(
     if not order.force:
         require_same(folder, differing)
     with holding(out):
+        compile_ahead(watch, purpose="record")
         watch("scene")
         with open_setting(world, spec, progress=watch) as setting, Store(folder) as store:
             tell_unmeasured(setting)

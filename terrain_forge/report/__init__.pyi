@@ -10,6 +10,9 @@ from .blocks import paragraph as paragraph
 from .blocks import photograph as photograph
 from .blocks import plot as plot
 from .blocks import table as table
+from .evaluated import EVALUATE_STAGES as EVALUATE_STAGES
+from .evaluated import evaluate as evaluate
+from .evaluated import evaluate_maps as evaluate_maps
 from .page import write_page as write_page
 from .page import write_report_page as write_report_page
 from .recorded.measures import picture_statistics as picture_statistics

@@ -29,7 +29,10 @@ _log = logging.getLogger(__name__)
 
 SECTIONS = "terrain_forge.report_sections"
 """Entry points of other packages' sections."""
-_PREVIEW = "The world seen from a rover's height"
+_PREVIEW = (
+    "What a camera sees from a rover's height, before any has driven. Soil finer than the ground's "
+    "grid is in pictures alone; exports show it as far as their textures go."
+)
 
 
 def write_report_page(

@@ -15,7 +15,7 @@ from terrain_forge.base import MAX_NAME, DataError, is_file_name
 from terrain_forge.model import RockField, World, merge
 from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.embedding.outline import MAX_BURIED
-from terrain_forge.rocks.populations import MAX_ROCKS
+from terrain_forge.rocks.populations import LAST_ID, MAX_ROCKS
 from terrain_forge.rocks.scattering.overlap import overlapping_pairs
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.rocks.settling import settle
@@ -167,7 +167,9 @@ def _with_population(world: World, name: str) -> World:
 
 def _next_id(world: World) -> int:
     """The id after those of all rocks that the site's populations can have, and of all others."""
-    planned = len(world.site.recipe.rocks.populations) * MAX_ROCKS
+    populations, size = world.site.recipe.rocks.populations, world.site.size
+    many = any(population.is_many(size) for population in populations)
+    planned = LAST_ID if many else len(populations) * MAX_ROCKS
     highest = max(int(field.id.max(initial=-1)) for field in (world.field, world.neighbours))
     following = max(planned, highest + 1)
     if following > np.iinfo(np.int32).max:

@@ -26,6 +26,7 @@ from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
     MAX_ROCKS,
+    MOST_ROCKS,
     ExclusionSpec,
     PopulationSpec,
     RockListSpec,
@@ -81,6 +82,12 @@ def check_rocks(rocks: RocksSpec, size: Size) -> None:
         _check_craters(population, size, (*key, "arrangement", "craters"))
     for number, listed in enumerate(rocks.lists):
         _check_group(listed, rocks.library, ("rocks", "lists", number))
+    together = sum(expected_count(population, size) for population in rocks.populations)
+    if together > MOST_ROCKS and any(p.is_many(size) for p in rocks.populations):
+        raise RecipeError(
+            f"{together:.3g} rocks in all, at most {MOST_ROCKS:.3g}: raise the smallest diameters",
+            key=("rocks", "populations"),
+        )
     for cover, _, where, place in _crowds(rocks.populations):
         if cover > MAX_COVER:
             raise RecipeError(
@@ -187,9 +194,10 @@ def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
             key=key,
         )
     count = expected_count(population, size)
-    if count > 0.9 * MAX_ROCKS:
+    most = MOST_ROCKS if population.is_many(size) else 0.9 * MAX_ROCKS
+    if count > most:
         raise RecipeError(
-            f"{count:.3g} rocks on {size[0] * size[1]:.3g} m², at most {0.9 * MAX_ROCKS:.3g}: "
+            f"{count:.3g} rocks on {size[0] * size[1]:.3g} m², at most {most:.3g}: "
             "raise the smallest diameter",
             key=key,
         )

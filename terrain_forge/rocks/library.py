@@ -45,7 +45,7 @@ from terrain_forge.rocks.shapes.collision import collision_parts
 from terrain_forge.rocks.shapes.families import FAMILIES, Family
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
-from terrain_forge.rocks.shapes.texture import box_projection, rock_texture
+from terrain_forge.rocks.shapes.texture import box_projection, rock_surface
 
 logger = getLogger(__name__)
 
@@ -146,7 +146,14 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     for own in spec.meshes:
         laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
         prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))
-    return RockLibrary(prototypes=tuple(prototypes), seed=spec.seed, texture=rock_texture())
+    tile = rock_surface()
+    return RockLibrary(
+        prototypes=tuple(prototypes),
+        seed=spec.seed,
+        texture=tile.brightness,
+        normals=tile.normals,
+        roughness=tile.roughness,
+    )
 
 
 def _prototype(

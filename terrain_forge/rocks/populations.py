@@ -35,7 +35,12 @@ else:
 MAX_POPULATIONS = 64
 """Populations and lists of a site; a rock's id holds the population's index and its number."""
 MAX_ROCKS = 2**25
-"""Rocks of one population."""
+"""Rocks of one population that are numbered one after the other; more are numbered by cells."""
+MOST_ROCKS = 5e8
+"""Rocks of all populations together that a site is expected to have at most."""
+LAST_ID = 2**31 - 2**24
+"""Ids of scattered rocks are below; rocks added by hand have those from here on, where rocks are
+numbered by cells."""
 
 ROCK_LIST = InputFile(
     kind="table",
@@ -147,6 +152,12 @@ class PopulationSpec(Spec):
         """Rocks between two diameters [m] on a square metre, by the law [1/m²]."""
         law = self.size_frequency
         return float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+
+    def is_many(self, size: tuple[float, float]) -> bool:
+        """Whether its rocks on a site [m] are too many to be numbered one after the other."""
+        if not isinstance(self.arrangement, Poisson):
+            return False
+        return size[0] * size[1] * self.density(*self.diameters) > 0.9 * MAX_ROCKS
 
     @property
     def cover(self) -> float:

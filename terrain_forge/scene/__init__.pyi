@@ -14,6 +14,7 @@ from .embree import INCOHERENT as INCOHERENT
 from .engine import before_compiling as before_compiling
 from .engine import engine_name as engine_name
 from .grain import ground_grain as ground_grain
+from .lending import borrow as borrow
 from .looking import look as look
 from .packets import ACTIVE as ACTIVE
 from .packets import COPY as COPY
@@ -23,11 +24,10 @@ from .packets import hit_normal as hit_normal
 from .packets import hit_rock as hit_rock
 from .packets import packet_memory as packet_memory
 from .packets import set_ray as set_ray
+from .picture import take_picture as take_picture
 from .preview import render_from_above as render_from_above
 from .preview import render_preview as render_preview
-from .preview import take_picture as take_picture
 from .preview import write_preview as write_preview
-from .render import borrow as borrow
 from .scene import APRON as APRON
 from .scene import BODY as BODY
 from .scene import GROUND as GROUND
@@ -42,4 +42,6 @@ from .stage import prepare_wheels as prepare_wheels
 from .subject import Instances as Instances
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of
-from .subject import tones as tones
+from .tints import rock_tints as rock_tints
+from .tints import tint_colours as tint_colours
+from .tints import tones as tones

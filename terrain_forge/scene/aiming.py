@@ -22,6 +22,7 @@ from terrain_forge.scene.lanes import (
     LIFT,
     OWNER,
     RANGE,
+    STEP,
 )
 from terrain_forge.scene.packets import (
     ACTIVE,
@@ -36,7 +37,7 @@ from terrain_forge.scene.packets import (
 )
 from terrain_forge.scene.stage import bands, triple32
 
-_0, _1, _FAR_AWAY = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
+_0, _HALF, _1, _FAR_AWAY = (np.float32(n) for n in (0.0, 0.5, 1.0, np.inf))
 _NEAR_LIFT, _FAR_LIFT = np.float32(5e-4), np.float32(2e-4)
 
 
@@ -229,7 +230,8 @@ def ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-def
     if owner == np.float32(-2.0) or (rise <= _0 and owner != -_1):
         word[ACTIVE, lane] = 0
         return False
-    lift = _NEAR_LIFT + _FAR_LIFT * space[RANGE + lane]
+    # Half a pixel at most, where it is a look through a telescope.
+    lift = _NEAR_LIFT + min(_FAR_LIFT, _HALF * space[STEP + lane]) * space[RANGE + lane]
     start = (
         space[HIT_X + lane] + lift * flat[0],
         space[HIT_Y + lane] + lift * flat[1],

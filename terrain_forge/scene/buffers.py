@@ -1,53 +1,49 @@
-"""A scene as plain arrays for the renderer's kernels: ground, tracks, instances and light."""
+"""A scene's instances, paths and light as plain arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, kernel, linear_from_srgb, stage_key
+from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.model import Lighting, Mesh
-from terrain_forge.scene.light import Light
-from terrain_forge.scene.render import triple
+from terrain_forge.scene.light import Light, triple
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.subject import Subject
-from terrain_forge.scene.surface import Land, Stones, Tracks
 from terrain_forge.sky import SKY_STEPS, daylight
 from terrain_forge.writers import vertex_normals
 
 _PATH_STEP = 0.1
-_NOTHING, _NOWHERE = np.empty((0, 3), np.int64), np.empty((0, 3))
-_NOWHERE.setflags(write=False)  # as the arrays of records are: one kernel serves both
 _ZENITH = np.array([0.50, 0.45, 0.42])
 _HAZE = 20e3
 
 
-def prepare_land(scene: RayScene, lighting: Lighting) -> Land:
-    """The ground under some light."""
-    subject, sun = scene.subject, lighting.towards_sun
-    ground, beyond = subject.ground, subject.horizon
-    east, north, middle = triple(scene.origin)
-    lean = 1.0 / max(float(sun[2]), 0.3)
-    z = ground.elevation
-    border = np.concatenate([z[0], z[-1], z[:, 0], z[:, -1]]).mean(dtype=np.float64)
-    return Land(
-        elevation=(z - middle).astype(np.float32),
-        rgb=subject.ground_rgb,
-        linear=linear_from_srgb(np.arange(256) / 255.0),
-        corner=(ground.origin[0] - east, ground.origin[1] - north),
-        shift=(east, north),
-        spacing=ground.spacing,
-        edge=float(border) - middle,
-        key=stage_key(subject.seed, "grain"),
-        grain=subject.node_grain,
-        usual=subject.usual_grain,
-        shadow=(float(sun[0]) * lean, float(sun[1]) * lean),
-        apron_faces=_NOTHING if beyond is None else beyond.mesh.faces.astype(np.int64),
-        apron_normals=_NOWHERE if beyond is None else beyond.normals.astype(np.float64),
-        apron_rgb=_NOWHERE if beyond is None else linear_from_srgb(beyond.rgb / 255.0),
-    )
+class Stones(NamedTuple):
+    """The rocks as the renderer needs them."""
+
+    centre: Array
+    """In the scene's frame [m], shape [rocks, 3]."""
+    rotation: Array
+    """Shape [rocks, 3, 3]."""
+    size: Array
+    """Exposed diameter [m], shape [rocks]."""
+    scale: Array
+    """Size in units of the shape [m], shape [rocks]."""
+    tile: NDArray[np.float32]
+    """Relief of their faces, as `rock_tile` makes it."""
+    rgb: Array
+    """Linear albedo, shape [rocks, 3]."""
+    first_face: NDArray[np.int64]
+    """Where each rock's shape begins in `faces`, shape [rocks]."""
+    faces: NDArray[np.int64]
+    """Corners of all shapes, rows of `normals`, shape [faces, 3]."""
+    normals: Array
+    """Unit normals at all shapes' vertices, shape [vertices, 3]."""
+    dust: float
+    """How much of the ground's colour lies on faces that look up, 0 to 1."""
 
 
 def prepare_stones(scene: RayScene) -> Stones:
@@ -59,24 +55,14 @@ def prepare_stones(scene: RayScene) -> Stones:
         centre=stones.position - scene.origin,
         rotation=stones.rotation,
         size=np.array(stones.grain),
+        scale=stones.scale,
+        tile=scene.subject.tile,
         rgb=stones.rgb,
         first_face=first[stones.mesh],
         faces=faces,
         normals=normals,
         dust=0.55 if airy else 0.25,
     )
-
-
-def prepare_tracks(scene: RayScene) -> Tracks:
-    """The wheel tracks."""
-    subject = scene.subject
-    ground, half_gauge, width = subject.ground, subject.half_gauge, subject.wheel_width
-    paths = [resampled(track - scene.origin[:2]) for track in subject.tracks]
-    points = np.concatenate(paths) if paths else np.empty((0, 5))
-    nearest = np.full(ground.shape, -1, dtype=np.int32)
-    corner = np.array(ground.origin) - scene.origin[:2]
-    _stamp(points, corner, ground.spacing, half_gauge + width + ground.spacing, nearest)
-    return Tracks(nearest=nearest, points=points, half_gauge=half_gauge, width=width)
 
 
 def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Light:
@@ -161,22 +147,3 @@ def resampled(plan: Array) -> Array:
     heading = np.gradient(place, along, axis=0)
     heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-300)
     return np.column_stack([place, heading, along])
-
-
-@kernel
-def _stamp(points, corner, spacing, reach, nearest):  # type: ignore[no-untyped-def]
-    """Note at each node within `reach` of a path which of its points is nearest."""
-    rows, columns = nearest.shape
-    best = np.full((rows, columns), np.inf)
-    for n in range(len(points)):
-        west = max(0, int(np.ceil((points[n, 0] - reach - corner[0]) / spacing)))
-        east = min(columns - 1, int(np.floor((points[n, 0] + reach - corner[0]) / spacing)))
-        south = max(0, int(np.ceil((points[n, 1] - reach - corner[1]) / spacing)))
-        north = min(rows - 1, int(np.floor((points[n, 1] + reach - corner[1]) / spacing)))
-        for j in range(south, north + 1):
-            for i in range(west, east + 1):
-                away = (corner[0] + i * spacing - points[n, 0]) ** 2
-                away += (corner[1] + j * spacing - points[n, 1]) ** 2
-                if away < best[j, i]:
-                    best[j, i] = away
-                    nearest[j, i] = n

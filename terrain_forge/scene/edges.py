@@ -16,8 +16,8 @@ from terrain_forge.scene.aiming import (
     slopes,
 )
 from terrain_forge.scene.lanes import DIRECT, REST, STEP, WORKSPACE, meet
+from terrain_forge.scene.lending import borrow
 from terrain_forge.scene.packets import FAR, LANES, hit_rock
-from terrain_forge.scene.render import borrow
 from terrain_forge.scene.shining import shine
 
 _0, _1 = np.float32(0.0), np.float32(1.0)

@@ -1,4 +1,4 @@
-"""Texture finer than the ground's grid, made where a picture needs it: grain, pebbles, rock faces.
+"""Texture finer than the ground's grid, made where a picture needs it: grain, pebbles, slabs.
 
 It is visual only: no height in it is part of the world. All of it is addressed by position,
 so that it never repeats and never swims between two pictures.
@@ -223,49 +223,3 @@ def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # 
         bright *= 1.0 + cover * (0.28 * tone - 0.06)
         shade = max(shade * (1.0 - cover), dark)
     return bright, shade, rise_x, rise_y
-
-
-@inner
-def noise_3d(key, x, y, z):  # type: ignore[no-untyped-def]
-    """Gradient noise of a unit lattice in space and its gradient."""
-    i, j, k = np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z))
-    r, s, t = x - i, y - j, z - k
-    (u, du), (v, dv), (w, dw) = _fade(r), _fade(s), _fade(t)
-    total, along_x, along_y, along_z = 0.0, 0.0, 0.0, 0.0
-    for corner in range(8):
-        a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
-        hashed = cell_hash(key, i + a, j + b, k + c)
-        p, q, o = part(hashed, _BITS_0), part(hashed, _BITS_16), part(hashed, _BITS_32)
-        height = p * (r - a) + q * (s - b) + o * (t - c)
-        f, df = (u, du) if a else (1.0 - u, -du)
-        g, dg = (v, dv) if b else (1.0 - v, -dv)
-        h, dh = (w, dw) if c else (1.0 - w, -dw)
-        total += f * g * h * height
-        along_x += g * h * (df * height + f * p)
-        along_y += f * h * (dg * height + g * q)
-        along_z += f * g * (dh * height + h * o)
-    return total, along_x, along_y, along_z
-
-
-@inner
-def face(key, x, y, z, coarsest, footprint):  # type: ignore[no-untyped-def]
-    """Roughness of a rock's surface at a place in its own frame [m].
-
-    Returns a value of about -1 to 1 for the albedo, and the gradient of the relief, which bends the
-    normal.
-    """
-    value, slope_x, slope_y, slope_z = 0.0, 0.0, 0.0, 0.0
-    wavelength = coarsest
-    for octave in range(8):
-        shown = min(1.0, 0.5 * wavelength / footprint - 1.0)
-        if shown <= 0.0 or wavelength < 0.002:
-            break
-        u, v, w = x / wavelength, y / wavelength, z / wavelength
-        height, rise_u, rise_v, rise_w = noise_3d(mix(key, np.uint64(octave)), u, v, w)
-        steep = 0.22 * shown
-        slope_x += steep * rise_u
-        slope_y += steep * rise_v
-        slope_z += steep * rise_w
-        value += 0.6 * shown * height
-        wavelength *= 0.45
-    return value, slope_x, slope_y, slope_z

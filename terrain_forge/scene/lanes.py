@@ -21,13 +21,11 @@ from terrain_forge.scene.packets import (
     V,
 )
 from terrain_forge.scene.relief import (
-    COARSEST,
     FOOTPRINT,
     PEBBLY,
     RELIEF_ROWS,
     ROUGH,
     SLABBY,
-    STONE,
 )
 from terrain_forge.scene.stage import (
     CENTRE,
@@ -57,7 +55,7 @@ rock's own frame; albedo of the ground there and of the surface; radiance by the
 WORKSPACE = LANES * (RELIEF_ROWS + 40)
 
 _0, _HALF, _1, _EPS = (np.float32(n) for n in (0.0, 0.5, 1.0, 1e-12))
-_GRAZING, _COARSEST, _TINY = (np.float32(n) for n in (0.04, 0.35, 1e-6))
+_GRAZING, _TINY = np.float32(0.04), np.float32(1e-6)
 
 
 @merged
@@ -169,8 +167,7 @@ def _meet_rock(space, lane, ray, word, stage, rock):  # type: ignore[no-untyped-
     _ground_below(space, lane, stage)
     a, b, c = _corners(word, lane, stage, stage.first_face[rock])
     _smooth(space, lane, stage, a, b, c, ray[U, lane], ray[V, lane])
-    space[WIDE + lane], space[COARSEST + lane] = record[SIZE], _COARSEST * record[SIZE]
-    space[STONE + lane] = np.float32((rock * 7919 + 101) & 0xFFFFFF)
+    space[WIDE + lane] = record[SIZE]
     for channel in range(len(record) - ROCK_RGB):
         space[RGB + LANES * channel + lane] = record[ROCK_RGB + channel]
     _turn_smooth(space, lane, record)
@@ -206,7 +203,7 @@ def _meet_body(space, lane, word, stage, parts):  # type: ignore[no-untyped-def]
 @merged
 def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[no-untyped-def]
     """Fill in what a lane sees: its place, normals, colours; its direction and angle are set."""
-    space[OWNER + lane], space[COARSEST + lane], space[LIFT + lane] = np.float32(owner), _0, _0
+    space[OWNER + lane], space[LIFT + lane] = np.float32(owner), _0
     space[DARK + lane] = _0
     if owner == -2:
         space[RANGE + lane], space[FOOTPRINT + lane] = _0, np.float32(np.inf)

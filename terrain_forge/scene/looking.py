@@ -32,9 +32,9 @@ from terrain_forge.scene.aiming import (
 from terrain_forge.scene.edges import find_edges, refine, spread
 from terrain_forge.scene.embree import COHERENT
 from terrain_forge.scene.lanes import DIRECT, OWNER, RANGE, REST, SMOOTH_X, STEP, WORKSPACE, meet
+from terrain_forge.scene.lending import borrow
 from terrain_forge.scene.packets import LANES, hit_rock
 from terrain_forge.scene.relief import relief_about
-from terrain_forge.scene.render import borrow
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.shining import shine
 from terrain_forge.scene.stage import Stage, Wheels, prepare_wheels

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.model import Lighting, World
-from terrain_forge.scene.buffers import prepare_land, prepare_light, prepare_stones, prepare_tracks
+from terrain_forge.model import World
 from terrain_forge.scene.camera import Camera, map_camera, pinhole_camera
-from terrain_forge.scene.render import develop, expose
+from terrain_forge.scene.picture import take_picture
 from terrain_forge.scene.scene import GROUND, RayScene, open_scene
 from terrain_forge.writers import write_png
 
@@ -22,19 +21,22 @@ _ASIDE = 1.5
 _YAWS = 12
 _MAP_HEIGHT = 100.0
 _SKETCH = (32, 18)
-_BRIGHT = 0.7
-"""Median of a picture above which it is exposed less, over white level ground."""
 
 
-def render_preview(world: World, *, width: int = 1280, height: int = 720) -> NDArray[np.uint8]:
+def render_preview(
+    world: World, *, width: int = 1280, height: int = 720, tracks: bool = False
+) -> NDArray[np.uint8]:
     """The world from a good place at a rover's eye height, sRGB, shape [height, width, 3].
+
+    It is what cameras of recordings see, from where no rover has been; with `tracks` the rover has
+    driven the first path.
 
     Raises:
         TerrainForgeError: where Embree is missing.
     """
     with open_scene(world) as scene:
         camera = choose_view(world, scene, width=width, height=height)
-        return take_picture(scene, camera)
+        return take_picture(scene, camera, tracks=tracks)
 
 
 def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
@@ -62,24 +64,6 @@ def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
 def write_preview(world: World, path: Path) -> None:
     """Write `render_preview` as PNG."""
     write_png(path, render_preview(world))
-
-
-def take_picture(
-    scene: RayScene, camera: Camera, lighting: Lighting | None = None
-) -> NDArray[np.uint8]:
-    """A scene through a camera, sRGB, shape [height, width, 3]; in its own light by default."""
-    lighting = lighting or scene.subject.lighting
-    image = expose(
-        scene,
-        camera,
-        land=prepare_land(scene, lighting),
-        tracks=prepare_tracks(scene),
-        stones=prepare_stones(scene),
-        light=prepare_light(scene.subject, lighting, facing=0.35 if camera.pinhole else 1.0),
-    )
-    # Towards the Sun, a dusty sky is many times brighter than the ground: a camera exposes for it.
-    median = float(np.median(image.mean(axis=-1)))
-    return develop(image * np.float32(min(1.0, _BRIGHT / max(median, 1e-6))))
 
 
 def choose_view(world: World, scene: RayScene, *, width: int, height: int) -> Camera:

@@ -1,4 +1,4 @@
-"""Texture finer than the ground's grid for eight pixels at once: soil, clasts, rock faces.
+"""Texture finer than the ground's grid for eight pixels at once: soil.
 
 What `grain.py` makes for one place, made for the lanes of a packet in 32 bits, which the compiler
 turns into vector instructions: fifteen times faster. Places count from an anchor near the camera;
@@ -23,16 +23,12 @@ from terrain_forge.scene.grain import (
 )
 from terrain_forge.scene.packets import LANES
 from terrain_forge.scene.words import (
-    MIX_1,
-    PRIME_I,
-    PRIME_J,
     cell32,
     fade32,
     fading32,
     floor32,
     high_half,
     low_half,
-    mixed,
 )
 
 (
@@ -45,18 +41,16 @@ from terrain_forge.scene.words import (
     RISE_Y,
     RISE_Z,
     COVER,
-    COARSEST,
     SHADOWED,
-    STONE,
     PEBBLY,
     ROUGH,
     SLABBY,
-) = (LANES * row for row in range(15))
+) = (LANES * row for row in range(13))
 """Where the lanes' numbers begin in a workspace: a place [m], the size of a pixel there [m], the
-albedo's noise, the rise per metre, and of pebbles how much of the pixel they cover, their longest
-wave [m], the part of sunlight that they keep off, a rock's key, 0 to 2²⁴, and the ground's grain:
-share of cells with a pebble, roughness of the soil, how much of it is slabs."""
-RELIEF_ROWS = 15
+albedo's noise, the rise per metre, and of pebbles how much of the pixel they cover and the part
+of sunlight that they keep off, and the ground's grain: share of cells with a pebble, roughness of
+the soil, how much of it is slabs."""
+RELIEF_ROWS = 13
 
 _OCTAVES = 12
 _FINEST = 0.002  # shortest waves [m]
@@ -64,10 +58,6 @@ _TURN = complex(0.4472135954999579, 0.8944271909999159)
 
 _0, _HALF, _1, _2 = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0))
 _ONE = np.int32(1)
-_K = np.uint32(0xC2B2AE3D)
-_AGAIN = np.uint32(0x27D4EB2F)
-_STEEP, _STONY, _FINE_FACE = np.float32(0.22), np.float32(0.6), np.float32(0.45)
-_SHORT = np.float32(_FINEST)
 
 
 class Relief(NamedTuple):
@@ -86,8 +76,6 @@ class Relief(NamedTuple):
     """Size of a cell [m] and the anchor's place in its cell of each layer, shape [layers, 3]."""
     clast_keys: NDArray[np.uint32]
     """As `soil_keys`, shape [layers, 3]."""
-    faces: np.uint32
-    """Key of the faces of rocks."""
     slabs: NDArray[np.float32]
     """The anchor's place [m] in the repeat of the joints' warp and in its cell of slabs, shape [4].
     """
@@ -119,7 +107,6 @@ def relief_about(
         clast_keys=np.array(
             [[_word(seed + 77 * n), *cell] for n, (cell, _) in enumerate(cells)], np.uint32
         ),
-        faces=np.uint32(_word(seed + 2)),
         slabs=np.array([*warp_at, *slab_at], np.float32),
         slab_keys=np.array([[_word(seed + 3), *warp], [_word(seed + 4), *slab]], np.uint32),
         shadow=(np.float32(shadow[0]), np.float32(shadow[1])),
@@ -204,74 +191,3 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
             space[RISE_X + lane] += steeper * (cos * rise_u + sin * rise_v)
             space[RISE_Y + lane] += steeper * (cos * rise_v - sin * rise_u)
             space[VALUE + lane] += _HALF * shown * height
-
-
-@inner
-def _corner(key, i, j, k, x, y, z, f, df, g, dg, h, dh):  # type: ignore[no-untyped-def]
-    """What a corner of a cell adds to the height and its derivatives."""
-    word = np.uint32(np.uint32(np.uint32(i) * PRIME_I) ^ np.uint32(np.uint32(j) * PRIME_J))
-    word = mixed(np.uint32(np.uint32(word ^ np.uint32(np.uint32(k) * _K)) ^ key))
-    p, q, o = low_half(word), high_half(word), low_half(np.uint32(word * MIX_1))
-    at = p * x + q * y + o * z
-    return (
-        f * g * h * at,
-        g * h * (df * at + f * p),
-        f * h * (dg * at + g * q),
-        f * g * (dh * at + h * o),
-    )
-
-
-@inner
-def face_lanes(space, whole):  # type: ignore[no-untyped-def]
-    """Roughness of rocks at places in their own frames [m].
-
-    VALUE gets the albedo's noise, RISE the relief's gradient, which bends the normal. Lanes whose
-    COARSEST wave is 0 get nothing.
-    """
-    for lane in range(LANES):
-        space[VALUE + lane] = _0
-        space[RISE_X + lane], space[RISE_Y + lane], space[RISE_Z + lane] = _0, _0, _0
-    for octave in range(8):
-        widest = _0
-        for lane in range(LANES):
-            wave = space[COARSEST + lane]
-            if wave >= _SHORT:
-                widest = max(widest, wave / space[FOOTPRINT + lane])
-        if widest <= _2:
-            break
-        again = np.uint32(np.uint32(np.uint32(octave + 1) * _AGAIN) ^ whole)
-        for lane in range(LANES):
-            wave = max(space[COARSEST + lane], _SHORT)
-            per_metre = _1 / wave
-            key = np.uint32(np.uint32(np.int32(space[STONE + lane])) ^ again)
-            u, v, w = (
-                space[PLACE_X + lane] * per_metre,
-                space[PLACE_Y + lane] * per_metre,
-                space[PLACE_Z + lane] * per_metre,
-            )
-            i, j, k = floor32(u), floor32(v), floor32(w)
-            r, s, t = u - np.float32(i), v - np.float32(j), w - np.float32(k)
-            p, q, o = fade32(r), fade32(s), fade32(t)
-            dp, dq, do = fading32(r), fading32(s), fading32(t)
-            p_, q_, o_ = _1 - p, _1 - q, _1 - o
-            i_, j_, k_ = np.int32(i + _ONE), np.int32(j + _ONE), np.int32(k + _ONE)
-            r_, s_, t_ = r - _1, s - _1, t - _1
-            a = _corner(key, i, j, k, r, s, t, p_, -dp, q_, -dq, o_, -do)
-            b = _corner(key, i_, j, k, r_, s, t, p, dp, q_, -dq, o_, -do)
-            c = _corner(key, i, j_, k, r, s_, t, p_, -dp, q, dq, o_, -do)
-            d = _corner(key, i_, j_, k, r_, s_, t, p, dp, q, dq, o_, -do)
-            e = _corner(key, i, j, k_, r, s, t_, p_, -dp, q_, -dq, o, do)
-            f = _corner(key, i_, j, k_, r_, s, t_, p, dp, q_, -dq, o, do)
-            g = _corner(key, i, j_, k_, r, s_, t_, p_, -dp, q, dq, o, do)
-            h = _corner(key, i_, j_, k_, r_, s_, t_, p, dp, q, dq, o, do)
-            height = a[0] + b[0] + c[0] + d[0] + e[0] + f[0] + g[0] + h[0]
-            rise_u = a[1] + b[1] + c[1] + d[1] + e[1] + f[1] + g[1] + h[1]
-            rise_v = a[2] + b[2] + c[2] + d[2] + e[2] + f[2] + g[2] + h[2]
-            rise_w = a[3] + b[3] + c[3] + d[3] + e[3] + f[3] + g[3] + h[3]
-            shown = min(_1, max(_0, _HALF * wave / space[FOOTPRINT + lane] - _1))
-            shown = shown if space[COARSEST + lane] >= _SHORT else _0
-            space[RISE_X + lane] += _STEEP * shown * rise_u
-            space[RISE_Y + lane] += _STEEP * shown * rise_v
-            space[RISE_Z + lane] += _STEEP * shown * rise_w
-            space[VALUE + lane] += _STONY * shown * height
-            space[COARSEST + lane] *= _FINE_FACE

@@ -1,4 +1,8 @@
-"""Light that comes back from what the eight rays of a packet see: texture, tracks, reflectance."""
+"""Light that comes back from what the eight rays of a packet see: texture, tracks, reflectance.
+
+Reflectance is the lunar-Lambert law (McEwen 1991, doi:10.1016/0019-1035(91)90228-U) with an
+opposition surge.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +21,9 @@ from terrain_forge.scene.lanes import (
     CLEAR,
     DARK,
     DIRECT,
+    FLAT_X,
+    FLAT_Y,
+    FLAT_Z,
     HIT_X,
     HIT_Y,
     OPEN,
@@ -43,13 +50,21 @@ from terrain_forge.scene.relief import (
     PLACE_Z,
     RISE_X,
     RISE_Y,
-    RISE_Z,
     SHADOWED,
     VALUE,
-    face_lanes,
     soil_lanes,
 )
-from terrain_forge.scene.stage import AMBIENT, BOUNCE, EVEN, GROUND_RGB, SUN, TURN
+from terrain_forge.scene.rock_tile import tile_at
+from terrain_forge.scene.stage import (
+    AMBIENT,
+    BOUNCE,
+    EVEN,
+    GROUND_RGB,
+    SCALE,
+    SIZE,
+    SUN,
+    TURN,
+)
 
 _0, _HALF, _1, _2, _TINY = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-6))
 _ROUGH, _LEAST_MU, _SURGE, _SURGE_WIDTH = (np.float32(n) for n in (0.05**2, 0.1, 0.5, 0.08))
@@ -132,23 +147,33 @@ def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anc
 
 
 _LOW_0, _LOW_1, _UP, _UP_VALUE, _LOW_DUST, _SPOTS, _SOILED = (
-    np.float32(n) for n in (0.04, 0.12, 0.35, 0.5, 0.6, 0.45, 0.2)
+    np.float32(n) for n in (0.04, 0.12, 0.35, 1.0, 0.6, 1.0, 0.4)
 )
+_SMOOTH = np.float32(1e-3)  # things that are made for a size below this have no relief [m]
 
 
 @merged
-def _grow_faces(space, stage, relief):  # type: ignore[no-untyped-def]
+def _grow_faces(space, stage):  # type: ignore[no-untyped-def]
     """Rough faces and dust of the lanes that see rocks."""
-    for lane in range(LANES):
-        space[PLACE_X + lane], space[PLACE_Y + lane] = space[OWN_X + lane], space[OWN_Y + lane]
-        space[PLACE_Z + lane] = space[OWN_Z + lane]
-    face_lanes(space, relief.faces)
     channels = stage.nodes.shape[2] - GROUND_RGB
     for lane in range(LANES):
         if space[OWNER + lane] < _0:
             continue
         record = stage.rocks[np.int64(space[OWNER + lane])]
-        x, y, z = space[RISE_X + lane], space[RISE_Y + lane], space[RISE_Z + lane]
+        x, y, z = space[FLAT_X + lane], space[FLAT_Y + lane], space[FLAT_Z + lane]
+        facing = (
+            record[TURN] * x + record[TURN + 3] * y + record[TURN + 6] * z,
+            record[TURN + 1] * x + record[TURN + 4] * y + record[TURN + 7] * z,
+            record[TURN + 2] * x + record[TURN + 5] * y + record[TURN + 8] * z,
+        )
+        own = space[OWN_X + lane], space[OWN_Y + lane], space[OWN_Z + lane]
+        value, x, y, z = _0, _0, _0, _0
+        if record[SIZE] > _SMOOTH:
+            found = tile_at(stage.tile, own, facing, record[SCALE], space[FOOTPRINT + lane])
+            value, x, y, z = (
+                np.float32(found[0]), np.float32(found[1]), np.float32(found[2]),
+                np.float32(found[3]),
+            )  # fmt: skip
         set_unit(
             space, BENT_X, lane,
             space[SMOOTH_X + lane]
@@ -158,7 +183,6 @@ def _grow_faces(space, stage, relief):  # type: ignore[no-untyped-def]
             space[SMOOTH_Z + lane]
             - (record[TURN + 6] * x + record[TURN + 7] * y + record[TURN + 8] * z),
         )  # fmt: skip
-        value = space[VALUE + lane]
         low = max(_0, _1 - space[ABOVE + lane] / (_LOW_0 + _LOW_1 * space[WIDE + lane]))
         up = (space[BENT_Z + lane] - _UP + _UP_VALUE * value) / _HALF
         dust = min(_1, stage.dust * min(_1, max(_0, up)) + _LOW_DUST * low * low)
@@ -178,7 +202,7 @@ def shine(space, stage, relief, wheels, behind, anchor):  # type: ignore[no-unty
             ground or owner == _GROUND, land or owner == _LAND, rocks or owner >= _0
         )  # fmt: skip
     if rocks:  # first, since what follows uses the same rows
-        _grow_faces(space, stage, relief)
+        _grow_faces(space, stage)
     if land:
         _grow_ground(
             space, stage, relief, relief.far, relief.far_keys, _LAND, wheels, behind, anchor
@@ -241,7 +265,7 @@ def _shine_sky(space, stage, channel):  # type: ignore[no-untyped-def]
 
 @merged
 def _reflect(space, stage):  # type: ignore[no-untyped-def]
-    """Lunar-Lambert reflectance over albedo times the cosine of incidence (light.py)."""
+    """Lunar-Lambert reflectance over albedo times the cosine of incidence."""
     sun_x, sun_y, sun_z, lunar = stage.sun[0], stage.sun[1], stage.sun[2], stage.lunar
     for lane in range(LANES):
         x, y, z = space[BENT_X + lane], space[BENT_Y + lane], space[BENT_Z + lane]

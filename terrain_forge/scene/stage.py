@@ -1,4 +1,4 @@
-"""Ground, rocks and tracks as the kernels of `look.py` need them: records in 32 bits."""
+"""Ground, rocks and tracks as the kernels of `looking.py` need them: records in 32 bits."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ HEIGHT, SLOPE_X, SLOPE_Y, SKY, GRAIN = range(5)
 GROUND_RGB = GRAIN + 3
 """Columns of a node: its height in the scene's frame [m], the ground's rise along x and y, the
 share of the sky that it sees, its pebbles, roughness and slabs (1 for 1), and then its albedo."""
-CENTRE, TURN, SIZE, ROCK_RGB = 0, 3, 12, 13
+CENTRE, TURN, SIZE, SCALE, ROCK_RGB = 0, 3, 12, 13, 14
 """Columns of a rock: its place in the scene's frame [m], its rotation row by row, its diameter [m],
-and from here on its albedo."""
+its size in units of its shape [m], and from here on its albedo."""
 SUN, AMBIENT, BOUNCE, EVEN = range(4)
 """Rows of the light's colours, as in `Light`."""
 _MEET_AGAIN = 1.0
@@ -45,6 +45,8 @@ class Stage(NamedTuple):
     """Corners of all shapes, rows of `normals`, shape [faces, 3]."""
     normals: NDArray[np.float32]
     """Unit normals at all shapes' vertices, shape [vertices, 3]."""
+    tile: NDArray[np.float32]
+    """Relief of rocks' faces, as `rock_tile` makes it."""
     dust: np.float32
     """How much of the ground's colour lies on faces that look up, 0 to 1."""
     colours: NDArray[np.float32]
@@ -87,10 +89,15 @@ class Wheels(NamedTuple):
     """Width of a wheel [m]."""
 
 
-def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
-    """A scene in some light; with one channel colours are the mean of three."""
+def prepare_stage(
+    scene: RayScene, lighting: Lighting, channels: int, *, facing: float = 0.35
+) -> Stage:
+    """A scene in some light; with one channel colours are the mean of three.
+
+    Level ground that is seen under an angle of this cosine, `facing`, shows in its own colour.
+    """
     subject, ground = scene.subject, scene.subject.ground
-    light, stones = prepare_light(subject, lighting, facing=0.35), prepare_stones(scene)
+    light, stones = prepare_light(subject, lighting, facing=facing), prepare_stones(scene)
     albedo = linear_from_srgb(np.arange(256) / 255.0)[subject.ground_rgb]
     z = (ground.elevation - scene.origin[2]).astype(np.float32)
     nodes = np.empty((*ground.shape, GROUND_RGB + channels), np.float32)
@@ -102,6 +109,7 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
     nodes[..., GROUND_RGB:] = bands(albedo, channels)
     rocks = np.empty((len(stones.size), ROCK_RGB + channels), np.float32)
     rocks[:, CENTRE:TURN], rocks[:, SIZE] = stones.centre, stones.size
+    rocks[:, SCALE] = stones.scale
     rocks[:, TURN:SIZE] = stones.rotation.reshape(-1, 9)
     rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
     colours = light.sun, light.sky, light.bounce, light.even
@@ -119,6 +127,7 @@ def prepare_stage(scene: RayScene, lighting: Lighting, channels: int) -> Stage:
         first_face=stones.first_face,
         faces=np.ascontiguousarray(faces, np.int64),
         normals=normals.astype(np.float32),
+        tile=stones.tile,
         dust=np.float32(stones.dust),
         colours=bands(np.array(colours), channels),
         dome=_dome(light.dome, channels),

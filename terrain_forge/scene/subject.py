@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, Rows, linear_from_srgb, shaped
+from terrain_forge.base import Array, Record, Rows, shaped
 from terrain_forge.model import USUAL, Heightfield, Horizon, Lighting, Mesh, World, merge, rotations
+from terrain_forge.scene.rock_tile import no_tile, rock_tile
+from terrain_forge.scene.tints import rock_colours
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +64,8 @@ class Subject(Record):
     grain: NDArray[np.uint8] | None = None
     """Pebbles, roughness and slabs of the nodes, 100 for 1, shape [rows, columns, 3]; None where
     they are usual."""
+    tile: NDArray[np.float32] = field(default_factory=no_tile)
+    """Relief of rocks' faces, as `rock_tile` makes it."""
     horizon: Horizon | None = None
     """What lies beyond the ground's edge; None for nothing that rays could meet."""
 
@@ -98,7 +102,6 @@ def subject_of(world: World) -> Subject:
             "half_gauge": float(np.abs(rover.wheel_centres[:, 1]).max()),
             "wheel_width": max(wheel.width for wheel in rover.wheels),
         }
-    albedo = linear_from_srgb(world.appearance.rock_rgb / 255.0)[rocks.population]
     return Subject(
         ground=world.ground,
         ground_rgb=world.appearance.ground_rgb,
@@ -110,8 +113,9 @@ def subject_of(world: World) -> Subject:
             rotation=rotations(rocks),
             scale=rocks.scale,
             grain=rocks.diameter,
-            rgb=albedo * tones(rocks.id, world.site.seed)[:, None],
+            rgb=rock_colours(world, rocks),
         ),
+        tile=rock_tile(world.library),
         lighting=world.lighting,
         sun_diameter=world.sun_diameter,
         seed=world.site.seed,
@@ -125,10 +129,3 @@ def fixed_array(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """An array that nobody writes into, as those of records are: one kernel serves both."""
     array.setflags(write=False)
     return array
-
-
-def tones(ids: NDArray[np.int32], seed: int) -> Array:
-    """How much lighter or darker than the next each of some things is, 0.75 to 1.25."""
-    tone = np.random.SeedSequence(seed).generate_state(1)[0]
-    spread = ((ids.astype(np.uint64) + tone) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
-    return 0.75 + 0.5 * np.asarray(spread, np.float64) / 2.0**24

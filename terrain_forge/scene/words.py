@@ -8,10 +8,8 @@ from terrain_forge.base import inner
 
 _1, _2, _6, _10, _15, _30 = (np.float32(n) for n in (1.0, 2.0, 6.0, 10.0, 15.0, 30.0))
 _ONE = np.int32(1)
-PRIME_I, PRIME_J = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77)
-"""What a cell's column and row are multiplied by."""
-MIX_1 = np.uint32(0x7FEB352D)
-"""What a word is multiplied by for another one."""
+_I, _J = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77)
+_MIX_1 = np.uint32(0x7FEB352D)
 _MIX_2 = np.uint32(0x846CA68B)
 _15_BITS, _16_BITS, _LOW = np.uint32(15), np.uint32(16), np.uint32(0xFFFF)
 _COMPONENT = np.float32(1.0 / 32768.0)
@@ -20,7 +18,7 @@ _COMPONENT = np.float32(1.0 / 32768.0)
 @inner
 def mixed(h):  # type: ignore[no-untyped-def]
     """A well-mixed word (Wellons 2018, lowbias32)."""
-    h = np.uint32(np.uint32(h ^ np.uint32(h >> _16_BITS)) * MIX_1)
+    h = np.uint32(np.uint32(h ^ np.uint32(h >> _16_BITS)) * _MIX_1)
     h = np.uint32(np.uint32(h ^ np.uint32(h >> _15_BITS)) * _MIX_2)
     return np.uint32(h ^ np.uint32(h >> _16_BITS))
 
@@ -28,7 +26,7 @@ def mixed(h):  # type: ignore[no-untyped-def]
 @inner
 def cell32(key, i, j):  # type: ignore[no-untyped-def]
     """A word of a cell."""
-    a, b = np.uint32(np.uint32(i) * PRIME_I), np.uint32(np.uint32(j) * PRIME_J)
+    a, b = np.uint32(np.uint32(i) * _I), np.uint32(np.uint32(j) * _J)
     return mixed(np.uint32(np.uint32(a ^ b) ^ key))
 
 

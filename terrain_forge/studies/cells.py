@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import cache, cached_property
 from hashlib import sha256
 from itertools import product
@@ -150,11 +150,17 @@ def _digest(path: Path) -> str:
 
 
 def plain_of(spec: Any) -> dict[str, Any]:
-    """A spec's fields as JSON values."""
-    return {
-        one.name: list(value) if isinstance(value := getattr(spec, one.name), tuple) else value
-        for one in fields(spec)
-    }
+    """A spec's fields that differ from their defaults, as JSON values.
+
+    So a field that a later version adds leaves the names of cells as they are.
+    """
+    found = {}
+    for one in fields(spec):
+        value = getattr(spec, one.name)
+        default = one.default_factory() if one.default_factory is not MISSING else one.default
+        if value != default:
+            found[one.name] = list(value) if isinstance(value, tuple) else value
+    return found
 
 
 def adapter_of(plain: Mapping[str, Any]) -> Adapter:

@@ -29,6 +29,7 @@ from terrain_forge.recipe import expected_nodes, memory_needed, rocks_of
 from terrain_forge.recording import RecordingCost, dataset_folder, recording_cost
 from terrain_forge.rovers import rover_of
 from terrain_forge.studies.cells import Cell, Study
+from terrain_forge.studies.spec import RecordSpec
 from terrain_forge.studies.worker import JOB, LOG, RESULT, sensors_for
 
 CELLS = "cells"
@@ -65,10 +66,10 @@ def cell_cost(cell: Cell) -> CellCost:
     sensors = rover_of(site).sensors
     names = sensors_for(cell.job, sensors)
     chosen = [one for one in sensors if not names or one.name in names]
-    part = cell.job["record"]
+    part = RecordSpec(**cell.job["record"])
     return CellCost(
         memory=memory_needed(expected_nodes(file.recipe), rocks_of(site)),
-        recording=recording_cost(site, chosen, begin=part["from_s"], end=part["to_s"]),
+        recording=recording_cost(site, chosen, begin=part.from_s, end=part.to_s),
     )
 
 

@@ -21,6 +21,7 @@ from terrain_forge.recipe import load_recipe
 from terrain_forge.rovers import rover_of
 from terrain_forge.sensors import Frames, instrument_kinds
 from terrain_forge.studies.cells import adapter_of
+from terrain_forge.studies.spec import RecordSpec
 
 JOB, RESULT, LOG = "job.json", "result.json", "log.txt"
 KEPT = "slam"
@@ -36,10 +37,11 @@ _KINDS = {
 
 def sensors_for(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> tuple[str, ...]:
     """Names of the sensors that a cell records: those that its systems can use."""
-    if only := job["record"]["only"]:
+    if only := RecordSpec(**job["record"]).only:
         return tuple(only)
-    needs = [need for system in job["systems"] for need in system["needs"]]
-    if not all(system["needs"] for system in job["systems"]):
+    systems = [adapter_of(plain) for plain in job["systems"]]
+    needs = [need for system in systems for need in system.needs]
+    if not all(system.needs for system in systems):
         return ()  # one that says nothing may use anything
     wanted = {kind for need in needs for kind in _KINDS.get(need, ())}
     kinds = instrument_kinds()
@@ -54,9 +56,9 @@ def carry_out(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     try:
         file = load_recipe(job["path"], changes=tuple(job["changes"]))
         site = plan(file.recipe, folder=file.folder)
-        part, sensors = job["record"], rover_of(site).sensors
+        part, sensors = RecordSpec(**job["record"]), rover_of(site).sensors
         recorded = record(
-            realise(site), folder, begin=part["from_s"], end=part["to_s"],
+            realise(site), folder, begin=part.from_s, end=part.to_s,
             only=sensors_for(job, sensors), workers=job["workers"], force=True,
         )  # fmt: skip
         results = evaluate_recording(

@@ -4,6 +4,7 @@ from .completion import complete_exporters as complete_exporters
 from .completion import complete_starters as complete_starters
 from .completion import complete_terrain_models as complete_terrain_models
 from .completion import completion_script as completion_script
+from .cutting import cut_command as cut_command
 from .display import Display as Display
 from .display import watched as watched
 from .doctor import doctor_lines as doctor_lines
@@ -16,13 +17,12 @@ from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
 from .options import OUT as OUT
 from .options import RECIPE as RECIPE
-from .options import SCHEDULER as SCHEDULER
 from .options import SCORING as SCORING
 from .options import SEED as SEED
 from .options import SET as SET
-from .options import WORKERS as WORKERS
 from .options import InOrder as InOrder
 from .options import names_of as names_of
+from .options import tiling as tiling
 from .outcome import finish as finish
 from .outcome import require_preview as require_preview
 from .outcome import show_report as show_report
@@ -36,6 +36,7 @@ from .running import run_command as run_command
 from .running import run_process as run_process
 from .scoring import install_named as install_named
 from .scoring import list_systems as list_systems
+from .scoring import tell_maps as tell_maps
 from .scoring import tell_scores as tell_scores
 from .scoring import tell_systems as tell_systems
 from .sunlight import illumination as illumination

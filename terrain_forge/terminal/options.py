@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -51,6 +52,11 @@ SCHEDULER = click.option(
     metavar="ADDRESS",
     help="Dask scheduler whose workers make tiles, such as tcp://host:8786; or local.",
 )
+
+
+def tiling(command: Callable[..., None]) -> Callable[..., None]:
+    """The options of what is done tile by tile."""
+    return WORKERS(SCHEDULER(command))
 
 
 class InOrder(click.Group):

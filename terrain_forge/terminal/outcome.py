@@ -16,7 +16,7 @@ from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
-from terrain_forge.tiling import TiledResult, progress_figures
+from terrain_forge.tiling import TiledResult, is_site, progress_figures
 from terrain_forge.validation import checks_of, failed_checks, report_text
 
 if TYPE_CHECKING:
@@ -126,7 +126,8 @@ def show_report(out: Path, *, opened: bool) -> None:
     Raises:
         OutputError: if it has none.
     """
-    read_manifest(out)
+    if not is_site(out):
+        read_manifest(out)
     page = (out / "report.html").absolute()
     if not page.is_file():
         raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from terrain_forge import evaluation
 from terrain_forge.datasets import open_recording
-from terrain_forge.evaluation import Result, ScoreOptions
+from terrain_forge.evaluation import MapScore, Result, ScoreOptions
 from terrain_forge.terminal.lines import say
 from terrain_forge.terminal.running import FAILED_CHECK, WRONG_INPUT
 
@@ -39,11 +39,24 @@ def tell_systems(world: Path, results: Sequence[Result], *, out: Path | None) ->
     return 0 if any(one.score for one in results) else FAILED_CHECK
 
 
+def tell_maps(scores: Sequence[MapScore], *, out: Path | None) -> None:
+    """Say how well maps show a world."""
+    for line in evaluation.table_lines(evaluation.map_rows(scores)):
+        say(line)
+    for path in evaluation.write_maps(scores, out) if out else ():
+        say(str(path))
+
+
 def tell_scores(
-    truth: Path, estimates: Sequence[Path], *, options: ScoreOptions, out: Path | None
+    truth: Path,
+    estimates: Sequence[Path],
+    *,
+    options: ScoreOptions,
+    out: Path | None,
+    stamps: Path | None = None,
 ) -> int:
     """Score trajectories of files and say how well they did; returns the command's status."""
-    scores, failures = evaluation.score_files(truth, estimates, options)
+    scores, failures = evaluation.score_files(truth, estimates, options, stamps=stamps)
     for line in evaluation.score_lines(scores) if scores else ():
         say(line)
     for path in evaluation.write_scores(scores, out, failures=failures) if out else ():

@@ -20,7 +20,7 @@ from terrain_forge.base import (
     size_text,
 )
 from terrain_forge.building import BuildResult, holding, storing
-from terrain_forge.tiling.joining import begin, join, sample_world, write_manifest
+from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
 from terrain_forge.tiling.order import TileOrder, save_order
 from terrain_forge.tiling.page import write_page
@@ -88,7 +88,7 @@ def build_tiles(
     save_order(order)
     with holding(out):
         with storing(out, out):
-            begin(order)
+            begin_site(order)
         missing = order.missing()
         pace = _Pace()
         watch(f"tiles: 0 of {len(missing)}")

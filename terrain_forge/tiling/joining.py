@@ -27,7 +27,7 @@ def sample_world(order: TileOrder) -> World:
     return world_of(order, Window(column=0, row=0, columns=2, rows=2))
 
 
-def begin(order: TileOrder) -> None:
+def begin_site(order: TileOrder) -> None:
     """Write what tiles share, before any of them."""
     world = sample_world(order)
     for export in order.exports:
@@ -78,7 +78,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
             "kind": export.kind, "options": export.options, "losses": list(losses)
         }  # fmt: skip
     watch("manifest")
-    rocks = _write_table(order)
+    rocks, size = _write_table(order)
     names = [
         path.relative_to(out).as_posix()
         for folder in (FOLDER, "truth", *exports)
@@ -96,6 +96,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         "tiles": {
             "count": len(order.grid), "across": order.grid.across, "up": order.grid.up,
             "cells": order.grid.cells, "rocks": rocks,
+            "bytes": size,
         },
         "exports": exports,
         "outputs": {name: sha256(out / name) for name in names},
@@ -130,20 +131,20 @@ def _built(order: TileOrder, export: Export) -> Iterator[BuiltTile]:
         )
 
 
-def _write_table(order: TileOrder) -> int:
-    """Write the list of tiles with the hashes of their own lists; returns the number of rocks."""
-    rocks = 0
+def _write_table(order: TileOrder) -> tuple[int, int]:
+    """Write the list of tiles with the hashes of their own lists; returns rocks and bytes."""
+    rocks = size = 0
     path = order.out / FOLDER / TABLE
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write("row,column,rocks,lowest_m,highest_m,sha256\n")
         for number, told in _each(order):
-            rocks += told["rocks"]
+            rocks, size = rocks + told["rocks"], size + told["bytes"]
             low, high = told["height_m"]
             digest = sha256(order.folder(number) / TILE)
             file.write(
                 f"{told['row']},{told['column']},{told['rocks']},{low!r},{high!r},{digest}\n"
             )
-    return rocks
+    return rocks, size
 
 
 def read_site(out: Path) -> dict[str, Any]:

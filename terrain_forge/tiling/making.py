@@ -18,6 +18,7 @@ from terrain_forge.making import make_world
 from terrain_forge.model import Tile, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.order import TILE, TileOrder, load_order
+from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
 
 STAGING = ".terrain-forge"
@@ -68,7 +69,8 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
     tile = tile_of(order, number)
     tiles = order.site.recipe.tiles
     parquet = tiles is not None and tiles.parquet
-    counts = write_tile_truth(tile, folder / "truth", parquet=parquet)
+    counts, rock_id = write_tile_truth(tile, folder / "truth", parquet=parquet)
+    write_picture(tile, rock_id, folder / PICTURE, step=tile_step(order.grid))
     figures: dict[str, Any] = {}
     for export in order.exports:
         exporter, options = export.opened()
@@ -85,6 +87,7 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
         "column": column,
         "rocks": len(tile.field),
         "height_m": [float(ground.min()), float(ground.max())],
+        "bytes": sum((folder / name).stat().st_size for name in names),
         "files": {name.as_posix(): sha256(folder / name) for name in names},
         "figures": figures,
         "counts": counts,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError
 from terrain_forge.dtm import geographic_crs, transform
@@ -19,8 +20,10 @@ from terrain_forge.truth.tables import write_rocks
 from terrain_forge.writers import write_geotiff
 
 
-def write_tile_truth(tile: Tile, folder: Path, *, parquet: bool) -> dict[str, Any]:
-    """Write the surface, whose rock is on top, and the rocks; returns what there is of them.
+def write_tile_truth(
+    tile: Tile, folder: Path, *, parquet: bool
+) -> tuple[dict[str, Any], NDArray[np.int32]]:
+    """Write the surface, whose rock is on top, and the rocks; returns their counts, and the ids.
 
     Rasters hold the tile's nodes but those of its northern and eastern border, which the next
     tiles have; at the site's own border all.
@@ -36,7 +39,7 @@ def write_tile_truth(tile: Tile, folder: Path, *, parquet: bool) -> dict[str, An
     write_rocks(world, folder / "rocks.csv")
     if parquet:
         write_parquet(world, folder / "rocks.parquet")
-    return count_rocks(world, rock_id)
+    return count_rocks(world, rock_id), rock_id
 
 
 def disjoint(tile: Tile) -> tuple[Any, tuple[slice, slice]]:

@@ -16,12 +16,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.model import Mesh
 from terrain_forge.validation.consumer import Consumer, python_with, read_probe, run
 from terrain_forge.validation.outlines import ground_and_rocks
 from terrain_forge.validation.reading import Body, Reading, Track, rock_of
@@ -65,7 +65,14 @@ def resting_balls(text: str) -> Array | None:
     return np.array(heights, np.float64) if heights else None
 
 
-def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
+class _Part(NamedTuple):
+    """A mesh as it lies in the file, which is read where it is looked at."""
+
+    vertices: Array
+    faces: NDArray[np.int32]
+
+
+def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[_Part]:
     if not sizes:
         return
     content = np.memmap(binary, np.uint8, "r")
@@ -73,7 +80,7 @@ def _meshes(sizes: list[list[str]], binary: Path) -> Iterator[Mesh]:
     for vertices, faces in sizes:
         middle = at + 24 * int(vertices)
         end = middle + 12 * int(faces)
-        yield Mesh(
+        yield _Part(
             vertices=content[at:middle].view("<f8").reshape(-1, 3),
             faces=content[middle:end].view("<i4").reshape(-1, 3),
         )

@@ -16,6 +16,8 @@ from terrain_forge.model import Mesh
 _LINE_FEED = 10
 BYTES, TRIANGLES = 2**24, 2**18
 """How much of a file is looked at at a time."""
+_PLY = b"ply\nformat binary_little_endian 1.0\n"
+_PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attributes", "<u2")])
 
 
@@ -54,7 +56,8 @@ def read_objects(path: Path) -> Iterator[tuple[str, Mesh]]:
                     title, _, text = text.partition(b"\n")
                     name, parts = title.decode(), []
                 content = np.frombuffer(bytearray(text + b"\n"), np.uint8)
-                parts.append(_read_obj(content, np.count_nonzero(content == _LINE_FEED) + 1))
+                found = _read_obj(content, np.count_nonzero(content == _LINE_FEED) + 1)
+                parts.append((found[0].copy(), found[1].copy()))  # or all room would stay taken
     yield from _object(path, name, parts, first)
 
 
@@ -65,17 +68,24 @@ def _object(
     if not any(len(faces) for _, faces in parts):
         return
     vertices, faces = (np.concatenate(column) for column in zip(*parts, strict=True))
+    parts.clear()
     if faces.min() < first or faces.max() >= first + len(vertices):
         raise ValueError(f"{path}: object {name} names vertices of others")
     yield name, Mesh(vertices=vertices, faces=faces - np.int32(first))
 
 
 def read_triangles(path: Path) -> Iterator[Mesh]:
-    """The triangles of a binary STL, some at a time: it may be larger than the memory.
+    """The triangles of a binary STL or PLY, some at a time: it may be larger than the memory.
 
     Raises:
-        ValueError: if it ends before the triangles that it announces.
+        ValueError: if it ends before the triangles that it announces, or is another kind of PLY.
     """
+    for corners in _ply_corners(path) if path.suffix == ".ply" else _stl_corners(path):
+        places = corners.reshape(-1, 3)
+        yield Mesh(vertices=places, faces=np.arange(len(places), dtype=np.int32).reshape(-1, 3))
+
+
+def _stl_corners(path: Path) -> Iterator[Array]:
     with path.open("rb") as file:
         left = int(np.fromfile(file, "<u4", 1, offset=80)[0])
         while left:
@@ -83,10 +93,34 @@ def read_triangles(path: Path) -> Iterator[Mesh]:
             if not len(found):
                 raise ValueError(f"{path} ends {left} triangles too early")
             left -= len(found)
-            corners = found["corners"].reshape(-1, 3)
-            yield Mesh(
-                vertices=corners, faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-            )
+            yield found["corners"]
+
+
+def _ply_corners(path: Path) -> Iterator[Array]:
+    with path.open("rb") as file:
+        if (begin := file.readline() + file.readline()) != _PLY:
+            raise ValueError(f"{path} begins with {begin!r}, not {_PLY!r}")
+        properties, counts, element = dict[str, list[tuple[str, str]]](), dict[str, int](), ""
+        while (words := file.readline().decode().split()) not in ([], ["end_header"]):
+            if words[0] == "element":
+                element, counts[words[1]] = words[1], int(words[2])
+                properties[element] = []
+            elif words[0] == "property" and words[1] != "list":
+                properties[element].append((words[2], _PLY_TYPES[words[1]]))
+            elif words[0] == "property":
+                properties[element] += [("count", _PLY_TYPES[words[2]]), ("corners", "3<i4")]
+        if list(counts) != ["vertex", "face"]:
+            raise ValueError(f"{path} holds {', '.join(counts)}, not vertex, face")
+        vertices = np.fromfile(file, properties["vertex"], counts["vertex"])
+        places = np.stack([vertices[axis] for axis in "xyz"], axis=-1)
+        del vertices
+        left = counts["face"]
+        while left:
+            found = np.fromfile(file, properties["face"], min(left, TRIANGLES))
+            if not len(found) or (found["count"] != 3).any():
+                raise ValueError(f"{path} lacks {left} triangles, or has other faces")
+            left -= len(found)
+            yield places[found["corners"]]
 
 
 def _read_glb(content: NDArray[np.uint8]) -> Mesh:

@@ -3,6 +3,7 @@
 from .drawing import Drawn as Drawn
 from .drawing import draw as draw
 from .grid import make_grid as make_grid
+from .series import ORDER as ORDER
 from .series import Worlds as Worlds
 from .series import name_of as name_of
 from .series import read_summary as read_summary

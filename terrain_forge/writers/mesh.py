@@ -39,6 +39,10 @@ class MattMaterial:
     """Colour as viewers show it (sRGB, 0 to 1), which multiplies the texture."""
     texture: str = ""
     """File of its texture beside the material file; empty for none."""
+    normals: str = ""
+    """File of its normal map; empty for none."""
+    roughness: str = ""
+    """File of its map of roughness; empty for none."""
 
 
 def write_mtl(path: Path, materials: Iterable[MattMaterial]) -> None:
@@ -48,6 +52,8 @@ def write_mtl(path: Path, materials: Iterable[MattMaterial]) -> None:
         colour = " ".join(f"{channel:.6g}" for channel in material.rgb)
         texture = f"map_Kd {material.texture}\n" if material.texture else ""
         look = f"Ka 0 0 0\nKd {colour}\nKs 0 0 0\nillum 1\n{texture}"
+        look += f"norm {material.normals}\n" if material.normals else ""
+        look += f"map_Pr {material.roughness}\n" if material.roughness else ""
         texts.append(f"newmtl {material.name}\n{look}")
     path.write_text("\n".join(texts), encoding="utf-8", newline="\n")
 

@@ -39,7 +39,8 @@ ROWS = {
     "a route": f"{curves.LONGEST:,.0f} m; {curves.MAX_KNOTS:,} points that it is given by; "
     f"{routes.MOST_SAMPLES:,} samples",
     "rocks": f"{populations.MAX_POPULATIONS} populations and lists; "
-    f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each",
+    f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each, or {populations.MOST_ROCKS:,.0f} evenly "
+    "spread ones in all",
     "a world": "what the machine's memory holds, by the estimate of `terrain-forge check`",
     "a saved world": f"{world.MAX_JSON // MIB:,} MiB of world.json; {manifest.MAX_MANIFEST // MIB} "
     "MiB of manifest.json; arrays.npz and shared.npz uncompressed, of the size that they say",

@@ -113,7 +113,11 @@ def library() -> RockLibrary:
     stretches = [(1.0, 0.8, 0.6), (1.2, 0.7, 0.7), (0.9, 0.9, 0.5)]
     prototypes = tuple(_prototype(s, n) for n, s in enumerate(stretches))
     texture = np.arange(64 * 64).reshape(64, 64) % 251
-    return RockLibrary(prototypes=prototypes, seed=0, texture=texture)
+    normals = np.stack([texture // 4 + 90, texture // 8 + 100, np.full_like(texture, 240)], -1)
+    roughness = 255 - texture // 4
+    return RockLibrary(
+        prototypes=prototypes, seed=0, texture=texture, normals=normals, roughness=roughness
+    )
 
 
 @cache

@@ -13,6 +13,8 @@ from terrain_forge.report.recorded.plots import INK, LEGEND, blank_figure, png_o
 _COLOURS = ("#d1495b", "#2f6f8f", "#5f8a3a", "#8a5fa0", "#c39a2b", "#17a398", "#9a5b2d", "#444444")
 _MARGIN = 2.0
 """Ground shown around the paths [m]."""
+_LEAST = 1e-4
+"""Errors that are drawn [m]."""
 _DRAWN = 2000
 """Points of a line."""
 
@@ -62,14 +64,15 @@ def error_plot(runs: Mapping[str, Array]) -> bytes:
     figure = blank_figure(7.4, 3.6)
     axes = figure.subplots()
     figure.subplots_adjust(left=0.09, right=0.985, bottom=0.14, top=0.95)
-    least = np.inf
+    least = 1.0
     for number, (name, rows) in enumerate(runs.items()):
         station, errors = _largest(rows[:, 1], rows[:, 5])
+        errors = np.maximum(errors, _LEAST)
         least = min(least, float(np.median(errors)))
         colour = _COLOURS[number % len(_COLOURS)]
         axes.plot(station, errors, color=colour, linewidth=1.2, label=name)
     axes.set_yscale("log")
-    axes.set_ylim(bottom=max(0.1 * least, 1e-4))
+    axes.set_ylim(bottom=max(0.1 * least, _LEAST))
     axes.set_xlabel("length of the true path [m]")
     axes.set_ylabel("distance to the truth [m]")
     axes.grid(color="#eee8e0", linewidth=0.6)

@@ -10,12 +10,17 @@ import numpy as np
 
 from terrain_forge.base import Array, DataError
 from terrain_forge.datasets import Recording
-from terrain_forge.evaluation import ERRORS, RESULTS, read_errors
+from terrain_forge.evaluation import ERRORS, MAPS, RESULTS, read_errors
 from terrain_forge.report.blocks import Block, drawing, heading, paragraph, table
 from terrain_forge.report.recorded.trajectories import error_plot, trajectory_plot
 from terrain_forge.report.section import Built, Section
 
 _DIFFERS = "differs: "
+_HOW = (
+    "Distances to the ground where no rock is; cells of the site's grid against the mean of what "
+    "16 rays from above meet, right within 5 cm; a cell holds a rock if one of these meets it. "
+    "What was not mapped is wrong. LAC: points of the Lunar Autonomy Challenge, of 300 each."
+)
 _MOST = 8
 """Systems that are drawn."""
 
@@ -29,7 +34,8 @@ class Localisation(Section):
         """Scores, the paper's table, trajectories over the map, errors; none without scores."""
         try:
             found = built.recording
-            if found is None or not (found.folder / RESULTS / "evaluation.csv").is_file():
+            tables = ("evaluation.csv", f"{MAPS}.csv")
+            if found is None or not any((found.folder / RESULTS / t).is_file() for t in tables):
                 return []
             return list(_blocks(built, found, found.folder / RESULTS))
         except (DataError, OSError, ValueError) as error:
@@ -37,12 +43,15 @@ class Localisation(Section):
 
 
 def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]:
-    head, *rows = _rows(folder / "evaluation.csv")
-    names = [row[0] for row in rows]
-    kept = [n for n in range(len(head)) if any(row[n] for row in rows)]
-    cells = [[row[n] for n in kept] for row in rows]
-    figures = "l" + "r" * (len(kept) - 2) + "l"
-    yield table([head[n] for n in kept], cells, figures=figures)
+    if (folder / f"{MAPS}.csv").is_file():
+        yield heading("Maps")
+        yield _shown(folder / f"{MAPS}.csv", first="l")
+        yield paragraph(_HOW, "note")
+    if not (folder / "evaluation.csv").is_file():
+        return
+    names = [row[0] for row in _rows(folder / "evaluation.csv")[1:]]
+    yield heading("Trajectories")
+    yield _shown(folder / "evaluation.csv", first="l", last="l")
     if (folder / "paper.csv").is_file():
         text = (folder / "paper.txt").read_text(encoding="utf-8").splitlines()
         yield heading(text[0])
@@ -68,6 +77,15 @@ def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]
         description="Error over the length of the path",
         caption="Distance to the truth after the alignment; the largest of each piece is drawn.",
     )
+
+
+def _shown(path: Path, *, first: str, last: str = "r") -> Block:
+    """A table without the columns that are empty in all rows."""
+    head, *rows = _rows(path)
+    kept = [n for n in range(len(head)) if any(row[n] for row in rows)]
+    cells = [[row[n] for n in kept] for row in rows]
+    figures = first + "r" * (len(kept) - 2) + last
+    return table([head[n] for n in kept], cells, figures=figures)
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -50,6 +50,7 @@ class Summary(Section):
             ("Level plane", _plane(site.slope)),
             ("Ground", f"{columns} × {rows} nodes, {site.spacing:g} m apart"),
             ("Roughness", f"H {site.roughness.hurst:.2f}, {site.roughness.deviation:.3g} m at 1 m"),
+            ("Beyond the border", world.horizon.told if world.horizon else "nothing"),
             ("Rock shapes", f"{len(world.library.prototypes)}, seed {world.library.seed}"),
             ("Rover", world.rover.name),
             ("Sun", _sun(world)),

@@ -13,7 +13,7 @@ from terrain_forge.base import Array, portable, stage_key, uniforms
 from terrain_forge.model import Bounds, Mesh, RockLibrary, Site
 from terrain_forge.rocks.populations import PopulationSpec
 
-_MOST = 500
+_MOST = 1000
 """Rocks that are drawn at most: the largest ones."""
 _SMALLEST = 0.1
 """Rocks below this diameter are not drawn [m]."""
@@ -21,6 +21,12 @@ _STEPS = 257
 _DRAWS = 6
 _FOOT = 0.4
 """Where the ground under a rock is looked at, as a part of its diameter from its middle."""
+_FOOTING = 0.1
+"""Part of its height by which a rock is sunk more, so that no daylight shows under it."""
+_UPRIGHT = 1.6
+"""Height of a simple shape, which has no lower half, over that of the upper half."""
+_LUMPS = 0.2
+"""By which part of its distance from the middle a corner may lie farther out or in."""
 _CORNERS = 0.92
 """How far out the corners of the simple shape lie, as a part of the shape's own extent there."""
 
@@ -72,8 +78,10 @@ def rocks_beyond(
         if not len(drawn):
             continue
         shape = np.minimum((drawn[:, 3] * len(shapes)).astype(np.int64), len(shapes) - 1)
-        points = _placed(drawn, np.array(shapes)[shape], spec, height_at)
-        first = (count + np.arange(len(drawn)))[:, None, None] * len(_DIRECTIONS)
+        jitter = uniforms(stage_key(site.seed, f"horizon/{spec.name}/shape"), len(drawn) * _EACH)
+        lumps = 1.0 + _LUMPS * (2.0 * jitter.reshape(-1, _EACH, 1) - 1.0)
+        points = _placed(drawn, np.array(shapes)[shape] * lumps, spec, height_at)
+        first = (count + np.arange(len(drawn)))[:, None, None] * _EACH
         vertices.append(points.reshape(-1, 3))
         faces.append((first + _FACES).reshape(-1, 3))
         population.append(np.full(points.shape[0] * points.shape[1], number))
@@ -136,7 +144,8 @@ def _placed(
     around = [height_at(x + a * foot, y + b * foot) for a, b in _AROUND]
     low, high = spec.buried_fraction
     tall = size * np.ptp(shapes[:, :, 2], axis=1)
-    bottom = np.min(around, axis=0) - (low + drawn[:, 4] * (high - low)) * tall
+    buried = _FOOTING + low + drawn[:, 4] * (high - low)
+    bottom = np.min(around, axis=0) - buried * tall
     half = portable.tan(np.pi * drawn[:, 5])[:, None]
     cosine, sine = (1.0 - half * half) / (1.0 + half * half), 2.0 * half / (1.0 + half * half)
     local = shapes * size[:, None, None]
@@ -152,17 +161,17 @@ def _placed(
 
 
 def simple_shape(vertices: Array) -> Array:
-    """A shape of 18 corners about as wide and high as another, of plan diameter 1."""
+    """A shape of 13 corners, open below, about as wide and high as another, of plan diameter 1."""
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     out = ((vertices - middle)[:, None, :] * _DIRECTIONS).sum(axis=-1).max(axis=0)
     corners = _CORNERS * out[:, None] * _DIRECTIONS
     wide = 0.5 * float(np.ptp(corners[:, 0]) + np.ptp(corners[:, 1]))
-    return np.asarray(corners / wide)
+    return np.asarray(corners / wide * (1.0, 1.0, _UPRIGHT))
 
 
 def _sphere() -> tuple[Array, NDArray[np.int32]]:
-    """Corners and faces of an octahedron whose edges are halved once."""
-    corners = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    """Corners and faces of the upper half of an octahedron whose edges are halved once."""
+    corners = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)]
     points = [np.array(corner, np.float64) for corner in corners]
     faces, middles = [], dict[tuple[int, ...], int]()
 
@@ -175,13 +184,12 @@ def _sphere() -> tuple[Array, NDArray[np.int32]]:
 
     ring = (0, 2, 1, 3, 0)
     for a, b in pairwise(ring):
-        for one in ((a, b, 4), (b, a, 5)):
-            p, q, r = one
-            u, v, w = between(p, q), between(q, r), between(r, p)
-            faces += [(p, u, w), (u, q, v), (w, v, r), (u, v, w)]
+        u, v, w = between(a, b), between(b, 4), between(4, a)
+        faces += [(a, u, w), (u, b, v), (w, v, 4), (u, v, w)]
     return np.array(points), np.array(faces, np.int32)
 
 
 _DIRECTIONS, _FACES = _sphere()
+_EACH = len(_DIRECTIONS)
 _NO = np.empty(0, np.int64)
 _AROUND = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))

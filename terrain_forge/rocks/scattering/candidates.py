@@ -110,13 +110,12 @@ def draw_class(
 
 def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
     """Rocks evenly at random in each cell."""
-    cells, counts = size_class.cells, region.cut(size_class.counts)
+    cells, counts = size_class.cells, size_class.counts_of(region)
     rows, columns = np.indices(counts.shape).reshape(2, -1).repeat(counts.ravel(), axis=1)
     address = addresses(size_class.key, region.column, region.row, np.ascontiguousarray(counts))
-    first_id = size_class.first_id + _before(size_class.counts)
     x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
     y = site.south + (region.row + rows + draw(address, NORTH)) * cells.side[1]
-    ids = _numbered(region.cut(first_id), counts)
+    ids = _numbered(size_class.ids_of(region), counts)
     return ids, address, np.column_stack([x, y]), rows * region.columns + columns
 
 
@@ -129,6 +128,7 @@ def _in_clusters(
 ) -> _Unthinned:
     """Rocks about their parents, those of a region's cells."""
     assert isinstance(population.arrangement, Clustered)
+    assert size_class.counts is not None
     radius, cells = population.arrangement.radius_m, size_class.cells
     west, south, east, north = region.rectangle(cells, site)
     low, high = np.array([west, south]), np.array([east, north])
@@ -177,7 +177,7 @@ def draw_list(
     yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
     shallow, deep = spec.buried_fraction
     drawn = Candidates(
-        id=index * MAX_ROCKS + np.arange(count),
+        id=_first_of_list(site, number, index) + np.arange(count),
         population=np.full(count, index),
         address=address,
         xy=np.column_stack([table.column("x_m"), table.column("y_m")]),
@@ -197,6 +197,14 @@ def draw_list(
         split = max(int(bins), 1)
         found.append((part, Cells(radius=radius, columns=1, rows=1, side=site.size, split=split)))
     return found
+
+
+def _first_of_list(site: Site, number: int, index: int) -> int:
+    """Id of a list's first rock: lists come last, or first where rocks are numbered by cells."""
+    rocks = site.recipe.rocks
+    if not any(population.is_many(site.size) for population in rocks.populations):
+        return index * MAX_ROCKS
+    return sum(len(site.table(spec.file).values) for spec in rocks.lists[:number])
 
 
 def _column(table: Table, name: str) -> Array | None:

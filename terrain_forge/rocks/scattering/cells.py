@@ -137,6 +137,17 @@ def cell_counts(key, means):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def region_counts(key, column, row, columns, rows, mean, most):  # type: ignore[no-untyped-def]
+    """As `cell_counts` of a region that begins at (column, row), no more than `most` each."""
+    counts = np.empty((rows, columns), dtype=np.int64)
+    for j in range(rows):
+        for i in range(columns):
+            cell = mix(mix(key, column + i), row + j)
+            counts[j, i] = min(poisson(mix(cell, 0), mean), most)
+    return counts
+
+
+@kernel
 def addresses(key, column, row, counts):  # type: ignore[no-untyped-def]
     """Hashed addresses of the rocks of a region of cells that begins at (column, row)."""
     found = np.empty(counts.sum(), dtype=np.uint64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,15 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, Key, RecipeError, mix, stage_key
 from terrain_forge.model import RockLibrary, Site
 from terrain_forge.rocks.arrangement import Clustered, crowding
-from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec
+from terrain_forge.rocks.populations import LAST_ID, MAX_ROCKS, PopulationSpec
 from terrain_forge.rocks.scattering import clusters
-from terrain_forge.rocks.scattering.cells import Cells, cell_counts, divide
+from terrain_forge.rocks.scattering.cells import (
+    Cells,
+    Region,
+    cell_counts,
+    divide,
+    region_counts,
+)
 from terrain_forge.rocks.scattering.clusters import Parents
 from terrain_forge.rocks.scattering.intensity import Intensity, crater_bounds
 
@@ -22,6 +29,9 @@ ground, and no neighbour may hold it."""
 
 _MAX_ROCKS_PER_CELL = 500.0
 _BOUNDED_PARTS = 1024
+_SPREAD, _SPARE = 10.0, 20
+"""Standard deviations above the mean, and so many more, for which a cell has ids: a cell with more
+rocks, of which there is none in 10^20, has no more than that."""
 _MOST_PARTS = 64
 
 
@@ -44,10 +54,31 @@ class SizeClass:
     for 1 everywhere."""
     parents: Parents | None
     """The clusters that the rocks belong to, if any."""
-    counts: NDArray[np.int64]
-    """Rocks that are drawn in each cell, shape [rows, columns], or for each parent."""
+    counts: NDArray[np.int64] | None
+    """Rocks that are drawn in each cell, shape [rows, columns], or for each parent; None where they
+    are drawn for the cells that are asked for alone."""
+    mean: float
+    """Expected number of rocks in a cell, where none is denser than another."""
+    most: int
+    """Ids that a cell has; 0 where ids go on cell by cell or parent by parent."""
     first_id: int
-    """Id of the first rock; ids go on cell by cell or parent by parent."""
+    """Id of the first rock."""
+
+    def ids_of(self, region: Region) -> NDArray[np.int64]:
+        """The first id of each cell of a region, shape [rows, columns]."""
+        if self.counts is None:
+            rows = region.row + np.arange(region.rows)
+            columns = region.column + np.arange(region.columns)
+            return self.first_id + self.most * (rows[:, None] * self.cells.columns + columns)
+        before = np.cumsum(self.counts.ravel()).reshape(self.counts.shape) - self.counts
+        return region.cut(self.first_id + before)
+
+    def counts_of(self, region: Region) -> NDArray[np.int64]:
+        """Rocks that are drawn in each cell of a region, shape [rows, columns]."""
+        if self.counts is None:
+            found: NDArray[np.int64] = region_counts(self.key, *region, self.mean, self.most)
+            return found
+        return region.cut(self.counts)
 
 
 def size_classes(
@@ -62,9 +93,19 @@ def size_classes(
     Raises:
         RecipeError: if a population is too dense to be placed without overlap, or too numerous.
     """
-    found = []
+    found: list[SizeClass] = []
+    many = any(population.is_many(site.size) for population in populations)
+    next_id = sum(len(site.table(spec.file).values) for spec in site.recipe.rocks.lists) * many
     for index, population in enumerate(populations):
-        found += _octaves(site, population, index, library, intensity)
+        first_id = next_id if many else index * MAX_ROCKS
+        classes, next_id = _octaves(site, population, index, library, intensity, first_id)
+        found += classes
+    if many and next_id > LAST_ID:
+        raise RecipeError(
+            f"the rocks need {next_id:.3g} ids, at most {LAST_ID:.3g}: raise the smallest "
+            "diameters",
+            key=("rocks", "populations"),
+        )
     return sorted(found, key=lambda c: (-c.largest, c.population, -c.smallest))
 
 
@@ -96,8 +137,9 @@ def _octaves(
     index: int,
     library: RockLibrary,
     intensity: Intensity,
-) -> list[SizeClass]:
-    """The classes of one population, smallest first."""
+    first_id: int,
+) -> tuple[list[SizeClass], int]:
+    """The classes of one population, smallest first, and the id after those of its rocks."""
     where, arrangement = ("rocks", "populations", index), population.arrangement
     shapes = shapes_of(population.families, library, where)
     reach = max(library.prototypes[shape].reach for shape in shapes)
@@ -108,7 +150,7 @@ def _octaves(
     parents = None
     if isinstance(arrangement, Clustered):
         parents = clusters.parents(arrangement, site=site, key=key, where=where)
-    next_id = index * MAX_ROCKS
+    next_id, many = first_id, population.is_many(site.size)
     found: list[SizeClass] = []
     while low < last:
         high = min(2.0 * low, last)
@@ -122,7 +164,12 @@ def _octaves(
         )
         bounds = _bounds(intensity, index, low, cells) if intensity.around[index] else None
         class_key = np.uint64(mix(key, len(found)))
-        counts = _counts(population, (low, high), class_key, cells, bounds, parents, where)
+        mean = population.density(low, high) * cells.side[0] * cells.side[1]
+        counts, most = None, 0
+        if many:
+            most = math.ceil(mean + _SPREAD * math.sqrt(mean)) + _SPARE
+        else:
+            counts = _counts(population, (low, high), class_key, cells, bounds, parents, where)
         found.append(
             SizeClass(
                 population=index,
@@ -133,17 +180,20 @@ def _octaves(
                 bounds=bounds,
                 parents=parents,
                 counts=counts,
+                mean=mean,
+                most=most,
                 first_id=next_id,
             )
         )
-        next_id, low = next_id + int(counts.sum()), high
-    if next_id > (index + 1) * MAX_ROCKS:
+        used = most * cells.rows * cells.columns if counts is None else int(counts.sum())
+        next_id, low = next_id + used, high
+    if not many and next_id > first_id + MAX_ROCKS:
         raise RecipeError(
-            f"{population.name}: {next_id - index * MAX_ROCKS} rocks, at most {MAX_ROCKS}: "
+            f"{population.name}: {next_id - first_id} rocks, at most {MAX_ROCKS}: "
             "raise the smallest diameter",
             key=where,
         )
-    return found
+    return found, next_id
 
 
 def _counts(

@@ -1,10 +1,10 @@
 """How high the ground beyond a world is, and its colour.
 
 It is what was read of it, where anything was: the DTM's patch, then ever coarser heights around.
-Where they end it is level, as high as they are on the whole. Layers go on in it as far as they can
-say how (`Layer.beyond`). What the ground at the border is besides all this runs out: it is
-smoothed along the ring, and falls to nothing over about the length of the site's side. Farther out
-the body curves away.
+Where they end it becomes level, as high as the farthest are. Layers go on in it as far as they can
+say how (`Layer.beyond`). What the ground at the border is besides all this runs out, and so does
+what is known where that ends: it is smoothed along the ring, and falls to nothing over about the
+length of the site's side. Farther out the body curves away.
 """
 
 from __future__ import annotations
@@ -119,32 +119,37 @@ def _values(
     known -= site.datum_height + _plane(site, points)
     height = border_values(ground.elevation).astype(np.float64)
     level = float(height.mean()) if site.dtm is None else _level(site, known, weight)
-    base = level + weight * (known - level)
     going_on = [f for layer in layers if layer.mask is None and (f := layer.beyond(site))]
-    base[border:] += np.concatenate([_relief(going_on, ring) for ring in rings])
-    rest = height - base[border : 2 * border]
-    inside = ground.height_at(*inner.T) - base[:border]
-    slope = (rest - inside) / (_INWARD * ground.spacing)
+    relief = np.concatenate([_relief(going_on, ring) for ring in rings])
+    inside = ground.height_at(*inner.T) - weight[:border] * known[:border]
+    known, weight, points = known[border:], weight[border:], points[border:]
+    bare = height - relief[:border]
+    slope = (bare - weight[:border] * known[:border] - inside) / (_INWARD * ground.spacing)
     colour = linear_from_srgb(np.arange(256) / 255.0)[border_values(ground_rgb)]
-    state = np.column_stack([rest, slope, colour])
-    mean, states = state.mean(axis=0), [state]
-    runout = _RUNOUT * min(sides)
+    mean, states, start = colour.mean(axis=0), [np.column_stack([bare, slope, colour])], 0
     for last, ring in pairwise(rings):
-        step = ring.away - last.away
-        state = _smoothed(_smoothed(states[-1]))[ring.kept]
-        slope = state[:, 1] / (1.0 + step / runout)
+        step, count = ring.away - last.away, len(last.points)
+        here = slice(start, start + count)
+        start += count
+        there = slice(start, start + len(ring.points))
+        # Apart from what is known, where anything is.
+        apart = np.where(weight[here] > 0.0, states[-1][:, 0] - known[here], 0.0)
+        state = _smoothed(_smoothed(np.column_stack([states[-1], apart])))[ring.kept]
+        slope = state[:, 1] / (1.0 + step / (_RUNOUT * min(sides)))
         fade = 1.0 / (1.0 + min(sides) / step)
-        rest = (state[:, 0] + slope * step) * (1.0 - fade)
-        colour = state[:, 2:] + fade * (mean[2:] - state[:, 2:])
-        states.append(np.column_stack([rest, slope, colour]))
+        share = np.minimum(weight[there], weight[here][ring.kept])
+        on_known = known[there] + (1.0 - fade) * (state[:, 5] + slope * step)
+        alone = state[:, 0] + slope * step
+        found = share * on_known + (1.0 - share) * (alone + fade * (level - alone))
+        colour = state[:, 2:5] + fade * (mean - state[:, 2:5])
+        states.append(np.column_stack([found, slope, colour]))
     whole = np.concatenate(states)
-    points = points[border:]
     west, south, east, north = ground.bounds
     off = points - np.clip(points, (west, south), (east, north))
     drop = (off * off).sum(axis=1) / (2.0 * site.body.mean_radius)
-    heights = base[border:] + whole[:, 0] - drop
+    heights = whole[:, 0] + relief - drop
     heights[:border] = height
-    return heights, whole[:, 2:], weight[border:]
+    return heights, whole[:, 2:], weight
 
 
 def _sides(ground: Heightfield) -> tuple[float, float]:

@@ -93,7 +93,8 @@ def test_each_goes_its_way_and_the_others_go_on(dataset, system, tmp_path):
         "kitti": ("done", ""),
         "halted": (
             "lost",
-            "halted: 4 poses of 5 frames, and KITTI's format has no times to tell of which",
+            "halted: 4 poses of 5 frames, and KITTI's format has no times to tell of which: name a "
+            "file of them as `stamps` of the system",
         ),
         "tactile": ("failed", "tactile needs odometry, which was not recorded"),
         "orb": ("failed", "orb is a program of yours: --binary orb=PATH"),
@@ -114,6 +115,37 @@ def test_each_goes_its_way_and_the_others_go_on(dataset, system, tmp_path):
     assert rows[2]["result"].startswith("lost: wrote no")
     for ending in ("tex", "txt"):
         assert "noisy" in (tmp_path / "o" / f"evaluation.{ending}").read_text()
+
+
+_SOME = """
+    lines = open(f"{source}/poses/00.txt").readlines()
+    kept = [1, 2, 4]
+    open(target, "w").writelines(lines[n] for n in kept)
+    times = open(f"{source}/sequences/00/times.txt").read().split()
+    open("frames.txt", "w").writelines(f"{n}\\n" for n in kept)
+    open("times.txt", "w").writelines(f"{times[n]}\\n" for n in kept)
+    open("few.txt", "w").write("1\\n2\\n")
+    open("wrong.txt", "w").write("1\\n2\\n9\\n")
+"""
+"""Tells three of five poses, and which they are."""
+
+
+def test_kittis_format_needs_no_pose_of_each_frame_where_stamps_are_told(dataset, system):
+    kinds = {"times": "seconds", "frames": "frames", "few": "frames", "wrong": "frames",
+             "none": "frames"}  # fmt: skip
+    adapters = [
+        find_system(system(name, _SOME, input="kitti", format="kitti", stamps=f"{name}.txt",
+                           stamps_in=kind))
+        for name, kind in kinds.items()
+    ]  # fmt: skip
+    results = evaluate_recording(dataset, adapters, options=ScoreOptions(align="origin"))
+    for one in results[:2]:
+        assert one.run.status == "done", one.run.why
+        assert one.score.poses == 3
+        assert one.score.ate.most < 1e-9
+    whys = [one.run.why for one in results[2:]]
+    assert "few.txt: 2 stamps for the 3 poses of few.kitti" in whys[0]
+    assert whys[1:] == ["wrong: stamp 9 is no frame of 0 to 4", "wrote no stamps (none.txt)"]
 
 
 def test_runs_have_a_spread(dataset, system):

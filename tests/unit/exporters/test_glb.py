@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from terrain_forge.exporters.glb import Options, export
 from terrain_forge.exporters.glb.rocks import node_texts
 
-from terrain_forge.base import ExportError, xyzw
+from terrain_forge.base import ExportError, linear_from_srgb, xyzw
 from terrain_forge.model import rotations
+from terrain_forge.scene import rock_tints, tint_colours
 from tests.helpers.ground_pictures import (
     PIXELS,
     detailed,
@@ -109,11 +110,12 @@ def test_large_rocks_share_their_meshes(small_world, glb):
     text, _ = chunks(glb)
     field = small_world.field
     large = field.diameter >= 0.5
-    kinds = set(zip(field.prototype[large], field.population[large], strict=True))
+    tints = rock_tints(field.id[large], small_world.site.seed)
+    kinds = set(zip(field.prototype[large], field.population[large], tints, strict=True))
     shared = [mesh for mesh in text["meshes"] if mesh["name"].startswith("rock_shape_")]
-    assert len(shared) == len(kinds) < large.sum()
+    assert len(shared) == len(kinds) <= large.sum()
     positions = {mesh["primitives"][0]["attributes"]["POSITION"] for mesh in shared}
-    assert len(positions) == len({prototype for prototype, _ in kinds})
+    assert len(positions) == len({prototype for prototype, *_ in kinds})
 
 
 def test_small_rocks_are_merged(small_world, scene):
@@ -174,10 +176,20 @@ def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
     wanted = np.concatenate([shape.meshes[0].vertices[shape.meshes[0].faces], shape.uvs[0]], axis=2)
     found = np.concatenate([mesh.vertices[mesh.faces], mesh.visual.uv[mesh.faces]], axis=2)
     assert np.allclose(found, wanted, atol=1e-6)
-    image = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
+    look = mesh.visual.material
+    image = np.asarray(look.baseColorTexture.convert("RGB")) / 255.0
     brightest = small_world.library.texture[::-1] == small_world.library.texture.max()
-    rgb = small_world.appearance.rock_rgb[field.population[row]]
-    assert np.abs(image[brightest].astype(int) - rgb).max() <= 3
+    colours = tint_colours(small_world)[field.population[row]]
+    lightest = small_world.library.texture.max() / small_world.library.texture.mean()
+    shown = linear_from_srgb(image[brightest].mean(axis=0))
+    assert np.allclose(shown, lightest * colours.max(axis=0), atol=0.01)
+    tint = rock_tints(field.id[row : row + 1], small_world.site.seed)[0]
+    factor = np.asarray(look.baseColorFactor)[:3] / 255.0
+    assert np.allclose(factor * colours.max(axis=0), colours[tint], atol=0.005)
+    normals = np.asarray(look.normalTexture.convert("RGB"))
+    assert np.array_equal(normals, small_world.library.normals[::-1])
+    rough = np.asarray(look.metallicRoughnessTexture.convert("RGB"))
+    assert np.array_equal(rough[..., 1], small_world.library.roughness[::-1])
 
 
 def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):
@@ -188,8 +200,13 @@ def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):
     root = text["nodes"][text["scenes"][text["scene"]]["nodes"][0]]
     up = Rotation.from_quat(root["rotation"]).apply([0, 0, 1])
     assert np.allclose(up, [0, 1, 0])
-    light = text["extensions"]["KHR_lights_punctual"]["lights"][0]
+    light, lamp = text["extensions"]["KHR_lights_punctual"]["lights"]
     assert light["type"] == "directional"
+    level = light["intensity"] * small_world.lighting.towards_sun[2] / np.pi
+    assert 0.5 < level < 1.0  # of its own albedo, in viewers that take lux as they stand
+    assert lamp["range"] < 0.01
+    real, _ = chunks(exported(small_world, tmp_path / "real", lights="physical"))
+    (light,) = real["extensions"]["KHR_lights_punctual"]["lights"]
     assert light["intensity"] == pytest.approx(98 * small_world.lighting.irradiance)
     dim, _ = chunks(exported(small_world, tmp_path / "dim", sun_lux=3))
     assert dim["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] == 3
@@ -246,7 +263,9 @@ def test_a_bare_world_without_paths(small_world, tmp_path):
     world = small_world.replace(field=nothing, trajectories=())
     text, _ = chunks(exported(world, tmp_path / "glb"))
     assert "animations" not in text
-    assert [node["name"] for node in text["nodes"]] == ["by-hand", "sun", "ground_000"]
+    assert [node["name"] for node in text["nodes"]] == [
+        *("by-hand", "sun", "sun_for_blender", "ground_000")
+    ]
 
 
 @pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.writing"])

@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.sdf import Options, export
 from terrain_forge.exporters.sdf.heightmap import cut_error, heightmap_error, make_heightmap
 
-from terrain_forge.base import ExportError, quaternion_from_rpy
+from terrain_forge.base import ExportError, linear_from_srgb, quaternion_from_rpy
 from terrain_forge.dtm.projection import body_crs, local_crs
-from terrain_forge.geometry import bake_ground
+from terrain_forge.geometry import bake_ground, rock_factors
 from terrain_forge.model import Heightfield, Mesh, Trajectory, rotations, simple_sensors
 from terrain_forge.paths import angles_between, spline_places
 from terrain_forge.paths.interpolation import turns_between
 from terrain_forge.rocks import dynamic_contact
-from terrain_forge.scene import grain
+from terrain_forge.scene import grain, rock_tints, tint_colours
 from tests.helpers import rovers, worlds
 from tests.helpers.gazebo import rested
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
@@ -252,14 +252,19 @@ def test_single_rocks_show_their_populations_texture(small_world, sdf):
             population = small_world.field.population[row]
             image = file_of(sdf, visual.findtext("material/pbr/metal/albedo_map"))
             assert image.name == f"rock_{population}.png"
+            for kind in ("normal", "roughness"):
+                assert file_of(sdf, visual.findtext(f"material/pbr/metal/{kind}_map")).is_file()
+            factor = [float(n) for n in visual.findtext("material/diffuse").split()][:3]
+            wanted = rock_factors(small_world, population)
+            tint = rock_tints(small_world.field.id[row : row + 1], small_world.site.seed)[0]
+            assert np.allclose(factor, wanted[tint], atol=1e-5)
     with Image.open(image) as picture:
         pixels = np.asarray(picture)[::-1].astype(int)
     assert pixels.shape == (*texture.shape, 3)
     brightest = np.unravel_index(texture.argmax(), texture.shape)
-    full = texture.max() / 255 > 0.97
-    assert full
-    assert np.abs(pixels[brightest] - small_world.appearance.rock_rgb[population]).max() <= 2
-    assert pixels[texture == 0].max() == 0
+    lightest = tint_colours(small_world)[population].max(axis=0)
+    light = linear_from_srgb(pixels[brightest] / 255.0)
+    assert np.allclose(light, np.minimum(texture.max() / texture.mean() * lightest, 1.0), atol=0.01)
     shape = small_world.library.prototypes[0]
     lines = (sdf / "models/by-hand_rocks/meshes/shape_000.obj").read_text().splitlines()
     vt = np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)

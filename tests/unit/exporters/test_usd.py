@@ -20,12 +20,14 @@ from terrain_forge.exporters.usd import Options, export
 
 from terrain_forge.base import ExportError, matrix_from_quaternion
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.geometry import rock_factors
 from terrain_forge.geometry.rock_mesh import outline_error
 from terrain_forge.making import plan
 from terrain_forge.model import MARS, Mesh, rotations, simple_sensors
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, RocksSpec, dynamic_contact
+from terrain_forge.scene import rock_tints
 from terrain_forge.terrain import CraterLayer
 from tests.helpers import worlds
 from tests.helpers.ground_pictures import (
@@ -306,11 +308,18 @@ def test_every_convex_part_is_a_collider(loosened, tmp_path):
 
 def test_rocks_show_their_populations_texture(small_world, stage, usd):
     for prim in labelled(stage, "rock"):
-        population = int(prim.GetName().removeprefix("visual_"))
+        population, tint = map(int, prim.GetName().removeprefix("visual_").split("_"))
         material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
         image = UsdShade.Shader(stage.GetPrimAtPath(material.GetPath().AppendChild("image")))
         file = image.GetInput("file").Get()
         assert file.resolvedPath == str(usd / "assets" / f"rock_{population}.png")
+        factor = rock_factors(small_world, population)[tint]
+        if (scale := image.GetInput("scale")) or not np.allclose(factor, 1.0):
+            assert np.allclose(np.array(scale.Get())[:3], factor, atol=1e-6)
+        assert material.ComputeSurfaceSource()[0].GetInput("normal").HasConnectedSource()
+        assert material.ComputeSurfaceSource()[0].GetInput("roughness").HasConnectedSource()
+        ids = UsdGeom.PointInstancer(prim).GetIdsAttr().Get()
+        assert set(rock_tints(np.array(ids, np.int32), small_world.site.seed)) == {tint}
         assert image.GetInput("wrapS").Get() == image.GetInput("wrapT").Get() == "repeat"
         target = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()[0]
         mesh = stage.GetPrimAtPath(target.AppendChild("shape"))
@@ -403,8 +412,31 @@ def test_a_file_that_is_open_is_a_clear_error(small_world, tmp_path):
 def test_losses_are_named(small_world, tmp_path):
     (tmp_path / "usd").mkdir()
     losses = " ".join(export(small_world, tmp_path / "usd", options=Options()).losses)
-    for word in ("fixed", "share colliders", "W/m²", "half-precision", "without a normal map"):
+    for word in (
+        "fixed",
+        "share colliders",
+        "made for display",
+        "half-precision",
+        "without a normal map",
+    ):
         assert word in losses
+
+
+@pytest.mark.parametrize("lights", ["display", "physical"])
+def test_lights_are_for_display_or_as_in_nature(small_world, tmp_path, lights):
+    """For display level white ground is less than white where a renderer takes light as it is."""
+    told = export(small_world, tmp_path, options=Options(lights=lights)).losses
+    stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun")).GetIntensityAttr().Get()
+    sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
+    light = small_world.lighting
+    if lights == "physical":
+        assert sun == pytest.approx(light.irradiance)
+        assert any("W/m²" in loss for loss in told)
+    else:
+        level = sun * light.towards_sun[2] / np.pi
+        level += sky.GetIntensityAttr().Get() * np.mean(light.sky_rgb)
+        assert 0.4 < level < 1.0
 
 
 def test_the_outlines_of_small_rocks_are_within_the_option_and_said(small_world, tmp_path):

@@ -235,7 +235,7 @@ def test_texture_coordinates_stretch_little_and_never_mirror(rock):
 
 def test_texture_tiles_and_keeps_colours(library):
     tile = library.texture.astype(float)
-    assert tile.shape == (256, 256)
+    assert tile.shape == (512, 512)
     assert tile.mean() == pytest.approx(MEAN_BRIGHTNESS, abs=1.0)
     assert 12 < tile.std() < 40
     for axis in (0, 1):
@@ -243,6 +243,20 @@ def test_texture_tiles_and_keeps_colours(library):
         seam = np.abs(np.take(tile, 0, axis) - np.take(tile, -1, axis)).mean()
         assert seam < 1.2 * steps.max()
         assert steps.max() < 15
+
+
+def test_the_tiles_normals_are_those_of_one_relief(library):
+    normals = library.normals / 127.5 - 1.0
+    assert np.abs(np.linalg.norm(normals, axis=2) - 1.0).max() < 0.02
+    rise = -normals[..., :2] / normals[..., 2:]
+    assert 0.25 < rise.std() < 0.8
+    # Around every pixel the rises of a height field add up to nothing, over the seam too.
+    across, along = rise[..., 0], rise[..., 1]
+    curl = np.roll(along, -1, 1) - np.roll(along, 1, 1) - np.roll(across, -1, 0)
+    curl += np.roll(across, 1, 0)
+    shear = np.roll(along, -1, 1) - np.roll(along, 1, 1)
+    assert curl.std() < 0.1 * shear.std()
+    assert library.roughness.min() > 150
 
 
 def test_reach_and_rise_are_the_outlines(rock):

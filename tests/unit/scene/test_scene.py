@@ -179,8 +179,8 @@ def test_same_bytes_for_any_number_of_threads(small_world, scene, monkeypatch):
     directions = random.normal(size=(5000, 3))
     found = []
     for threads in (1, 3):
-        for module in ("base.kernels", "scene.render"):
-            monkeypatch.setattr(f"terrain_forge.{module}.get_num_threads", lambda n=threads: n)
+        name = "terrain_forge.base.kernels.get_num_threads"
+        monkeypatch.setattr(name, lambda n=threads: n)
         hits = scene.cast(origins, directions)
         picture = render_preview(small_world, width=64, height=36)
         found.append([hits.distance, hits.normal, hits.rock, picture])

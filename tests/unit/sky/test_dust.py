@@ -9,8 +9,8 @@ import terrain_forge as tf
 from terrain_forge.base import RecipeError
 from terrain_forge.model import MARS, MOON
 from terrain_forge.scene import open_scene, pinhole_camera
-from terrain_forge.scene.buffers import prepare_land, prepare_light, prepare_stones, prepare_tracks
-from terrain_forge.scene.render import expose
+from terrain_forge.scene.buffers import prepare_light
+from terrain_forge.scene.picture import radiance_seen
 from terrain_forge.sky import SkySpec, beam, daylight
 from tests.helpers import worlds
 
@@ -103,10 +103,7 @@ def test_pictures_show_this_sky(azimuth_deg):
     )  # fmt: skip
     with open_scene(world.replace(lighting=light)) as scene:
         made = prepare_light(scene.subject, light, facing=0.35)
-        image = expose(
-            scene, camera, land=prepare_land(scene, light), tracks=prepare_tracks(scene),
-            stones=prepare_stones(scene), light=made,
-        )  # fmt: skip
+        image = radiance_seen(scene, camera, light)
         albedo = made.bounce[0] / 0.35, made.bounce[1] / 0.35, made.bounce[2] / 0.35
     day = daylight(light.dust, float(light.towards_sun[2]), np.array(albedo))
     rays = camera.rays()[1]

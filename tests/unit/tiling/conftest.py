@@ -30,7 +30,7 @@ exports: [{exports}]
 """
 
 
-def write_recipe(folder: Path, *, exports: str = "geotiff", **changes: str) -> Path:
+def write_recipe(folder: Path, *, exports: str = "geotiff, usd, glb, sdf", **changes: str) -> Path:
     """The recipe of the site, with other text in place of some of its lines' values."""
     text = TEXT.format(root=ROOT, exports=exports)
     for old, new in changes.items():

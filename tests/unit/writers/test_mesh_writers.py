@@ -15,10 +15,12 @@ from terrain_forge.geometry import (
     mean_rock_colour,
     merge_in_parts,
     merge_rocks,
+    rock_factors,
     rock_texture,
 )
 from terrain_forge.geometry.rock_mesh import outline_error
 from terrain_forge.model import Heightfield, Mesh
+from terrain_forge.scene import tint_colours
 from terrain_forge.writers import (
     encode_png,
     file_name,
@@ -114,16 +116,19 @@ def test_obj_texture_indices_may_be_longer_than_the_vertices(tmp_path):
 
 
 def test_a_rocks_texture_is_its_colour_in_linear_light(small_world):
-    library = small_world.library.replace(texture=np.array([[0, 255], [64, 128]]))
+    library = small_world.library.replace(
+        texture=np.array([[0, 255], [64, 128]]), normals=None, roughness=None
+    )
     world = small_world.replace(library=library)
     image = rock_texture(world, 1)
     assert image.shape == (2, 2, 3)
-    colour = linear_from_srgb(small_world.appearance.rock_rgb[1] / 255)
-    mean = 447 / 4
+    colours = tint_colours(world)[1]
+    colour, mean = colours.max(axis=0), 447 / 4
     for brightness, pixel in ((0, image[1, 0]), (255, image[1, 1]), (64, image[0, 0])):
         shown = linear_from_srgb(pixel / 255.0)
-        assert np.allclose(shown, brightness / mean * colour, atol=0.003)
-    assert np.allclose(mean_rock_colour(world, 1), colour)
+        assert np.allclose(shown, np.minimum(brightness / mean * colour, 1.0), atol=0.003)
+    assert np.allclose(rock_factors(world, 1) * colour, colours)
+    assert np.allclose(mean_rock_colour(world, 1), colours.mean(axis=0))
 
 
 def test_colours_go_to_linear_light_and_back():

@@ -1,0 +1,275 @@
+"""A site in tiles as 3D Tiles 1.1: a tileset over GLBs, for viewers on the web.
+
+    OUT/glb/tileset.json                     boxes in boxes, down to the tiles
+    OUT/glb/tileset_ROW_COLUMN.json          parts of it, where there are many tiles
+    OUT/tiles/ROW/COLUMN/glb/LEVEL.glb       sixteenth, quarter, full: each takes the other's place
+
+Contents count from their tile's anchor; the tile's `transform` puts them into the site's frame,
+whose z axis is up, as 3D Tiles have it. OGC 22-025r4, 3D Tiles Specification 1.1.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, image_rows
+from terrain_forge.geometry import (
+    GroundLevel,
+    bake_ground,
+    coarse_shape,
+    finest_texture,
+    grid_normals,
+    grid_texture_coordinates,
+    ground_levels,
+    grouped,
+    level_of_detail,
+    mean_rock_colour,
+    merge_in_parts,
+    shifted,
+    tile_anchor,
+)
+from terrain_forge.model import BuiltTile, Mesh, RockField, Tile, TiledSite, TileGrid, World
+from terrain_forge.writers import Gltf, encode_png, vertex_normals
+
+from .ground import matt
+from .options import Options
+
+LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
+"""Names of the levels of detail, and cells of the ground to one of theirs, each way."""
+_HALF = 0.5**0.5
+_Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
+_BLOCK = 16
+"""Tiles each way of which a tileset has a file of its own, where there are more."""
+Box = tuple[Array, Array]
+"""Lowest and highest corner [m]."""
+
+
+def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
+    """Write a tile's levels of detail; returns its place, its levels' errors and their box."""
+    anchor = tile_anchor(tile, grid)
+    local = shifted(tile.world, anchor)
+    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
+    finer = finest_texture(
+        tile.ground.replace(elevation=np.zeros((side, side), np.float32)), options.texture_pixels
+    )
+    picture = image_rows(bake_ground(tile.world, finer=finer).rgb)
+    shapes = tile.whole.library.prototypes
+    errors: dict[str, float] = {}
+    boxes: list[Box] = []
+    names = {stride: name for name, stride in LEVELS.items()}
+    for level in ground_levels(tile, grid, tuple(names)):
+        rocks, far = local.field, level.stride > 1
+        shown = rocks.diameter >= 0.5 * level.stride * tile.ground.spacing * far
+        if far:
+            details = [len(shape.meshes) - 1 for shape in shapes]
+            meshes = [shape.meshes[n] for shape, n in zip(shapes, details, strict=True)]
+        else:
+            details = [level_of_detail(shape, options.outline_error) for shape in shapes]
+            meshes = [coarse_shape(shape, options.outline_error) for shape in shapes]
+        rough = np.array(
+            [shape.outline_errors[n] for shape, n in zip(shapes, details, strict=True)]
+        )
+        off = (rough[rocks.prototype] * rocks.scale)[shown].max(initial=0.0)
+        lost = rocks.height[~shown].max(initial=0.0)
+        errors[names[level.stride]] = level.error + float(max(off, lost))
+        path = directory / f"{names[level.stride]}.glb"
+        boxes.append(
+            _write_level(
+                path, tile, local, level, rocks.select(shown), meshes,
+                picture=_means(picture, level.stride),
+            )
+        )  # fmt: skip
+    low, high = np.min([box[0] for box in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    return {
+        "anchor": anchor.tolist(),
+        "errors": errors,
+        "box": [low.tolist(), high.tolist()],
+    }
+
+
+def _means(picture: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """The picture with a pixel for each square of them, as far as they are whole."""
+    rows, columns = (max(size // step, 1) for size in picture.shape[:2])
+    if step == 1 or min(picture.shape[:2]) < step:
+        return picture
+    part = picture[: rows * step, : columns * step].astype(np.uint32)
+    sums = part.reshape(rows, step, columns, step, 3).sum(axis=(1, 3))
+    return np.asarray((sums // step**2).astype(np.uint8))
+
+
+def _write_level(
+    path: Path,
+    tile: Tile,
+    local: World,
+    level: GroundLevel,
+    rocks: RockField,
+    shapes: list[Mesh],
+    *,
+    picture: NDArray[np.uint8],
+) -> Box:
+    """Write a level of a tile as GLB; returns the box of its vertices."""
+    shape, ground = tile.ground.shape, tile.ground
+    boxes = [_box(level.vertices)]
+    with TemporaryFile(dir=path.parent) as binary:
+        gltf = Gltf(binary)
+        texture = gltf.add_texture(encode_png(picture), tiles=False)
+        material = gltf.add("materials", matt("regolith", texture=texture))
+        primitive = gltf.add_primitive(
+            level.vertices,
+            grid_normals(ground, tile.whole.ground)[level.nodes],
+            gltf.add_indices(level.faces),
+            grid_texture_coordinates(*shape)[level.nodes],
+        )
+        primitive["material"] = material
+        gltf.add("meshes", {"name": "ground", "primitives": [primitive]})
+        nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
+        for population, name, vertices, faces in _merged(rocks, shapes, local):
+            rgb = mean_rock_colour(tile.world, population).tolist()
+            piece = gltf.add_primitive(
+                vertices, vertex_normals(vertices, faces), gltf.add_indices(faces)
+            )
+            piece["material"] = gltf.add("materials", matt(name, rgb=rgb))
+            mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
+            nodes.append({"name": name, "mesh": mesh})
+            boxes.append(_box(vertices))
+        root = {"rotation": _Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
+        gltf.write(
+            path,
+            nodes=map(json.dumps, [root, *nodes]),
+            asset={"version": "2.0", "generator": "terrain-forge"},
+            scene=0,
+            scenes=[{"nodes": [0]}],
+        )
+    return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def _merged(
+    rocks: RockField, shapes: list[Mesh], local: World
+) -> Iterator[tuple[int, str, NDArray[np.float32], NDArray[np.int32]]]:
+    """The rocks as meshes, one or a few for each population."""
+    for population, some in grouped(rocks):
+        for number, (vertices, faces) in enumerate(merge_in_parts(some, shapes, local.ground)):
+            name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
+            yield population, name, vertices.astype(np.float32), faces
+
+
+def _box(vertices: NDArray[Any]) -> Box:
+    return vertices.min(axis=0).astype(np.float64), vertices.max(axis=0).astype(np.float64)
+
+
+def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
+    """Write tileset.json; returns what is lost."""
+    del options
+    by_place = {(tile.row, tile.column): tile for tile in tiled.tiles}
+    many = max(tiled.grid.across, tiled.grid.up) > _BLOCK
+    root = _node(by_place, tiled.grid, (0, tiled.grid.up), (0, tiled.grid.across), directory, many)
+    _write(directory / "tileset.json", root)
+    errors: dict[str, float] = {}
+    for tile in tiled.tiles:
+        for name, error in tile.figures["errors"].items():
+            errors[name] = max(errors.get(name, 0.0), error)
+    told = ", ".join(f"{name} {error:.2g} m" for name, error in errors.items())
+    return (
+        f"Each level's geometric error is stated; at most: {told}. It is that of heights and of "
+        "rocks' outlines, not of colours.",
+        "3D Tiles know no physics, and their rocks are merged per tile, without names.",
+        "The tileset lies in the site's own frame, not on a globe.",
+    )
+
+
+def _write(path: Path, root: dict[str, Any]) -> None:
+    tileset = {
+        "asset": {"version": "1.1", "generator": "terrain-forge"},
+        "geometricError": root["geometricError"],
+        "root": root,
+    }
+    path.write_text(json.dumps(tileset, separators=(",", ":")) + "\n", encoding="utf-8")
+
+
+def _node(
+    tiles: dict[tuple[int, int], BuiltTile],
+    grid: TileGrid,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+    directory: Path,
+    many: bool,
+) -> dict[str, Any]:
+    """The box of a rectangle of tiles with what it holds; nothing of its own is shown."""
+    up, across = rows[1] - rows[0], columns[1] - columns[0]
+    if up == across == 1:
+        return _chain(tiles[rows[0], columns[0]])
+    own_file = many and max(up, across) <= _BLOCK
+    parts = [
+        _node(tiles, grid, some, others, directory, many and not own_file)
+        for some in _halves(*rows)
+        for others in _halves(*columns)
+    ]
+    low = np.min([_corners(part)[0] for part in parts], axis=0)
+    high = np.max([_corners(part)[1] for part in parts], axis=0)
+    node = {
+        "boundingVolume": _volume(low, high),
+        "geometricError": float(np.hypot(*(high - low)[:2])),
+        "refine": "REPLACE",
+        "children": parts,
+    }
+    if not own_file:
+        return node
+    name = f"tileset_{rows[0]:03}_{columns[0]:03}.json"
+    _write(directory / name, node)
+    return {
+        "boundingVolume": node["boundingVolume"],
+        "geometricError": node["geometricError"],
+        "refine": "REPLACE",
+        "content": {"uri": name},
+    }
+
+
+def _halves(first: int, end: int) -> list[tuple[int, int]]:
+    """A range in two, at a multiple of the largest power of two within it."""
+    length = end - first
+    if length == 1:
+        return [(first, end)]
+    half = 1
+    while 2 * half < length:
+        half *= 2
+    return [(first, first + half), (first + half, end)]
+
+
+def _chain(tile: BuiltTile) -> dict[str, Any]:
+    """A tile's levels of detail, the coarsest outermost; it lies at its anchor."""
+    anchor = np.array(tile.figures["anchor"])
+    low, high = (np.array(corner) for corner in tile.figures["box"])
+    node: dict[str, Any] = {}
+    for name, error in tile.figures["errors"].items():  # the finest first
+        finer = [node] if node else []
+        node = {
+            "boundingVolume": _volume(low, high),
+            "geometricError": max([error, *(part["geometricError"] for part in finer)]),
+            "refine": "REPLACE",
+            "content": {"uri": f"{tile.folder}/{name}.glb"},
+            **({"children": finer} if finer else {}),
+        }
+    turned = np.eye(4)
+    turned[3, :3] = anchor  # column by column
+    return {**node, "transform": turned.ravel().tolist()}
+
+
+def _volume(low: Array, high: Array) -> dict[str, Any]:
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    axes = np.diag(np.maximum(half, 1e-6)).ravel().tolist()
+    return {"box": [*middle.tolist(), *axes]}
+
+
+def _corners(node: dict[str, Any]) -> Box:
+    """The corners of a node's box in its parent's frame."""
+    box = np.array(node["boundingVolume"]["box"])
+    half = np.diag(box[3:].reshape(3, 3))
+    shift = np.array(node["transform"])[12:15] if "transform" in node else np.zeros(3)
+    return box[:3] - half + shift, box[:3] + half + shift

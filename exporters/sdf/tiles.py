@@ -1,0 +1,166 @@
+"""A site in tiles: a model per tile, and a world whose levels load them as a rover comes near.
+
+    OUT/sdf/world.sdf                 includes all tiles, with a level for each
+    OUT/sdf/rock_shapes/              what the single rocks of all tiles share
+    OUT/tiles/ROW/COLUMN/sdf/         the model of a tile
+
+All is found by one resource path, the site's folder: `model://tiles/000/001/sdf`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from terrain_forge.exporters.sdf import rocks
+
+from terrain_forge.base import ExportError, image_rows
+from terrain_forge.geometry import (
+    bake_ground,
+    coarse_shape,
+    collision_losses,
+    finest_texture,
+    shifted,
+    tile_anchor,
+    write_ground_glb,
+    write_ground_obj,
+)
+from terrain_forge.model import Tile, TiledSite, TileGrid, World, world_friction
+from terrain_forge.writers import Lines, element, file_name, leaves, write_png
+
+from .model import TEXTURES, Model, mesh, surface
+from .options import Options
+from .scenery import write_world
+
+_SHAPES = "rock_shapes"
+_HEADROOM = 20.0
+"""What a level's box reaches above and below a tile's ground [m]."""
+
+
+def _model(folder: Path, address: str, name: str, options: Options) -> Model:
+    classic = options.flavour == "classic"
+    return Model(
+        folder=folder, classic=classic, version=options.version, address=address, called=name
+    )
+
+
+def _shapes(folder: Path, name: str, options: Options) -> Model:
+    return _model(folder / _SHAPES, f"{name}/{_SHAPES}", _SHAPES, options)
+
+
+def _require_meshes(options: Options) -> None:
+    if options.ground != "mesh" or options.flavour == "classic" or options.ros_package:
+        raise ExportError(
+            "a site in tiles is a `gz` world with `ground: mesh` and without `ros_package`"
+        )
+
+
+def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
+    """Write the shapes and pictures of rocks that all tiles share.
+
+    Raises:
+        ExportError: for options that tiles do not have.
+    """
+    _require_meshes(options)
+    rocks.write_shapes(world, _shapes(directory, directory.name, options))
+
+
+def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
+    """Write a tile's model; returns where it lies and how large it is."""
+    anchor, step = tile_anchor(tile, grid), grid.step(tile.ground.spacing)
+    world, whole = (_rounded(one, step) for one in (tile.world, tile.whole))
+    fixed = world.replace(field=world.field.replace(dynamic=np.zeros(len(world.field), np.bool_)))
+    local = Tile(number=0, world=shifted(fixed, anchor), whole=shifted(whole, anchor))
+    row, column = grid.place(tile.number)
+    name = f"{file_name(whole.site.name)}_{row:03}_{column:03}"
+    address = f"{grid.folder(tile.number)}/{directory.name}"
+    model = _model(directory, address, name, options)
+    friction = world_friction(whole.site.body, options)
+    library = whole.library.prototypes
+    coarse = [coarse_shape(shape, options.outline_error) for shape in library]
+    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
+    square = tile.ground.replace(elevation=np.zeros((side, side), np.float32))
+    finer = finest_texture(square, options.texture_pixels)
+    ground = _write_ground(tile, local, model, friction.ground, finer, options)
+    shared = _shapes(directory, directory.name, options)
+    links = [
+        element("link", *ground, name="ground"),
+        rocks.write_tile(local, model, friction.rock, coarse, options, shapes=shared),
+    ]
+    model.write(title=f"{whole.site.name}: tile {row}, {column}", links=links)
+    west, south, east, north = tile.ground.bounds
+    height = float(np.ptp(tile.ground.elevation)) + 2.0 * _HEADROOM
+    return {
+        "name": name,
+        "anchor": anchor.tolist(),
+        "size": [east - west, north - south, height],
+        "dynamic": int(np.count_nonzero(tile.field.dynamic)),
+    }
+
+
+def _rounded(world: World, step: float) -> World:
+    """The world with heights that are whole steps."""
+    heights = np.rint(world.ground.elevation.astype(np.float64) / step) * step
+    return world.replace(ground=world.ground.replace(elevation=heights.astype(np.float32)))
+
+
+def _write_ground(
+    tile: Tile, local: Tile, model: Model, friction: float, finer: int, options: Options
+) -> list[Lines]:
+    """Write a tile's mesh and textures; returns its collision and its visual."""
+    file = f"meshes/ground.{'glb' if options.binary else 'obj'}"
+    if options.binary:
+        write_ground_glb(model.path(file), local)
+    else:
+        with model.path(file).open("wb") as text:
+            write_ground_obj(text, local)
+    texture, normals = bake_ground(tile.world, finer=finer), None
+    write_png(model.path(f"{TEXTURES}/ground.png"), image_rows(texture.rgb))
+    if options.normal_maps:
+        normals = "ground_normals.png"
+        write_png(model.path(f"{TEXTURES}/{normals}"), image_rows(texture.normals))
+    geometry = mesh(model.uri(file))
+    look = model.textured("ground.png", normals=normals)
+    return [
+        element("collision", geometry, surface(friction), name="ground_collision"),
+        element("visual", geometry, look, name="ground_visual"),
+    ]
+
+
+def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
+    """Write world.sdf; returns what is lost."""
+    name = file_name(tiled.site.name)
+    includes: list[Lines] = []
+    levels: list[Lines] = []
+    buffer = 0.5 * tiled.grid.cells * tiled.site.spacing
+    for tile in tiled.tiles:
+        told, place = tile.figures, tile.folder.removeprefix("../")
+        pose = (*told["anchor"], 0, 0, 0)
+        uri = leaves(uri=f"model://{place}", name=told["name"], pose=pose)
+        includes.append(element("include", *uri))
+        box = element("geometry", element("box", *leaves(size=tuple(told["size"]))))
+        level = f"level_{tile.row:03}_{tile.column:03}"
+        more = leaves(buffer=buffer, ref=told["name"])
+        levels.append(element("level", *leaves(pose=pose), box, *more, name=level))
+    plugin = element("plugin", *levels, name="gz::sim", filename="dummy")
+    model = _model(directory, "", name, options)
+    write_world(
+        directory / "world.sdf", tiled.world, name=name, models=[model],
+        movers=[*includes, plugin], sensing=False, included=False,
+    )  # fmt: skip
+    return tuple(_losses(tiled, options))
+
+
+def _losses(tiled: TiledSite, options: Options) -> list[str]:
+    step = tiled.grid.step(tiled.site.spacing)
+    losses = [
+        f"Heights are rounded to {1e6 * step:.3g} µm.",
+        "Levels load and unload tiles only where gz-sim runs with `--levels` and knows a performer:"
+        " name the rover's model by the service /world/NAME/level/set_performer.",
+        f"Rocks below {options.individual_min_m:g} m are merged per tile.",
+        *collision_losses(tiled.world.library.prototypes),
+    ]
+    if dynamic := sum(tile.figures["dynamic"] for tile in tiled.tiles):
+        losses.append(f"{dynamic} dynamic rocks are fixed: a level cannot keep what was pushed.")
+    return losses

@@ -1,0 +1,107 @@
+"""Scores of maps: of files beside a world or a system's run, as tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from terrain_forge.base import Array, DataError
+from terrain_forge.evaluation.map_files import MapPoints, read_map
+from terrain_forge.evaluation.map_score import CELL, Area, MapScore, score_map, site_grid
+from terrain_forge.evaluation.tables import write_table_as
+from terrain_forge.model import World
+
+MAPS = "maps"
+"""Files of the table are called so."""
+_HEAD = (
+    "map", "points", "over the ground [m]", "rms [m]", "median [m]", "mapped [%]",
+    "within 5 cm [%]", "cell rms [m]", "rock precision [%]", "rock recall [%]", "rock F1 [%]",
+    "LAC map", "LAC rocks",
+)  # fmt: skip
+
+
+def score_maps(
+    world: World,
+    maps: Sequence[str],
+    *,
+    evaluated: Path | None = None,
+    area: Area | None = None,
+    cell: float = CELL,
+) -> list[MapScore]:
+    """Score maps that are given as `FILE`, in the world's frame, or `SYSTEM=FILE`, in a system's.
+
+    Args:
+        world: The world.
+        maps: The maps.
+        evaluated: Folder of the results of `evaluate_recording`, which tell how a system's
+            trajectory, and so its map, was laid on the truth.
+        area: West, south, east, north of what is scored [m]; the whole site by default.
+        cell: Size of a cell [m].
+
+    Raises:
+        DataError: for a map that cannot be read, or a system that has no score there.
+    """
+    found = [_placed(told, evaluated) for told in maps]
+    grid = site_grid(world, area=area, cell=cell)
+    return [score_map(world, one, grid) for one in found]
+
+
+def _placed(told: str, evaluated: Path | None) -> MapPoints:
+    system, equals, file = told.partition("=")
+    if not equals or Path(told).exists():
+        return read_map(told)
+    return read_map(file, name=f"{system}: {Path(file).stem}").moved(_motion(system, evaluated))
+
+
+def _motion(system: str, evaluated: Path | None) -> Array:
+    """How the first good run of a system was laid on the truth, shape [4, 4]."""
+    runs = []
+    path = evaluated / "evaluation.json" if evaluated else Path()
+    if path.is_file():
+        try:
+            runs = json.loads(path.read_text(encoding="utf-8"))
+            for one in runs:
+                if one["system"] == system and one["score"]:
+                    return np.array(one["score"]["alignment"], np.float64).reshape(4, 4)
+        except (ValueError, KeyError, TypeError) as error:
+            raise DataError(f"{path}: cannot be read: {error}") from None
+    there = ", ".join(dict.fromkeys(one["system"] for one in runs if one["score"])) or "none"
+    raise DataError(
+        f"--map {system}=…: {system} has no score here, whose alignment would lay its map on the "
+        f"world (there are: {there}); evaluate it first, or give a map in the world's frame"
+    )
+
+
+def map_rows(scores: Sequence[MapScore]) -> list[list[str]]:
+    """The cells of the table, its heading first; empty where a figure could not be told."""
+    rows = [list(_HEAD)]
+    for one in scores:
+        up, cells = one.vertical, one.cell_errors
+        lac = one.challenge
+        rows.append([
+            one.name, str(one.points), _shown(one.bias), _shown(up.rms if up else None),
+            _shown(up.median if up else None), _shown(100.0 * one.mapped),
+            _shown(100.0 * one.right), _shown(cells.rms if cells else None),
+            *map(_percent, (one.precision, one.recall, one.f1)),
+            f"{lac[0]:.1f}", "" if one.f1 is None else f"{lac[1]:.1f}",
+        ])  # fmt: skip
+    return rows
+
+
+def _shown(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _percent(part: float | None) -> str:
+    return "" if part is None else f"{100.0 * part:.3g}"
+
+
+def write_maps(scores: Sequence[MapScore], folder: Path) -> list[Path]:
+    """Write maps.json, maps.csv, maps.tex and maps.txt; returns them."""
+    plain = [
+        {k: vars(v) if hasattr(v, "rms") else v for k, v in vars(one).items()} for one in scores
+    ]
+    return write_table_as(MAPS, map_rows(scores), plain, folder)

@@ -1,0 +1,153 @@
+"""Our ground for the terrain generators of mjlab and Isaac Lab, and as height fields of MuJoCo.
+
+Neither package is imported: their generators call a function and take what it returns. mjlab calls
+`function(difficulty, spec, rng)` of a configuration and takes an origin and geoms
+(`mjlab.terrains.terrain_generator`); Isaac Lab calls `function(difficulty, cfg)` and takes meshes
+and an origin (`isaaclab.terrains.sub_terrain_cfg`). Both want ground from (0, 0) to its size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import Array, Stopwatch, silent
+from terrain_forge.geometry import grid_faces, grid_vertices
+from terrain_forge.making import make_world
+from terrain_forge.model import World, rotations
+from terrain_forge.recipe import DifficultySpec, Recipe, RecipeFile, WorldsSpec
+from terrain_forge.truth import rock_rasters
+from terrain_forge.variation import draw
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundMaker:
+    """Worlds of a recipe by difficulty and number, for the generators of other packages."""
+
+    recipe: Recipe
+    """With `worlds.difficulty`, or the usual one."""
+    folder: Path = Path()
+    """What the recipe's paths are relative to."""
+    platform: float = 0.5
+    """Radius [m] around the middle, above whose highest point a robot is set."""
+
+    @staticmethod
+    def of(file: RecipeFile, *, platform: float = 0.5) -> GroundMaker:
+        """The maker of a recipe that was read from a file."""
+        return GroundMaker(recipe=file.recipe, folder=file.folder, platform=platform)
+
+    def world(
+        self, difficulty: float, number: int, *, size: tuple[float, float] | None = None
+    ) -> World:
+        """A world of a difficulty, 0 to 1, and a number; of another size than the recipe's."""
+        recipe, spec = self.recipe, self.recipe.worlds or WorldsSpec()
+        if size is not None:
+            recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=size))
+        spec = replace(spec, difficulty=spec.difficulty or DifficultySpec())
+        recipe = replace(recipe, paths=(), worlds=spec)
+        site = draw(recipe, number, folder=self.folder, difficulty=float(difficulty)).site
+        return make_world(site, site.window, settled=True, progress=Stopwatch(silent))
+
+    def mjlab(self, difficulty: float, spec: Any, rng: Any, *, size: Any = None) -> Any:
+        """What mjlab's `SubTerrainCfg.function` does: geoms in `spec`, and the origin.
+
+        Returns:
+            `origin`, an array of 3, and `geometries`, the geoms; where mjlab is installed as its
+            `TerrainOutput`.
+        """
+        world = self.world(difficulty, int(rng.integers(2**31)), size=size)
+        geom, field = add_to_spec(spec, world, name=f"ground_{rng.integers(2**63)}")
+        origin = self._origin(world)
+        try:
+            from mjlab.terrains.terrain_generator import (  # type: ignore[import-not-found]
+                TerrainGeometry,
+                TerrainOutput,
+            )
+        except ImportError:
+            return origin, [geom]
+        told = TerrainGeometry(geom=geom, hfield=field)
+        return TerrainOutput(origin=origin, geometries=[told])
+
+    def isaac_lab(self, difficulty: float, cfg: Any) -> tuple[list[Any], Array]:
+        """What Isaac Lab's `SubTerrainBaseCfg.function` does: trimesh meshes and the origin.
+
+        The number of the world is drawn from NumPy's global state, as Isaac Lab's own do, which its
+        generator seeds.
+        """
+        number = int(np.random.randint(2**31 - 1))  # noqa: NPY002
+        world = self.world(difficulty, number, size=(float(cfg.size[0]), float(cfg.size[1])))
+        return trimeshes(world), self._origin(world)
+
+    def _origin(self, world: World) -> Array:
+        top, ground = rock_rasters(world)[0], world.ground
+        west, south, _, _ = ground.bounds
+        near = np.hypot(ground.east[None, :], ground.north[:, None]) <= self.platform
+        return np.array([-west, -south, float(top[near].max())])
+
+
+def trimeshes(world: World) -> list[Any]:
+    """Ground and rocks as trimesh meshes, whose south-west corner is (0, 0)."""
+    import trimesh
+
+    west, south, _, _ = world.ground.bounds
+    ground = world.ground
+    meshes = [trimesh.Trimesh(grid_vertices(ground), grid_faces(*ground.shape), process=False)]
+    shapes = [shape.meshes[min(1, len(shape.meshes) - 1)] for shape in world.library.prototypes]
+    field = world.field.select(world.field.collides)
+    vertices, faces, count = [], [], 0
+    for turn, scale, place, n in zip(
+        rotations(field), field.scale, field.position, field.prototype, strict=True
+    ):
+        vertices.append(scale * shapes[n].vertices @ turn.T + place)
+        faces.append(shapes[n].faces + count)
+        count += len(vertices[-1])
+    if count:
+        rocks = trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
+        meshes.append(rocks)
+    for mesh in meshes:
+        mesh.apply_translation((-west, -south, 0.0))
+    return meshes
+
+
+def add_to_spec(
+    spec: Any, world: World, *, name: str = "ground", body: str = "terrain"
+) -> tuple[Any, Any]:
+    """Add a world's ground, with its rocks in it, to a `mujoco.MjSpec` as one height field.
+
+    MuJoCo Warp, MJX and Newton know height fields of MuJoCo; of rocks such a field has what stands
+    above its nodes, without overhangs.
+
+    Args:
+        spec: Such as `mujoco.MjSpec()`.
+        world: The world.
+        name: Of the field and its geom.
+        body: Body that the geom belongs to; made where there is none.
+
+    Returns:
+        The geom, whose south-west corner is the body's origin, and the field.
+    """
+    import mujoco
+
+    owner = spec.body(body) or spec.worldbody.add_body(name=body)
+    top, (west, south, east, north) = rock_rasters(world)[0], world.ground.bounds
+    lowest, highest = float(top.min()), float(top.max())
+    extent = max(highest - lowest, 1e-3)
+    half = 0.5 * (east - west), 0.5 * (north - south)
+    field = spec.add_hfield(
+        name=name,
+        size=[*half, extent, 1.0],
+        nrow=top.shape[0],
+        ncol=top.shape[1],
+        userdata=((top - lowest) / extent).astype(np.float32).ravel(),
+    )
+    geom = owner.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname=name,
+        pos=[*half, lowest],
+        friction=[world.site.body.friction.regolith.coefficient, 0.005, 0.0001],
+    )
+    return geom, field

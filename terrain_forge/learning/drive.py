@@ -1,0 +1,281 @@
+"""`TerrainForge/Drive-v0`: a rover drives to a goal over one of many worlds, in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, OutputError
+from terrain_forge.driving import TURN_RATE, eased, wheel_rates
+from terrain_forge.learning.arena import Arena, find_parts, load_arena
+from terrain_forge.learning.sight import DepthCamera, HeightScan
+from terrain_forge.learning.starter import starter_worlds
+from terrain_forge.variation import ORDER, read_summary
+
+Observation = dict[str, NDArray[np.float32]]
+RATE = 10.0
+"""Actions a second [Hz]."""
+REACHED = 0.4
+"""How near the goal the rover has arrived [m]."""
+ARRIVED, FAILED, TIME_COST = 5.0, -5.0, 0.05
+"""Reward of an arrival and of a failure, and what a second costs."""
+TIPPED = math.radians(60.0)
+STUCK_TIME, STUCK_WAY = 5.0, 0.1
+"""A rover that moves less than so far [m] in so long [s] is stuck."""
+_SETTLING = 0.5
+_TRIES = 200
+
+
+class DriveEnv(gymnasium.Env[Observation, Array]):
+    """A rover drives to a goal; docs/learning.md tells what it sees and what it is rewarded for.
+
+    Args:
+        worlds: Folder that `terrain-forge worlds` made, with MJCF exports; without it a few worlds
+            of our own, which are made once.
+        difficulty: Only worlds whose wished difficulty lies between these.
+        numbers: Only worlds of these numbers, such as those to train on.
+        distance_m: From start to goal.
+        speed_m_s: Speed of the action 1.
+        sight: What it sees of the ground ahead: `heights`, `depth`, or `none`.
+        render_mode: `rgb_array` for pictures, which need OpenGL.
+
+    Raises:
+        OutputError: if there are no such worlds.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(RATE)}  # noqa: RUF012
+
+    def __init__(
+        self,
+        worlds: Path | str | None = None,
+        *,
+        difficulty: tuple[float, float] | None = None,
+        numbers: Sequence[int] | None = None,
+        distance_m: float = 5.0,
+        speed_m_s: float = 0.5,
+        sight: Literal["heights", "depth", "none"] = "heights",
+        render_mode: str | None = None,
+    ) -> None:
+        self.folders = _folders(Path(worlds) if worlds else starter_worlds(), difficulty, numbers)
+        self.render_mode = render_mode
+        self._distance, self._speed = distance_m, speed_m_s
+        self._limit = 4.0 * distance_m / speed_m_s
+        self.arena = load_arena(self.folders[0])
+        """The world that it drives in."""
+        self.parts = find_parts(self.arena.model, self.arena.rover)
+        """Where MuJoCo holds the rover."""
+        wheels = len(self.arena.rover.wheels)
+        self._sight: HeightScan | DepthCamera | None = None
+        if sight != "none":
+            self._sight = HeightScan() if sight == "heights" else DepthCamera()
+        seen: dict[str, spaces.Space[Any]] = {
+            "proprioception": spaces.Box(-10.0, 10.0, (11 + wheels,), np.float32)
+        }
+        if self._sight is not None:
+            seen[sight] = self._sight.space
+        self._sight_name = sight
+        self.observation_space = spaces.Dict(seen)  # type: ignore[assignment]
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[assignment]
+        self._renderer: Any = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin in a random world, at a random start, towards a goal that some way leads to.
+
+        Args:
+            seed: Of all that follows.
+            options: `world`, the place of a world among those of the environment.
+        """
+        super().reset(seed=seed)
+        wished = (options or {}).get("world")
+        order = self.np_random.permutation(len(self.folders)) if wished is None else [wished]
+        for number in order:
+            arena = load_arena(self.folders[number])
+            if mission := self._mission(arena):
+                break
+        else:
+            raise OutputError(
+                f"none of {len(order)} worlds in {self.folders[0].parent} has a way of "
+                f"{self._distance:g} m that the rover can go"
+            )
+        self._enter(arena)
+        start, self._goal, heading = mission
+        arena.set_down(self.parts, start, heading)
+        mujoco.mj_step(arena.model, arena.data, round(_SETTLING / arena.model.opt.timestep))
+        self._steps = max(round(1.0 / RATE / arena.model.opt.timestep), 1)
+        self._time, self._rates = 0.0, np.zeros(len(arena.rover.wheels))
+        self._action = np.zeros(2)
+        if self._sight is not None:
+            self._sight.begin(arena, self.parts)
+        self._way = self._to_goal()
+        self._trail = [self._place()]
+        return self._observe(), self._told("")
+
+    def _enter(self, arena: Arena) -> None:
+        if len(arena.rover.wheels) != len(self.arena.rover.wheels):
+            raise OutputError(f"{arena.folder} has another rover than {self.arena.folder}")
+        if arena is not self.arena:
+            self.arena, self.parts = arena, find_parts(arena.model, arena.rover)
+            self.close()
+
+    def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for a tenth of a second: speed and turn rate, each -1 to 1."""
+        arena, parts = self.arena, self.parts
+        data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
+        self._action = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
+        speed, turn = self._action[0] * self._speed, self._action[1] * TURN_RATE
+        wanted = wheel_rates(arena.rover, speed, turn)
+        self._rates = eased(arena.rover, wanted, self._rates, time=4.0 * tick)
+        data.ctrl[parts.motors] = parts.sides * self._rates
+        mujoco.mj_step(model, data, self._steps)
+        # Servos follow the angle that their rates add up to: it stays within the motors' reach.
+        held = data.actuator_length[parts.motors] + parts.lag * data.qvel[parts.axles]
+        data.act[parts.activations] = np.clip(
+            data.act[parts.activations], held - parts.reach, held + parts.reach
+        )
+        self._time += tick
+        way = self._to_goal()
+        reward = self._way - way - TIME_COST * tick
+        self._way = way
+        self._trail.append(self._place())
+        why = self._ended()
+        if why:
+            reward += ARRIVED if why == "arrived" else FAILED
+        truncated = not why and self._time >= self._limit
+        return self._observe(), float(reward), bool(why), truncated, self._told(why)
+
+    def _ended(self) -> str:
+        """Why the drive is over; empty if it is not."""
+        data, trail = self.arena.data, self._trail
+        if not np.isfinite(data.qpos).all():
+            return "unstable"
+        if self._way < REACHED:
+            return "arrived"
+        if data.xmat[self.parts.body, 8] < math.cos(TIPPED):
+            return "tipped over"
+        if not self.arena.world.ground.covers(*trail[-1]):
+            return "left the world"
+        back = round(STUCK_TIME * RATE)
+        if len(trail) > back and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY:
+            turned = self.arena.data.qvel[self.parts.velocity][5]
+            return "" if abs(turned) > 0.05 else "stuck"
+        return ""
+
+    def _place(self) -> tuple[float, float]:
+        x, y = self.arena.data.qpos[self.parts.pose][:2].tolist()
+        return x, y
+
+    def _to_goal(self) -> float:
+        return math.dist(self._place(), self._goal)
+
+    def _told(self, why: str) -> dict[str, Any]:
+        return {
+            "world": self.arena.folder.name,
+            "difficulty": -1.0 if self.arena.difficulty is None else self.arena.difficulty,
+            "distance": self._way,
+            "arrived": why == "arrived",
+            "ended": why,
+        }
+
+    def _observe(self) -> Observation:
+        data, parts = self.arena.data, self.parts
+        turn = data.xmat[parts.body].tolist()
+        x, y = self._place()
+        yaw = math.atan2(turn[3], turn[0])
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        bearing = math.atan2(self._goal[1] - y, self._goal[0] - x) - yaw
+        moving = data.qvel[parts.velocity].tolist()
+        rates = parts.sides * data.qvel[parts.axles] * self.arena.rover.wheel_radii
+        seen = np.array(
+            [
+                0.1 * self._way,
+                math.sin(bearing),
+                math.cos(bearing),
+                math.asin(min(max(-turn[6], -1.0), 1.0)),
+                math.atan2(turn[7], turn[8]),
+                cos * moving[0] + sin * moving[1],
+                cos * moving[1] - sin * moving[0],
+                moving[2],
+                moving[5],
+                *self._action,
+                *rates,
+            ],
+            np.float32,
+        )
+        found = {"proprioception": np.clip(seen, -10.0, 10.0)}
+        if self._sight is not None:
+            found[self._sight_name] = self._sight.look(self.arena, self.parts, cos, sin)
+        return found
+
+    def _mission(self, arena: Arena) -> tuple[Array, tuple[float, float], float] | None:
+        """Start [m], goal [m] and heading [rad], where some way leads from one to the other."""
+        nodes = np.argwhere(arena.ways > 0)
+        if not len(nodes):
+            return None
+        rows, columns = arena.ways.shape
+        reach = self._distance / arena.spacing
+        for _ in range(_TRIES):
+            start = nodes[self.np_random.integers(len(nodes))]
+            turn, aside = self.np_random.uniform((0.0, -1.0), (math.tau, 1.0)).tolist()
+            row = round(start[0] + reach * math.sin(turn))
+            column = round(start[1] + reach * math.cos(turn))
+            if not (0 <= row < rows and 0 <= column < columns):
+                continue
+            if arena.ways[row, column] != arena.ways[tuple(start)]:
+                continue
+            x, y = arena.place_of(np.array([row, column])).tolist()
+            return arena.place_of(start), (x, y), turn + 0.5 * math.pi * aside
+        return None
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """A picture from behind and above, where the render mode asks for it."""
+        if self.render_mode != "rgb_array":
+            return None
+        if self._renderer is None:
+            self._renderer = mujoco.Renderer(self.arena.model, 360, 640)
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = self.arena.data.xpos[self.parts.body]
+        camera.distance, camera.elevation = 4.0, -25.0
+        turn = self.arena.data.xmat[self.parts.body]
+        camera.azimuth = math.degrees(math.atan2(turn[3], turn[0]))
+        self._renderer.update_scene(self.arena.data, camera)
+        picture: NDArray[np.uint8] = self._renderer.render()
+        return picture
+
+    def close(self) -> None:
+        """Let go of what draws."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def _folders(
+    worlds: Path, difficulty: tuple[float, float] | None, numbers: Sequence[int] | None
+) -> tuple[Path, ...]:
+    """Folders of the worlds that are wished.
+
+    Raises:
+        OutputError: if there is none.
+    """
+    if not (worlds / ORDER).is_file():
+        raise OutputError(f"{worlds} holds no worlds (no {ORDER}): terrain-forge worlds makes them")
+    found = sorted(path.parent for path in worlds.glob("*/drawn.json"))
+    if numbers is not None:
+        wanted = {f"{number:05}" for number in numbers}
+        found = [path for path in found if path.name in wanted]
+    if difficulty is not None:
+        low, high = difficulty
+        levels = {path: read_summary(path)["difficulty"] for path in found}
+        found = [path for path in found if levels[path] is not None and low <= levels[path] <= high]
+    if not found:
+        raise OutputError(f"{worlds} has no worlds of these numbers and difficulties")
+    return tuple(path.resolve() for path in found)

@@ -1,0 +1,137 @@
+"""Heights, normals, slopes and rocks of many worlds at once, for NumPy, PyTorch and JAX."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrain_forge.base import OutputError
+from terrain_forge.model import World
+from terrain_forge.truth import rock_rasters
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grounds:
+    """The grounds of worlds of one size and spacing, as arrays of one library.
+
+    Points are `world`, whole numbers of any shape, and `east` and `north` [m] of the same shape, or
+    of one that broadcasts; what lies outside a world counts as its edge. All is computed by the
+    library that the arrays are of, on the device where they are.
+    """
+
+    elevation: Any
+    """Heights of the bare ground [m], float32, shape [worlds, rows, columns]; rows run north."""
+    top: Any
+    """Heights of ground and rocks [m], as `elevation`."""
+    rock: Any
+    """Ids of the rocks on top, -1 for the ground, int32, as `elevation`."""
+    origin: tuple[float, float]
+    """East and north of the first node [m], of all worlds."""
+    spacing: float
+    """Distance of nodes [m]."""
+
+    @staticmethod
+    def of(worlds: Sequence[World | Path | str]) -> Grounds:
+        """The grounds of worlds, or of folders in which they were built, as NumPy's arrays.
+
+        Raises:
+            OutputError: if they differ in size or spacing, or there are none.
+        """
+        loaded = [one if isinstance(one, World) else World.load(one) for one in worlds]
+        kinds = {(one.ground.shape, one.ground.spacing, one.ground.origin) for one in loaded}
+        if len(kinds) != 1:
+            raise OutputError(f"worlds of one size and spacing, found {len(kinds)} different ones")
+        rasters = [rock_rasters(one) for one in loaded]
+        ground = loaded[0].ground
+        return Grounds(
+            elevation=np.stack([one.ground.elevation for one in loaded]),
+            top=np.stack([top for top, _ in rasters]),
+            rock=np.stack([rock for _, rock in rasters]),
+            origin=ground.origin,
+            spacing=ground.spacing,
+        )
+
+    def to(self, take: Callable[[Any], Any]) -> Grounds:
+        """The same as arrays of another library, which takes them by DLPack without a copy.
+
+        Args:
+            take: Such as `torch.from_dlpack`, `jax.dlpack.from_dlpack`, or, to another device,
+                `lambda a: torch.from_dlpack(a).cuda()`.
+        """
+        # Frozen arrays cannot be given away by DLPack: these are our own.
+        return Grounds(
+            elevation=take(self.elevation),
+            top=take(self.top),
+            rock=take(self.rock),
+            origin=self.origin,
+            spacing=self.spacing,
+        )
+
+    def height_at(self, world: Any, east: Any, north: Any) -> Any:
+        """Height [m] of the triangulated bare ground, as `Heightfield.height_at` has it."""
+        corners, u, v = self._cell(world, east, north)
+        sw, se, nw, ne = corners
+        below = sw + u * (se - sw) + v * (ne - se)
+        above = sw + v * (nw - sw) + u * (ne - nw)
+        upper = _as(v > u, u)
+        return below + upper * (above - below)
+
+    def rise_at(self, world: Any, east: Any, north: Any) -> tuple[Any, Any]:
+        """Rise of the triangle under each point, per metre east and north."""
+        (sw, se, nw, ne), u, v = self._cell(world, east, north)
+        upper = _as(v > u, u)
+        rise_east = (1 - upper) * (se - sw) + upper * (ne - nw)
+        rise_north = (1 - upper) * (ne - se) + upper * (nw - sw)
+        return rise_east / self.spacing, rise_north / self.spacing
+
+    def normal_at(self, world: Any, east: Any, north: Any) -> tuple[Any, Any, Any]:
+        """Unit normal of the triangle under each point: towards east, north and up."""
+        a, b = self.rise_at(world, east, north)
+        up = (1.0 + a * a + b * b) ** -0.5
+        return -a * up, -b * up, up
+
+    def slope_at(self, world: Any, east: Any, north: Any) -> Any:
+        """Tangent of the slope of the triangle under each point."""
+        a, b = self.rise_at(world, east, north)
+        return (a * a + b * b) ** 0.5
+
+    def rock_at(self, world: Any, east: Any, north: Any) -> Any:
+        """Id of the rock on top of the node nearest to each point, -1 for the ground."""
+        row, column = self._nodes(east, north, 0.5)
+        return self.rock[world, row, column]
+
+    def top_at(self, world: Any, east: Any, north: Any) -> Any:
+        """Height [m] of ground or rock at the node nearest to each point."""
+        row, column = self._nodes(east, north, 0.5)
+        return self.top[world, row, column]
+
+    def _nodes(self, east: Any, north: Any, add: float) -> tuple[Any, Any]:
+        """Row and column of a node at each point, at most the last ones."""
+        rows, columns = self.elevation.shape[1:]
+        column = ((east - self.origin[0]) / self.spacing + add).clip(0, columns - 1)
+        row = ((north - self.origin[1]) / self.spacing + add).clip(0, rows - 1)
+        return _whole(row), _whole(column)
+
+    def _cell(self, world: Any, east: Any, north: Any) -> tuple[tuple[Any, ...], Any, Any]:
+        """Heights of the corners of the cell under each point, and where in it the point lies."""
+        rows, columns = self.elevation.shape[1:]
+        x = ((east - self.origin[0]) / self.spacing).clip(0, columns - 1)
+        y = ((north - self.origin[1]) / self.spacing).clip(0, rows - 1)
+        i, j = _whole(x.clip(0, columns - 2)), _whole(y.clip(0, rows - 2))
+        z = self.elevation
+        corners = z[world, j, i], z[world, j, i + 1], z[world, j + 1, i], z[world, j + 1, i + 1]
+        return corners, x - i, y - j
+
+
+def _whole(values: Any) -> Any:
+    """Values that are not negative, rounded down to whole numbers."""
+    return values.long() if hasattr(values, "long") else values.astype("int32")
+
+
+def _as(truth: Any, like: Any) -> Any:
+    """0 and 1 for false and true, of the type of other values."""
+    return truth.to(like.dtype) if hasattr(truth, "to") else truth.astype(like.dtype)

@@ -1,0 +1,85 @@
+"""Pictures for people: what a camera sees of a scene, developed to sRGB."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import portable, srgb_from_linear
+from terrain_forge.model import Lighting
+from terrain_forge.scene.camera import Camera
+from terrain_forge.scene.looking import look
+from terrain_forge.scene.scene import RayScene
+from terrain_forge.scene.stage import prepare_stage, prepare_wheels
+
+_AWAY = 100.0
+"""From how many widths of a map it is looked at: relief then leans by a thousandth of it."""
+
+_BRIGHT = 0.7
+"""Median of a picture above which it is exposed less, over white level ground."""
+
+
+def take_picture(
+    scene: RayScene, camera: Camera, lighting: Lighting | None = None, *, tracks: bool = False
+) -> NDArray[np.uint8]:
+    """A scene through a camera, sRGB, shape [height, width, 3]; in its own light by default.
+
+    With `tracks` the wheels have driven the first of the subject's paths.
+    """
+    radiance = radiance_seen(scene, camera, lighting, tracks=tracks)
+    # Towards the Sun, a dusty sky is many times brighter than the ground: a camera exposes for it.
+    median = float(np.median(radiance.mean(axis=-1)))
+    return develop(radiance * np.float32(min(1.0, _BRIGHT / max(median, 1e-6))))
+
+
+def radiance_seen(
+    scene: RayScene, camera: Camera, lighting: Lighting | None = None, *, tracks: bool = False
+) -> NDArray[np.float32]:
+    """What comes to a camera from a scene, 1 for white level ground, shape [height, width, 3].
+
+    A camera of parallel rays is taken for one that is far away. With `tracks` the wheels have
+    driven the first of the subject's paths.
+    """
+    facing = 0.35 if camera.pinhole else 1.0
+    stage = prepare_stage(scene, lighting or scene.subject.lighting, 3, facing=facing)
+    right, down = (float(portable.norm(axis)) for axis in (camera.right, camera.down))
+    turn = np.column_stack([camera.right / right, camera.down / down, camera.forward])
+    place, ahead = camera.position, 1.0
+    if not camera.pinhole:
+        ahead = _AWAY * max(right * camera.width, down * camera.height)
+        place = place - ahead * camera.forward
+        stage = stage._replace(haze=np.float32(np.inf))
+    x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) * right
+    y = (np.arange(camera.height) + 0.5 - 0.5 * camera.height) * down
+    rays = np.empty((camera.height, camera.width, 3))
+    rays[..., 0], rays[..., 1], rays[..., 2] = x, y[:, None], ahead
+    rays /= np.sqrt((rays * rays).sum(axis=2, keepdims=True))
+    paths = scene.subject.tracks if tracks else ()
+    seen = look(
+        scene,
+        stage,
+        rays=rays.astype(np.float32),
+        position=np.broadcast_to(place, (camera.height, 3)),
+        rotation=np.broadcast_to(turn, (camera.height, 3, 3)),
+        wheels=prepare_wheels(scene, paths[0]) if paths else None,
+        behind=np.inf if paths else -np.inf,
+    )
+    return seen.radiance
+
+
+def develop(image: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """The sRGB bytes of a linear picture; from half white on it is compressed, not clipped."""
+    steps = 4096
+    exposure = np.linspace(0.0, 4.0, steps)
+    shoulder = np.where(exposure < 0.5, exposure, 1.0 - 0.5 * np.exp(1.0 - 2.0 * exposure))
+    table = (255.0 * np.clip(srgb_from_linear(shoulder), 0.0, 1.0)).astype(np.float32)
+    index = np.minimum(image * ((steps - 1) / 4.0), steps - 1).astype(np.int32)
+    # Interleaved gradient noise (Jimenez 2014) hides the steps of a smooth sky.
+    rows, columns = image.shape[:2]
+    noise = 0.06711056 * np.arange(columns)[None, :] + 0.00583715 * np.arange(rows)[:, None]
+    whole = np.empty_like(noise)
+    for factor in (52.9829189, 0.999):
+        noise -= np.floor(noise, out=whole)
+        noise *= factor
+    dithered = table[index] + noise.astype(np.float32)[:, :, None]
+    return np.asarray(dithered, dtype=np.uint8)

@@ -1,0 +1,108 @@
+"""Whether a built site in tiles is as it was built: every file of every tile, by its hash."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from terrain_forge.base import OutputError, Stopwatch, run_tasks, to_plain
+from terrain_forge.building import holding, storing
+from terrain_forge.model import Check, at_most
+from terrain_forge.recipe import sha256
+from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
+from terrain_forge.tiling.order import FOLDER, TILE, TileOrder, load_order
+
+_NAMED = 8
+_COUNTS = "truth/size_frequency.json"
+VALIDATE_STAGES = ("tiles", "manifest")
+"""Stages of a validation."""
+
+
+def check_tile(out: str, number: int) -> list[str]:
+    """Files of a tile that are missing, changed, or not its own."""
+    order = load_order(Path(out))
+    folder = order.folder(number)
+    place = order.grid.folder(number)
+    if not (folder / TILE).is_file():
+        return [f"{place}/{TILE} is missing"]
+    try:
+        files: dict[str, str] = read_tile(order, number)["files"]
+    except OutputError:
+        return [f"{place}/{TILE} is damaged"]
+    found = []
+    for name, wanted in files.items():
+        path = folder / name
+        if not path.is_file():
+            found.append(f"{place}/{name} is missing")
+        elif sha256(path) != wanted:
+            found.append(f"{place}/{name} is damaged")
+    return found
+
+
+def validate_site(out: Path, *, watch: Stopwatch, workers: int | None = None) -> bool:
+    """Compare a built site with what its lists say; writes validation/report.json.
+
+    Raises:
+        OutputError: if the folder is none, its build is not finished, or another process writes it.
+        StorageError: if the disk does not take the report.
+    """
+    order, manifest = load_order(out), read_site(out)
+    bad: list[str] = []
+    with holding(out):
+        count = len(order.grid)
+        watch(f"tiles: 0 of {count}")
+        work = partial(check_tile, str(out))
+        for done, (number, result) in enumerate(run_tasks(work, range(count), workers=workers), 1):
+            where = order.grid.folder(number)
+            bad += [f"{where}: {result}"] if isinstance(result, Exception) else result
+            watch(f"tiles: {done} of {count}", done / count)
+        watch("manifest")
+        bad += _of_site(order, manifest)
+        checks = [_check("tiles", bad, "files of tiles and of the whole that are not as built")]
+        if not any(name.startswith(f"{_COUNTS} ") for name in bad):
+            pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
+            checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
+        report = {
+            "format": FORMAT,
+            "checks": [to_plain_check(check) for check in checks],
+            "conformance": [],
+            "damaged": sorted(bad),
+        }
+        with storing(out, out):
+            (out / "validation").mkdir(exist_ok=True)
+            text = json.dumps(report, indent=1) + "\n"
+            (out / "validation/report.json").write_text(text, encoding="utf-8")
+    return all(check.passed for check in checks)
+
+
+def _check(name: str, bad: list[str], what: str) -> Check:
+    named = "; ".join(sorted(bad)[:_NAMED]) + (" …" if len(bad) > _NAMED else "")
+    repair = "; move the folders of damaged tiles away, and build again" if bad else ""
+    return at_most(name, len(bad), 0, note=f"{what}: {named}{repair}" if bad else what)
+
+
+def to_plain_check(check: Check) -> dict[str, Any]:
+    """A check as JSON."""
+    plain: dict[str, Any] = to_plain(check, {})
+    plain.pop("record")
+    return plain
+
+
+def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
+    """Files of the whole that are not as they were built, and tiles whose own list is not."""
+    bad = []
+    for name, wanted in manifest["outputs"].items():
+        path = order.out / name
+        if not path.is_file():
+            bad.append(f"{name} is missing")
+        elif sha256(path) != wanted:
+            bad.append(f"{name} is damaged")
+    table = order.out / FOLDER / TABLE
+    lines = table.read_text("utf-8").splitlines()[1:] if table.is_file() else []
+    for number, line in enumerate(lines):
+        path = order.folder(number) / TILE
+        if path.is_file() and sha256(path) != line.rpartition(",")[2]:
+            bad.append(f"{order.grid.folder(number)}/{TILE} is damaged")
+    return bad

@@ -1,0 +1,51 @@
+"""A part of a built site as a world of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terrain_forge.base import OutputError, Stopwatch
+from terrain_forge.making import make_world
+from terrain_forge.model import Site, Window, World
+from terrain_forge.recipe import require_window_fits
+from terrain_forge.tiling.order import load_order
+
+
+def cut_world(
+    out: Path, *, centre: tuple[float, float], size: tuple[float, float], watch: Stopwatch
+) -> World:
+    """The world of a rectangle [m] of a site in tiles, to whole cells; the same bits as its tiles.
+
+    Raises:
+        OutputError: if the folder holds no site in tiles, or the rectangle is not in it.
+        RecipeError: if it does not fit into memory.
+    """
+    site = load_order(out).site
+    window = window_of(site, centre, size)
+    require_window_fits(site, window)
+    return make_world(site, window, settled=True, progress=watch)
+
+
+def window_of(site: Site, centre: tuple[float, float], size: tuple[float, float]) -> Window:
+    """The cells of a rectangle [m].
+
+    Raises:
+        OutputError: if it does not lie in the site, or has less than two cells a side.
+    """
+    cells = tuple(round(length / site.spacing) for length in size)
+    first = tuple(
+        round((middle - 0.5 * length - edge) / site.spacing)
+        for middle, length, edge in zip(centre, size, (site.west, site.south), strict=True)
+    )
+    whole = site.window.columns, site.window.rows
+    if min(cells) < 2:
+        raise OutputError(
+            f"--size {size[0]:g},{size[1]:g}: at least two cells of {site.spacing:g} m each way"
+        )
+    if any(f < 0 or f + c > n for f, c, n in zip(first, cells, whole, strict=True)):
+        east, north = (0.5 * length for length in site.size)
+        raise OutputError(
+            f"{size[0]:g} × {size[1]:g} m around ({centre[0]:g}, {centre[1]:g}) m is not within "
+            f"the site, which reaches {east:g} m east and {north:g} m north of its middle"
+        )
+    return Window(column=first[0], row=first[1], columns=cells[0], rows=cells[1])

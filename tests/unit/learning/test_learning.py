@@ -1,0 +1,207 @@
+"""Learning to drive: the environment, batched queries, and ground for other packages."""
+
+from __future__ import annotations
+
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import terrain_forge as tf
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.variation import name_of, worlds
+
+gymnasium = pytest.importorskip("gymnasium")
+from terrain_forge import learning  # noqa: E402
+
+ID = "terrain_forge.learning:TerrainForge/Drive-v0"
+
+
+def recipe() -> tf.Recipe:
+    rocks = tf.PopulationSpec(
+        name="rocks", size_frequency=tf.Golombek(k=0.05), diameter_m=(0.4, 0.9)
+    )
+    return tf.Recipe(
+        name="drive",
+        seed=5,
+        body="mars",
+        dtm=FlatDtm(size_m=(10.0, 8.0)),
+        terrain=tf.TerrainSpec(spacing_m=0.1, layers=(tf.Fractal(),)),
+        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=2), populations=(rocks,)),
+        rover="skid4",
+        exports={"mjcf": {"timestep_s": 0.005, "visual_min_m": 2, "texture_pixels": 16}},
+        worlds=tf.WorldsSpec(difficulty=tf.DifficultySpec(level=(0.2, 0.5))),
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return worlds(recipe(), tmp_path_factory.mktemp("learning") / "out", count=2, workers=0)
+
+
+def make(made, **given):
+    return gymnasium.make(ID, worlds=made.directory, distance_m=3.0, **given)
+
+
+@pytest.mark.parametrize("sight", ["heights", "depth", "none"])
+def test_it_passes_gymnasiums_checker(made, sight):
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make(made, sight=sight).unwrapped, skip_render_check=True)
+
+
+def episode(env, seed, steps=12):
+    seen, told = env.reset(seed=seed)
+    found = [*seen.values()]
+    for n in range(steps):
+        seen, reward, *_, told = env.step(np.array([0.8, np.sin(n)], np.float32))
+        found += [*seen.values(), np.array(reward)]
+    return np.concatenate([np.ravel(part) for part in found]), told["world"]
+
+
+def test_a_seed_tells_all_that_follows(made):
+    env = make(made)
+    first = [episode(env, seed) for seed in (1, 2, 3, 1)]
+    assert np.array_equal(first[0][0], first[3][0])
+    assert not np.array_equal(first[0][0], first[1][0])
+    assert np.array_equal(episode(make(made), 1)[0], first[0][0])
+
+
+def test_side_by_side_they_do_what_each_does_alone(made):
+    given = {"worlds": str(made.directory), "distance_m": 3.0}
+    many = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="sync", **given)
+    seen, _ = many.reset(seed=7)
+    action = np.array([[0.5, 0.1], [0.2, -0.4]], np.float32)
+    seen, reward, *_ = many.step(action)
+    for n in range(2):
+        alone = make(made)
+        alone.reset(seed=7 + n)
+        own, gained, *_ = alone.step(action[n])
+        assert np.array_equal(own["heights"], seen["heights"][n])
+        assert np.array_equal(own["proprioception"], seen["proprioception"][n])
+        assert gained == reward[n]
+    many.close()
+
+
+def test_driving_to_the_goal_pays_and_standing_does_not(made):
+    env = make(made, numbers=[0])
+    seen, told = env.reset(seed=3, options={"world": 0})
+    assert told["world"] == name_of(0)
+    way, total, over = told["distance"], 0.0, False
+    while not over:
+        p = seen["proprioception"]
+        bearing = np.arctan2(p[1], p[2])
+        action = np.array([1.0 - min(abs(bearing), 0.9), np.clip(2 * bearing, -1, 1)], np.float32)
+        seen, reward, ended, late, told = env.step(action)
+        total, over = total + reward, ended or late
+    assert told["ended"] == "arrived"
+    assert 4.0 < total - (way - told["distance"]) < 5.0
+    env.reset(seed=3)
+    for _ in range(60):
+        *_, ended, _late, told = env.step(np.zeros(2, np.float32))
+        if ended:
+            break
+    assert told["ended"] == "stuck"
+
+
+def test_heights_ahead_show_what_stands_there(made):
+    env = make(made).unwrapped
+    seen = env.reset(seed=0)[0]["heights"]
+    arena, parts = env.arena, env.parts
+    x, y, z, *_ = arena.data.qpos[parts.pose]
+    turn = arena.data.xmat[parts.body]
+    heading = np.arctan2(turn[3], turn[0])
+    for row, column in ((0, 0), (5, 4), (12, 8)):
+        ahead, aside = -0.5 + 0.25 * row, -1.0 + 0.25 * column
+        east = x + ahead * np.cos(heading) - aside * np.sin(heading)
+        north = y + ahead * np.sin(heading) + aside * np.cos(heading)
+        i = round((north - arena.origin[1]) / arena.spacing)
+        j = round((east - arena.origin[0]) / arena.spacing)
+        if 1 <= i < arena.top.shape[0] - 1 and 1 <= j < arena.top.shape[1] - 1:
+            around = arena.top[i - 1 : i + 2, j - 1 : j + 2]
+            assert around.min() - z - 1e-5 <= seen[row, column] <= around.max() - z + 1e-5
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"numbers": [77]}, "no worlds of these numbers"),
+        ({"difficulty": (0.9, 1.0)}, "no worlds of these numbers"),
+    ],
+)
+def test_worlds_that_are_not_there_are_told(made, given, why):
+    with pytest.raises(tf.OutputError, match=why):
+        make(made, **given)
+
+
+def test_a_folder_without_worlds_is_told(tmp_path):
+    with pytest.raises(tf.OutputError, match="holds no worlds"):
+        gymnasium.make(ID, worlds=tmp_path)
+
+
+def points(made):
+    rng = np.random.default_rng(0)
+    world = rng.integers(0, 2, 500)
+    return world, rng.uniform(-4.9, 4.9, 500), rng.uniform(-3.9, 3.9, 500)
+
+
+def test_batched_queries_equal_those_of_each_world(made):
+    grounds = learning.Grounds.of(made.folders)
+    loaded = [tf.World.load(folder) for folder in made.folders]
+    n, x, y = points(made)
+    height = grounds.height_at(n, x, y)
+    for number, world in enumerate(loaded):
+        own = n == number
+        assert height[own] == pytest.approx(world.ground.height_at(x[own], y[own]), abs=1e-6)
+    east, north = grounds.rise_at(n, x, y)
+    step = 1e-4
+    assert np.median(np.abs((grounds.height_at(n, x + step, y) - height) / step - east)) < 1e-3
+    normal = np.stack(grounds.normal_at(n, x, y))
+    assert np.linalg.norm(normal, axis=0) == pytest.approx(1.0)
+    assert normal[0] / normal[2] == pytest.approx(-east)
+    assert grounds.slope_at(n, x, y) == pytest.approx(np.hypot(east, north))
+    on_rock = grounds.rock_at(n, x, y) >= 0
+    assert on_rock.any()
+    assert np.all(grounds.top_at(n, x, y)[on_rock] > height[on_rock] - 0.3)
+
+
+def test_queries_go_to_another_library_without_a_copy(made):
+    jax = pytest.importorskip("jax")
+    here = learning.Grounds.of(made.folders)
+    there = here.to(jax.dlpack.from_dlpack)
+    n, x, y = points(made)
+    x, y = x.astype(np.float32), y.astype(np.float32)
+    found = jax.jit(there.height_at)(n, x, y)
+    assert isinstance(found, jax.Array)
+    assert np.asarray(found) == pytest.approx(here.height_at(n, x, y), abs=1e-4)
+    assert np.array_equal(np.asarray(there.rock_at(n, x, y)), here.rock_at(n, x, y))
+
+
+def test_generators_of_others_get_ground_and_origin():
+    import mujoco
+
+    maker = learning.GroundMaker(recipe=recipe())
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body(name="terrain")
+    origin, (geom,) = maker.mjlab(0.5, spec, np.random.default_rng(1), size=(6.0, 5.0))
+    body = spec.body("terrain")
+    body.pos = (10.0, 20.0, 0.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    geomid = np.zeros(1, np.int32)
+    down = np.array([0.0, 0.0, -1.0])
+    eye = np.array([10.0, 20.0, 0.0]) + origin + (0.0, 0.0, 5.0)
+    depth = mujoco.mj_ray(model, data, eye, down, None, 1, -1, geomid)
+    assert model.geom(geomid[0]).name == geom.name
+    assert 5.0 <= depth < 5.5  # the origin stands above what is around it
+    np.random.seed(2)  # noqa: NPY002 (as Isaac Lab does)
+    meshes, place = maker.isaac_lab(0.5, SimpleNamespace(size=(6.0, 5.0)))
+    low, high = meshes[0].bounds
+    assert low[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert high[:2] == pytest.approx((6.0, 5.0))
+    assert place[:2] == pytest.approx((3.0, 2.5))
+    assert all(mesh.is_watertight for mesh in meshes[1:])

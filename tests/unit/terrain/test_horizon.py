@@ -1,0 +1,175 @@
+"""What lies beyond a world's edge: its heights, its stitching, its rocks, what it is made from."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from terrain_forge.base import DataError
+from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm
+from terrain_forge.making import make_horizon, plan
+from terrain_forge.model import World
+from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
+from terrain_forge.terrain import Fractal, heights_beyond, paint, shape_ground
+from tests.helpers import worlds
+from tests.helpers.surfaces import random_points
+
+RADIUS = 3396190.0
+CRS = f"+proj=eqc +R={RADIUS} +units=m +no_defs"
+
+
+def land(x, y):
+    """Hills of a kilometre, a mountain in the east, a slope [m]."""
+    hills = 20.0 * np.sin(x / 700.0) * np.cos(y / 900.0)
+    return hills + 400.0 * np.exp(-(((x - 6000.0) / 2500.0) ** 2) - (y / 3000.0) ** 2) + 0.02 * x
+
+
+def raster(path: Path, *, posting: float, half: float, rise: float = 0.0) -> Path:
+    """A GeoTIFF of `land` about the origin."""
+    places = np.arange(-half + posting / 2, half, posting)
+    heights = land(places[None, :], -places[:, None]) + rise
+    heights = heights.astype(np.float32)
+    shape = {"width": len(places), "height": len(places), "count": 1, "dtype": "float32"}
+    transform = rasterio.Affine(posting, 0, -half, 0, -posting, half)
+    with rasterio.open(path, "w", driver="GTiff", crs=CRS, transform=transform, **shape) as file:
+        file.write(heights, 1)
+    return path
+
+
+def recipe(dtm, horizon=None, layers=(), rocks=None) -> Recipe:
+    return Recipe(
+        name="far",
+        seed=5,
+        body="mars",
+        dtm=dtm,
+        terrain=TerrainSpec(spacing_m=0.5, layers=layers),
+        horizon=horizon or HorizonSpec(),
+        rocks=rocks or RocksSpec(),
+    )
+
+
+def made(wanted: Recipe, folder: Path):
+    """Site, ground and horizon of a recipe, its rocks left out within the site."""
+    site = plan(wanted, folder=folder)
+    layers = wanted.terrain.layers
+    ground = shape_ground(site=site, window=site.window, layers=layers)
+    colours = paint(site, site.window, ground)
+    return site, ground, make_horizon(site, ground, colours, worlds.library())
+
+
+@pytest.fixture(scope="module")
+def site_in_hills(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hills")
+    raster(folder / "fine.tif", posting=8.0, half=4000.0)
+    raster(folder / "coarse.tif", posting=200.0, half=30000.0, rise=123.0)
+    return folder
+
+
+def drop(points, half):
+    off = points - np.clip(points, np.negative(half), half)
+    return (off**2).sum(axis=1) / (2.0 * RADIUS)
+
+
+@pytest.mark.parametrize("level", ["none", "plane"])
+def test_heights_beyond_are_those_of_the_model_out_to_where_it_ends(site_in_hills, level):
+    """The levelled plane is held for a site's length and does not lift the landscape."""
+    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0), level=level)
+    site, ground, horizon = made(recipe(dtm), site_in_hills)
+    random = np.random.default_rng(3)
+    turn = random.uniform(0, 2 * np.pi, 300)
+    away = random.uniform(80.0, 130.0 if level == "plane" else 2000.0, 300)
+    points = away[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    found = heights_beyond(ground, horizon, *points.T) + drop(points, (50.0, 40.0))
+    wanted = land(*points.T) - site.datum_height - points @ site.slope
+    near = away < 300.0
+    assert np.abs(found - wanted)[near].max() < 0.3
+    assert np.abs(found - wanted).max() < 4.0  # the rings are 10 % apart, the hills 20 m high
+    assert 2000.0 < horizon.followed < 4000.0
+    assert "level" in horizon.told
+
+
+def test_no_cliff_where_the_model_ends(site_in_hills):
+    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
+    _, _, horizon = made(recipe(dtm), site_in_hills)
+    mesh = horizon.mesh
+    a, b, c = (mesh.vertices[mesh.faces[: horizon.ground_faces, n]] for n in range(3))
+    normal = np.cross(b - a, c - a)
+    assert (normal[:, 2] / np.linalg.norm(normal, axis=1)).min() > np.cos(np.radians(15.0))
+
+
+def test_a_second_model_goes_on_at_the_height_of_the_first(site_in_hills):
+    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
+    spec = HorizonSpec(dtm="coarse.tif")
+    site, ground, horizon = made(recipe(dtm, spec), site_in_hills)
+    points = np.array([[6000.0, 0.0], [6000.0, 1500.0], [-5000.0, 4000.0]])
+    found = heights_beyond(ground, horizon, *points.T) + drop(points, (50.0, 40.0))
+    assert found == pytest.approx(land(*points.T) - site.datum_height, abs=25.0)
+    assert "coarse.tif" in horizon.told
+    assert horizon.reach > 20000.0
+
+
+def test_a_second_model_elsewhere_is_refused(site_in_hills, tmp_path):
+    raster(site_in_hills / "small.tif", posting=50.0, half=3000.0)
+    dtm = FlatDtm(size_m=(100.0, 80.0), lonlat_deg=(10.0, 0.0))
+    with pytest.raises(DataError, match=r"small\.tif does not reach around the site"):
+        plan(recipe(dtm, HorizonSpec(dtm="small.tif")), folder=site_in_hills)
+    nowhere = FlatDtm(size_m=(100.0, 80.0))
+    with pytest.raises(DataError, match="needs a georeferenced site"):
+        plan(recipe(nowhere, HorizonSpec(dtm="small.tif")), folder=site_in_hills)
+
+
+def test_flat_ground_goes_on_as_rough_as_it_is_and_then_level(tmp_path):
+    layers = (Fractal(hurst=0.8, deviation_1m_m=0.05),)
+    site, ground, horizon = made(recipe(FlatDtm(size_m=(64.0, 48.0)), layers=layers), tmp_path)
+    height = partial(heights_beyond, ground, horizon)
+    east = np.linspace(-30.0, 30.0, 241)
+    beyond = height(east, np.full(241, 24.0 + 1.0))
+    whole = site.replace(size=(64.0, 56.0))  # the same noise on a larger site
+    larger = shape_ground(site=whole, window=whole.window, layers=layers)
+    wanted = larger.height_at(east, np.full(241, 25.0))
+    assert np.corrcoef(beyond, wanted)[0, 1] > 0.8
+    far = height(np.linspace(-500.0, 500.0, 50), np.full(50, 3000.0))
+    level = far + drop(np.column_stack([np.linspace(-500, 500, 50), np.full(50, 3000.0)]), (32, 24))
+    assert np.ptp(level) < 0.05
+    assert "no heights were read" in horizon.told
+
+
+def test_rocks_beyond_are_as_many_as_the_law_says_and_lie_outside(tmp_path):
+    law = Golombek(k=0.05)
+    rocks = RocksSpec(
+        populations=(PopulationSpec(name="r", size_frequency=law, diameter_m=(0.6, 2.0)),)
+    )
+    wanted = recipe(FlatDtm(size_m=(64.0, 48.0)), rocks=rocks)
+    _, _, horizon = made(wanted, tmp_path)
+    belt = 164.0 * 148.0 - 64.0 * 48.0
+    expected = belt * (law.cumulative_number(0.6) - law.cumulative_number(2.0))
+    assert abs(horizon.rocks - expected) < 4.0 * np.sqrt(expected)
+    stones = horizon.mesh.vertices[horizon.ground_vertices :]
+    assert np.maximum(np.abs(stones[:, 0]) - 32.0, np.abs(stones[:, 1]) - 24.0).min() > 0.0
+    bare = made(recipe(FlatDtm(size_m=(64.0, 48.0)), HorizonSpec(rocks_m=0), rocks=rocks), tmp_path)
+    assert bare[2].rocks == 0
+    nothing = recipe(FlatDtm(size_m=(64.0, 48.0)), HorizonSpec(reach_m=0))
+    assert made(nothing, tmp_path)[2] is None
+
+
+def test_the_horizon_is_saved_with_the_world(tmp_path):
+    world = worlds.world()
+    found = make_horizon(world.site, world.ground, world.appearance, world.library)
+    world = world.replace(horizon=found)
+    world.save(tmp_path)
+    assert World.load(tmp_path).horizon == found
+    assert all(tile.world.horizon is None for tile in world.tiles(cells=32))
+
+
+def test_points_within_are_not_beyond(small_world):
+    found = make_horizon(
+        small_world.site, small_world.ground, small_world.appearance, small_world.library
+    )
+    points = random_points(small_world.ground, 10, 5)
+    with pytest.raises(ValueError, match="beyond the world's edge"):
+        heights_beyond(small_world.ground, found, *points.T)

@@ -1,0 +1,92 @@
+"""What is done with a built site: checked, cut, looked at; refused where it is no world."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import terrain_forge as tf
+from terrain_forge import pipeline
+from terrain_forge.base import OutputError
+from tests.helpers import command_line as command
+
+
+@pytest.fixture
+def copied(built, tmp_path):
+    """A site of one's own."""
+    shutil.copytree(built, tmp_path / "six")
+    return tmp_path / "six"
+
+
+def test_a_whole_site_is_valid(copied):
+    assert pipeline.validate(copied)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tiles/001/002/geotiff/elevation.tif", "tiles/000/001/tile.json", "truth/size_frequency.json"],
+)
+def test_a_damaged_file_is_found(copied, name):
+    path = copied / name
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert not pipeline.validate(copied)
+    damaged = json.loads((copied / "validation/report.json").read_text())["damaged"]
+    assert f"{name} is damaged" in damaged
+
+
+def test_a_missing_tile_is_found_and_made_anew(copied, recipe, built):
+    shutil.rmtree(copied / "tiles/000/002")
+    done = command.run("validate", copied)
+    assert done.returncode == 1
+    assert "tiles/000/002/tile.json is missing" in done.stderr
+    tf.build(tf.load_recipe(recipe).recipe, copied, workers=1)
+    for path in (built / "tiles/000/002").rglob("*.*"):
+        assert path.read_bytes() == (copied / path.relative_to(built)).read_bytes()
+
+
+def test_a_part_becomes_a_world_of_its_own(built, whole, tmp_path):
+    out = tmp_path / "part"
+    result = pipeline.cut(built, out, centre=(1.0, 2.5), size=(24.0, 10.0), only=("mjcf",))
+    assert result.passed
+    world = tf.World.load(out)
+    wanted = whole.tile(world.window, number=0)
+    assert np.array_equal(world.ground.elevation, wanted.ground.elevation)
+    assert np.array_equal(world.field.position, wanted.field.position)
+    assert (out / "mjcf/scene.xml").is_file()
+
+
+def test_a_part_beyond_the_site_is_refused(built, tmp_path):
+    done = command.run("cut", built, "--centre", "20,0", "--size", "24,10", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert "is not within the site, which reaches 25 m east" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("arguments", [("export", "--only", "glb"), ("record",)])
+def test_what_wants_a_world_points_to_cut(built, arguments):
+    name, *more = arguments
+    done = command.run(name, built, *more)
+    assert done.returncode == 2
+    assert "a site in tiles: `terrain-forge cut` makes a world" in done.stderr
+
+
+def test_an_unfinished_site_says_so(copied):
+    (copied / "manifest.json").unlink()
+    with pytest.raises(OutputError, match="is not finished: the same build goes on"):
+        pipeline.validate(copied)
+
+
+def test_the_map_is_whole(built):
+    with Image.open(built / "map.png") as picture:
+        pixels = np.asarray(picture)
+    assert pixels.shape == (160, 200, 3)
+    assert pixels.min() > 0
+    page = (built / "report.html").read_text()
+    assert 'src="map.png"' in page
+    assert "6 tiles" in page

@@ -1,0 +1,171 @@
+"""USD, 3D Tiles and SDF of a site in tiles, read back with their neighbours."""
+
+from __future__ import annotations
+
+import json
+import struct
+import xml.etree.ElementTree as ET
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from terrain_forge.truth.tiled import write_parquet
+
+LEVELS = ("full", "quarter", "sixteenth")
+
+
+def usd_ground(site: Path, row: int, column: int, level: str):
+    """Points of a tile's ground in the world, and its normals, as USD composes them."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(site / "usd/world.usda"))
+    prim = stage.GetPrimAtPath(f"/World/Tiles/tile_{row:03}_{column:03}")
+    assert prim.GetVariantSets().GetVariantSelection("lod") == "sixteenth"
+    prim.GetVariantSets().SetSelection("lod", level)
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"{prim.GetPath()}/ground/surface"))
+    place = UsdGeom.XformCache().GetLocalToWorldTransform(mesh.GetPrim())
+    points = np.array(mesh.GetPointsAttr().Get(), np.float64) + np.array(place.ExtractTranslation())
+    return points, np.array(mesh.GetNormalsAttr().Get())
+
+
+@pytest.mark.parametrize(("one", "other"), list(product(LEVELS, LEVELS)))
+def test_usd_tiles_meet_at_any_levels(built, one, other):
+    """Points and normals along a border are the same numbers from both sides."""
+    for axis, near, far, edge in ((0, (0, 0), (0, 1), -5.0), (1, (0, 0), (1, 0), 0.0)):
+        sides = []
+        for place, level in ((near, one), (far, other)):
+            points, normals = usd_ground(built, *place, level)
+            here = points[:, axis] == edge
+            order = np.argsort(points[here, 1 - axis])
+            sides.append((points[here][order], normals[here][order]))
+        assert len(sides[0][0]) == 81
+        assert np.array_equal(sides[0][0], sides[1][0])
+        assert np.array_equal(sides[0][1], sides[1][1])
+
+
+def test_usd_has_each_rock_once(built, whole):
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(built / "usd/world.usda"))
+    for prim in stage.GetPrimAtPath("/World/Tiles").GetChildren():
+        prim.GetVariantSets().SetSelection("lod", "full")
+    assert not stage.GetCompositionErrors()
+    cache, found, places = UsdGeom.XformCache(), [], []
+    for prim in stage.Traverse():
+        if prim.IsA(UsdGeom.PointInstancer):
+            rocks = UsdGeom.PointInstancer(prim)
+            shift = np.array(cache.GetLocalToWorldTransform(prim).ExtractTranslation())
+            found += list(rocks.GetIdsAttr().Get())
+            places += (np.array(rocks.GetPositionsAttr().Get(), np.float64) + shift).tolist()
+    order = np.argsort(found)
+    assert np.array_equal(np.array(found)[order], whole.field.id)
+    assert np.allclose(np.array(places)[order], whole.field.position, atol=2e-6)
+
+
+def read_glb(path: Path):
+    """The JSON of a GLB, and the arrays of its accessors."""
+    content = path.read_bytes()
+    length = struct.unpack_from("<I", content, 12)[0]
+    told = json.loads(content[20 : 20 + length])
+    binary = content[28 + length :]
+    kinds = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
+    sizes = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+
+    def array(number):
+        one = told["accessors"][number]
+        view = told["bufferViews"][one["bufferView"]]
+        size, count = sizes[one["type"]], one["count"]
+        flat = np.frombuffer(binary, kinds[one["componentType"]], count * size, view["byteOffset"])
+        return flat.reshape(count, size)
+
+    return told, array
+
+
+def contents(site: Path):
+    """Each content of the tileset: its address, its transform, its node and those inside it."""
+    tileset = json.loads((site / "glb/tileset.json").read_text())
+    assert tileset["asset"]["version"] == "1.1"
+
+    def walk(node, shift, above):
+        assert node["geometricError"] <= above
+        if "transform" in node:
+            shift = shift + np.array(node["transform"])[12:15]
+        if "content" in node:
+            yield node, shift
+        for child in node.get("children", ()):
+            yield from walk(child, shift, node["geometricError"])
+
+    return list(walk(tileset["root"], np.zeros(3), tileset["geometricError"]))
+
+
+def test_3d_tiles_hold_what_they_say(built, whole):
+    """Boxes hold their vertices; errors are those of the heights; borders are common."""
+    found, rims = contents(built), {}
+    assert len(found) == 6 * 3
+    for node, shift in found:
+        told, array = read_glb(built / "glb" / node["content"]["uri"])
+        (x, y, z, w) = told["nodes"][0]["rotation"]
+        assert np.allclose((x, y, z, w), (-(0.5**0.5), 0, 0, 0.5**0.5))  # z up to y up
+        box = np.array(node["boundingVolume"]["box"])
+        for mesh in told["meshes"]:
+            vertices = array(mesh["primitives"][0]["attributes"]["POSITION"])
+            off = np.abs(vertices - box[:3]) - np.diag(box[3:].reshape(3, 3))
+            assert off.max() <= 1e-5
+        points = array(told["meshes"][0]["primitives"][0]["attributes"]["POSITION"]) + shift
+        heights = whole.ground.height_at(points[:, 0], points[:, 1])
+        assert np.abs(points[:, 2] - heights).max() < 1e-4
+        edges = (points[:, 0] == -5.0) | (points[:, 0] == 15.0) | (points[:, 1] == 0.0)
+        for x, y, z in points[edges].tolist():
+            assert rims.setdefault((x, y), z) == z
+        faces = array(told["meshes"][0]["primitives"][0]["indices"]).reshape(-1, 3)
+        middle = points[faces].mean(axis=1)
+        ground = whole.ground.height_at(middle[:, 0], middle[:, 1])
+        assert np.abs(middle[:, 2] - ground).max() <= node["geometricError"]
+
+
+def test_sdf_world_has_a_level_for_each_tile(built):
+    world = ET.parse(built / "sdf/world.sdf").getroot().find("world")
+    included = {one.find("name").text: one for one in world.iter("include")}
+    levels = {one.find("ref").text: one for one in world.iter("level")}
+    assert sorted(included) == sorted(levels)
+    assert len(included) == 6
+    for name, one in included.items():
+        folder = built / one.find("uri").text.removeprefix("model://")
+        model = ET.parse(folder / "model.sdf").getroot().find("model")
+        assert model.get("name") == name
+        assert one.find("pose").text == levels[name].find("pose").text
+        for uri in model.iter("uri"):
+            assert (built / uri.text.removeprefix("model://")).is_file()
+
+
+def test_sdf_grounds_meet(built):
+    """Heights along a border are the same from both sides to what the text is rounded to."""
+    sides = []
+    world = ET.parse(built / "sdf/world.sdf").getroot().find("world")
+    poses = {
+        one.find("uri").text: np.array(one.find("pose").text.split()[:3], float)
+        for one in world.iter("include")
+    }
+    for column in (0, 1):
+        address = f"model://tiles/000/{column:03}/sdf"
+        path = built / address.removeprefix("model://") / "meshes/ground.obj"
+        lines = [line.split()[1:] for line in path.read_text().splitlines() if line[:2] == "v "]
+        points = np.array(lines, float) + poses[address]
+        border = points[np.abs(points[:, 0] + 5.0) < 1e-5]
+        sides.append(border[np.argsort(border[:, 1])])
+    assert sides[0].shape == (81, 3)
+    assert np.allclose(*sides, rtol=0, atol=2e-6)
+
+
+def test_rocks_as_geoparquet(whole, tmp_path):
+    arrow = pytest.importorskip("pyarrow.parquet")
+    write_parquet(whole, tmp_path / "rocks.parquet")
+    table = arrow.read_table(tmp_path / "rocks.parquet")
+    assert table["id"].to_pylist() == whole.field.id.tolist()
+    geo = json.loads(table.schema.metadata[b"geo"])
+    assert geo["columns"]["geometry"]["encoding"] == "WKB"
+    order, kind, x, y = struct.unpack("<BIdd", table["geometry"][7].as_py())
+    assert (order, kind) == (1, 1)
+    assert [x, y] == whole.field.position[7, :2].tolist()
