@@ -9,6 +9,7 @@ length of the site's side. Farther out the body curves away.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -121,7 +122,8 @@ def _values(
     level = float(height.mean()) if site.dtm is None else _level(site, known, weight)
     going_on = [f for layer in layers if layer.mask is None and (f := layer.beyond(site))]
     relief = np.concatenate([_relief(going_on, ring) for ring in rings])
-    inside = ground.height_at(*inner.T) - weight[:border] * known[:border]
+    within = _relief(going_on, replace(rings[0], points=inner))
+    inside = ground.height_at(*inner.T) - within - weight[:border] * known[:border]
     known, weight, points = known[border:], weight[border:], points[border:]
     bare = height - relief[:border]
     slope = (bare - weight[:border] * known[:border] - inside) / (_INWARD * ground.spacing)
