@@ -18,9 +18,9 @@ _EFFICACY = 98.0
 """Luminous efficacy of sunlight above an atmosphere [lm/W]: 133.1 klx (IES RP-21) of 1361 W/m²."""
 _BLENDER_EFFICACY = 683.0
 """What Blender divides lumens by [lm/W]."""
-_SUN_ALONE = 2.0
+_SUN_ALONE = 3.0
 """How much brighter the Sun is where nothing is lit by the sky."""
-_BLENDER = 2.5
+_BLENDER = 1.7
 """How much brighter still Blender wants it, which compresses what is bright."""
 _FAR = 2.5
 """Distance of the sky, over that of the horizon; the lamp for Blender hangs just within."""

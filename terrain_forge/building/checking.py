@@ -139,4 +139,4 @@ def _horizon(site: Site) -> str:
         sources = ", ".join(dict.fromkeys(source for _, source in known))
         told = f"heights read out to {max(known)[0] / 1e3:.3g} km ({sources})"
     rocks = f"; rocks within {spec.rocks_m:g} m" if spec.rocks_m else ""
-    return f"{told}{rocks}; 1 to 7 MB in each format that takes it"
+    return f"{told}{rocks}; 1 to 6 MB in each format that takes it"

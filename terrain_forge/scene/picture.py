@@ -12,6 +12,7 @@ from terrain_forge.scene.looking import look
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.stage import prepare_stage, prepare_wheels
 
+_CLEAR = np.float32(1e30)
 _AWAY = 100.0
 """From how many widths of a map it is looked at: relief then leans by a thousandth of it."""
 
@@ -48,7 +49,8 @@ def radiance_seen(
     if not camera.pinhole:
         ahead = _AWAY * max(right * camera.width, down * camera.height)
         place = place - ahead * camera.forward
-        stage = stage._replace(haze=np.float32(np.inf))
+        if stage.haze < np.inf:  # there is air, but none of it is so high
+            stage = stage._replace(haze=_CLEAR)
     x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) * right
     y = (np.arange(camera.height) + 0.5 - 0.5 * camera.height) * down
     rays = np.empty((camera.height, camera.width, 3))

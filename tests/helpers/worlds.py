@@ -9,6 +9,7 @@ import trimesh
 
 from terrain_forge.base import quaternion_from_rpy
 from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import make_horizon
 from terrain_forge.model import (
     MARS,
     Appearance,
@@ -234,3 +235,9 @@ def route(points, **changes) -> Route:
         closed=False,
         **(values | changes),
     )
+
+
+def with_horizon(world: World) -> World:
+    """The world with what lies beyond its edge."""
+    beyond = make_horizon(world.site, world.ground, world.appearance, world.library)
+    return world.replace(horizon=beyond)

@@ -13,7 +13,7 @@ from terrain_forge.base import Array, portable, stage_key, uniforms
 from terrain_forge.model import Bounds, Mesh, RockLibrary, Site
 from terrain_forge.rocks.populations import PopulationSpec
 
-_MOST = 1000
+_MOST = 800
 """Rocks that are drawn at most: the largest ones."""
 _SMALLEST = 0.1
 """Rocks below this diameter are not drawn [m]."""

@@ -9,6 +9,7 @@ length of the site's side. Farther out the body curves away.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -113,7 +114,8 @@ def _values(
 ) -> tuple[Array, Array, Array]:
     """Height [m], linear colour of all nodes, and how far heights are followed there."""
     border, sides = len(rings[0].points), _sides(ground)
-    inner = ring_points(ground, rings[0].parts, -_INWARD * ground.spacing)
+    inward = min(_INWARD, 0.5 * (min(ground.shape) - 1)) * ground.spacing
+    inner = ring_points(ground, rings[0].parts, -inward)
     points = np.concatenate([inner, *(ring.points for ring in rings)])
     known, weight = far_heights(site, *points.T)
     known -= site.datum_height + _plane(site, points)
@@ -121,10 +123,11 @@ def _values(
     level = float(height.mean()) if site.dtm is None else _level(site, known, weight)
     going_on = [f for layer in layers if layer.mask is None and (f := layer.beyond(site))]
     relief = np.concatenate([_relief(going_on, ring) for ring in rings])
-    inside = ground.height_at(*inner.T) - weight[:border] * known[:border]
+    within = _relief(going_on, replace(rings[0], points=inner))
+    inside = ground.height_at(*inner.T) - within - weight[:border] * known[:border]
     known, weight, points = known[border:], weight[border:], points[border:]
     bare = height - relief[:border]
-    slope = (bare - weight[:border] * known[:border] - inside) / (_INWARD * ground.spacing)
+    slope = (bare - weight[:border] * known[:border] - inside) / inward
     colour = linear_from_srgb(np.arange(256) / 255.0)[border_values(ground_rgb)]
     mean, states, start = colour.mean(axis=0), [np.column_stack([bare, slope, colour])], 0
     for last, ring in pairwise(rings):

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array
 from terrain_forge.model import Heightfield
 
-_RINGS = (0, 1, 2, 4, 8)
+_RINGS = (0, 1, 1, 2, 4)
 """Rings before their nodes are halved, from the border on; the last goes on."""
 _FEWEST = 96
 """Cells along the shorter side below which nothing is halved any more."""
-_GROWTH = 0.1
+_GROWTH = 0.12
 """Least distance of a ring from the last one, over that from the border."""
 
 

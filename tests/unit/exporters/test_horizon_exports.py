@@ -10,7 +10,6 @@ import pytest
 import trimesh
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from terrain_forge.making import make_horizon
 from terrain_forge.model import exporter
 from tests.helpers import worlds
 
@@ -19,10 +18,7 @@ Z_UP = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
 
 @pytest.fixture(scope="module")
 def world():
-    world = worlds.world()
-    return world.replace(
-        horizon=make_horizon(world.site, world.ground, world.appearance, world.library)
-    )
+    return worlds.with_horizon(worlds.world())
 
 
 def written(world, kind, folder, **options):
@@ -94,7 +90,6 @@ def test_it_is_left_out_on_demand_and_said(world, kind, tmp_path):
     report = written(world, kind, tmp_path, horizon=False)
     assert any("beyond the border is left out" in loss for loss in report.losses)
     assert not [path for path in report.files if "horizon" in str(path)]
-    told = written(
-        world, kind, tmp_path / "with" if (tmp_path / "with").mkdir() is None else tmp_path
-    )
+    (tmp_path / "with").mkdir()
+    told = written(world, kind, tmp_path / "with")
     assert any("for the eye alone" in loss for loss in told.losses)

@@ -150,6 +150,19 @@ def test_map_is_north_up(flat_world):
     np.testing.assert_allclose(red, [[0.0, 1.0], [0.0, 0.0]], atol=0.1)
 
 
+def test_a_map_is_lit_alike_on_both_sides_of_the_border(small_world):
+    grey = np.full_like(small_world.appearance.ground_rgb, 107)
+    level = np.zeros_like(small_world.ground.elevation)
+    bare = small_world.replace(
+        ground=small_world.ground.replace(elevation=level),
+        appearance=small_world.appearance.replace(ground_rgb=grey),
+        field=small_world.field.select(np.arange(0)),
+    )
+    image = aerial(worlds.with_horizon(bare), width=280, height=200).astype(float)
+    within, beyond = image[60:140, 60:220].mean(), image[:, :15].mean()  # from 2 m on, in 0.1 m
+    assert beyond == pytest.approx(within, rel=0.05)
+
+
 def test_world_without_rocks_and_paths_has_a_picture(flat_world):
     bare = flat_world.replace(field=flat_world.field.select(np.arange(0)))
     assert render_preview(bare, width=64, height=36).shape == (36, 64, 3)

@@ -45,6 +45,7 @@ def _motion():
 
 
 def _setting(world):
+    world = worlds.with_horizon(world)
     scenery = Scenery(world, _motion())
     return Setting(world=world, motion=_motion(), scenery=scenery, gravity=3.7, seed=1)
 

@@ -19,7 +19,7 @@ _TICKS = 10_000_000
 
 @pytest.fixture(scope="module")
 def world():
-    return worlds.world().replace(rover=rovers.morpheus())
+    return worlds.with_horizon(worlds.world().replace(rover=rovers.morpheus()))
 
 
 def arc(radius=3.0, speed=0.2, seconds=30.0, lift=0.0, source="path", wheels=None):

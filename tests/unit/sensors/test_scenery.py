@@ -9,7 +9,6 @@ import pytest
 
 from terrain_forge.base import RecipeError, kernel
 from terrain_forge.geometry import rover_looks
-from terrain_forge.making import make_horizon
 from terrain_forge.model import DtmPatch, Trajectory
 from terrain_forge.scene import APRON, BODY, GROUND, MISSED, open_scene, shade8
 from terrain_forge.scene.embree import INCOHERENT
@@ -33,15 +32,9 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 @pytest.fixture(scope="module")
 def scenery():
-    world = with_horizon(worlds.world(rover=skid4()))
+    world = worlds.with_horizon(worlds.world(rover=skid4()))
     with Scenery(world, motion_of_path(world.trajectories[0])) as scenery:
         yield scenery
-
-
-def with_horizon(world):
-    return world.replace(
-        horizon=make_horizon(world.site, world.ground, world.appearance, world.library)
-    )
 
 
 def beyond_edge(scenery):
@@ -145,7 +138,7 @@ def test_the_apron_follows_the_dtm_as_far_as_it_goes():
         filled=0,
     )
     world = worlds.world()
-    world = with_horizon(world.replace(site=world.site.replace(dtm=dtm)))
+    world = worlds.with_horizon(world.replace(site=world.site.replace(dtm=dtm)))
     edge = partial(heights_beyond, world.ground, world.horizon)
     along = np.linspace(-20.0, 20.0, 9)
     crest = edge(np.full(9, 30.0), along)

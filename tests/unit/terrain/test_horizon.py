@@ -158,18 +158,14 @@ def test_rocks_beyond_are_as_many_as_the_law_says_and_lie_outside(tmp_path):
 
 
 def test_the_horizon_is_saved_with_the_world(tmp_path):
-    world = worlds.world()
-    found = make_horizon(world.site, world.ground, world.appearance, world.library)
-    world = world.replace(horizon=found)
+    world = worlds.with_horizon(worlds.world())
     world.save(tmp_path)
-    assert World.load(tmp_path).horizon == found
+    assert World.load(tmp_path).horizon == world.horizon
     assert all(tile.world.horizon is None for tile in world.tiles(cells=32))
 
 
 def test_points_within_are_not_beyond(small_world):
-    found = make_horizon(
-        small_world.site, small_world.ground, small_world.appearance, small_world.library
-    )
+    found = worlds.with_horizon(small_world).horizon
     points = random_points(small_world.ground, 10, 5)
     with pytest.raises(ValueError, match="beyond the world's edge"):
         heights_beyond(small_world.ground, found, *points.T)
