@@ -79,7 +79,7 @@ def write_model(world: World, model: Model, *, links: list[Lines], options: Opti
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
     populations = np.unique(single.population).tolist()
     for population in populations:
-        image = rock_texture(world, population)
+        image = rock_texture(world, population, tinted=not model.classic)
         write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
     if populations and model.relief and (maps := rock_maps(world)):
         for file, image in zip((_NORMALS, _ROUGHNESS), maps, strict=True):

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, Spec
+from terrain_forge.base import NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +29,11 @@ class Options(Spec):
     texture_pixels: Annotated[int, Interval(ge=1, le=8192)] = 1024
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
+    pebbles_min_m: NotNegative = 0.0
+    """Smallest pebbles that lie near the paths, for pictures alone [m]; 0 for none. Their number is
+    what the law of the recipe's smallest rocks gives on down to there."""
+    pebbles_within_m: Positive = 2.0
+    """How far from a path they lie, at most [m]."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None

@@ -146,15 +146,35 @@ def _define_look(
     return look
 
 
+def write_pebbles(world: World, rocks: RockField, assets: Path) -> None:
+    """Write `assets`/pebbles.usdc: what is drawn near paths and no part of the world."""
+    stage = new_stage(assets / "pebbles.usdc", "pebbles")
+    friction = world_friction(world.site.body, Options()).rock
+    coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
+    for population, tint, some in grouped(rocks, rock_tints(rocks.id, world.site.seed)):
+        path = f"/pebbles/Looks/pebble_{population}_{tint}"
+        look = _define_look(stage, path, world, population, tint, friction)
+        path = f"/pebbles/visual_{population}_{tint}"
+        _define_instancer(stage, path, some, world, coarsest[some.prototype], kind="pebble")
+        bind(stage.GetPrimAtPath(path), look)
+    save(stage)
+
+
 def _define_instancer(
-    stage: Usd.Stage, path: str, rocks: RockField, whole: World, level: NDArray[np.int64]
+    stage: Usd.Stage,
+    path: str,
+    rocks: RockField,
+    whole: World,
+    level: NDArray[np.int64],
+    *,
+    kind: str = "rock",
 ) -> None:
     shapes = whole.library.prototypes
     pairs, index = np.unique(
         np.stack([rocks.prototype, level], axis=-1), axis=0, return_inverse=True
     )
     instancer = UsdGeom.PointInstancer.Define(stage, path)
-    label(instancer.GetPrim(), "rock")
+    label(instancer.GetPrim(), kind)
     targets = []
     for source in (_visual_path(*pair) for pair in pairs.tolist()):
         prim = stage.DefinePrim(f"{path}/Prototypes/{source.rsplit('/', 1)[1]}", "Xform")

@@ -22,12 +22,13 @@ from terrain_forge.geometry import (
     texture_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
+from terrain_forge.rocks import path_pebbles
 from terrain_forge.writers import write_png
 
 from .ground import DETAIL, fresh_craters, write_ground
 from .layer import ROOT, new_stage, save
 from .options import Options
-from .rocks import NORMALS, ROUGHNESS, write_library, write_rocks
+from .rocks import NORMALS, ROUGHNESS, write_library, write_pebbles, write_rocks
 from .rover import rig_losses, write_scene
 
 _SKY_SHARE = 0.2
@@ -40,7 +41,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets.mkdir()
     write_library(world.library, assets)
     for population in np.unique(world.field.population).tolist():
-        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+        write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     if maps := rock_maps(world):
         for file, image in zip((NORMALS, ROUGHNESS), maps, strict=True):
             write_png(assets / file, image)
@@ -55,10 +56,15 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         write_rocks(tile, assets, coarse=coarse, levels=levels, options=options)
         parts["Ground"].append(tile.name("ground"))
         parts["Rocks"].append(tile.name("rocks"))
+    pebbles = 0
+    if options.pebbles_min_m > 0.0:
+        laid = path_pebbles(world, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
+        write_pebbles(world, laid, assets)
+        parts["Pebbles"], pebbles = ["pebbles"], len(laid)
     _write_world(directory / "world.usda", world, parts)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    return ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+    return ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, pebbles, options))
 
 
 def _write_world(path: Path, world: World, parts: dict[str, list[str]]) -> None:
@@ -94,7 +100,7 @@ def _define_lights(stage: Usd.Stage, world: World) -> None:
 
 
 def _losses(
-    world: World, coarse: list[Mesh], levels: NDArray[np.int64], options: Options
+    world: World, coarse: list[Mesh], levels: NDArray[np.int64], pebbles: int, options: Options
 ) -> tuple[str, ...]:
     """What USD, or this export of it, does not say."""
     detail = world.appearance.detail
@@ -105,6 +111,11 @@ def _losses(
         "USD lights have no physical unit: intensities are W/m² and want an exposure.",
         "USD does not say whose friction counts where two things touch: PhysX takes their mean.",
     ]
+    if pebbles:
+        losses.append(
+            f"{pebbles} pebbles within {options.pebbles_within_m:g} m of the paths are for "
+            "pictures alone: nothing touches them, and truth does not count them."
+        )
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
     if world.trajectories:
