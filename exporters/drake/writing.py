@@ -11,6 +11,7 @@ from terrain_forge.geometry import (
     friction_losses,
     largest_outline_error,
     level_of_detail,
+    rock_look_losses,
     static_losses,
     texture_loss,
     with_horizon_loss,
@@ -112,6 +113,7 @@ def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> t
         losses.append(PLACE_LOSS)
     losses += static_losses(world.field)
     losses += friction_losses(world, options)
+    losses += rock_look_losses(world.library)
     small = int((~is_single(world.field, options.individual_min_m)).sum())
     if small:
         error = largest_outline_error(coarse, world.library.prototypes)

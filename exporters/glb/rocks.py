@@ -61,7 +61,9 @@ def rock_meshes(
     prototypes = world.library.prototypes
     shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
 
-    picture = cache(lambda n: gltf.add_texture(encode_png(rock_texture(world, n)), tiles=True))
+    picture = cache(
+        lambda n: gltf.add_texture(encode_png(rock_texture(world, n, tinted=True)), tiles=True)
+    )
     relief = _add_maps(world, gltf) if len(rocks) else {}
 
     @cache

@@ -134,7 +134,7 @@ def write_materials(
     for number in range(len(world.field.populations)):
         name, image = f"rock_{number}", f"rock_{number}.png"
         if textured:
-            write_png(directory / image, rock_texture(world, number))
+            write_png(directory / image, rock_texture(world, number, tinted=True))
             materials += [
                 MattMaterial(
                     name=f"{name}_{tint}",

@@ -29,9 +29,9 @@ _BASE = 1.0
 """Thickness of the ground below its lowest node [m]."""
 _LARGEST_TEXTURE = 4096
 """Pixels that every OpenGL driver takes."""
-_SUNK, _SUNK_CELLS = 0.03, 0.5
-"""How far a height field sinks below the ground where another has its friction: at least [m], and
-in spacings."""
+_SUNK = 0.005
+"""How far a height field sinks below the ground where another has its friction [m]: more than
+wheels press in, and so little that its slope there catches nothing."""
 _ROUNDS = 50
 """Times that cells are given to their neighbours, at most."""
 _LARGEST_TEXT = 1024
@@ -129,7 +129,7 @@ def _by_friction(
     """A block's ground once for each friction: what is highest has the friction of its cell.
 
     A height field has one friction. Each of these is as high as the ground where cells of its
-    friction are, and beside them sinks below it, more steeply than wheels sink in.
+    friction are, and beside them a little lower.
     """
     if not felt:
         yield name, part, {}
@@ -153,8 +153,8 @@ def _by_friction(
             rows=high_row - low_row,
         )
         kept = _corners(near)
-        deep = np.float32(max(_SUNK_CELLS * part.spacing, _SUNK))
-        sunk = cut.replace(elevation=np.where(kept, cut.elevation, cut.elevation - deep))
+        deep = cut.elevation - np.float32(_SUNK)
+        sunk = cut.replace(elevation=np.where(kept, cut.elevation, deep))
         yield f"{name}_{number}", sunk, {"friction": sliding(friction)}
 
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from terrain_forge.base import ExportError
-from terrain_forge.geometry import collision_losses, static_losses, texture_loss
+from terrain_forge.geometry import (
+    collision_losses,
+    rock_look_losses,
+    static_losses,
+    texture_loss,
+)
 from terrain_forge.model import World
 
 from .blocks import CELLS, wide_rocks
@@ -91,6 +96,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         *_rock_losses(world, options),
         *static_losses(world.field),
         *collision_losses(world.library.prototypes),
+        *rock_look_losses(world.library),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
         *world.rover.notes,

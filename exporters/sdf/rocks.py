@@ -105,7 +105,7 @@ def write_shapes(
             path = model.path(_hull_file(prototype, part))
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
     for population in populations:
-        image = rock_texture(world, population)
+        image = rock_texture(world, population, tinted=not model.classic)
         write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
     if populations and model.relief and (maps := rock_maps(world)):
         for file, image in zip((_NORMALS, _ROUGHNESS), maps, strict=True):

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, Spec
+from terrain_forge.base import NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +34,11 @@ class Options(Spec):
     lights: Literal["display", "physical"] = "display"
     """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
     wants a viewer whose exposure can be set."""
+    pebbles_min_m: NotNegative = 0.0
+    """Smallest pebbles that lie near the paths, for pictures alone [m]; 0 for none. Their number is
+    what the law of the recipe's smallest rocks gives on down to there."""
+    pebbles_within_m: Positive = 2.0
+    """How far from a path they lie, at most [m]."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None

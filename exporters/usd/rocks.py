@@ -120,7 +120,7 @@ def write_rocks(
     friction = world_friction(whole.site.body, options).rock
     tints = rock_tints(field.id, whole.site.seed)
     looks = {
-        (n, tint): _define_look(
+        (n, tint): define_rock_look(
             stage, f"/{name}/Looks/rock_{n}_{tint}", whole, n, tint, friction, shared=shared
         )
         for n, tint in np.unique(np.stack([field.population, tints], -1), axis=0).tolist()
@@ -151,7 +151,7 @@ def write_rocks(
     layer.Save()
 
 
-def _define_look(
+def define_rock_look(
     stage: Usd.Stage,
     path: str,
     world: World,
@@ -171,6 +171,22 @@ def _define_look(
     return look
 
 
+def write_pebbles(world: World, rocks: RockField, assets: Path) -> None:
+    """Write `assets`/pebbles.usdc: what is drawn near paths and no part of the world."""
+    stage = new_stage(assets / "pebbles.usdc", "pebbles")
+    friction = world_friction(world.site.body, Options()).rock
+    coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
+    for population, tint, some in grouped(rocks, rock_tints(rocks.id, world.site.seed)):
+        path = f"/pebbles/Looks/pebble_{population}_{tint}"
+        look = define_rock_look(stage, path, world, population, tint, friction, shared=".")
+        path = f"/pebbles/visual_{population}_{tint}"
+        define_instancer(
+            stage, path, some, world, coarsest[some.prototype], shared=".", kind="pebble"
+        )
+        bind(stage.GetPrimAtPath(path), look)
+    save(stage)
+
+
 def define_instancer(
     stage: Usd.Stage,
     path: str,
@@ -179,6 +195,7 @@ def define_instancer(
     level: NDArray[np.int64],
     *,
     shared: str,
+    kind: str = "rock",
 ) -> None:
     """Draw rocks by levels of detail of their shapes, all in one prim."""
     shapes = whole.library.prototypes
@@ -186,7 +203,7 @@ def define_instancer(
         np.stack([rocks.prototype, level], axis=-1), axis=0, return_inverse=True
     )
     instancer = UsdGeom.PointInstancer.Define(stage, path)
-    label(instancer.GetPrim(), "rock")
+    label(instancer.GetPrim(), kind)
     targets = []
     for source in (_visual_path(*pair) for pair in pairs.tolist()):
         prim = stage.DefinePrim(f"{path}/Prototypes/{source.rsplit('/', 1)[1]}", "Xform")

@@ -30,13 +30,14 @@ from terrain_forge.geometry import (
     tile_anchor,
 )
 from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
 from .ground import DETAIL, fresh_craters, label_craters
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
-from .rocks import define_instancer, write_library, write_rock_maps, write_rocks
+from .rocks import define_instancer, define_rock_look, write_library, write_rock_maps, write_rocks
 from .writing import define_world, write_sky
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
@@ -116,13 +117,14 @@ def _write_far_rocks(tile: Tile, rocks: RockField, directory: Path, level: str) 
     stage = new_stage(directory / f"{name}.usdc", name)
     far = np.array([len(shape.meshes) - 1 for shape in tile.whole.library.prototypes], np.int64)
     friction = world_friction(tile.whole.site.body, Options()).rock
-    for population, some in grouped(rocks):
-        path = f"/{name}/visual_{population}"
+    seed = tile.whole.site.seed
+    for population, tint, some in grouped(rocks, rock_tints(rocks.id, seed)):
+        path = f"/{name}/visual_{population}_{tint}"
         levels = far[some.prototype]
         define_instancer(stage, path, some, tile.whole, levels, shared=_SHARED)
-        image = f"{_SHARED}/rock_{population}.png"
-        look = define_textured(
-            stage, f"/{name}/Looks/rock_{population}", image, friction, wrap="repeat"
+        place = f"/{name}/Looks/rock_{population}_{tint}"
+        look = define_rock_look(
+            stage, place, tile.whole, population, tint, friction, shared=_SHARED
         )
         bind(stage.GetPrimAtPath(path), look)
     save(stage)
@@ -152,7 +154,7 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     assets.mkdir(exist_ok=True)
     write_library(world.library, assets)
     for population in range(len(world.field.populations)):
-        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+        write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     write_rock_maps(world, assets)
     write_sky(world, assets)
     if world.appearance.detail:

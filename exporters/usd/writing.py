@@ -26,12 +26,13 @@ from terrain_forge.geometry import (
     with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
+from terrain_forge.rocks import path_pebbles
 from terrain_forge.writers import encode_hdr, write_png
 
 from .ground import DETAIL, fresh_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save
 from .options import Options
-from .rocks import write_library, write_rock_maps, write_rocks
+from .rocks import write_library, write_pebbles, write_rock_maps, write_rocks
 from .rover import rig_losses, write_scene
 
 SKY = "sky.hdr"
@@ -44,7 +45,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets.mkdir()
     write_library(world.library, assets)
     for population in np.unique(world.field.population).tolist():
-        write_png(assets / f"rock_{population}.png", rock_texture(world, population))
+        write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     write_rock_maps(world, assets)
     write_sky(world, assets)
     if world.appearance.detail:
@@ -61,10 +62,16 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     if options.horizon and world.horizon:
         write_horizon(world.horizon, assets)
         parts["Horizon"] = ["horizon"]
+    pebbles = 0
+    if options.pebbles_min_m > 0.0:
+        laid = path_pebbles(world, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
+        write_pebbles(world, laid, assets)
+        parts["Pebbles"], pebbles = ["pebbles"], len(laid)
     _write_world(directory / "world.usda", world, parts, options)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    report = ExportReport(files=tuple(files), losses=_losses(world, coarse, levels, options))
+    losses = _losses(world, coarse, levels, pebbles, options)
+    report = ExportReport(files=tuple(files), losses=losses)
     return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
@@ -118,7 +125,7 @@ def write_sky(world: World, assets: Path) -> None:
 
 
 def _losses(
-    world: World, coarse: list[Mesh], levels: NDArray[np.int64], options: Options
+    world: World, coarse: list[Mesh], levels: NDArray[np.int64], pebbles: int, options: Options
 ) -> tuple[str, ...]:
     """What USD, or this export of it, does not say."""
     detail = world.appearance.detail
@@ -134,6 +141,11 @@ def _losses(
         ),
         "USD does not say whose friction counts where two things touch: PhysX takes their mean.",
     ]
+    if pebbles:
+        losses.append(
+            f"{pebbles} pebbles within {options.pebbles_within_m:g} m of the paths are for "
+            "pictures alone: nothing touches them, and truth does not count them."
+        )
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
     if world.trajectories:

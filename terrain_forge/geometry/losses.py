@@ -10,6 +10,7 @@ from terrain_forge.model import (
     GroundDetail,
     Heightfield,
     RockField,
+    RockLibrary,
     RockPrototype,
     World,
     cells_by_friction,
@@ -55,6 +56,15 @@ def friction_losses(world: World, options: FrictionOptions) -> tuple[str, ...]:
     return (
         f"The ground has one friction, {frictions[0]:g}; those of its materials ({told}) are left "
         "out.",
+    )
+
+
+def rock_look_losses(library: RockLibrary) -> tuple[str, ...]:
+    """What a format leaves out of rocks' looks that has a picture for each population alone."""
+    if library.normals is None:
+        return ()
+    return (
+        "Rocks have no maps of normals and roughness, and those of a population are of one colour.",
     )
 
 

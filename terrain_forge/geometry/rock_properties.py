@@ -34,18 +34,19 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     return moments, np.roll(Rotation.from_matrix(axes).as_quat(), 1, axis=-1)
 
 
-def rock_texture(world: World, population: int) -> NDArray[np.uint8]:
+def rock_texture(world: World, population: int, *, tinted: bool = False) -> NDArray[np.uint8]:
     """The sRGB image that tiles over a population's rocks, first row on top.
 
-    It shows the lightest of the population's colours in each channel; `rock_factors` darken it.
+    Its mean is that of the population's colours; `tinted`, for formats whose materials multiply it
+    by `rock_factors`, it is the lightest of them in each channel.
 
     Returns:
         Pixels, shape [rows, columns, 3]; texture coordinates of 1 are the image's width and height.
     """
-    # 256 brightnesses at most: colours are looked up, not computed for each pixel. Its mean is the
-    # colour.
-    lightest = tint_colours(world)[population].max(axis=0)
-    shades = np.arange(256)[:, None] / world.library.texture.mean() * lightest
+    # 256 brightnesses at most: colours are looked up, not computed for each pixel.
+    colours = tint_colours(world)[population]
+    colour = colours.max(axis=0) if tinted else colours.mean(axis=0)
+    shades = np.arange(256)[:, None] / world.library.texture.mean() * colour
     table = np.rint(255.0 * srgb_from_linear(np.minimum(shades, 1.0))).astype(np.uint8)
     pixels: NDArray[np.uint8] = table[image_rows(world.library.texture)]
     return pixels

@@ -30,6 +30,7 @@ from .library import LibrarySpec as LibrarySpec
 from .library import MeshSpec as MeshSpec
 from .library import find_library as find_library
 from .library import make_library as make_library
+from .pebbles import path_pebbles as path_pebbles
 from .populations import ExclusionSpec as ExclusionSpec
 from .populations import PopulationSpec as PopulationSpec
 from .populations import RockListSpec as RockListSpec

@@ -58,7 +58,7 @@ def box_projection(mesh: Mesh) -> Array:
 @cache
 def rock_surface() -> RockSurface:
     """The tile of bare rock."""
-    height, tone = _carve(stage_key(0, "rock-texture"), TEXTURE_SIDE)
+    height, tone = _paint(stage_key(0, "rock-texture"), TEXTURE_SIDE)
     step = 1.0 / TEXTURE_SIDE
     normals = np.empty((*height.shape, 3))
     for axis, column in ((1, 0), (0, 1)):
@@ -79,7 +79,7 @@ def rock_surface() -> RockSurface:
 
 
 @kernel
-def _carve(key, side):  # type: ignore[no-untyped-def]
+def _paint(key, side):  # type: ignore[no-untyped-def]
     """Height [tiles] and brightness of the tile."""
     height, tone = np.empty((side, side)), np.empty((side, side))
     for row in range(side):

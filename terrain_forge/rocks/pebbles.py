@@ -1,0 +1,143 @@
+"""Pebbles near paths: rocks below a recipe's smallest, for pictures alone.
+
+Their number and sizes follow the size-frequency law of the population with the smallest rocks, on
+down. They are no part of the world: nothing touches them, and truth does not count them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator, Philox
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, ExportError, mix, stage_key
+from terrain_forge.model import RockField, World
+
+MOST_PEBBLES = 2_000_000
+"""Pebbles that one world may have."""
+FIRST_ID = 2**30
+"""Id of the first; rocks have lower ones."""
+_CELL = 0.5  # side of the squares that are drawn by themselves [m]
+_HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
+_STEP = 0.1  # along paths [m]
+
+
+def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
+    """Pebbles from a diameter [m] on, up to a distance from the world's paths [m].
+
+    The same pebbles lie in any window.
+
+    Raises:
+        ExportError: if no law tells their number, or if there would be too many.
+    """
+    law, largest = _law(world, smallest)
+    density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+    cells = _cells(world, within)
+    expected = density * _CELL**2 * len(cells)
+    if expected > MOST_PEBBLES:
+        raise ExportError(
+            f"some {expected:,.0f} pebbles from {smallest:g} m within {within:g} m of the paths, "
+            f"at most {MOST_PEBBLES:,}: choose a larger pebbles_min_m or smaller pebbles_within_m"
+        )
+    key = stage_key(world.site.seed, "path-pebbles")
+    plan, hashes = [np.empty((0, 2))], [np.empty(0, np.uint64)]
+    for column, row in cells.tolist():
+        square = mix(np.uint64(mix(key, _counted(column))), _counted(row))
+        random = Generator(Philox(key=int(square)))
+        count = int(random.poisson(density * _CELL**2))
+        plan.append((np.array([column, row]) + random.random((count, 2))) * _CELL)
+        hashes.append(random.integers(0, 2**64, count, np.uint64, endpoint=False))
+    places, drawn = np.concatenate(plan), np.concatenate(hashes)
+    near = world.ground.covers(places[:, 0], places[:, 1]) & (_away(world, places) <= within)
+    return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
+
+
+def _law(world: World, smallest: float) -> tuple[Any, float]:
+    """The law that goes on below the smallest rocks, and their diameter [m]."""
+    populations = world.site.recipe.rocks.populations
+    if not populations or not world.trajectories:
+        raise ExportError(
+            "pebbles lie near paths in the number that a population's law gives; the recipe has no "
+            f"{'path' if populations else 'population'}"
+        )
+    least_of_all = [_smallest(population) for population in populations]
+    largest = min(least_of_all)
+    law = populations[least_of_all.index(largest)].size_frequency
+    known = law.smallest_known
+    if smallest >= largest or (known is not None and smallest < known):
+        least = f"from {known:g} m, which its counts end at, " if known is not None else ""
+        raise ExportError(
+            f"pebbles_min_m is {smallest:g}; allowed: {least}below {largest:g} m, the recipe's "
+            "smallest rock"
+        )
+    return law, largest
+
+
+def _counted(index: int) -> np.uint64:
+    """A whole number of any sign as one from 0 on."""
+    return np.uint64(2 * index if index >= 0 else -2 * index - 1)
+
+
+def _smallest(population: Any) -> float:
+    """The diameter of its smallest rocks [m], which a plan has written out."""
+    return float(population.diameter_m[0])
+
+
+def _track(world: World) -> Array:
+    """Points along all paths, east and north [m]."""
+    points = []
+    for trajectory in world.trajectories:
+        line = trajectory.position[:, :2]
+        steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
+        far = np.concatenate([[0.0], np.cumsum(steps)])
+        at = np.arange(0.0, far[-1] + _STEP, _STEP)
+        points.append(np.stack([np.interp(at, far, line[:, n]) for n in (0, 1)], axis=-1))
+    return np.concatenate(points)
+
+
+def _away(world: World, places: Array) -> Array:
+    """Distances of places to the nearest path [m]."""
+    from scipy.spatial import KDTree
+
+    return np.asarray(KDTree(_track(world)).query(places)[0])
+
+
+def _cells(world: World, within: float) -> Array:
+    """Columns and rows of the squares that reach within a distance of a path."""
+    reach = int(np.ceil(within / _CELL)) + 1
+    on_path = np.unique(np.floor(_track(world) / _CELL).astype(np.int64), axis=0)
+    steps = np.arange(-reach, reach + 1)
+    around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    cells = np.unique((on_path[:, None, :] + around).reshape(-1, 2), axis=0)
+    return np.asarray(cells[_away(world, (cells + 0.5) * _CELL) <= within + _CELL])
+
+
+def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Array) -> RockField:
+    """The pebbles as rocks, in whatever shape and turn their hashes say."""
+    count, shapes = len(places), world.library.prototypes
+    turn = np.pi * ((hashes >> np.uint64(8)) & np.uint64(0xFFFF)).astype(np.float64) / 2.0**16
+    height = world.ground.height_at(places[:, 0], places[:, 1])
+    quaternion = np.zeros((count, 4))
+    quaternion[:, 0], quaternion[:, 3] = np.cos(turn), np.sin(turn)
+    prototype = ((hashes >> np.uint64(32)) % np.uint64(len(shapes))).astype(np.int32)
+    volume = np.array([shape.volume for shape in shapes])[prototype] * diameter**3
+    populations = world.site.recipe.rocks.populations
+    finest = int(np.argmin([_smallest(population) for population in populations]))
+    return RockField(
+        populations=world.field.populations,
+        id=(FIRST_ID + np.arange(count)).astype(np.int32),
+        population=np.full(count, finest, np.int32),
+        prototype=prototype,
+        position=np.column_stack([places, height + _HIGH * diameter]),
+        quaternion=quaternion,
+        scale=diameter,
+        diameter=diameter,
+        height=(0.5 + _HIGH) * diameter,
+        buried_fraction=np.full(count, 0.5 - _HIGH),
+        volume=volume,
+        mass=world.site.body.rock_density * volume,
+        dynamic=np.zeros(count, np.bool_),
+        collides=np.zeros(count, np.bool_),
+    )

@@ -1,0 +1,82 @@
+"""Pebbles near paths: their number, sizes and places; nothing but pictures knows of them."""
+
+import json
+
+import numpy as np
+import pytest
+from terrain_forge.exporters.usd import Options, export
+
+from terrain_forge.base import ExportError
+from terrain_forge.making import plan
+from terrain_forge.pipeline import realise
+from terrain_forge.recipe import recipe_from_json
+from terrain_forge.rocks import path_pebbles
+
+
+@pytest.fixture(scope="module")
+def world():
+    return realise(plan(recipe_from_json(json.dumps(ROCKY))))
+
+
+ROCKY = {
+    "name": "rocky", "body": "mars", "dtm": {"kind": "flat", "size_m": [24, 20]},
+    "terrain": {"spacing_m": 0.25},
+    "rocks": {
+        "library": {"shapes": 4},
+        "populations": [
+            {"name": "rocks", "size_frequency": {"kind": "golombek", "k": 0.1},
+             "diameter_m": [0.2, 1.0]}
+        ],
+    },
+    "paths": [
+        {"name": "p", "speed_m_s": 0.5,
+         "route": {"kind": "spline", "points_m": [[-8, 0], [0, 0], [8, 0]]}}
+    ],
+}  # fmt: skip
+
+
+def test_they_lie_near_the_path_in_the_laws_number(world):
+    found = path_pebbles(world, smallest=0.02, within=1.5)
+    law = world.site.recipe.rocks.populations[0].size_frequency
+    density = law.cumulative_number(0.02) - law.cumulative_number(0.2)
+    line = world.trajectories[0].position[:, :2]
+    away = np.sqrt(((found.position[:, None, :2] - line[None]) ** 2).sum(-1)).min(1)
+    assert away.max() < 1.52
+    length = np.sqrt((np.diff(line, axis=0) ** 2).sum(1)).sum()
+    expected = density * (3.0 * length + np.pi * 1.5**2)
+    assert len(found) == pytest.approx(expected, abs=5.0 * np.sqrt(expected) + 0.03 * expected)
+    assert found.diameter.min() >= 0.02
+    assert found.diameter.max() <= 0.2
+    larger = (found.diameter > 0.05).mean()
+    share = (law.cumulative_number(0.05) - law.cumulative_number(0.2)) / density
+    assert larger == pytest.approx(share, abs=5.0 * np.sqrt(share / len(found)))
+    ground = world.ground.height_at(found.position[:, 0], found.position[:, 1])
+    assert np.allclose(found.position[:, 2] - ground, 0.2 * found.diameter)
+    more = path_pebbles(world, smallest=0.02, within=2.5)
+    places = {tuple(place) for place in more.position.tolist()}
+    assert all(tuple(place) in places for place in found.position.tolist())
+
+
+def test_usd_draws_them_and_no_physics_knows_them(world, tmp_path):
+    from pxr import Usd, UsdGeom, UsdPhysics
+
+    report = export(world, tmp_path, options=Options(pebbles_min_m=0.03, pebbles_within_m=1.0))
+    stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
+    drawn = 0
+    for prim in Usd.PrimRange(stage.GetPrimAtPath("/World/Pebbles")):
+        assert not prim.HasAPI(UsdPhysics.CollisionAPI)
+        if prim.IsA(UsdGeom.PointInstancer):
+            drawn += len(UsdGeom.PointInstancer(prim).GetIdsAttr().Get())
+    assert drawn == len(path_pebbles(world, smallest=0.03, within=1.0)) > 50
+    assert any(f"{drawn} pebbles" in loss for loss in report.losses)
+
+
+@pytest.mark.parametrize(
+    ("smallest", "within", "told"),
+    [(0.3, 1.0, "below 0.2 m"), (1e-5, 8.0, "pebbles_within_m")],
+)
+def test_what_no_law_or_memory_holds_is_refused(world, smallest, within, told):
+    with pytest.raises(ExportError, match=told):
+        path_pebbles(world, smallest=smallest, within=within)
+    with pytest.raises(ExportError, match="no path"):
+        path_pebbles(world.replace(trajectories=()), smallest=0.05, within=1.0)
