@@ -3,6 +3,7 @@
 from .cells import Cell as Cell
 from .cells import Study as Study
 from .cells import study_of as study_of
+from .effects import MAIN as MAIN
 from .effects import Effect as Effect
 from .effects import Outcome as Outcome
 from .effects import effect_rows as effect_rows

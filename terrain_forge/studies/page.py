@@ -37,8 +37,8 @@ def write_study_page(study: Study, outcomes: Sequence[Outcome], out: Path) -> li
         blocks = [drawing(picture, description=f"{MAIN} over {factor.name}", caption=_HOW)]
         for measure in MEASURES:
             head, *rows = effect_rows(mine, measure)
-            if any(row[4] for row in rows):
-                blocks.append(_table([head[1:], *(row[1:] for row in rows)], "ll"))
+            if any(row[5] for row in rows):
+                blocks.append(_table([head[1:], *(row[1:] for row in rows)], "lll"))
         sections.append((factor.name, blocks))
     head, *rows = outcome_rows(study, outcomes)
     words = "l" * (len(study.factors) + 2)

@@ -208,7 +208,7 @@ def test_effects_compare_worlds_that_are_alike_else(written, tmp_path):
     cover = next(e for e in effects if e.factor == "rocks.k" and e.level == "0.03")
     np.testing.assert_allclose(cover.ratios, [10.0] * 3)
     first = effect_rows(effects)[1]
-    assert first[:4] == ["sensors.wheels.slip", "0", "wheel-odometry", "3 of 4"]
+    assert first[:5] == ["sensors.wheels.slip", "0", "wheel-odometry", "ATE [m]", "3 of 4"]
     write_tables(study, outcomes, tmp_path)
     with (tmp_path / "cells.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -296,7 +296,7 @@ def test_killed_it_goes_on_and_finds_the_same(written, tmp_path):
     assert figures[0] == figures[1]
     assert json.loads((out / "study.json").read_text())["study"] == "slip"
     assert "<h1>slip</h1>" in (out / "study.html").read_text()
-    assert (out / "effect_2.png").stat().st_size > 5000
+    assert (out / "effect_2.png").is_file()
     assert len(list((out / "cells").iterdir())) == 8
 
 
