@@ -19,6 +19,8 @@ from terrain_forge.terminal import FAILED_CHECK, Display, say
 def study(file: Path, out: Path | None, jobs: int | None, listed: bool) -> int:
     """Build, record and evaluate over all levels of the study in FILE.
 
+    FILE is a YAML file, or one that ships: loam_on_short, sun_and_flare, suspension.
+
     Gives tables (text, CSV, LaTeX), plots of each factor's effect with its spread, and a page.
     Killed or interrupted, the same command goes on where it was.
     """

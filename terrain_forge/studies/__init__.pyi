@@ -18,5 +18,6 @@ from .spec import RecordSpec as RecordSpec
 from .spec import StudyFile as StudyFile
 from .spec import StudySpec as StudySpec
 from .spec import read_study as read_study
+from .spec import shipped_studies as shipped_studies
 from .whole import StudyResult as StudyResult
 from .whole import run_study as run_study
