@@ -43,7 +43,10 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect], measure: st
         few = max(values) < 20.0 * min(values)
         axes.yaxis.set_minor_formatter(plain if few else NullFormatter())
     names = [_short(level.name) for level in factor.levels]
-    axes.set_xticks(range(len(names)), names, rotation=20 if max(map(len, names)) > 9 else 0)
+    long = max(map(len, names)) > 9
+    axes.set_xticks(
+        range(len(names)), names, rotation=15 if long else 0, ha="right" if long else "center"
+    )
     axes.set_xlim(-0.5, len(names) - 0.5)
     axes.set_title(factor.name, fontsize=11, loc="left", color=_INK)
     axes.set_ylabel(f"{measure} [{MEASURES[measure][3]}]")

@@ -233,7 +233,7 @@ def test_a_cell_is_made_recorded_and_evaluated(written, tmp_path):
 def test_a_disk_that_is_too_small_is_refused_before_anything_is_made(
     written, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(running_file, "_SPARE", 2**60)
+    monkeypatch.setattr(running_file, "SPARE", 2**60)
     with pytest.raises(StorageError, match=r"1 recordings at once need about .* record less by"):
         run_study(written(), tmp_path / "out", jobs=1)
     assert not (tmp_path / "out").exists()
