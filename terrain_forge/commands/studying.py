@@ -19,21 +19,28 @@ from terrain_forge.terminal import FAILED_CHECK, Display, say
 def study(file: Path, out: Path | None, jobs: int | None, listed: bool) -> int:
     """Build, record and evaluate over all levels of the study in FILE.
 
+    FILE is a YAML file, or one that ships: loam_on_short, sun_and_flare, suspension.
+
     Gives tables (text, CSV, LaTeX), plots of each factor's effect with its spread, and a page.
     Killed or interrupted, the same command goes on where it was.
     """
-    from terrain_forge.studies import effect_rows, effects_of, outcome_rows, run_study, text_table
+    from terrain_forge.studies import (
+        MAIN,
+        effect_rows,
+        effects_of,
+        outcome_rows,
+        run_study,
+        text_table,
+    )
 
     if listed:
         return _list(file)
     with Display(("cells",)) as display:
         result = run_study(file, out, jobs=jobs, progress=display)
     effects = effects_of(result.study, result.outcomes)
-    for line in text_table(effect_rows(effects) if effects else []) if effects else ():
+    rows = effect_rows(effects, MAIN) if effects else outcome_rows(result.study, result.outcomes)
+    for line in text_table(rows):
         say(line)
-    if not effects:
-        for line in text_table(outcome_rows(result.study, result.outcomes)):
-            say(line)
     for one in result.outcomes:
         if one.why:
             say(f"{one.cell.title}: {one.system}: {one.status}: {one.why}", err=True)

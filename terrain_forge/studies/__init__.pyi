@@ -3,6 +3,7 @@
 from .cells import Cell as Cell
 from .cells import Study as Study
 from .cells import study_of as study_of
+from .effects import MAIN as MAIN
 from .effects import Effect as Effect
 from .effects import Outcome as Outcome
 from .effects import effect_rows as effect_rows
@@ -17,5 +18,6 @@ from .spec import RecordSpec as RecordSpec
 from .spec import StudyFile as StudyFile
 from .spec import StudySpec as StudySpec
 from .spec import read_study as read_study
+from .spec import shipped_studies as shipped_studies
 from .whole import StudyResult as StudyResult
 from .whole import run_study as run_study

@@ -171,15 +171,17 @@ def _others(outcome: Outcome, factor: str) -> tuple[Any, ...]:
     return levels, outcome.cell.seed if factor != "recipe" else recipe
 
 
-def effect_rows(effects: Sequence[Effect], measure: str = MAIN) -> list[list[str]]:
-    """The cells of the table of effects, its heading first."""
-    unit = MEASURES[measure][3]
-    rows = [["factor", "level", "system", "scored", f"{measure} [{unit}]", "range",
-             "times the first", "range of that"]]  # fmt: skip
-    for one in effects:
-        if one.measure == measure:
-            scored = f"{len(one.values)} of {one.cells}"
-            rows.append([one.factor, one.level, one.system, scored, *one.told])
+def effect_rows(effects: Sequence[Effect], *measures: str) -> list[list[str]]:
+    """The cells of the table of effects on some measures, or all, its heading first."""
+    head = "factor", "level", "system", "measure", "scored", "median", "range"
+    rows = [[*head, "times the first", "range of that"]]
+    for measure in measures or MEASURES:
+        unit = MEASURES[measure][3]
+        for one in effects:
+            if one.measure == measure:
+                scored = f"{len(one.values)} of {one.cells}"
+                named = [one.factor, one.level, one.system, f"{measure} [{unit}]", scored]
+                rows.append([*named, *one.told])
     return rows
 
 
@@ -209,10 +211,7 @@ def write_tables(study: Study, outcomes: Sequence[Outcome], out: Path) -> list[P
     effects = effects_of(study, outcomes)
     tables = {"cells": outcome_rows(study, outcomes)}
     if effects:
-        tables["effects"] = [
-            *effect_rows(effects),
-            *(row for name in MEASURES if name != MAIN for row in effect_rows(effects, name)),
-        ]
+        tables["effects"] = effect_rows(effects)
     paths = []
     for name, rows in tables.items():
         text = io.StringIO()

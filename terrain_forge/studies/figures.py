@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from terrain_forge.studies.cells import Study
 from terrain_forge.studies.effects import MAIN, MEASURES, Effect
@@ -37,15 +38,22 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect], measure: st
     values = [value for one in mine for value in one.values]
     if values and min(values) > 0.0:
         axes.set_yscale("log")
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axes.yaxis.set_major_formatter(plain)
+        few = max(values) < 20.0 * min(values)
+        axes.yaxis.set_minor_formatter(plain if few else NullFormatter())
     names = [_short(level.name) for level in factor.levels]
-    axes.set_xticks(range(len(names)), names, rotation=20 if max(map(len, names)) > 9 else 0)
+    long = max(map(len, names)) > 9
+    axes.set_xticks(
+        range(len(names)), names, rotation=15 if long else 0, ha="right" if long else "center"
+    )
     axes.set_xlim(-0.5, len(names) - 0.5)
     axes.set_title(factor.name, fontsize=11, loc="left", color=_INK)
     axes.set_ylabel(f"{measure} [{MEASURES[measure][3]}]")
     axes.grid(axis="y", color="#eee8e0", linewidth=0.6)
     axes.legend(frameon=False, fontsize=9, labelcolor=_INK)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(labelsize=9, colors=_INK)
+    axes.tick_params(labelsize=9, colors=_INK, which="both")
     buffer = BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()

@@ -9,7 +9,6 @@ from terrain_forge.report import Block, Cell, drawing, facts, paragraph, table, 
 from terrain_forge.studies.cells import Study
 from terrain_forge.studies.effects import (
     MAIN,
-    MEASURES,
     Outcome,
     effect_rows,
     effects_of,
@@ -35,10 +34,10 @@ def write_study_page(study: Study, outcomes: Sequence[Outcome], out: Path) -> li
         paths[-1].write_bytes(picture)
         mine = [one for one in effects if one.factor == factor.name]
         blocks = [drawing(picture, description=f"{MAIN} over {factor.name}", caption=_HOW)]
-        for measure in MEASURES:
-            head, *rows = effect_rows(mine, measure)
-            if any(row[4] for row in rows):
-                blocks.append(_table([head[1:], *(row[1:] for row in rows)], "ll"))
+        head, *rows = effect_rows(mine)
+        shown = [row[1:] for row in rows if row[5]]
+        if shown:
+            blocks.append(_table([head[1:], *shown], "lll"))
         sections.append((factor.name, blocks))
     head, *rows = outcome_rows(study, outcomes)
     words = "l" * (len(study.factors) + 2)

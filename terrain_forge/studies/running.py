@@ -36,7 +36,7 @@ CELLS = "cells"
 INDEX = "study.json"
 _TICK = 0.1
 """How often cells are looked at [s]."""
-_SPARE = 2**28
+SPARE = 2**28
 """Bytes of the disk that are left free."""
 _EVALUATED = 2.0
 """A recording and what its systems are given, in recordings."""
@@ -181,11 +181,11 @@ def _jobs(missing: Sequence[Cell], asked: int | None, out: Path, *, keep: bool) 
     needed = _EVALUATED * sum(sizes if keep else sizes[:jobs])
     place = next(above for above in (out, *out.absolute().parents) if above.exists())
     free = shutil.disk_usage(place).free
-    if needed + _SPARE > free:
+    if needed + SPARE > free:
         what = f"{len(missing)} recordings that are kept" if keep else f"{jobs} recordings at once"
         raise StorageError(
             f"{out} cannot be written: {what} need about {size_text(int(needed))}, the disk has "
-            f"{size_text(free)} free, of which {size_text(_SPARE)} stay so; record less by "
+            f"{size_text(free)} free, of which {size_text(SPARE)} stay so; record less by "
             f"`record: {{to_s: …}}`{', or leave out `keep`' if keep else ', or give fewer --jobs'}"
         )
     return jobs

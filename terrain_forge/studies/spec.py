@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -92,8 +93,17 @@ class StudyFile:
         return f"{self.path}:{self.lines[key]}" if key else str(self.path)
 
 
+def shipped_studies() -> dict[str, Path]:
+    """The studies that ship, by name."""
+    folder = files("terrain_forge.recipes.studies")
+    return {path.stem: path for path in sorted(Path(str(folder)).glob("*.yaml"))}
+
+
 def read_study(path: Path | str) -> StudyFile:
     """Read and check the file of a study.
+
+    Args:
+        path: The file, or the name of one that ships.
 
     Raises:
         RecipeError: `file:line: key: what was found, what is allowed`.
@@ -101,6 +111,8 @@ def read_study(path: Path | str) -> StudyFile:
     from pydantic import TypeAdapter, ValidationError
 
     path = Path(path)
+    if not path.exists() and str(path) in shipped_studies():
+        path = shipped_studies()[str(path)]
     data, lines = read_mapping(path, what="a study")
     try:
         text = json.dumps(data)

@@ -29,7 +29,6 @@ from terrain_forge.studies.effects import outcomes_of, write_tables
 from terrain_forge.studies.factors import places_of
 from terrain_forge.studies.worker import carry_out
 from tests.helpers.command_line import run
-from tests.helpers.places import ROOT
 
 RECIPE = """
     schema: 1
@@ -208,7 +207,7 @@ def test_effects_compare_worlds_that_are_alike_else(written, tmp_path):
     cover = next(e for e in effects if e.factor == "rocks.k" and e.level == "0.03")
     np.testing.assert_allclose(cover.ratios, [10.0] * 3)
     first = effect_rows(effects)[1]
-    assert first[:4] == ["sensors.wheels.slip", "0", "wheel-odometry", "3 of 4"]
+    assert first[:5] == ["sensors.wheels.slip", "0", "wheel-odometry", "ATE [m]", "3 of 4"]
     write_tables(study, outcomes, tmp_path)
     with (tmp_path / "cells.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -234,7 +233,7 @@ def test_a_cell_is_made_recorded_and_evaluated(written, tmp_path):
 def test_a_disk_that_is_too_small_is_refused_before_anything_is_made(
     written, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(running_file, "_SPARE", 2**60)
+    monkeypatch.setattr(running_file, "SPARE", 2**60)
     with pytest.raises(StorageError, match=r"1 recordings at once need about .* record less by"):
         run_study(written(), tmp_path / "out", jobs=1)
     assert not (tmp_path / "out").exists()
@@ -255,9 +254,11 @@ def test_the_list_tells_worlds_and_costs(written):
     assert "8 worlds, 0 min of recording, 8 runs of systems beside" in done.stdout
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "recipes/studies").glob("*.yaml")), ids=str)
-def test_studies_that_ship_can_be_read(file):
-    study = study_of(read_study(file))
+@pytest.mark.parametrize("name", ["loam_on_short", "sun_and_flare", "suspension"])
+def test_studies_that_ship_are_known_by_name(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert name in run("study", "--help").stdout
+    study = study_of(read_study(name))
     assert len(study.factors) in (1, 3, 4)
     assert costs_of(study.cells[:1])[0].recording is not None
 
@@ -296,7 +297,7 @@ def test_killed_it_goes_on_and_finds_the_same(written, tmp_path):
     assert figures[0] == figures[1]
     assert json.loads((out / "study.json").read_text())["study"] == "slip"
     assert "<h1>slip</h1>" in (out / "study.html").read_text()
-    assert (out / "effect_2.png").stat().st_size > 5000
+    assert (out / "effect_2.png").is_file()
     assert len(list((out / "cells").iterdir())) == 8
 
 
