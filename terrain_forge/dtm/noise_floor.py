@@ -28,8 +28,12 @@ _BETAS_ALONE = np.arange(24, 47) / 10.0
 _BETA_PRIOR = (3.5, 0.3)  # 2H + 2 of HURST_PRIOR
 _SMOOTHED = (0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5)
 _BETA_LIMITS = (3.0, 3.9)  # exponents 0.5 to 0.95
-_RISE = 0.06
+_RISE = 0.05
 """Of the exponent in an octave below the waves seen: the mean of what clean DTMs show there."""
+_OTHER_WINDOW = 0.5
+"""χ² of another window in all of a DTM, over that of the one found, at which it is taken."""
+_MOST_UNEVEN = 4.0
+"""Mean square of noise in all of a DTM over that in its quietest parts, at most."""
 _SHORTEST = 0.35  # cycles per post, which increments over one and two posts look at
 _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
 _FOLDS = 2  # cycles per post, either way, that are folded into a spectrum of points
@@ -288,9 +292,11 @@ def _floor(
     if not len(tiles.power):
         return None
     number, density = tiles.number, tiles.mean()
-    shape = (tiles.binned(window.spectrum(*tiles.waves[:2])) * tiles.count).sum(
-        axis=1
-    ) / tiles.count.sum(axis=1)
+    if given:
+        shape = _rings(tiles, window)
+    else:
+        window, level, shape = _in_all(tiles, density, window, level)
+        deviation = math.sqrt(level * window.white)
     noise = level * shape
     ground = density - noise
     seen = ground > noise
@@ -318,6 +324,35 @@ def _floor(
         density=density,
         kept=kept,
     )
+
+
+def _rings(tiles: Tiles, window: Window) -> Array:
+    """Spectrum of a window's noise in the rings of tiles, 1 at long waves."""
+    parts = tiles.binned(window.spectrum(*tiles.waves[:2])) * tiles.count
+    return np.asarray(parts.sum(axis=1) / tiles.count.sum(axis=1))
+
+
+def _in_all(
+    tiles: Tiles, density: Array, window: Window, level: float
+) -> tuple[Window, float, Array]:
+    """Window, level and shape of the noise in all of a DTM, of which the quietest parts told.
+
+    Its larger tiles tell windows apart that small ones mix up; noise may be higher elsewhere.
+    """
+    grounds, errors = _ground(tiles.number, _BETAS), tiles.error()
+    unlikely = ((_BETAS - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
+    fits: dict[Window, tuple[float, float, Array]] = {}
+    for one in _NARROW if window in _NARROW else _WINDOWS:
+        shape = _rings(tiles, one)
+        misfits, levels = _fit_levels(grounds, shape, density, errors, None)
+        least = int(np.argmin(misfits + unlikely))
+        fits[one] = float((misfits + unlikely)[least]), float(levels[least]), shape
+    best = min(fits, key=lambda one: fits[one][0])
+    if fits[best][0] < _OTHER_WINDOW * fits[window][0]:
+        level *= window.white / best.white
+        window = best
+    _, whole, shape = fits[window]
+    return window, min(max(whole, level), _MOST_UNEVEN * level), shape
 
 
 def _law(
