@@ -37,7 +37,7 @@ def main() -> None:
         from terrain_forge.pipeline import build, record
         from terrain_forge.recipe import load_recipe
 
-        compiling.unpack = lambda _: False  # nor is what a wheel brings along taken
+        compiling.unpack = lambda: False  # nor is what a wheel brings along taken
         listener = _listener(event.Listener)
         event.register("numba:compile", listener)
         begin = time.process_time()

@@ -41,7 +41,7 @@ def compile_ahead(progress: Progress = silent, *, purpose: str = "build") -> Non
     if settings.DISABLE_JIT:
         return
     missing = _missing(purpose)
-    if any(missing.values()) and unpack(missing):
+    if any(missing.values()) and unpack():
         missing = _missing(purpose)
     threads = get_num_threads()
     count = sum(map(len, missing.values()))

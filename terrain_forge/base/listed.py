@@ -43,15 +43,15 @@ def kernel(name: str) -> Any:
 
 def is_kept(name: str, signature: list[Any]) -> bool:
     """Whether the cache holds a kernel, as its index says."""
-    file, key = place(name, signature)
+    file, key = place(name, numba_types(signature))
     return key in file._load_index()
 
 
-def place(name: str, signature: list[Any]) -> tuple[Any, Any]:
+def place(name: str, signature: tuple[Any, ...]) -> tuple[Any, Any]:
     """The file of numba's cache that holds a kernel, and its key there for this processor."""
     module, function = name.split(":")
     found = getattr(import_module(module), function)
-    key = found._cache._index_key(numba_types(signature), found.targetctx.codegen())
+    key = found._cache._index_key(signature, found.targetctx.codegen())
     return found._cache._cache_file, key
 
 

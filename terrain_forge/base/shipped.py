@@ -35,22 +35,19 @@ _NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
 _HOLDS_FOR = "holds_for.json"
 
 
-def unpack(missing: dict[str, dict[str, list[Any]]]) -> bool:
-    """Put those of the kernels that were brought along into the cache, if they hold here.
-
-    Args:
-        missing: Signatures of what the cache lacks, by room and name.
-    """
+def unpack() -> bool:
+    """Put the kernels that were brought along into the cache, if they hold here."""
     if not _archive().is_file() or not _runs_here():
         return False
     with ZipFile(_archive()) as archive:
         if json.loads(archive.read(_HOLDS_FOR)) != _conditions():
             return False
-        brought = set(archive.namelist())
-        for name in (name for room in missing.values() for name in room):
-            if _entry(name) in brought:
-                file, key = place(name, signatures()[name])
-                file.save(key, pickle.loads(archive.read(_entry(name))))
+        for entry in archive.namelist():
+            if entry != _HOLDS_FOR:
+                name, signature, code = pickle.loads(archive.read(entry))
+                file, key = place(name, signature)
+                if key not in file._load_index():
+                    file.save(key, code)
     return True
 
 
@@ -65,20 +62,29 @@ def write() -> Path:
 
 def _compile() -> None:
     """Compile into the cache that the environment names, and write from there."""
+    for name, signature in signatures().items():
+        kernel(name).compile(numba_types(signature))
     with ZipFile(_archive(), "w", compression=ZIP_LZMA) as archive:
         archive.writestr(_HOLDS_FOR, json.dumps(_conditions(), indent=1))
-        for name, signature in signatures().items():
-            kernel(name).compile(numba_types(signature))
-            file, key = place(name, signature)
-            archive.writestr(_entry(name), pickle.dumps(file.load(key)))
+        for name, compiled in _compiled():
+            for number, signature in enumerate(compiled.signatures):
+                file, key = place(name, signature)
+                entry = pickle.dumps((name, signature, file.load(key)))
+                archive.writestr(f"{name.replace(':', '/')}/{number}", entry)
+
+
+def _compiled() -> Iterator[tuple[str, Any]]:
+    """All kernels that are compiled, those too that others call."""
+    for home, module in sorted(sys.modules.items()):
+        if home.startswith("terrain_forge."):
+            for name, found in vars(module).items():
+                own = getattr(getattr(found, "py_func", None), "__module__", "") == home
+                if own and found.targetoptions.get("nogil") and found.signatures:
+                    yield f"{home}:{name}", found
 
 
 def _archive() -> Path:
     return HERE / f"kernels-{sys.implementation.cache_tag}-{sysconfig.get_platform()}.zip"
-
-
-def _entry(name: str) -> str:
-    return name.replace(":", "/")
 
 
 def _runs_here() -> bool:
@@ -92,24 +98,19 @@ def _runs_here() -> bool:
 def _conditions() -> dict[str, str]:
     """What machine code and its wrapping depend on."""
     sources = sha256()
-    for path in sorted(_sources()):
-        sources.update(path.name.encode() + path.read_bytes())
+    for room in sorted({name.split(".")[1] for name in signatures()} | {"base", "model"}):
+        found = find_spec(f"terrain_forge.{room}")  # a checkout keeps some elsewhere
+        assert found is not None
+        for folder in map(Path, found.submodule_search_locations or ()):
+            for path in sorted(folder.rglob("*.py")):
+                sources.update(f"{room}/{path.relative_to(folder).as_posix()}".encode())
+                sources.update(path.read_bytes())
     return {
         "numba": numba.__version__,
         "llvmlite": llvmlite.__version__,
         "python": sys.version.split()[0].rpartition(".")[0],
         "sources": sources.hexdigest(),
     }
-
-
-def _sources() -> Iterator[Path]:
-    """The files of the rooms, and of the packages that a checkout keeps elsewhere."""
-    rooms = {name.split(".")[1] for name in signatures()} | {"base", "model"}
-    for room in rooms:
-        found = find_spec(f"terrain_forge.{room}")
-        assert found is not None
-        for folder in found.submodule_search_locations or ():
-            yield from Path(folder).rglob("*.py")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The list of kernels that a first build compiles ahead is that of the code."""
 
 import os
+import platform
 import subprocess
 import sys
 from importlib import import_module
@@ -58,7 +59,7 @@ class Told(event.Listener):
     def on_end(self, event):
         pass
 
-compiling.unpack = lambda _: False
+compiling.unpack = lambda: False
 told = []
 compile_ahead(lambda *one: told.append(one))
 compile_ahead(print)
@@ -78,3 +79,37 @@ def test_a_first_build_compiles_all_ahead_and_nothing_later(tmp_path):
     )  # fmt: skip
     count = sum(map(len, listed("build").values()))
     assert done.stdout == f"compile: {count} of {count} kernels, once True\n"
+
+
+UNPACKED = """
+import sys
+from numba.core import event
+import terrain_forge as tf
+from terrain_forge.base import compile_ahead
+
+class Told(event.Listener):
+    def on_start(self, event):
+        dispatcher = event.data["dispatcher"]
+        if dispatcher.targetoptions.get("nogil") and not dispatcher._cache_hits:
+            print(dispatcher.py_func)
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Told())
+compile_ahead(print)
+compile_ahead(print, purpose="record")
+file = tf.load_recipe("recipes/hello.yaml", changes=("validate=null",))
+tf.build(file.recipe, sys.argv[1], folder=file.folder)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="made for x86-64-v3")
+def test_a_build_takes_the_kernels_that_were_brought_along(tmp_path):
+    subprocess.run([sys.executable, "-m", "terrain_forge.base.shipped"], check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", UNPACKED, str(tmp_path / "world")],
+        capture_output=True, text=True, check=True, cwd=ROOT,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    assert done.stdout == ""
