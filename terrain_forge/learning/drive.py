@@ -112,10 +112,11 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         arena.set_down(self.parts, start, heading)
         mujoco.mj_step(arena.model, arena.data, round(_SETTLING / arena.model.opt.timestep))
         self._steps = max(round(1.0 / RATE / arena.model.opt.timestep), 1)
+        self._bounds = arena.world.ground.bounds
         self._time, self._rates = 0.0, np.zeros(len(arena.rover.wheels))
-        self._action = np.zeros(2)
+        self._action = (0.0, 0.0)
         if self._sight is not None:
-            self._sight.begin(arena, self.parts)
+            self._sight.begin(arena)
         self._way = self._to_goal()
         self._trail = [self._place()]
         return self._observe(), self._told("")
@@ -131,17 +132,17 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         """Drive for a tenth of a second: speed and turn rate, each -1 to 1."""
         arena, parts = self.arena, self.parts
         data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
-        self._action = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
-        speed, turn = self._action[0] * self._speed, self._action[1] * TURN_RATE
+        ahead, aside = (min(max(float(one), -1.0), 1.0) for one in action)
+        self._action = ahead, aside
+        speed, turn = ahead * self._speed, aside * TURN_RATE
         wanted = wheel_rates(arena.rover, speed, turn)
         self._rates = eased(arena.rover, wanted, self._rates, time=4.0 * tick)
         data.ctrl[parts.motors] = parts.sides * self._rates
         mujoco.mj_step(model, data, self._steps)
         # Servos follow the angle that their rates add up to: it stays within the motors' reach.
         held = data.actuator_length[parts.motors] + parts.lag * data.qvel[parts.axles]
-        data.act[parts.activations] = np.clip(
-            data.act[parts.activations], held - parts.reach, held + parts.reach
-        )
+        run = np.minimum(data.act[parts.activations], held + parts.reach)
+        data.act[parts.activations] = np.maximum(run, held - parts.reach)
         self._time += tick
         way = self._to_goal()
         reward = self._way - way - TIME_COST * tick
@@ -156,13 +157,14 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
     def _ended(self) -> str:
         """Why the drive is over; empty if it is not."""
         data, trail = self.arena.data, self._trail
-        if not np.isfinite(data.qpos).all():
+        if not math.isfinite(self._way):
             return "unstable"
         if self._way < REACHED:
             return "arrived"
         if data.xmat[self.parts.body, 8] < math.cos(TIPPED):
             return "tipped over"
-        if not self.arena.world.ground.covers(*trail[-1]):
+        west, south, east, north = self._bounds
+        if not (west < trail[-1][0] < east and south < trail[-1][1] < north):
             return "left the world"
         back = round(STUCK_TIME * RATE)
         if len(trail) > back and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY:
@@ -211,7 +213,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             ],
             np.float32,
         )
-        found = {"proprioception": np.clip(seen, -10.0, 10.0)}
+        found = {"proprioception": np.minimum(np.maximum(seen, -10.0), 10.0)}
         if self._sight is not None:
             found[self._sight_name] = self._sight.look(self.arena, self.parts, cos, sin)
         return found

@@ -29,7 +29,7 @@ from terrain_forge.truth import write_truth
 from terrain_forge.variation.drawing import draw
 from terrain_forge.variation.series import orders_of, summary_of
 
-BORDER = 2.0
+BORDER = 4.0
 """Width of the border between worlds of a grid [m], half of which slopes to its flat middle."""
 
 
@@ -180,5 +180,5 @@ def _with_border(elevation: Array, margin: int) -> tuple[Array, float]:
         for nodes in (rows, columns)
         for n in [np.arange(-margin, nodes + margin, dtype=np.float64)]
     ]
-    part = np.minimum(np.sqrt(far[0][:, None] ** 2 + far[1] ** 2) / margin, 1.0)
+    part = np.minimum(np.sqrt(far[0][:, None] ** 2 + far[1] ** 2) / max(0.5 * margin, 1.0), 1.0)
     return padded * (1.0 - part * part * (3.0 - 2.0 * part)), rise

@@ -15,6 +15,7 @@ import terrain_forge as tf
 from terrain_forge.building import read_manifest
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.variation import draw, make_grid, name_of, read_summary, worlds
+from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
 RECIPE: dict[str, Any] = {
@@ -166,3 +167,16 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
         worlds(other, tmp_path / "mine")
     assert contents(made) == before
     assert read_summary(made / name_of(1))["number"] == 1
+
+
+def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: Path) -> None:
+    path = recipe(tmp_path)
+    done = run("worlds", path, "-o", made, "--workers", 0)
+    assert done.returncode == 0, done.stderr
+    assert "4 worlds, 0 made now" in done.stdout
+    assert run("worlds", path, "--grid", "3by2").returncode == 2
+    wrong = recipe(tmp_path, lambda plain: plain["worlds"].update(vary={"sun.tilt": {}}))
+    done = run("worlds", wrong, "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.complaints == [done.complaints[0]]
+    assert f"{wrong}:1" in done.complaints[0]
