@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from terrain_forge.base import ExportError, RecipeError
-from terrain_forge.model import Site, Window, check_capacity
+from terrain_forge.model import USUAL_CELLS, Site, Window, check_capacity
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.recipe.exports import ExportOrder
 from terrain_forge.recipe.schema import Recipe, TilesSpec
@@ -177,6 +177,12 @@ def rocks_of(site: Site) -> float:
 def memory_needed(nodes: float, rocks: float) -> float:
     """Estimated peak memory of a build with so many nodes and rocks [bytes]."""
     return BYTES + nodes * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
+
+
+def tile_cells(recipe: Recipe) -> int:
+    """Cells of a tile each way, to the nearest."""
+    size = recipe.tiles.size_m if recipe.tiles else None
+    return USUAL_CELLS if size is None else max(round(size / recipe.terrain.spacing_m), 1)
 
 
 def expected_nodes(recipe: Recipe) -> float:
