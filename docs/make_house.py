@@ -19,7 +19,7 @@ FLOORS = (
     ("cli",),
     ("pipeline",),
     ("report", "terminal"),
-    ("recording", "evaluation"),
+    ("recording", "evaluation", "tiling"),
     ("building", "exporters"),
     ("validation", "datasets"),
     ("driving", "sensors"),

@@ -83,6 +83,7 @@ from .paths import plan_path as plan_path
 from .paths import traversability as traversability
 from .pipeline import build as build
 from .pipeline import check as check
+from .pipeline import cut as cut
 from .pipeline import export as export
 from .pipeline import realise as realise
 from .pipeline import record as record
@@ -95,6 +96,7 @@ from .recipe import RecipeFile as RecipeFile
 from .recipe import StartsSpec as StartsSpec
 from .recipe import SunSpec as SunSpec
 from .recipe import TerrainSpec as TerrainSpec
+from .recipe import TilesSpec as TilesSpec
 from .recipe import ValidateSpec as ValidateSpec
 from .recipe import json_schema as json_schema
 from .recipe import load_recipe as load_recipe
