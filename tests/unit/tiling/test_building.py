@@ -137,6 +137,7 @@ def test_a_folder_of_others_is_left_alone(recipe, tmp_path):
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 
+@pytest.mark.slow
 def test_tiles_that_fail_are_named_and_the_others_whole(built, recipe, tmp_path):
     out = tmp_path / "six"
     shutil.copytree(built, out)

@@ -40,6 +40,7 @@ def test_a_damaged_file_is_found(copied, name):
     assert f"{name} is damaged" in damaged
 
 
+@pytest.mark.slow
 def test_a_missing_tile_is_found_and_made_anew(copied, recipe, built):
     shutil.rmtree(copied / "tiles/000/002")
     done = command.run("validate", copied)
