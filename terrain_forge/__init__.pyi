@@ -83,6 +83,7 @@ from .paths import plan_path as plan_path
 from .paths import traversability as traversability
 from .pipeline import build as build
 from .pipeline import check as check
+from .pipeline import cut as cut
 from .pipeline import export as export
 from .pipeline import realise as realise
 from .pipeline import record as record
@@ -96,6 +97,7 @@ from .recipe import Recipe as Recipe
 from .recipe import RecipeFile as RecipeFile
 from .recipe import StartsSpec as StartsSpec
 from .recipe import TerrainSpec as TerrainSpec
+from .recipe import TilesSpec as TilesSpec
 from .recipe import ValidateSpec as ValidateSpec
 from .recipe import Variation as Variation
 from .recipe import WorldsSpec as WorldsSpec

@@ -12,7 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge import report
-from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead
+from terrain_forge.base import (
+    OutputError,
+    Progress,
+    Stopwatch,
+    compile_ahead,
+    require_scheduler,
+)
 from terrain_forge.building import (
     BuildResult,
     blaming,
@@ -153,6 +159,8 @@ def build(
         if out.exists():  # files that the rover's own file names
             inputs += resolve_rover(recipe.rover, Path(folder)).files
         require_apart(out, inputs)
+        if scheduler is not None:
+            require_scheduler(scheduler)
         removed = () if is_site(out) else require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
         compile_ahead(watch)

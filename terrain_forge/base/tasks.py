@@ -12,6 +12,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from importlib import import_module
 from itertools import islice
@@ -24,6 +25,8 @@ from terrain_forge.base.threads import ask_for_interrupt, worker_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
+LOCAL = "local"
+"""In place of a scheduler's address: a cluster on this machine."""
 _TICK = 0.1
 """How often an interrupt is looked for [s]."""
 _AHEAD = 4
@@ -48,8 +51,9 @@ def run_tasks(
     Args:
         function: Found by its module and name, or a `functools.partial` of such a one.
         items: What it is called with, taken as workers become free.
-        workers: Processes on this machine, by default one for each core; 0 calls it here. On a
-            cluster the tasks that are out at once, by default four for each of its threads.
+        workers: Processes on this machine, which use one core each, by default one for each core;
+            0 calls it here. On a cluster the tasks that are out at once, by default four for each
+            of its threads.
         scheduler: Address of a Dask scheduler, such as `tcp://host:8786`, or `local` for a cluster
             on this machine; by default plain processes.
         tries: How often an item is tried before its error is returned.
@@ -97,7 +101,7 @@ def _in_processes(
     children: list[_Child] = []
 
     def serve() -> None:
-        child = _Child(start, threads=max(core_count() // workers, 1))
+        child = _Child(start)
         children.append(child)
         try:
             while not stopped.is_set():
@@ -140,9 +144,9 @@ _END: Any = object()
 class _Child:
     """A process that is given one item after another; where it dies another takes its place."""
 
-    def __init__(self, start: bytes, *, threads: int) -> None:
+    def __init__(self, start: bytes) -> None:
         self._start = start
-        self._environment = {**os.environ, **dict.fromkeys(_THREADS, str(threads))}
+        self._environment = {**os.environ, **dict.fromkeys(_THREADS, "1")}
         self._process: Popen[bytes] | None = None
 
     def ask(self, item: Any) -> tuple[Any, bool]:
@@ -233,24 +237,8 @@ def _on_dask(
     tries: int,
     told: Callable[[str], None] | None,
 ) -> Iterator[tuple[T, R | Exception]]:
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise OutputError(
-            "a scheduler needs Dask: pip install 'terrain-forge[dask]', or leave it out"
-        ) from None
-    local = scheduler == "local"
-    try:
-        client: Any = (
-            distributed.Client(
-                n_workers=workers or core_count(), threads_per_worker=1, memory_limit=0
-            )
-            if local
-            else distributed.Client(scheduler, timeout=_REACH, set_as_default=False)
-        )
-    except (OSError, ValueError, TimeoutError) as error:
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise OutputError(f"no Dask scheduler answers at {scheduler}: {why}") from None
+    client = _connected(scheduler, workers)
+    distributed, local = import_module("distributed"), scheduler == LOCAL
     try:
         _require_same(client, scheduler)
         if told and client.dashboard_link:
@@ -263,12 +251,17 @@ def _on_dask(
             return client.submit(_on_worker, function, item, tries, pure=False)
 
         out = {submit(item): item for item in islice(left, most)}
-        finished: Any = distributed.as_completed(out)
+        finished: Any = distributed.as_completed(out, loop=client.loop)
         for future in finished:
             ask_for_interrupt()
             item = out.pop(future)
-            died = future.exception()  # its workers did, again and again
-            result = died if died is not None else future.result()
+            try:
+                died = future.exception()  # its workers did, again and again
+                result = died if died is not None else future.result()
+            except (CancelledError, OSError):
+                raise OutputError(
+                    f"the scheduler at {scheduler} was lost; what is whole stays"
+                ) from None
             future.release()
             for following in islice(left, 1):
                 out[another := submit(following)] = following
@@ -278,6 +271,40 @@ def _on_dask(
         client.close()
         if local:
             client.cluster.close()
+
+
+def require_scheduler(scheduler: str) -> None:
+    """Refuse a cluster that cannot do our work, before any is prepared.
+
+    Raises:
+        OutputError: if the scheduler cannot be reached, has no workers, or they are of another
+            version.
+    """
+    if scheduler != LOCAL:
+        client = _connected(scheduler, None)
+        try:
+            _require_same(client, scheduler)
+        finally:
+            client.close()
+
+
+def _connected(scheduler: str, workers: int | None) -> Any:
+    """A client of a scheduler, or of one of its own."""
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise OutputError(
+            "a scheduler needs Dask: pip install 'terrain-forge[dask]', or leave it out"
+        ) from None
+    if scheduler == LOCAL:
+        return distributed.Client(
+            n_workers=workers or core_count(), threads_per_worker=1, memory_limit=0
+        )
+    try:
+        return distributed.Client(scheduler, timeout=_REACH, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise OutputError(f"no Dask scheduler answers at {scheduler}: {why}") from None
 
 
 def _on_worker(function: Callable[[T], R], item: T, tries: int) -> Any:

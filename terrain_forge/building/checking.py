@@ -25,6 +25,7 @@ from terrain_forge.recipe import (
     Recipe,
     require_exports,
     rocks_of,
+    tile_cells,
 )
 
 
@@ -65,6 +66,10 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     if site.lonlat:
         yield f"  centre       {degrees(site.lonlat[0]):.5f}° E {degrees(site.lonlat[1]):.5f}° N"
     yield f"  grid         {window.columns + 1} × {window.rows + 1} nodes at {site.spacing:g} m"
+    if recipe.tiles is not None:
+        cells = tile_cells(recipe)
+        across, up = -(-window.columns // cells), -(-window.rows // cells)
+        yield f"  tiles        {across} × {up} of {cells * site.spacing:g} m, built one by one"
     yield (
         f"  roughness    H = {site.roughness.hurst:.2f}, {site.roughness.deviation * 100:.2g} cm "
         f"at 1 m ({site.roughness.source})"

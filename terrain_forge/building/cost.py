@@ -20,7 +20,14 @@ import numpy as np
 from terrain_forge.base import cache_folder
 from terrain_forge.model import Site
 from terrain_forge.paths import duration
-from terrain_forge.recipe import ExportOrder, Recipe, expected_nodes, memory_needed, rocks_of
+from terrain_forge.recipe import (
+    ExportOrder,
+    Recipe,
+    expected_nodes,
+    memory_needed,
+    rocks_of,
+    tile_cells,
+)
 from terrain_forge.rocks import LibrarySpec, expected_dynamic
 from terrain_forge.validation import MOST_WATCHED
 
@@ -117,8 +124,16 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks
     disk += sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
+    told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
+    if recipe.tiles is not None:
+        share = min((tile_cells(recipe) + 1) ** 2 / nodes, 1.0)
+        memory = memory_needed(nodes * share, rocks * share)
+        return (
+            f"{told}{seconds:.0f} s of a core, {memory / 1e9:.1f} GB of memory for each worker, "
+            f"{disk / 1e9:,.2g} GB on disk"
+        )
     return (
-        f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about {seconds:.0f} s, "
+        f"{told}{seconds:.0f} s, "
         f"{memory_needed(nodes, rocks) / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
     )
 

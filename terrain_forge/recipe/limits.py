@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from terrain_forge.base import ExportError, RecipeError
-from terrain_forge.model import Site, Window, check_capacity
+from terrain_forge.model import USUAL_CELLS, Site, Window, check_capacity
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.recipe.exports import ExportOrder
 from terrain_forge.recipe.schema import Recipe, TilesSpec
@@ -117,10 +117,19 @@ def in_tiles(recipe: Recipe, *, listed: int = 0) -> Recipe:
     Args:
         recipe: what to make.
         listed: rocks of the user's own lists.
+
+    Raises:
+        RecipeError: if not even a tile fits.
     """
-    if recipe.tiles is not None or _missing(recipe, expected_rocks(recipe) + listed) is None:
+    rocks = expected_rocks(recipe) + listed
+    if recipe.tiles is None and _missing(recipe, rocks) is None:
         return recipe
-    return replace(recipe, tiles=TilesSpec())
+    recipe = replace(recipe, tiles=recipe.tiles or TilesSpec())
+    nodes = expected_nodes(recipe)
+    most = min(float((tile_cells(recipe) + 1) ** 2), nodes)
+    if (missing := _missing(recipe, rocks * most / nodes, most)) is not None:
+        raise missing
+    return recipe
 
 
 def require_fits(site: Site) -> None:
@@ -147,8 +156,8 @@ def _missing(recipe: Recipe, rocks: float, nodes: float | None = None) -> Recipe
     key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
     return RecipeError(
         f"{nodes:.3g} nodes and {rocks:.3g} rocks need about {needed / 1e9:.3g} GB of memory, "
-        f"this machine has {there / 1e9:.3g} GB; build it in `tiles`, or choose a larger spacing, "
-        "a smaller area or larger rocks",
+        f"this machine has {there / 1e9:.3g} GB; build it in smaller `tiles`, or choose a larger "
+        "spacing, a smaller area or larger rocks",
         key=key,
     )
 
@@ -177,6 +186,12 @@ def rocks_of(site: Site) -> float:
 def memory_needed(nodes: float, rocks: float) -> float:
     """Estimated peak memory of a build with so many nodes and rocks [bytes]."""
     return BYTES + nodes * BYTES_PER_NODE + rocks * BYTES_PER_ROCK
+
+
+def tile_cells(recipe: Recipe) -> int:
+    """Cells of a tile each way, to the nearest."""
+    size = recipe.tiles.size_m if recipe.tiles else None
+    return USUAL_CELLS if size is None else max(round(size / recipe.terrain.spacing_m), 1)
 
 
 def expected_nodes(recipe: Recipe) -> float:

@@ -36,6 +36,8 @@ MAX_POPULATIONS = 64
 """Populations and lists of a site; a rock's id holds the population's index and its number."""
 MAX_ROCKS = 2**25
 """Rocks of one population that are numbered one after the other; more are numbered by cells."""
+_LARGE = 1e6
+"""Area of the smallest site that may have more [m²]."""
 MOST_ROCKS = 5e8
 """Rocks of all populations together that a site is expected to have at most."""
 LAST_ID = 2**31 - 2**24
@@ -155,9 +157,10 @@ class PopulationSpec(Spec):
 
     def is_many(self, size: tuple[float, float]) -> bool:
         """Whether its rocks on a site [m] are too many to be numbered one after the other."""
-        if not isinstance(self.arrangement, Poisson):
+        area = size[0] * size[1]
+        if not isinstance(self.arrangement, Poisson) or area < _LARGE:
             return False
-        return size[0] * size[1] * self.density(*self.diameters) > 0.9 * MAX_ROCKS
+        return area * self.density(*self.diameters) > 0.9 * MAX_ROCKS
 
     @property
     def cover(self) -> float:

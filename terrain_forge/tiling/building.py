@@ -56,6 +56,7 @@ class _Pace:
     peak: int = 0
     failed: dict[int, Exception] = field(default_factory=dict)
     begin: float = field(default_factory=time.perf_counter)
+    link: str = ""
 
     def told(self, missing: int) -> str:
         """How far it is."""
@@ -64,7 +65,8 @@ class _Pace:
         text = f"tiles: {self.made} of {missing}"
         if self.made:
             text += f", {rate:.2g} a second" if rate >= 1.0 else f", {1.0 / rate:.2g} s each"
-        return text + (f", {len(self.failed)} failed" if self.failed else "")
+        text += f", {len(self.failed)} failed" if self.failed else ""
+        return text + (f", {self.link}" if self.link else "")
 
 
 def build_tiles(
@@ -93,7 +95,7 @@ def build_tiles(
         pace = _Pace()
         watch(f"tiles: 0 of {len(missing)}")
         work = partial(make_tile, str(out))
-        told = partial(_log.warning, "Dask's dashboard: %s")
+        told = partial(setattr, pace, "link")
         for number, result in run_tasks(
             work, missing, workers=workers, scheduler=scheduler, told=told
         ):
@@ -116,7 +118,8 @@ def build_tiles(
             write_page(order, joined["verification"], joined["manifest"])
             write_manifest(order, joined["manifest"])
     watch.figures.update(
-        tiles=len(order.grid), tiles_made=pace.made, workers=workers or core_count(),
+        tiles=len(order.grid), tiles_made=pace.made,
+        workers=core_count() if workers is None else workers,
         processor_s=round(pace.processor, 3), peak_worker_bytes=pace.peak,
     )  # fmt: skip
     watch.write(out)

@@ -15,6 +15,8 @@ from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
 from terrain_forge.tiling.order import FOLDER, TILE, TileOrder, load_order
 
 _NAMED = 8
+_FEW = 16
+"""Tiles that are read in this process."""
 _COUNTS = "truth/size_frequency.json"
 VALIDATE_STAGES = ("tiles", "manifest")
 """Stages of a validation."""
@@ -41,7 +43,7 @@ def check_tile(out: str, number: int) -> list[str]:
     return found
 
 
-def validate_site(out: Path, *, watch: Stopwatch, workers: int | None = None) -> bool:
+def validate_site(out: Path, *, watch: Stopwatch) -> bool:
     """Compare a built site with what its lists say; writes validation/report.json.
 
     Raises:
@@ -54,6 +56,7 @@ def validate_site(out: Path, *, watch: Stopwatch, workers: int | None = None) ->
         count = len(order.grid)
         watch(f"tiles: 0 of {count}")
         work = partial(check_tile, str(out))
+        workers = 0 if count <= _FEW else None  # processes take longer to begin
         for done, (number, result) in enumerate(run_tasks(work, range(count), workers=workers), 1):
             where = order.grid.folder(number)
             bad += [f"{where}: {result}"] if isinstance(result, Exception) else result

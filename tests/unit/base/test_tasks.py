@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import terrain_forge.base.tasks as tasks
 from terrain_forge.base import OutputError, RecipeError, run_tasks
 
 
@@ -56,6 +59,29 @@ def test_a_cluster_gives_the_same(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     work_there = partial(work, tmp_path)
     check_results(dict(run_tasks(work_there, range(10), workers=2, scheduler="local")))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_workers_of_another_version_are_refused(tmp_path: Path, monkeypatch: Any) -> None:
+    pytest.importorskip("distributed")
+    there = tasks.software
+    monkeypatch.setattr(tasks, "software", Elsewhere({**there(), "terrain-forge": "0.0.1"}, there))
+    with pytest.raises(OutputError, match=r"worker tcp://.* this machine terrain-forge 0\.0\.1"):
+        next(run_tasks(partial(work, tmp_path), [1], workers=1, scheduler="local"))
+
+
+class Elsewhere:
+    """Tells other versions here than there."""
+
+    def __init__(self, here: dict[str, str], there: Callable[[], dict[str, str]]) -> None:
+        self.here, self.there = here, there
+
+    def __call__(self) -> dict[str, str]:
+        return self.here
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return getattr, (tasks, "software")
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def recipe(tmp_path_factory):
 def built(recipe, tmp_path_factory):
     """The built site's folder."""
     out = tmp_path_factory.mktemp("site") / "six"
-    tf.build(tf.load_recipe(recipe).recipe, out, workers=2)
+    tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
     return out
 
 

@@ -34,7 +34,9 @@ def wide(tmp_path_factory):
 
 def test_a_site_beyond_memory_is_in_tiles_by_itself(wide):
     assert wide.recipe.tiles is not None
-    with pytest.raises(RecipeError, match=r"GB of memory, this machine has .* build it in `tiles`"):
+    with pytest.raises(
+        RecipeError, match=r"GB of memory, this machine has .* build it in smaller `tiles`"
+    ):
         tf.realise(wide)
 
 
@@ -62,3 +64,10 @@ def test_numbers_of_rocks_follow_the_law(wide):
         expected = population.density(*population.diameters) * 100.0**2
         found = np.count_nonzero(world.field.population == index)
         assert abs(found - expected) < 4.5 * expected**0.5 + 3
+
+
+def test_a_tile_beyond_memory_is_refused(tmp_path):
+    path = tmp_path / "wide.yaml"
+    path.write_text(WIDE.replace("terrain:", "tiles: {size_m: 6000}\nterrain:"))
+    with pytest.raises(RecipeError, match=r"GB of memory, this machine has"):
+        tf.plan(tf.load_recipe(path).recipe)
