@@ -22,7 +22,7 @@ FLOORS = (
     ("pipeline",),
     ("report", "terminal"),
     ("learning",),
-    ("recording", "evaluation", "variation"),
+    ("recording", "evaluation", "tiling", "variation"),
     ("building", "exporters"),
     ("validation", "datasets"),
     ("driving", "sensors", "illumination"),

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from terrain_forge import __version__
-from terrain_forge.commands import evaluate, study
+from terrain_forge.commands import cut, evaluate, illumination, make_worlds, study
 from terrain_forge.terminal import (
     DRIVES,
     FORCE,
@@ -25,9 +25,6 @@ from terrain_forge.terminal import (
     complete_starters,
     complete_terrain_models,
     completion_script,
-    cut_command,
-    illumination,
-    make_worlds,
     names_of,
     run_command,
     run_process,
@@ -344,15 +341,7 @@ def sites() -> None:
 
 
 cli.add_command(make_worlds)
-
-
-def _cut(*given: Any, **how: Any) -> Any:
-    from terrain_forge import pipeline
-
-    return pipeline.cut(*given, **how)
-
-
-cli.add_command(cut_command(_cut))
+cli.add_command(cut)
 
 
 def main(arguments: list[str]) -> int:

@@ -4,7 +4,6 @@ from .completion import complete_exporters as complete_exporters
 from .completion import complete_starters as complete_starters
 from .completion import complete_terrain_models as complete_terrain_models
 from .completion import completion_script as completion_script
-from .cutting import cut_command as cut_command
 from .display import Display as Display
 from .display import watched as watched
 from .doctor import doctor_lines as doctor_lines
@@ -13,6 +12,7 @@ from .given import load_given as load_given
 from .given import located as located
 from .lines import say as say
 from .lines import show_log as show_log
+from .lines import time_text as time_text
 from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
 from .options import OUT as OUT
@@ -39,5 +39,3 @@ from .scoring import list_systems as list_systems
 from .scoring import tell_maps as tell_maps
 from .scoring import tell_scores as tell_scores
 from .scoring import tell_systems as tell_systems
-from .sunlight import illumination as illumination
-from .worlds_command import make_worlds as make_worlds

@@ -51,8 +51,9 @@ def read_objects(path: Path) -> Iterator[tuple[str, Mesh]]:
             objects = (b"\n" + block + file.readline()).split(b"\no ")
             for number, text in enumerate(objects):
                 if number:
+                    stood = first + sum(len(vertices) for vertices, _ in parts)
                     yield from _object(path, name, parts, first)
-                    first += sum(len(vertices) for vertices, _ in parts)
+                    first = stood
                     title, _, text = text.partition(b"\n")
                     name, parts = title.decode(), []
                 content = np.frombuffer(bytearray(text + b"\n"), np.uint8)

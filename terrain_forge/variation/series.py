@@ -31,6 +31,7 @@ from terrain_forge.making import make_world
 from terrain_forge.model import World
 from terrain_forge.paths import arrivals, write_trajectories
 from terrain_forge.recipe import (
+    MOST_WORLDS,
     ArrivalSpec,
     ExportOrder,
     Recipe,
@@ -107,8 +108,9 @@ def worlds(
     recipe = recipe_from_json(recipe_json(given))
     folder, out = Path(folder).resolve(), Path(out).resolve()
     count = (recipe.worlds or WorldsSpec()).count if count is None else count
-    if count < 1:
-        raise RecipeError(f"{count} worlds, at least 1", key=("worlds", "count"))
+    if not 1 <= count <= MOST_WORLDS:
+        text = f"{count} worlds: 1 to {MOST_WORLDS:,}"
+        raise RecipeError(text, key=("worlds", "count"))
     orders = orders_of(recipe, only)
     draw(recipe, 0, folder=folder)  # what is wrong in all of them is told at once
     _require_apart(out, recipe, folder)

@@ -56,11 +56,11 @@ def test_a_world_of_nothing_readable(tmp_path):
     (tmp_path / "world").mkdir()
     (tmp_path / "world" / "arrays.npz").write_bytes(b"PK")
     for text in (
-        '{"format": 6}',
+        '{"format": 7}',
         "[" * 100_000,
         "\0",
         "5",
-        '{"format": 6, "world": {"record": []}}',
+        '{"format": 7, "world": {"record": []}}',
     ):
         (tmp_path / "world" / "world.json").write_text(text)
         with pytest.raises(OutputError, match="no readable terrain-forge world"):

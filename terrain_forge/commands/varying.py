@@ -5,15 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-import numpy as np
 
-from terrain_forge.recipe import MOST_WORLDS
-from terrain_forge.terminal.completion import complete_exporters
-from terrain_forge.terminal.display import Display
-from terrain_forge.terminal.given import load_given, located
-from terrain_forge.terminal.lines import say, time_text
-from terrain_forge.terminal.options import RECIPE, SEED, SET, names_of
-from terrain_forge.terminal.running import FAILED_CHECK
+from terrain_forge.terminal import (
+    FAILED_CHECK,
+    RECIPE,
+    SEED,
+    SET,
+    Display,
+    complete_exporters,
+    load_given,
+    located,
+    names_of,
+    say,
+    time_text,
+)
 
 _MOST_TOLD = 5
 """Failures that the terminal shows."""
@@ -24,7 +29,7 @@ _MOST_TOLD = 5
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), help="Folder of all [default: ./NAME-worlds]."
 )
-@click.option("--count", type=click.IntRange(1, MOST_WORLDS), metavar="N", help="How many worlds.")
+@click.option("--count", type=click.IntRange(1), metavar="N", help="How many worlds.")
 @click.option(
     "--grid",
     metavar="ROWSxCOLUMNS",
@@ -57,6 +62,8 @@ def make_worlds(
     and how hard it is. Killed or interrupted, the same command goes on where it was. A world has
     the same bytes, however many there are and whoever makes them.
     """
+    import numpy as np
+
     from terrain_forge.variation import make_grid, read_summary, worlds
 
     file = load_given(recipe, seed=seed, changes=changes)

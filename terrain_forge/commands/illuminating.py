@@ -7,10 +7,7 @@ from typing import Any
 
 import click
 
-from terrain_forge.terminal.display import Display
-from terrain_forge.terminal.given import load_given, located
-from terrain_forge.terminal.lines import say
-from terrain_forge.terminal.options import SET
+from terrain_forge.terminal import SET, Display, load_given, located, say
 
 
 @click.command()
