@@ -12,9 +12,7 @@ from terrain_forge.terminal import (
     OUT,
     Display,
     complete_exporters,
-    finish,
     names_of,
-    tell_build,
 )
 
 _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "report page"
@@ -45,6 +43,7 @@ def cut(
     Its ground and rocks are those of the tiles, bit for bit. The site need not be finished.
     """
     from terrain_forge import pipeline
+    from terrain_forge.terminal import finish, tell_build
 
     place, length = pair("--centre", centre), pair("--size", size)
     into = into or Path(f"{out.resolve().name}-{place[0]:g}-{place[1]:g}")

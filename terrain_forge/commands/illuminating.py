@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from terrain_forge.terminal import SET, Display, load_given, located, say
+from terrain_forge.terminal import SET, Display, say
 
 
 @click.command()
@@ -57,6 +57,7 @@ def illumination(
     from terrain_forge.illumination import Source, Wish, illuminate
     from terrain_forge.making import plan
     from terrain_forge.model import World
+    from terrain_forge.terminal import load_given, located
 
     wish = Wish(reach=1e3 * reach, **wishes)
     if recipe.is_dir():

@@ -13,8 +13,6 @@ from terrain_forge.terminal import (
     SET,
     Display,
     complete_exporters,
-    load_given,
-    located,
     names_of,
     say,
     time_text,
@@ -64,6 +62,7 @@ def make_worlds(
     """
     import numpy as np
 
+    from terrain_forge.terminal import load_given, located
     from terrain_forge.variation import make_grid, read_summary, worlds
 
     file = load_given(recipe, seed=seed, changes=changes)
