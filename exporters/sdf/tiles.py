@@ -21,6 +21,7 @@ from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
     finest_texture,
+    friction_losses,
     shifted,
     tile_anchor,
     write_ground_glb,
@@ -156,6 +157,7 @@ def _losses(tiled: TiledSite, options: Options) -> list[str]:
     step = tiled.grid.step(tiled.site.spacing)
     losses = [
         f"Heights are rounded to {1e6 * step:.3g} µm.",
+        *friction_losses(tiled.world, options, elsewhere=True),
         "Levels load and unload tiles only where gz-sim runs with `--levels` and knows a performer:"
         " name the rover's model by the service /world/NAME/level/set_performer.",
         f"Rocks below {options.individual_min_m:g} m are merged per tile.",

@@ -61,7 +61,7 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
-    _bind_materials(stage, mesh, tile, options)
+    bind_materials(stage, mesh, tile, options)
     save(stage)
 
 
@@ -80,7 +80,7 @@ def write_horizon(horizon: Horizon, assets: Path) -> None:
     save(stage)
 
 
-def _bind_materials(stage: Usd.Stage, mesh: UsdGeom.Mesh, tile: Tile, options: Options) -> None:
+def bind_materials(stage: Usd.Stage, mesh: UsdGeom.Mesh, tile: Tile, options: Options) -> None:
     """Name the faces of each material of the ground, and give them its friction."""
     looks, root = tile.world.appearance, stage.GetDefaultPrim().GetPath()
     if looks.material is None:

@@ -33,7 +33,7 @@ from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, wor
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, fresh_craters, label_craters
+from .ground import DETAIL, bind_materials, fresh_craters, label_craters
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
@@ -108,6 +108,8 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, look, f"{_SHARED}/{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), material)
+    if level.stride == 1:
+        bind_materials(stage, mesh, tile, options)
     save(stage)
 
 

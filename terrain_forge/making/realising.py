@@ -23,8 +23,10 @@ from terrain_forge.terrain import (
 )
 
 
-def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch) -> World:
-    """The world of a window of a site, as `realise` says."""
+def make_world(
+    site: Site, window: Window, *, settled: bool, progress: Stopwatch, horizon: bool = True
+) -> World:
+    """The world of a window of a site, as `realise` says; on demand without what lies beyond."""
     recipe = site.recipe
     populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
@@ -75,5 +77,5 @@ def make_world(site: Site, window: Window, *, settled: bool, progress: Stopwatch
         rover=rover,
         lighting=light_of(site),
         unplaced=scattered.unplaced,
-        horizon=make_horizon(site, ground, appearance, library),
+        horizon=make_horizon(site, ground, appearance, library) if horizon else None,
     )

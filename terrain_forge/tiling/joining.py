@@ -55,6 +55,9 @@ def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     )
 
 
+_NO_HORIZON = "Nothing of what lies beyond the site is in it: a site in tiles has no horizon."
+
+
 def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     """Bring the tiles together; returns the site's manifest.
 
@@ -66,6 +69,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     verification = write_merged(site, (one["counts"] for _, one in _each(order)), out / "truth")
     exports: dict[str, Any] = {}
     world = sample_world(order)
+    beyond = () if site.recipe.horizon.reach_m == 0.0 else (_NO_HORIZON,)
     for export in order.exports:
         watch(f"joining: {export.folder}")
         exporter, options = export.opened()
@@ -75,7 +79,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         )
         losses = exporter.join_tiles(tiled, folder, options=options)  # type: ignore[attr-defined]
         exports[export.folder] = {
-            "kind": export.kind, "options": export.options, "losses": list(losses)
+            "kind": export.kind, "options": export.options, "losses": [*losses, *beyond]
         }  # fmt: skip
     watch("manifest")
     rocks, size = _write_table(order)

@@ -104,5 +104,6 @@ def tile_of(order: TileOrder, number: int) -> Tile:
 
 
 def world_of(order: TileOrder, window: Window) -> World:
-    """The world of a window of the site."""
-    return make_world(order.site, window, settled=True, progress=Stopwatch(silent))
+    """The world of a window of the site; what lies beyond is mostly other tiles."""
+    watch = Stopwatch(silent)
+    return make_world(order.site, window, settled=True, progress=watch, horizon=False)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import OutputError
 from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Tile, World
+from terrain_forge.truth.materials import write_materials
 from terrain_forge.truth.merging import count_rocks
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.tables import write_rocks
@@ -23,7 +24,7 @@ from terrain_forge.writers import write_geotiff
 def write_tile_truth(
     tile: Tile, folder: Path, *, parquet: bool
 ) -> tuple[dict[str, Any], NDArray[np.int32]]:
-    """Write the surface, whose rock is on top, and the rocks; returns their counts, and the ids.
+    """Write surface, rock on top, materials and the rocks; returns their counts, and the ids.
 
     Rasters hold the tile's nodes but those of its northern and eastern border, which the next
     tiles have; at the site's own border all.
@@ -36,6 +37,7 @@ def write_tile_truth(
     write(folder / "surface_with_rocks.tif", top[own], description="ground and rocks")
     about = "id of the rock on top, -1 where there is none"
     write(folder / "rock_id.tif", rock_id[own], units="", nodata=-1, description=about)
+    write_materials(world, folder, ground=ground, part=own)
     write_rocks(world, folder / "rocks.csv")
     if parquet:
         write_parquet(world, folder / "rocks.parquet")

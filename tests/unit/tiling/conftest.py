@@ -19,6 +19,7 @@ terrain:
   layers:
     - {{kind: fractal}}
     - {{kind: ripples, wavelength_m: 2, height_m: 0.1}}
+  materials: [{{kind: sand, cover: 0.4, patch_m: 6}}]
 rocks:
   library: {{shapes: 4}}
   populations:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+from pxr import Usd, UsdGeom
 
 import terrain_forge as tf
 from terrain_forge.base import OutputError, RecipeError, StorageError
@@ -46,6 +47,23 @@ def test_rasters_of_all_tiles_are_those_of_one_world(built, whole):
                 assert tile.crs == raster.crs
                 assert tile.shape == (80, 80)
             assert raster.xy(raster.height - 1, 0) == pytest.approx((-25.0, -20.0))
+
+
+def test_materials_of_all_tiles_are_those_of_one_world(built, whole):
+    wanted = whole.appearance.material
+    assert 0.2 < (wanted == 1).mean() < 0.6
+    for path in sorted(built.glob("tiles/*/*/truth/material.tif")):
+        row, column = (int(part) for part in path.parts[-4:-2])
+        with rasterio.open(path) as raster:
+            found = raster.read(1)[::-1]
+            assert "sand" in raster.tags().values()
+        here = wanted[80 * row :, 80 * column :]
+        assert np.array_equal(found, here[: found.shape[0], : found.shape[1]])
+    stage = Usd.Stage.Open(str(next(built.glob("tiles/000/000/usd/ground_full.usdc"))))
+    parts = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Subset)]
+    sand = [UsdGeom.Subset(one) for one in parts if one.GetName().startswith("material")]
+    faces = [len(one.GetIndicesAttr().Get()) for one in sand]
+    assert faces == [2 * (wanted[:80, :80] == 1).sum()]
 
 
 def test_normals_do_not_know_of_tiles(built, whole):
