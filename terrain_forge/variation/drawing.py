@@ -70,6 +70,8 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
     level = difficulty if difficulty is not None else _level(spec.difficulty, recipe.seed, number)
     plain = json.loads(recipe_json(recipe))
     plain["worlds"], plain["name"] = None, f"{recipe.name}-{number:05}"
+    if plain["horizon"]["reach_m"] is None:  # it would be most of a small world's bytes
+        plain["horizon"]["reach_m"] = 0.0
     plain["seed"] = int(stage_key(recipe.seed, f"worlds/{number}/seed")) >> 1
     values: dict[str, Any] = {}
     if spec.difficulty is not None and level is not None:
