@@ -59,8 +59,10 @@ def rock_meshes(
     their arrays. `levels` are the rocks' levels of detail, shape [rocks].
     """
     prototypes = world.library.prototypes
-    shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
-
+    bumpy = world.library.normals is not None
+    shape = cache(
+        lambda kind, level: gltf.add_surface(surface(prototypes[kind], level), bumpy=bumpy)
+    )
     picture = cache(
         lambda n: gltf.add_texture(encode_png(rock_texture(world, n, tinted=True)), tiles=True)
     )

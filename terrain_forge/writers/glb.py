@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError
 
-from .mesh import Floats
+from .mesh import Floats, vertex_tangents
 
 if TYPE_CHECKING:
     from terrain_forge.model import TexturedMesh
@@ -66,12 +66,19 @@ class Gltf:
         """Add an accessor of an animation's times (`bounded`) or values, shape [samples, n]."""
         return self._add_array(values, {}, bounded=bounded)
 
-    def add_surface(self, surface: TexturedMesh) -> dict[str, Any]:
-        """Add a textured surface; returns what is the same in all primitives of it."""
+    def add_surface(self, surface: TexturedMesh, *, bumpy: bool = False) -> dict[str, Any]:
+        """Add a textured surface; returns what is the same in all primitives of it.
+
+        One that is `bumpy`, for a map of normals, tells where that map's right is.
+        """
         faces = self.add_indices(surface.faces)
-        return self.add_primitive(
+        primitive = self.add_primitive(
             surface.vertices, surface.normals, faces, surface.texture_coordinates
         )
+        if bumpy:
+            tangents = vertex_tangents(*surface).astype(np.float32)
+            primitive["attributes"]["TANGENT"] = self.add_vertices(tangents)
+        return primitive
 
     def add_primitive(
         self,

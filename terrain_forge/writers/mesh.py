@@ -179,6 +179,50 @@ def vertex_normals(vertices: Floats, faces: Indices) -> NDArray[np.float64]:
     return normals / np.where(length > 0, length, 1.0)[:, None]
 
 
+def vertex_tangents(
+    vertices: Floats, normals: Floats, texture_coordinates: Floats, faces: Indices
+) -> NDArray[np.float64]:
+    """Where a picture's right is at the vertices of a mesh, as glTF's TANGENT, shape [vertices, 4].
+
+    The last number is the side on which the picture's top lies: the cross product of normal and
+    tangent, times that.
+
+    Args:
+        vertices: Places, shape [vertices, 3].
+        normals: Unit normals there, shape [vertices, 3].
+        texture_coordinates: u to the right, v upwards, shape [vertices, 2].
+        faces: Corner indices, shape [faces, 3].
+    """
+    points: NDArray[np.float64] = np.asarray(vertices, np.float64)
+    up: NDArray[np.float64] = np.asarray(normals, np.float64)
+    uv: NDArray[np.float64] = np.asarray(texture_coordinates, np.float64)
+    corner = faces.reshape(-1)
+    a, b, c = (points[faces[:, n]] for n in range(3))
+    (u, v), (s, w) = ((uv[faces[:, n]] - uv[faces[:, 0]]).T[:, :, None] for n in (1, 2))
+    turn = np.sign(u * w - s * v)
+    sums = list[NDArray[np.float64]]()
+    for one in (turn * ((b - a) * w - (c - a) * v), turn * ((c - a) * u - (b - a) * s)):
+        each = np.repeat(one, 3, axis=0)
+        axes = [np.bincount(corner, axis, minlength=len(points)) for axis in each.T]
+        sums.append(np.array(axes, np.float64).T)
+    right, above = sums
+    right = right - up * _dot(up, right)[:, None]
+    length = np.sqrt(_dot(right, right))
+    # Where a picture is nowhere spread out, any direction on the surface is as good.
+    other: NDArray[np.float64] = np.where(np.abs(up[:, :1]) < 0.9, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    other = other - up * _dot(up, other)[:, None]
+    some = length > 1e-12
+    right = np.where(some[:, None], right, other)
+    right /= np.sqrt(_dot(right, right))[:, None]
+    side = np.where(_dot(np.cross(up, right), above) < 0.0, -1.0, 1.0)
+    return np.column_stack([right, side])
+
+
+def _dot(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    x, y, z = (one * other).T
+    return np.asarray(x + y + z)
+
+
 @inner
 def put_integer(text, at, number):  # type: ignore[no-untyped-def]
     """Write a positive integer in decimal; returns where the text goes on."""

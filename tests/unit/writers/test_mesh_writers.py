@@ -32,6 +32,7 @@ from terrain_forge.writers import (
     write_png,
     write_stl,
 )
+from terrain_forge.writers.mesh import vertex_tangents
 from tests.helpers.surfaces import random_points, top_under
 
 
@@ -325,3 +326,22 @@ def test_vertex_normals_are_weighted_by_area():
     assert normals[2] == pytest.approx((0, 0, 1))
     assert normals[3] == pytest.approx((0, 1, 0))
     assert normals[4] == pytest.approx((0, 0, 1))  # belongs to no face
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_tangents_lead_to_the_right_of_a_picture(side):
+    """On a ball whose picture runs round it once, in either sense."""
+    ball = trimesh.creation.uv_sphere(1.0)
+    up = ball.vertices / np.linalg.norm(ball.vertices, axis=1)[:, None]
+    east, north = np.arctan2(up[:, 1], up[:, 0]), np.arcsin(up[:, 2].clip(-1, 1))
+    turns = east[ball.faces]
+    away = (np.ptp(turns, axis=1) < 2.0) & (np.abs(north[ball.faces]) < 1.4).all(axis=1)
+    faces = ball.faces[away]
+    found = vertex_tangents(up, up, np.column_stack([side * east, north]), faces)
+    inner = np.unique(faces)
+    right = side * np.column_stack([-up[:, 1], up[:, 0], 0 * east])
+    right /= np.linalg.norm(right, axis=1).clip(1e-9)[:, None]
+    assert (np.sum(found[inner, :3] * right[inner], axis=1) > 0.99).all()
+    assert (found[inner, 3] == side).all()
+    assert np.allclose(np.linalg.norm(found[:, :3], axis=1), 1.0)
+    assert np.abs(np.sum(found[:, :3] * up, axis=1)).max() < 1e-9
