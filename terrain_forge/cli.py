@@ -15,6 +15,7 @@ from terrain_forge.commands import cut, evaluate, illumination, make_worlds, stu
 from terrain_forge.terminal import (
     DRIVES,
     FORCE,
+    ONLY,
     OUT,
     RECIPE,
     SEED,
@@ -30,7 +31,7 @@ from terrain_forge.terminal import (
     run_process,
     say,
     show_log,
-    tiling,
+    side_by_side,
 )
 
 
@@ -130,14 +131,9 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
 )
 @SEED
 @SET
-@click.option(
-    "--only",
-    metavar="FORMATS",
-    shell_complete=complete_exporters,
-    help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
-)
+@ONLY
 @DRIVES
-@tiling
+@side_by_side
 @FORCE
 def build(
     recipe: Path,

@@ -251,8 +251,7 @@ def cut(
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
     with watched(progress, STAGES) as watch:
         world = cut_world(place, centre=centre, size=size, watch=watch)
-        exports = None if only is None else only
-        return write_world(world, out, exports=exports, force=force, progress=watch)
+        return write_world(world, out, exports=only, force=force, progress=watch)
 
 
 def export(

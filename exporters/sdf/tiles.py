@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from terrain_forge.exporters.sdf import rocks
 
-from terrain_forge.base import ExportError, image_rows
+from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
     bake_ground,
     coarse_shape,
@@ -24,15 +24,14 @@ from terrain_forge.geometry import (
     friction_losses,
     shifted,
     tile_anchor,
-    write_ground_glb,
-    write_ground_obj,
 )
 from terrain_forge.model import Tile, TiledSite, TileGrid, World, world_friction
-from terrain_forge.writers import Lines, element, file_name, leaves, write_png
+from terrain_forge.writers import Lines, element, file_name, leaves
 
-from .model import TEXTURES, Model, mesh, surface
+from .model import Model
 from .options import Options
 from .scenery import write_world
+from .writing import ground_surface
 
 _SHAPES = "rock_shapes"
 _HEADROOM = 20.0
@@ -83,7 +82,8 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     side = min(grid.cells, max(grid.columns, grid.rows)) + 1
     square = tile.ground.replace(elevation=np.zeros((side, side), np.float32))
     finer = finest_texture(square, options.texture_pixels)
-    ground = _write_ground(tile, local, model, friction.ground, finer, options)
+    texture = bake_ground(tile.world, finer=finer)
+    ground = ground_surface(local, texture, model, friction.ground, options, name="ground")
     shared = _shapes(directory, directory.name, options)
     links = [
         element("link", *ground, name="ground"),
@@ -104,29 +104,6 @@ def _rounded(world: World, step: float) -> World:
     """The world with heights that are whole steps."""
     heights = np.rint(world.ground.elevation.astype(np.float64) / step) * step
     return world.replace(ground=world.ground.replace(elevation=heights.astype(np.float32)))
-
-
-def _write_ground(
-    tile: Tile, local: Tile, model: Model, friction: float, finer: int, options: Options
-) -> list[Lines]:
-    """Write a tile's mesh and textures; returns its collision and its visual."""
-    file = f"meshes/ground.{'glb' if options.binary else 'obj'}"
-    if options.binary:
-        write_ground_glb(model.path(file), local)
-    else:
-        with model.path(file).open("wb") as text:
-            write_ground_obj(text, local)
-    texture, normals = bake_ground(tile.world, finer=finer), None
-    write_png(model.path(f"{TEXTURES}/ground.png"), image_rows(texture.rgb))
-    if options.normal_maps:
-        normals = "ground_normals.png"
-        write_png(model.path(f"{TEXTURES}/{normals}"), image_rows(texture.normals))
-    geometry = mesh(model.uri(file))
-    look = model.textured("ground.png", normals=normals)
-    return [
-        element("collision", geometry, surface(friction), name="ground_collision"),
-        element("visual", geometry, look, name="ground_visual"),
-    ]
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:

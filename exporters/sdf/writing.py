@@ -8,6 +8,7 @@ from terrain_forge.exporters.sdf import rocks
 
 from terrain_forge.base import ExportError, image_rows
 from terrain_forge.geometry import (
+    GroundTexture,
     bake_tile,
     coarse_shape,
     horizon_surface,
@@ -103,6 +104,21 @@ def _write_horizon(horizon: Horizon, model: Model, *, title: str, options: Optio
 def _write_ground(tile: Tile, model: Model, friction: float, options: Options) -> list[Lines]:
     """Write one tile's mesh and textures; returns its visual and, of a mesh, its collision."""
     name = tile.name("ground")
+    texture = bake_tile(tile, options.texture_pixels)
+    collision, visual = ground_surface(tile, texture, model, friction, options, name=name)
+    return [visual] if options.ground == "heightmap" else [collision, visual]
+
+
+def ground_surface(
+    tile: Tile,
+    texture: GroundTexture,
+    model: Model,
+    friction: float,
+    options: Options,
+    *,
+    name: str,
+) -> tuple[Lines, Lines]:
+    """Write the mesh and the pictures of a piece of ground; its collision and its visual."""
     # One file for both: it has the normals that Gazebo's physics asks of a collision mesh.
     file = f"meshes/{name}.{'glb' if options.binary else 'obj'}"
     if options.binary:
@@ -110,17 +126,16 @@ def _write_ground(tile: Tile, model: Model, friction: float, options: Options) -
     else:
         with model.path(file).open("wb") as text:
             write_ground_obj(text, tile)
-    texture, normals = bake_tile(tile, options.texture_pixels), None
+    normals = None
     write_png(model.path(f"{TEXTURES}/{name}.png"), image_rows(texture.rgb))
     if not model.classic and options.normal_maps:
         normals = f"{name}_normals.png"
         write_png(model.path(f"{TEXTURES}/{normals}"), image_rows(texture.normals))
-    geometry = mesh(model.uri(file))
-    look = model.textured(f"{name}.png", normals=normals)
-    visual = element("visual", geometry, look, name=f"{name}_visual")
-    if options.ground == "heightmap":
-        return [visual]
-    return [element("collision", geometry, surface(friction), name=f"{name}_collision"), visual]
+    geometry, look = mesh(model.uri(file)), model.textured(f"{name}.png", normals=normals)
+    return (
+        element("collision", geometry, surface(friction), name=f"{name}_collision"),
+        element("visual", geometry, look, name=f"{name}_visual"),
+    )
 
 
 def _actors(world: World, options: Options, *, models: list[Model]) -> list[Lines]:

@@ -21,7 +21,7 @@ from subprocess import PIPE, Popen
 from typing import Any, TypeVar
 
 from terrain_forge.base.errors import OutputError
-from terrain_forge.base.threads import ask_for_interrupt, worker_threads
+from terrain_forge.base.threads import ask_for_interrupt, processors, worker_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -66,12 +66,7 @@ def run_tasks(
         return _on_dask(function, items, workers, scheduler, tries, told)
     if workers == 0:
         return _here(function, items, tries)
-    return _in_processes(function, items, workers or core_count(), tries)
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
+    return _in_processes(function, items, workers or processors(), tries)
 
 
 def _here(
@@ -298,7 +293,7 @@ def _connected(scheduler: str, workers: int | None) -> Any:
         ) from None
     if scheduler == LOCAL:
         return distributed.Client(
-            n_workers=workers or core_count(), threads_per_worker=1, memory_limit=0
+            n_workers=workers or processors(), threads_per_worker=1, memory_limit=0
         )
     try:
         return distributed.Client(scheduler, timeout=_REACH, set_as_default=False)

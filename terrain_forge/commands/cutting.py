@@ -9,9 +9,9 @@ import click
 from terrain_forge.base import OutputError
 from terrain_forge.terminal import (
     FORCE,
+    ONLY,
     OUT,
     Display,
-    complete_exporters,
     names_of,
 )
 
@@ -28,12 +28,7 @@ _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "
     "-o", "--out", "into", type=click.Path(path_type=Path),
     help="Output folder [default: ./NAME-EAST-NORTH].",
 )  # fmt: skip
-@click.option(
-    "--only",
-    metavar="FORMATS",
-    shell_complete=complete_exporters,
-    help="Formats to write, such as mjcf,drake [default: the site's].",
-)
+@ONLY
 @FORCE
 def cut(
     out: Path, centre: str, size: str, into: Path | None, only: str | None, force: bool

@@ -8,13 +8,14 @@ import click
 
 from terrain_forge.terminal import (
     FAILED_CHECK,
+    ONLY,
     RECIPE,
     SEED,
     SET,
     Display,
-    complete_exporters,
     names_of,
     say,
+    side_by_side,
     time_text,
 )
 
@@ -35,14 +36,8 @@ _MOST_TOLD = 5
 )
 @SEED
 @SET
-@click.option(
-    "--only",
-    metavar="FORMATS",
-    shell_complete=complete_exporters,
-    help="Write only these exports, such as mjcf.",
-)
-@click.option("--workers", type=click.IntRange(0), metavar="N", help="Processes [default: cores].")
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786.")
+@ONLY
+@side_by_side
 def make_worlds(
     recipe: Path,
     out: Path | None,

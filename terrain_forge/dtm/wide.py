@@ -11,10 +11,8 @@ from terrain_forge.base import Array, kernel, over_chunks
 from terrain_forge.dtm.lattice import Georeferenced, anchors, bilinear, patch_pixels
 from terrain_forge.dtm.projection import transform, wrap_around
 from terrain_forge.dtm.raster import Raster, ground_steps
-from terrain_forge.model import Heightfield
+from terrain_forge.model import Bounds, Heightfield
 
-Bounds = tuple[float, float, float, float]
-"""West, south, east, north edge [m]."""
 _EVERY = 32
 _STRIPE = 2**24
 """Samples that are read at a time."""

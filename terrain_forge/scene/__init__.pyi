@@ -28,10 +28,10 @@ from .picture import take_picture as take_picture
 from .preview import render_from_above as render_from_above
 from .preview import render_preview as render_preview
 from .preview import write_preview as write_preview
-from .scene import APRON as APRON
 from .scene import BODY as BODY
 from .scene import GROUND as GROUND
 from .scene import MISSED as MISSED
+from .scene import OUTSIDE as OUTSIDE
 from .scene import Hits as Hits
 from .scene import RayScene as RayScene
 from .scene import open_scene as open_scene

@@ -52,7 +52,7 @@ def set_ray(ray, word, lane, origin, direction, near, far):  # type: ignore[no-u
 
 @inner
 def hit_rock(word, lane):  # type: ignore[no-untyped-def]
-    """Row of the rock that a lane hit, or -1 ground, -2 nothing, -3 apron, -4 a moving body."""
+    """Row of the rock that a lane hit, or -1 ground, -2 nothing, -3 land beyond, -4 a body."""
     geometry = word[GEOMETRY, lane]
     if geometry == NOTHING:
         return -2

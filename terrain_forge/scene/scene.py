@@ -21,7 +21,7 @@ GROUND = -1
 """What `Hits.rock` holds where a ray met the ground."""
 MISSED = -2
 """What `Hits.rock` holds where a ray met nothing."""
-APRON = -3
+OUTSIDE = -3
 """What `Hits.rock` holds where a ray met what lies beyond the ground's edge."""
 BODY = -4
 """What `Hits.rock` holds where a ray met a moving body, such as the rover."""
@@ -38,7 +38,7 @@ class Hits:
     normal: NDArray[np.float32]
     """Outward unit normal of the surface in the world frame; zero where missed, shape [rays, 3]."""
     rock: NDArray[np.int32]
-    """Row of the subject's instances, or GROUND, MISSED, APRON or BODY, shape [rays]."""
+    """Row of the subject's instances, or GROUND, MISSED, OUTSIDE or BODY, shape [rays]."""
 
 
 class RayScene:

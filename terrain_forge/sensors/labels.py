@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel
 from terrain_forge.model import World, merge
-from terrain_forge.scene import APRON, GROUND, MISSED, prepare_wheels
+from terrain_forge.scene import GROUND, MISSED, OUTSIDE, prepare_wheels
 from terrain_forge.sensors.instrument import Setting
 from terrain_forge.sensors.scenery import Scenery
 from terrain_forge.terrain import Ripples, mask_weight
@@ -44,7 +44,7 @@ class Labels:
 
         Args:
             points: Where [m], shape [rays, 3]; not read where nothing was met.
-            seen: What: row of a rock, or GROUND, MISSED, APRON, BODY of `scene`, shape [rays].
+            seen: What: row of a rock, or GROUND, MISSED, OUTSIDE, BODY of `scene`, shape [rays].
             behind: How far along the motion wheels have left tracks [m].
         """
         classes = np.empty(len(seen), dtype=np.uint8)
@@ -111,7 +111,7 @@ def _classify(  # type: ignore[no-untyped-def]
     nearest, path, half_gauge, half_width = tracks
     for n in range(len(seen)):
         if seen[n] != GROUND:
-            far = SKY if seen[n] == MISSED else BEYOND if seen[n] == APRON else ROVER
+            far = SKY if seen[n] == MISSED else BEYOND if seen[n] == OUTSIDE else ROVER
             classes[n] = ROCK if seen[n] >= 0 else far
             continue
         x, y = points[n, 0] - origin[0], points[n, 1] - origin[1]

@@ -34,7 +34,7 @@ class Exposure:
     distance: NDArray[np.float32]
     """Along the ray [m], infinite for the sky, shape [height, width]."""
     instance: NDArray[np.int32]
-    """Row of the world's rocks and those that reach into it, or GROUND, MISSED, APRON, ROVER of
+    """Row of the world's rocks and those that reach into it, or GROUND, MISSED, OUTSIDE, ROVER of
     `scene`, shape [height, width]."""
     normal: NDArray[np.float32]
     """Unit normal of the smooth surface, without its fine grain, in the world; 0 for the sky,

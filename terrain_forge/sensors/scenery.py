@@ -46,7 +46,7 @@ class Scenery:
 
     where `pose_of_lane` has the shape [8, 3, 4], rays start in the scene's own frame (world less
     `scene.origin`) and have unit directions. `hit_rock` then tells a row of the rocks, or GROUND
-    (-1), MISSED (-2), APRON (-3), BODY (-4): the rover, whose part is in the word COPY: a row of
+    (-1), MISSED (-2), OUTSIDE (-3), BODY (-4): the rover, whose part is in the word COPY: a row of
     `rover_parts`.
     """
 

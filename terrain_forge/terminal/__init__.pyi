@@ -15,6 +15,7 @@ from .lines import show_log as show_log
 from .lines import time_text as time_text
 from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
+from .options import ONLY as ONLY
 from .options import OUT as OUT
 from .options import RECIPE as RECIPE
 from .options import SCORING as SCORING
@@ -22,7 +23,7 @@ from .options import SEED as SEED
 from .options import SET as SET
 from .options import InOrder as InOrder
 from .options import names_of as names_of
-from .options import tiling as tiling
+from .options import side_by_side as side_by_side
 from .outcome import finish as finish
 from .outcome import require_preview as require_preview
 from .outcome import show_report as show_report

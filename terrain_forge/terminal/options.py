@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
 from terrain_forge.base import OutputError
-from terrain_forge.terminal.completion import complete_keys, complete_recipes
+from terrain_forge.terminal.completion import complete_exporters, complete_keys, complete_recipes
 
+F = TypeVar("F", bound=Callable[..., Any])
 OUT = click.argument("out", type=click.Path(path_type=Path))
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path), shell_complete=complete_recipes)
 SET = click.option(
@@ -41,22 +43,28 @@ SCORING = click.option(
 SEED = click.option("--seed", type=int, help="Use this seed instead of the recipe's.")
 
 
-WORKERS = click.option(
-    "--workers",
-    type=click.IntRange(1, 4096),
-    metavar="N",
-    help="Processes that make tiles [default: one for each core].",
+ONLY = click.option(
+    "--only",
+    metavar="FORMATS",
+    shell_complete=complete_exporters,
+    help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
 )
-SCHEDULER = click.option(
+_WORKERS = click.option(
+    "--workers",
+    type=click.IntRange(0, 4096),
+    metavar="N",
+    help="Processes that make tiles or worlds, 0 for this one [default: one for each core].",
+)
+_SCHEDULER = click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Dask scheduler whose workers make tiles, such as tcp://host:8786; or local.",
+    help="Dask scheduler whose workers make them, such as tcp://host:8786; or local.",
 )
 
 
-def tiling(command: Callable[..., None]) -> Callable[..., None]:
-    """The options of what is done tile by tile."""
-    return WORKERS(SCHEDULER(command))
+def side_by_side(command: F) -> F:
+    """The options of what is done by many processes."""
+    return _WORKERS(_SCHEDULER(command))
 
 
 class InOrder(click.Group):

@@ -15,7 +15,7 @@ from terrain_forge.base import (
     Stopwatch,
     StorageError,
     TerrainForgeError,
-    core_count,
+    processors,
     run_tasks,
     size_text,
 )
@@ -119,7 +119,7 @@ def build_tiles(
             write_manifest(order, joined["manifest"])
     watch.figures.update(
         tiles=len(order.grid), tiles_made=pace.made,
-        workers=core_count() if workers is None else workers,
+        workers=processors() if workers is None else workers,
         processor_s=round(pace.processor, 3), peak_worker_bytes=pace.peak,
     )  # fmt: skip
     watch.write(out)

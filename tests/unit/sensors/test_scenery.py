@@ -10,7 +10,7 @@ import pytest
 from terrain_forge.base import RecipeError, kernel
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import DtmPatch, Trajectory
-from terrain_forge.scene import APRON, BODY, GROUND, MISSED, open_scene, shade8
+from terrain_forge.scene import BODY, GROUND, MISSED, OUTSIDE, open_scene, shade8
 from terrain_forge.scene.embree import INCOHERENT
 from terrain_forge.scene.packets import ACTIVE, FAR, packet_memory, set_ray
 from terrain_forge.sensors import (
@@ -65,7 +65,7 @@ def test_the_ground_goes_on_beyond_its_edge_without_step_or_crack(scenery):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     starts = np.column_stack([points, edge + 1e-4]) - 2e-3 * directions
     hits = scenery.scene.cast(starts, directions)
-    assert set(np.unique(hits.rock)) == {GROUND, APRON}
+    assert set(np.unique(hits.rock)) == {GROUND, OUTSIDE}
     assert hits.distance.max() < 0.02
 
 
@@ -98,7 +98,7 @@ def test_rays_meet_the_apron_where_its_heights_are_and_out_to_the_horizon(scener
     heights = beyond_edge(scenery)(*points.T)
     assert np.array_equal(heights, scenery.height_at(*points.T))
     hits = scenery.scene.cast(np.column_stack([points, heights + 20.0]), DOWN)
-    assert np.all(hits.rock == APRON)
+    assert np.all(hits.rock == OUTSIDE)
     assert np.abs(hits.distance - 20.0).max() < 1e-3
     near = away < 20.0
     assert np.abs(hits.distance - 20.0)[near].max() < 2e-5
