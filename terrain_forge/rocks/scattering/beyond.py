@@ -1,9 +1,8 @@
-"""Rocks beyond a world's border: simple shapes for the eye and for lidars, by the recipe's laws."""
+"""Rocks beyond a world's border, for the eye and for lidars, by the recipe's laws."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,8 @@ from terrain_forge.base import Array, portable, stage_key, uniforms
 from terrain_forge.model import Bounds, Mesh, RockLibrary, Site
 from terrain_forge.rocks.populations import PopulationSpec
 
-_MOST = 800
-"""Rocks that are drawn at most: the largest ones."""
+_MOST_VERTICES = 25_000
+"""The largest rocks are drawn until they have about as many in all."""
 _SMALLEST = 0.1
 """Rocks below this diameter are not drawn [m]."""
 _STEPS = 257
@@ -23,12 +22,6 @@ _FOOT = 0.4
 """Where the ground under a rock is looked at, as a part of its diameter from its middle."""
 _FOOTING = 0.1
 """Part of its height by which a rock is sunk more, so that no daylight shows under it."""
-_UPRIGHT = 1.6
-"""Height of a simple shape, which has no lower half, over that of the upper half."""
-_LUMPS = 0.2
-"""By which part of its distance from the middle a corner may lie farther out or in."""
-_CORNERS = 0.92
-"""How far out the corners of the simple shape lie, as a part of the shape's own extent there."""
 
 
 class RocksBeyond(NamedTuple):
@@ -42,6 +35,21 @@ class RocksBeyond(NamedTuple):
     """How much lighter or darker than its population each vertex is, shape [vertices]."""
     number: int
     """How many rocks they are."""
+
+
+class _Shape(NamedTuple):
+    """A rock of plan diameter 1 that stands on z = 0."""
+
+    vertices: Array
+    faces: NDArray[np.int32]
+    height: float
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> _Shape:
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        wide = 0.5 * float(high[0] - low[0] + high[1] - low[1])
+        middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2])
+        return cls((mesh.vertices - middle) / wide, mesh.faces, float(high[2] - low[2]) / wide)
 
 
 def rocks_beyond(
@@ -69,23 +77,23 @@ def rocks_beyond(
     west, south, east, north = bounds
     area = (east - west + 2.0 * width) * (north - south + 2.0 * width)
     belt = area - (east - west) * (north - south)
-    least = _least(populations, belt)
-    shapes = [simple_shape(p.meshes[-1].vertices) for p in library.prototypes]
-    vertices, faces, population, tone = [np.empty((0, 3))], [_FACES[:0]], [_NO], [np.empty(0)]
-    count = 0
+    shapes = [_Shape.of(prototype.meshes[-1]) for prototype in library.prototypes]
+    each = sum(len(shape.vertices) for shape in shapes) / len(shapes)
+    least = _least(populations, belt, _MOST_VERTICES / each)
+    vertices, faces, population, tone = [np.empty((0, 3))], [_NO_FACES], [_NO], [np.empty(0)]
+    count = first = 0
     for number, spec in enumerate(populations):
         drawn = _draw(site, spec, least, area, bounds, width)
-        if not len(drawn):
-            continue
-        shape = np.minimum((drawn[:, 3] * len(shapes)).astype(np.int64), len(shapes) - 1)
-        jitter = uniforms(stage_key(site.seed, f"horizon/{spec.name}/shape"), len(drawn) * _EACH)
-        lumps = 1.0 + _LUMPS * (2.0 * jitter.reshape(-1, _EACH, 1) - 1.0)
-        points = _placed(drawn, np.array(shapes)[shape] * lumps, spec, height_at)
-        first = (count + np.arange(len(drawn)))[:, None, None] * _EACH
-        vertices.append(points.reshape(-1, 3))
-        faces.append((first + _FACES).reshape(-1, 3))
-        population.append(np.full(points.shape[0] * points.shape[1], number))
-        tone.append(np.repeat(0.75 + 0.5 * drawn[:, 5], points.shape[1]))
+        which = np.minimum((drawn[:, 3] * len(shapes)).astype(np.int64), len(shapes) - 1)
+        for index in np.unique(which).tolist():
+            chosen, shape = drawn[which == index], shapes[index]
+            points = _placed(chosen, shape, spec, height_at)
+            starts = first + np.arange(len(chosen))[:, None, None] * points.shape[1]
+            vertices.append(points.reshape(-1, 3))
+            faces.append((starts + shape.faces).reshape(-1, 3))
+            population.append(np.full(len(vertices[-1]), number))
+            tone.append(np.repeat(0.75 + 0.5 * chosen[:, 5], points.shape[1]))
+            first += len(vertices[-1])
         count += len(drawn)
     return RocksBeyond(
         mesh=Mesh(vertices=np.concatenate(vertices), faces=np.concatenate(faces)),
@@ -95,7 +103,7 @@ def rocks_beyond(
     )
 
 
-def _least(populations: tuple[PopulationSpec, ...], area: float) -> float:
+def _least(populations: tuple[PopulationSpec, ...], area: float, most: float) -> float:
     """Diameter [m] above which no more rocks are expected than are drawn."""
     largest = max((spec.diameters[1] for spec in populations), default=_SMALLEST)
     sizes = portable.geomspace(_SMALLEST, max(largest, 1.001 * _SMALLEST), _STEPS)
@@ -103,7 +111,7 @@ def _least(populations: tuple[PopulationSpec, ...], area: float) -> float:
         sum(area * spec.density(*_between(spec, size)) for spec in populations)
         for size in sizes.tolist()
     ]
-    return float(sizes[min(int(np.sum(np.array(expected) > _MOST)), len(sizes) - 1)])
+    return float(sizes[min(int(np.sum(np.array(expected) > most)), len(sizes) - 1)])
 
 
 def _between(spec: PopulationSpec, least: float) -> tuple[float, float]:
@@ -136,60 +144,28 @@ def _draw(
 
 
 def _placed(
-    drawn: Array, shapes: Array, spec: PopulationSpec, height_at: Callable[[Array, Array], Array]
+    drawn: Array, shape: _Shape, spec: PopulationSpec, height_at: Callable[[Array, Array], Array]
 ) -> Array:
-    """Vertices of rocks that are sunk into the ground, shape [rocks, vertices, 3]."""
+    """Vertices of rocks of one shape that are sunk into the ground, shape [rocks, vertices, 3]."""
     x, y, size = drawn[:, 0], drawn[:, 1], drawn[:, 2]
     foot = _FOOT * size
     around = [height_at(x + a * foot, y + b * foot) for a, b in _AROUND]
     low, high = spec.buried_fraction
-    tall = size * np.ptp(shapes[:, :, 2], axis=1)
     buried = _FOOTING + low + drawn[:, 4] * (high - low)
-    bottom = np.min(around, axis=0) - buried * tall
+    bottom = np.min(around, axis=0) - buried * size * shape.height
     half = portable.tan(np.pi * drawn[:, 5])[:, None]
     cosine, sine = (1.0 - half * half) / (1.0 + half * half), 2.0 * half / (1.0 + half * half)
-    local = shapes * size[:, None, None]
-    lowest = local[:, :, 2].min(axis=1)
+    local = shape.vertices * size[:, None, None]
     return np.stack(
         [
             x[:, None] + cosine * local[:, :, 0] - sine * local[:, :, 1],
             y[:, None] + sine * local[:, :, 0] + cosine * local[:, :, 1],
-            (bottom - lowest)[:, None] + local[:, :, 2],
+            bottom[:, None] + local[:, :, 2],
         ],
         axis=-1,
     )
 
 
-def simple_shape(vertices: Array) -> Array:
-    """A shape of 13 corners, open below, about as wide and high as another, of plan diameter 1."""
-    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    out = ((vertices - middle)[:, None, :] * _DIRECTIONS).sum(axis=-1).max(axis=0)
-    corners = _CORNERS * out[:, None] * _DIRECTIONS
-    wide = 0.5 * float(np.ptp(corners[:, 0]) + np.ptp(corners[:, 1]))
-    return np.asarray(corners / wide * (1.0, 1.0, _UPRIGHT))
-
-
-def _sphere() -> tuple[Array, NDArray[np.int32]]:
-    """Corners and faces of the upper half of an octahedron whose edges are halved once."""
-    corners = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)]
-    points = [np.array(corner, np.float64) for corner in corners]
-    faces, middles = [], dict[tuple[int, ...], int]()
-
-    def between(a: int, b: int) -> int:
-        pair = tuple(sorted((a, b)))
-        if pair not in middles:
-            middles[pair] = len(points)
-            points.append((points[a] + points[b]) * 0.5**0.5)
-        return middles[pair]
-
-    ring = (0, 2, 1, 3, 0)
-    for a, b in pairwise(ring):
-        u, v, w = between(a, b), between(b, 4), between(4, a)
-        faces += [(a, u, w), (u, b, v), (w, v, 4), (u, v, w)]
-    return np.array(points), np.array(faces, np.int32)
-
-
-_DIRECTIONS, _FACES = _sphere()
-_EACH = len(_DIRECTIONS)
 _NO = np.empty(0, np.int64)
+_NO_FACES = np.empty((0, 3), np.int32)
 _AROUND = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
