@@ -84,10 +84,13 @@ def rocks_beyond(
     count = first = 0
     for number, spec in enumerate(populations):
         drawn = _draw(site, spec, least, area, bounds, width)
+        foot = _FOOT * drawn[:, 2]
+        around = [height_at(drawn[:, 0] + a * foot, drawn[:, 1] + b * foot) for a, b in _AROUND]
+        ground = np.min(around, axis=0)
         which = np.minimum((drawn[:, 3] * len(shapes)).astype(np.int64), len(shapes) - 1)
         for index in np.unique(which).tolist():
             chosen, shape = drawn[which == index], shapes[index]
-            points = _placed(chosen, shape, spec, height_at)
+            points = _placed(chosen, shape, spec, ground[which == index])
             starts = first + np.arange(len(chosen))[:, None, None] * points.shape[1]
             vertices.append(points.reshape(-1, 3))
             faces.append((starts + shape.faces).reshape(-1, 3))
@@ -143,16 +146,12 @@ def _draw(
     return np.asarray(np.column_stack([x, y, size, drawn[:, 3:]])[clear])
 
 
-def _placed(
-    drawn: Array, shape: _Shape, spec: PopulationSpec, height_at: Callable[[Array, Array], Array]
-) -> Array:
+def _placed(drawn: Array, shape: _Shape, spec: PopulationSpec, ground: Array) -> Array:
     """Vertices of rocks of one shape that are sunk into the ground, shape [rocks, vertices, 3]."""
     x, y, size = drawn[:, 0], drawn[:, 1], drawn[:, 2]
-    foot = _FOOT * size
-    around = [height_at(x + a * foot, y + b * foot) for a, b in _AROUND]
     low, high = spec.buried_fraction
     buried = _FOOTING + low + drawn[:, 4] * (high - low)
-    bottom = np.min(around, axis=0) - buried * size * shape.height
+    bottom = ground - buried * size * shape.height
     half = portable.tan(np.pi * drawn[:, 5])[:, None]
     cosine, sine = (1.0 - half * half) / (1.0 + half * half), 2.0 * half / (1.0 + half * half)
     local = shape.vertices * size[:, None, None]
