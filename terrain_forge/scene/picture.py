@@ -42,7 +42,8 @@ def radiance_seen(
     driven the first of the subject's paths.
     """
     facing = 0.35 if camera.pinhole else 1.0
-    stage = prepare_stage(scene, lighting or scene.subject.lighting, 3, facing=facing)
+    lighting = lighting or scene.subject.lighting
+    stage = prepare_stage(scene, lighting, 3, facing=facing, camera=camera)
     right, down = (float(portable.norm(axis)) for axis in (camera.right, camera.down))
     turn = np.column_stack([camera.right / right, camera.down / down, camera.forward])
     place, ahead = camera.position, 1.0
