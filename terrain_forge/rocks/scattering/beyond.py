@@ -12,7 +12,7 @@ from terrain_forge.base import Array, portable, stage_key, uniforms
 from terrain_forge.model import Bounds, Mesh, RockLibrary, Site
 from terrain_forge.rocks.populations import PopulationSpec
 
-_MOST_VERTICES = 25_000
+_MOST_VERTICES = 12_000
 """The largest rocks are drawn until they have about as many in all."""
 _SMALLEST = 0.1
 """Rocks below this diameter are not drawn [m]."""
