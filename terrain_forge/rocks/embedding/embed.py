@@ -289,7 +289,7 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
             sinks = deeper > burial + _NEGLIGIBLE
             burial = max(burial, deeper)
             level = low + burial * span
-            size = diameter / exposed_width(exposure, p, axes, level)
+            size = diameter / exposed_width(exposure, p, axes, upright, level)
             if not sinks:
                 break
         for k in range(4):
