@@ -9,6 +9,7 @@ it scaled, so that the part above the plane has the wanted exposed diameter exac
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,7 +87,8 @@ def embed(
     used, prototype = np.unique(scattered.prototype, return_inverse=True)
     shown = [library.prototypes[n] for n in used]
     # Feet are sampled alike whichever shapes a window has.
-    feet = _Feet(*(column[used] for column in _feet(library)))
+    points, elsewhere, everywhere, reach = _feet(library)
+    feet = _Feet(points[used], elsewhere[used], everywhere[used], reach[used])
     shapes, grid = (exposure(shown), feet), lattice(ground)
     ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
     ranges = np.asarray(ranges, np.float64)[scattered.population]
@@ -120,18 +122,19 @@ class Lattice(NamedTuple):
     """Heights of the nodes [m], rows run north, shape [rows, columns]."""
     spacing: float
     """Distance of neighbouring nodes [m]."""
-    fraction: Array
-    """Where the lattice's nodes lie, east and north, in parts of a cell, shape [2]."""
-    corner: NDArray[np.int64]
-    """Whole cells from the site's origin to the south-western node, shape [2]."""
+    fraction: tuple[float, float]
+    """Where the lattice's nodes lie, east and north, in parts of a cell."""
+    corner: tuple[int, int]
+    """Whole cells from the site's origin to the south-western node."""
 
 
 def lattice(ground: Heightfield) -> Lattice:
     """The ground on the lattice of its site."""
     # In cells, and rounded, the origin of every window of a site has the same fraction of a cell.
-    origin = np.round(np.array(ground.origin) / ground.spacing, 6)
-    corner = np.floor(origin)
-    return Lattice(ground.elevation, ground.spacing, origin - corner, corner.astype(np.int64))
+    east, north = np.round(np.array(ground.origin) / ground.spacing, 6).tolist()
+    corner = math.floor(east), math.floor(north)
+    fraction = east - corner[0], north - corner[1]
+    return Lattice(ground.elevation, ground.spacing, fraction, corner)
 
 
 def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfield, Array]:
@@ -143,16 +146,17 @@ def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfie
         The piece, relative to a place near the point; that place's east, north and height [m],
         shape [3]. Both are the same, bit for bit, whatever part of the site the ground is.
     """
-    cell = np.floor(centre / grid.spacing - grid.fraction).astype(np.int64)
+    fraction, corner = np.array(grid.fraction), np.array(grid.corner)
+    cell = np.floor(centre / grid.spacing - fraction).astype(np.int64)
     around = int(np.ceil(half_width / grid.spacing))
     rows, columns = grid.elevation.shape
     last = np.array([columns - 1, rows - 1])
-    low = np.clip(cell - around - grid.corner, 0, last - 1)
-    high = np.clip(cell + 1 + around - grid.corner, 1, last)
+    low = np.clip(cell - around - corner, 0, last - 1)
+    high = np.clip(cell + 1 + around - corner, 1, last)
     nodes = grid.elevation[low[1] : high[1] + 1, low[0] : high[0] + 1]
     base = float(nodes.min())
-    west, south = ((low + grid.corner - cell) * grid.spacing).tolist()
-    place = np.array([*((cell + grid.fraction) * grid.spacing), base])
+    west, south = ((low + corner - cell) * grid.spacing).tolist()
+    place = np.array([*((cell + fraction) * grid.spacing), base])
     relative = (nodes.astype(np.float64) - base).astype(np.float32)
     return Heightfield(elevation=relative, spacing=grid.spacing, origin=(west, south)), place
 

@@ -3,8 +3,8 @@
 A rock stands upright on its tangent plane, so what of it is exposed depends on the plane's height
 alone, and how it is seen from above on a tilt of at most `MAX_TILT`. For each of many brackets of
 that height this keeps the vertices that are the outermost ones in some direction that such a tilt
-can make level, and the edges that cross the plane where its cut is outermost; and once more what can
-decide on the gentle tilts that most rocks have, which is less than half as much. Directions are
+can make level, and the edges that cross the plane where its cut is outermost; and once more what
+can decide on the gentle tilts that most rocks have, which is less than half as much. Directions are
 sampled so closely that 96 % of all diameters are exact, and the others off by 0.1 % at most.
 """
 
