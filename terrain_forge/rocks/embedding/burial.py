@@ -22,6 +22,9 @@ PATTERN = 4
 """Places in a row of the square pattern in which a rock is looked at."""
 PITCH = 0.5
 """Distance of neighbouring places of it, in diameters."""
+SPARSE_PATTERN = 2
+"""Places in a row, over the same square, for a rock as small as the ground's cells: it has a few
+plane triangles under it wherever it lies, and most rocks are such ones."""
 
 
 def burial_ranges(site: Site) -> Array:

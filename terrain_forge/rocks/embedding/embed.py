@@ -9,6 +9,7 @@ it scaled, so that the part above the plane has the wanted exposed diameter exac
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from terrain_forge.base import (
     portable,
 )
 from terrain_forge.model import Heightfield, Mesh, RockField, RockLibrary, RockPrototype
-from terrain_forge.rocks.embedding.burial import PATTERN, PITCH, shared_out
+from terrain_forge.rocks.embedding.burial import PATTERN, PITCH, SPARSE_PATTERN, shared_out
 from terrain_forge.rocks.embedding.exposure import (
     DEEPEST,
     Exposure,
@@ -49,6 +50,7 @@ _SINKINGS = 4
 _EACH = np.int64(1)  # point of a foot is looked at where a rock lies
 _EVERY = np.int64(4)  # at the other places; of NumPy's type, lest `_covering` compile for each
 _NEGLIGIBLE = 1e-3
+_SLACK = 1e-6  # of a rock's extent, far above any rounding
 _RING_RADIUS = 0.4
 _RING_POINTS = 12
 
@@ -85,8 +87,8 @@ def embed(
     used, prototype = np.unique(scattered.prototype, return_inverse=True)
     shown = [library.prototypes[n] for n in used]
     # Feet are sampled alike whichever shapes a window has.
-    points, elsewhere, everywhere = _feet(library)
-    feet = _Feet(points[used], elsewhere[used], everywhere[used])
+    points, elsewhere, everywhere, reach = _feet(library)
+    feet = _Feet(points[used], elsewhere[used], everywhere[used], reach[used])
     shapes, grid = (exposure(shown), feet), lattice(ground)
     ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
     ranges = np.asarray(ranges, np.float64)[scattered.population]
@@ -120,18 +122,19 @@ class Lattice(NamedTuple):
     """Heights of the nodes [m], rows run north, shape [rows, columns]."""
     spacing: float
     """Distance of neighbouring nodes [m]."""
-    fraction: Array
-    """Where the lattice's nodes lie, east and north, in parts of a cell, shape [2]."""
-    corner: NDArray[np.int64]
-    """Whole cells from the site's origin to the south-western node, shape [2]."""
+    fraction: tuple[float, float]
+    """Where the lattice's nodes lie, east and north, in parts of a cell."""
+    corner: tuple[int, int]
+    """Whole cells from the site's origin to the south-western node."""
 
 
 def lattice(ground: Heightfield) -> Lattice:
     """The ground on the lattice of its site."""
     # In cells, and rounded, the origin of every window of a site has the same fraction of a cell.
-    origin = np.round(np.array(ground.origin) / ground.spacing, 6)
-    corner = np.floor(origin)
-    return Lattice(ground.elevation, ground.spacing, origin - corner, corner.astype(np.int64))
+    east, north = np.round(np.array(ground.origin) / ground.spacing, 6).tolist()
+    corner = math.floor(east), math.floor(north)
+    fraction = east - corner[0], north - corner[1]
+    return Lattice(ground.elevation, ground.spacing, fraction, corner)
 
 
 def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfield, Array]:
@@ -143,16 +146,17 @@ def piece(grid: Lattice, *, centre: Array, half_width: float) -> tuple[Heightfie
         The piece, relative to a place near the point; that place's east, north and height [m],
         shape [3]. Both are the same, bit for bit, whatever part of the site the ground is.
     """
-    cell = np.floor(centre / grid.spacing - grid.fraction).astype(np.int64)
+    fraction, corner = np.array(grid.fraction), np.array(grid.corner)
+    cell = np.floor(centre / grid.spacing - fraction).astype(np.int64)
     around = int(np.ceil(half_width / grid.spacing))
     rows, columns = grid.elevation.shape
     last = np.array([columns - 1, rows - 1])
-    low = np.clip(cell - around - grid.corner, 0, last - 1)
-    high = np.clip(cell + 1 + around - grid.corner, 1, last)
+    low = np.clip(cell - around - corner, 0, last - 1)
+    high = np.clip(cell + 1 + around - corner, 1, last)
     nodes = grid.elevation[low[1] : high[1] + 1, low[0] : high[0] + 1]
     base = float(nodes.min())
-    west, south = ((low + grid.corner - cell) * grid.spacing).tolist()
-    place = np.array([*((cell + grid.fraction) * grid.spacing), base])
+    west, south = ((low + corner - cell) * grid.spacing).tolist()
+    place = np.array([*((cell + fraction) * grid.spacing), base])
     relative = (nodes.astype(np.float64) - base).astype(np.float32)
     return Heightfield(elevation=relative, spacing=grid.spacing, origin=(west, south)), place
 
@@ -194,6 +198,8 @@ class _Feet(NamedTuple):
     """How many of a prototype's are looked at elsewhere, shape [prototypes]."""
     everywhere: NDArray[np.int64]
     """How many a prototype has, shape [prototypes]."""
+    reach: Array
+    """How far a prototype's are from its origin at most, shape [prototypes]."""
 
 
 def _feet(library: RockLibrary) -> _Feet:
@@ -204,7 +210,8 @@ def _feet(library: RockLibrary) -> _Feet:
         sparse = np.unique(np.arange(0, longest, _EVERY) % len(foot))
         order = [*sparse, *np.setdiff1d(np.arange(len(foot)), sparse)]
         points[n, : len(foot)], elsewhere[n] = foot[order], len(sparse)
-    return _Feet(points, elsewhere, count)
+    reach = np.array([float(portable.norm(foot, axis=-1).max()) for foot in feet])
+    return _Feet(points, elsewhere, count, reach)
 
 
 def _foot(mesh: Mesh) -> Array:
@@ -278,12 +285,15 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
             burial = _wanted(rocks, rock, exposure, some, ground, half_turn, ring)
         size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
-            needed = _covering(ground, foot, axes, size, x, y, plane, upright)
+            deepest_gap = _largest_gap(ground, feet.reach[p] * size, len(foot) // 4, x, y, plane)
+            needed = low + FOOT * span + deepest_gap * upright / size
+            if needed > low + (burial - _SLACK) * span:
+                needed = _covering(ground, foot, axes, size, x, y, plane, upright)
             deeper = min((needed - low) / span, deepest)
             sinks = deeper > burial + _NEGLIGIBLE
             burial = max(burial, deeper)
             level = low + burial * span
-            size = diameter / exposed_width(exposure, p, axes, level)
+            size = diameter / exposed_width(exposure, p, axes, upright, level)
             if not sinks:
                 break
         for k in range(4):
@@ -297,18 +307,18 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
 @inner
 def _wanted(rocks, rock, exposure, foot, ground, half_turn, ring):  # type: ignore[no-untyped-def]
     """Burial of a rock, given what its surroundings demand; about as much as its place demands."""
-    places = PATTERN * PATTERN
+    p, diameter = rocks.prototype[rock], rocks.diameter[rock]
+    in_row = PATTERN if _RING_RADIUS * diameter > ground.spacing else SPARSE_PATTERN
+    places, pitch = in_row * in_row, PITCH * diameter * (PATTERN - 1) / (in_row - 1)
     own = int(mix(np.uint64(rocks.id[rock]), 0) % np.uint64(places))
     shallow, deep = rocks.range[rock, 0], rocks.range[rock, 1]
-    p, diameter = rocks.prototype[rock], rocks.diameter[rock]
     low, span = exposure.low[p], exposure.span[p]
     size = diameter / upright_width(exposure, p, low + shallow * span)
     needs = np.empty(places)
     for place in range(places):
-        east = PITCH * (place % PATTERN - own % PATTERN)
-        north = PITCH * (place // PATTERN - own // PATTERN)
-        x, y = rocks.xy[rock, 0] + east * diameter, rocks.xy[rock, 1] + north * diameter
-        x, y = onto(ground, x, y)
+        east = pitch * (place % in_row - own % in_row)
+        north = pitch * (place // in_row - own // in_row)
+        x, y = onto(ground, rocks.xy[rock, 0] + east, rocks.xy[rock, 1] + north)
         plane, upright, turn = _lying(ground, x, y, diameter, half_turn, ring)
         level = _covering(ground, foot, plan_axes(turn), size, x, y, plane, upright)
         needs[place] = max(shallow, min((level - low) / span, MAX_BURIED))
@@ -367,6 +377,40 @@ def _covering(ground, foot, axes, size, x, y, plane, upright):  # type: ignore[n
         gap -= height(ground, east, north)
         level = max(level, foot[n, 2] + gap * upright / size)
     return level
+
+
+@inner
+def _largest_gap(ground, reach, most, x, y, plane):  # type: ignore[no-untyped-def]
+    """How far a plane is above the ground within a reach [m] at most; `most` cells are looked at.
+
+    A cell is two triangles, and on a hollow edge between them the higher one counts.
+    """
+    rows, columns = ground.elevation.shape
+    u, v = x / ground.spacing - ground.fraction[0], y / ground.spacing - ground.fraction[1]
+    u, v, cells = u - ground.corner[0], v - ground.corner[1], reach / ground.spacing
+    west = max(min(int(np.floor(u - cells)), columns - 2), 0)
+    east = max(min(int(np.floor(u + cells)), columns - 2), 0)
+    south = max(min(int(np.floor(v - cells)), rows - 2), 0)
+    north = max(min(int(np.floor(v + cells)), rows - 2), 0)
+    if (east - west + 1) * (north - south + 1) > most:
+        return np.inf
+    gap, rise_x, rise_y = -np.inf, plane[1] * ground.spacing, plane[2] * ground.spacing
+    for j in range(south, north + 1):
+        low, high = max(v - cells - j, 0.0), min(v + cells - j, 1.0)
+        middle_y, half_y = 0.5 * (low + high), 0.5 * (high - low)
+        for i in range(west, east + 1):
+            low, high = max(u - cells - i, 0.0), min(u + cells - i, 1.0)
+            middle_x, half_x = 0.5 * (low + high), 0.5 * (high - low)
+            sw, se = np.float64(ground.elevation[j, i]), np.float64(ground.elevation[j, i + 1])
+            nw = np.float64(ground.elevation[j + 1, i])
+            ne = np.float64(ground.elevation[j + 1, i + 1])
+            corner = plane[0] + rise_x * (i - u) + rise_y * (j - v) - sw
+            dx, dy = rise_x - (se - sw), rise_y - (ne - se)
+            one = corner + dx * middle_x + dy * middle_y + abs(dx) * half_x + abs(dy) * half_y
+            dx, dy = rise_x - (ne - nw), rise_y - (nw - sw)
+            other = corner + dx * middle_x + dy * middle_y + abs(dx) * half_x + abs(dy) * half_y
+            gap = max(gap, min(one, other) if se + nw >= sw + ne else max(one, other))
+    return gap
 
 
 @inner

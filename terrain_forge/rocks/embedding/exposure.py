@@ -3,7 +3,8 @@
 A rock stands upright on its tangent plane, so what of it is exposed depends on the plane's height
 alone, and how it is seen from above on a tilt of at most `MAX_TILT`. For each of many brackets of
 that height this keeps the vertices that are the outermost ones in some direction that such a tilt
-can make level, and the edges that cross the plane where its cut is outermost. Directions are
+can make level, and the edges that cross the plane where its cut is outermost; and once more what
+can decide on the gentle tilts that most rocks have, which is less than half as much. Directions are
 sampled so closely that 96 % of all diameters are exact, and the others off by 0.1 % at most.
 """
 
@@ -27,6 +28,8 @@ _BRACKETS = 36
 _THINNEST = 5e-4
 _AZIMUTHS = 120
 _ELEVATIONS = 25
+_TILTS = 2  # gentle, up to a third of `MAX_TILT`, and any
+_GENTLE = np.cos(MAX_TILT / 3.0)
 _BURIALS = np.linspace(0.0, DEEPEST, 10)
 _UPRIGHT = np.eye(3)
 _UP = (0.0, 0.0, 1.0)
@@ -40,14 +43,14 @@ class Exposure(NamedTuple):
     span: Array
     """Height of each prototype, shape [prototypes]."""
     vertices: Array
-    """Vertices that can be outermost, prototype by prototype, bracket by bracket from the lowest,
-    shape [vertices, 3]."""
+    """Vertices that can be outermost, prototype by prototype, on gentle tilts, then on any, bracket
+    by bracket from the lowest, shape [vertices, 3]."""
     first_vertex: NDArray[np.int64]
-    """Where the vertices of each bracket begin, shape [prototypes · brackets + 1]."""
+    """Where the vertices of each bracket begin, shape [prototypes · 2 · brackets + 1]."""
     edges: Array
     """Both ends of the edges whose crossings can be outermost, shape [edges, 6]."""
     first_edge: NDArray[np.int64]
-    """Where the edges of each bracket begin, shape [prototypes · brackets + 1]."""
+    """Where the edges of each bracket begin, shape [prototypes · 2 · brackets + 1]."""
     upright: Array
     """Exposed diameter of each prototype on level ground, buried by 0 to `DEEPEST` in even steps,
     shape [prototypes, steps]."""
@@ -73,7 +76,7 @@ def exposure(prototypes: Sequence[RockPrototype]) -> Exposure:
 
 @remembered
 def _outermost(prototype: RockPrototype) -> tuple[list[Array], list[Array]]:
-    """Vertices, and edges by their two ends, that can be outermost in each bracket."""
+    """Vertices, and edges by their two ends, that can be outermost, by tilt and bracket."""
     mesh = prototype.meshes[0]
     points = mesh.vertices[np.argsort(-mesh.vertices[:, 2], kind="stable")]
     lines = mesh.vertices[edges(mesh)].reshape(-1, 6)
@@ -86,7 +89,7 @@ def _outermost(prototype: RockPrototype) -> tuple[list[Array], list[Array]]:
     # Directions that a tilt of up to `MAX_TILT` can make level.
     directions = np.stack([part.ravel() for part in parts], axis=-1)
     marked = _outermost_vertices(points, borders, directions)
-    crossed = _outermost_crossings(lines, np.union1d(points[:, 2], borders), borders)
+    crossed = _outermost_crossings(points, lines, np.union1d(points[:, 2], borders), borders)
     return [points[row] for row in marked], [lines[row] for row in crossed]
 
 
@@ -99,44 +102,61 @@ def _upright(prototype: RockPrototype) -> list[float]:
 
 @kernel
 def _outermost_vertices(points, borders, directions):  # type: ignore[no-untyped-def]
-    """Which points, highest first, are outermost of all those above some plane in each bracket."""
-    marked = np.zeros((len(borders) - 1, len(points)), dtype=np.bool_)
+    """Which points, highest first, are outermost of all those above some plane in each bracket.
+
+    First on gentle tilts, then on any, shape [tilts · brackets, points].
+    """
+    brackets = len(borders) - 1
+    marked = np.zeros((_TILTS * brackets, len(points)), dtype=np.bool_)
     for d in range(len(directions)):
         x, y, z = directions[d]
-        largest, outermost, bracket = -np.inf, -1, len(marked)
+        gentle = x * x + y * y >= _GENTLE * _GENTLE - 1e-9
+        largest, outermost, bracket = -np.inf, -1, brackets
         for n in range(len(points)):
             # What is outermost above a bracket counts in it until another point takes over.
             while bracket > 0 and points[n, 2] < borders[bracket]:
                 bracket -= 1
-                marked[bracket, outermost] = True
+                marked[bracket, outermost] |= gentle
+                marked[brackets + bracket, outermost] = True
             along = x * points[n, 0] + y * points[n, 1] + z * points[n, 2]
             if along > largest:
                 largest, outermost = along, n
-                if bracket < len(marked):
-                    marked[bracket, n] = True
+                if bracket < brackets:
+                    marked[bracket, n] |= gentle
+                    marked[brackets + bracket, n] = True
     return marked
 
 
 @kernel
-def _outermost_crossings(lines, heights, borders):  # type: ignore[no-untyped-def]
+def _outermost_crossings(points, lines, heights, borders):  # type: ignore[no-untyped-def]
     """Which lines cross some plane of each bracket at an outermost point of its cut.
 
     Cuts run between `heights`, which ascend: those of the vertices, since each changes which lines
-    are cut, and the borders of the brackets.
+    are cut, and the borders of the brackets. On gentle tilts, which come first, only those count
+    that are not behind a vertex above the plane, `points` from the highest.
     """
-    marked = np.zeros((len(borders) - 1, len(lines)), dtype=np.bool_)
+    brackets = len(borders) - 1
+    marked = np.zeros((_TILTS * brackets, len(lines)), dtype=np.bool_)
     cut, line = np.empty((len(lines), 2)), np.empty(len(lines), dtype=np.int64)
+    beyond, above = np.full(_AZIMUTHS, -np.inf), 0
+    lean = np.sqrt(1.0 - _GENTLE * _GENTLE) / _GENTLE
     thinnest = _THINNEST * (heights[-1] - heights[0])
-    below, bracket = heights[0], 0
-    for n in range(1, len(heights)):
-        if heights[n] - below < thinnest:
+    over, bracket = heights[-1], brackets
+    for n in range(len(heights) - 2, -1, -1):
+        if over - heights[n] < thinnest:
             continue
-        level = 0.5 * (below + heights[n])
-        below = heights[n]
-        while bracket < len(marked) and level >= borders[bracket + 1]:
-            bracket += 1
-        if bracket == len(marked):
-            break
+        level = 0.5 * (over + heights[n])
+        over = heights[n]
+        while above < len(points) and points[above, 2] >= level:
+            for a in range(_AZIMUTHS):
+                x, y = np.cos(2.0 * np.pi * a / _AZIMUTHS), np.sin(2.0 * np.pi * a / _AZIMUTHS)
+                along = x * points[above, 0] + y * points[above, 1] - lean * points[above, 2]
+                beyond[a] = max(beyond[a], along)
+            above += 1
+        while bracket > 0 and level < borders[bracket]:
+            bracket -= 1
+        if bracket == brackets:
+            continue
         found = 0
         for e in range(len(lines)):
             if (lines[e, 2] >= level) != (lines[e, 5] >= level):
@@ -150,7 +170,8 @@ def _outermost_crossings(lines, heights, borders):  # type: ignore[no-untyped-de
                 along = x * cut[c, 0] + y * cut[c, 1]
                 if along > largest:
                     largest, outermost = along, c
-            marked[bracket, line[outermost]] = True
+            marked[bracket, line[outermost]] |= largest - lean * level >= beyond[a]
+            marked[brackets + bracket, line[outermost]] = True
     return marked
 
 
@@ -172,10 +193,14 @@ def upright_width(exposure, p, level):  # type: ignore[no-untyped-def]
 
 
 @inner
-def exposed_width(exposure, p, axes, level):  # type: ignore[no-untyped-def]
-    """Exposed diameter of a prototype, turned as `plan_axes` has it, above a level of its z."""
+def exposed_width(exposure, p, axes, upright, level):  # type: ignore[no-untyped-def]
+    """Exposed diameter of a prototype, turned as `plan_axes` has it, above a level of its z.
+
+    `upright` is the cosine of its tilt.
+    """
     place = (level - exposure.low[p]) / (exposure.span[p] * DEEPEST) * _BRACKETS
-    bracket = p * _BRACKETS + min(max(int(place), 0), _BRACKETS - 1)
+    bracket = (p * _TILTS + (upright < _GENTLE)) * _BRACKETS
+    bracket += min(max(int(place), 0), _BRACKETS - 1)
     first, last = exposure.first_vertex[bracket], exposure.first_vertex[bracket + 1]
     begin, end = exposure.first_edge[bracket], exposure.first_edge[bracket + 1]
     points = np.empty((last - first + end - begin + 1, 2))
