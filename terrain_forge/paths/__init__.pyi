@@ -52,4 +52,5 @@ from .trajectory import stand as stand
 from .traversability_field import IMPASSABLE as IMPASSABLE
 from .traversability_field import UNKNOWN as UNKNOWN
 from .traversability_field import Traversability as Traversability
+from .traversability_field import known_within as known_within
 from .traversability_field import traversability as traversability

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
-from terrain_forge.model import World, merge
+from terrain_forge.model import Heightfield, Site, World, merge
 from terrain_forge.paths import (
     IMPASSABLE,
     UNKNOWN,
@@ -44,20 +43,42 @@ def write_traversability(world: World, truth: Path) -> list[Path]:
     if not world.rover.wheels:
         return []
     field = rate_world(world)
+    files = write_rasters(field, truth, ground=world.ground, site=world.site)
+    files += write_map(field, truth / "map")
+    return files + write_surroundings(world, field, truth / "paths")
+
+
+def write_rasters(
+    field: Traversability,
+    truth: Path,
+    *,
+    ground: Heightfield,
+    site: Site,
+    part: tuple[slice, slice] = (slice(None), slice(None)),
+    cloud_optimized: bool = False,
+) -> list[Path]:
+    """Write slope, step and cost of a part of a field, which are the nodes of a ground."""
     rasters = {
         "slope": (np.where(field.slope < 0.0, field.slope, np.degrees(field.slope)), "deg",
                   "slope of the plane under the rover's footprint"),
         "step": (field.step, "m", "step of ground and rocks within a wheel's reach"),
         "cost": (field.cost, "", "cost for the rover's centre, 1 where it cannot be"),
     }  # fmt: skip
-    write = partial(write_geotiff, world_ground=world.ground, site=world.site, nodata=UNKNOWN)
     files = []
     for name, (grid, units, description) in rasters.items():
         files.append(truth / f"{name}.tif")
         finest = np.float32(_FINEST[name])
-        write(files[-1], np.rint(grid / finest) * finest, units=units, description=description)
-    files += write_map(field, truth / "map")
-    return files + write_surroundings(world, field, truth / "paths")
+        write_geotiff(
+            files[-1],
+            np.rint(grid[part] / finest) * finest,
+            world_ground=ground,
+            site=site,
+            units=units,
+            nodata=UNKNOWN,
+            description=description,
+            cloud_optimized=cloud_optimized,
+        )
+    return files
 
 
 def rate_world(world: World) -> Traversability:
