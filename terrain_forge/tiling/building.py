@@ -30,7 +30,7 @@ _log = logging.getLogger(__name__)
 _MOST_FAILURES = 16
 """Tiles that fail until no further one is begun."""
 _NAMED = 5
-STAGES = ("compile", "plan", "tiles", "verification", "joining", "report page", "manifest")
+STAGES = ("compile", "plan", "tiles", "verification", "paths", "joining", "report page", "manifest")
 """Stages of a build in tiles."""
 
 

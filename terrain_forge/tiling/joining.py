@@ -13,6 +13,7 @@ from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import world_of
 from terrain_forge.tiling.order import FOLDER, TILE, TileOrder
+from terrain_forge.tiling.routing import lay_paths
 from terrain_forge.truth import write_merged
 
 MANIFEST = "manifest.json"
@@ -67,6 +68,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     out, site = order.out, order.site
     watch("verification")
     verification = write_merged(site, (one["counts"] for _, one in _each(order)), out / "truth")
+    lay_paths(order, watch)
     exports: dict[str, Any] = {}
     world = sample_world(order)
     beyond = () if site.recipe.horizon.reach_m == 0.0 else (_NO_HORIZON,)
@@ -85,7 +87,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     rocks, size = _write_table(order)
     names = [
         path.relative_to(out).as_posix()
-        for folder in (FOLDER, "truth", *exports)
+        for folder in (FOLDER, "paths", "truth", *exports)
         for path in sorted((out / folder).rglob("*"))
         if path.is_file()
     ]
