@@ -6,9 +6,8 @@ from .curves import Curve as Curve
 from .curves import trace_polyline as trace_polyline
 from .curves import trace_spline as trace_spline
 from .far import Blocks as Blocks
-from .far import block_weights as block_weights
+from .far import blocks_of as blocks_of
 from .far import plan_far as plan_far
-from .far import squared_costs as squared_costs
 from .files import columns as columns
 from .files import pose_columns as pose_columns
 from .files import write_trajectories as write_trajectories

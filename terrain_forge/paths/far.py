@@ -9,7 +9,7 @@ reached is barred, and the leg begins anew with another guide.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -22,6 +22,7 @@ from terrain_forge.paths.lattice import bend, cheapest_path
 from terrain_forge.paths.obstacles import Obstacles
 from terrain_forge.paths.planner import (
     DISLIKE,
+    MOST_NODES,
     Line,
     Place,
     Weight,
@@ -40,8 +41,8 @@ Bounds = tuple[float, float, float, float]
 
 AHEAD = 96.0
 """How far along the guide a window looks [m]."""
-MARGIN = 24.0
-"""Ground beside the guide in a window [m]."""
+_BESIDE_GUIDE, _LEAST_BESIDE = 0.25, 8.0
+"""Ground beside the guide in a window, over how far it looks; and at least [m]."""
 _KEPT = 2.0 / 3.0
 """Part of the way in a window that is kept."""
 _BENT = 64
@@ -50,6 +51,8 @@ _DETOURS = 200
 """Blocks that may be barred for one leg."""
 _BESIDE = 3.0
 """Obstacles farther from the line than this, and three rovers, cannot be touched [m]."""
+_SMALLEST = 8
+"""Nodes of a block each way at least."""
 _LEAST_SHARE = 0.05
 """A block is taken to have at least this part of nodes that can be passed."""
 
@@ -78,23 +81,46 @@ class Blocks(Record):
         return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
 
 
-def block_weights(total: NDArray[np.int64], dear: Array, free: NDArray[np.int64]) -> Weight:
-    """Weights of blocks: dearer the fewer of their nodes can be passed.
+def blocks_of(
+    costs: Iterable[tuple[int, int, NDArray[np.float32]]],
+    *,
+    shape: tuple[int, int],
+    origin: Place,
+    spacing: float,
+) -> Blocks:
+    """The blocks of a ground whose costs come in parts; dearer the fewer of their nodes are free.
 
     Args:
-        total: Nodes of each block.
-        dear: Sum of the squares of the costs of those that can be passed.
-        free: How many these are.
+        costs: Row and column of each part's first node, and its costs.
+        shape: Rows and columns of the ground's nodes.
+        origin: East and north of its first node [m].
+        spacing: Distance of its nodes [m].
     """
-    mean = 1.0 + DISLIKE * dear / np.maximum(free, 1)
+    side = _SMALLEST
+    while max(shape) > side * MOST_NODES:
+        side *= 2
+    total, free = np.zeros((2, *(-(-count // side) for count in shape)), np.int64)
+    dear = np.zeros(total.shape)
+    for row, column, cost in costs:
+        passed = (cost >= 0.0) & (cost < IMPASSABLE)
+        numbers = [
+            (first + np.arange(count)) // side
+            for first, count in zip((row, column), cost.shape, strict=True)
+        ]
+        place = tuple(slice(index[0], index[-1] + 1) for index in numbers)
+        down, right = (np.flatnonzero(np.diff(index, prepend=-1)) for index in numbers)
+        squares = np.where(passed, cost.astype(np.float64) ** 2, 0.0)
+        for sums, values in ((total, np.ones_like(passed)), (free, passed), (dear, squares)):
+            values = values.astype(sums.dtype)
+            sums[place] += np.add.reduceat(np.add.reduceat(values, down, 0), right, 1)
     share = np.maximum(free / np.maximum(total, 1), _LEAST_SHARE)
-    return np.where(free > 0, mean / share, 0.0).astype(np.float32)
-
-
-def squared_costs(cost: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Squares of costs where the rover can be, 0 elsewhere; and where that is."""
-    free = (cost >= 0.0) & (cost < IMPASSABLE)
-    return np.where(free, cost.astype(np.float64) ** 2, 0.0), free
+    weight = (1.0 + DISLIKE * dear / np.maximum(free, 1)) / share
+    middle = 0.5 * (side - 1) * spacing
+    return Blocks(
+        origin=(origin[0] + middle, origin[1] + middle),
+        spacing=side * spacing,
+        weight=np.where(free > 0, weight, 0.0).astype(np.float32),
+    )
 
 
 def plan_far(
@@ -123,13 +149,14 @@ def plan_far(
         RecipeError: as `plan_path`.
     """
     key = (*key, "route")
+    margin = max(_BESIDE_GUIDE * ahead, _LEAST_BESIDE)
     turning = require_free(
-        route, lambda place: field_at(_around(np.array([place]), MARGIN)), rover=rover, key=key
+        route, lambda place: field_at(_around(np.array([place]), margin)), rover=rover, key=key
     )
 
     def line(clearance: float) -> Line:
         walk = _Walk(
-            blocks=blocks, field_at=field_at, needed=clearance, ahead=ahead,
+            blocks=blocks, field_at=field_at, needed=clearance, ahead=ahead, margin=margin,
             beside=_BESIDE + 3.0 * rover.length, line=np.array([route.stops[0][1]]),
         )  # fmt: skip
         for (_, begin), (name, end) in pairwise(route.stops):
@@ -147,6 +174,7 @@ class _Walk:
     field_at: Callable[[Bounds], Traversability]
     needed: float
     ahead: float
+    margin: float
     beside: float
     line: Array
     """Points so far."""
@@ -190,7 +218,7 @@ class _Walk:
             last = there == len(guide) - 1
             tail = min(_BENT, len(self.line) - 1)
             near = np.vstack([places[at : there + 1], self.line[-1 - tail :]])
-            land = self.field_at(_around(near, MARGIN))
+            land = self.field_at(_around(near, self.margin))
             weight = node_weights(land, self.needed)
             goal, barred = self._goal(land, weight, guide[at : there + 1], end if last else None)
             if goal is None:

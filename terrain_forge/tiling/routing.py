@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache, partial
-from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Key, Stopwatch
 from terrain_forge.model import Route, Site, TileGrid, Trajectory, Window, World
@@ -15,12 +14,11 @@ from terrain_forge.paths import (
     PathSpec,
     Planned,
     Traversability,
-    block_weights,
+    blocks_of,
     known_within,
     make_trajectory,
     plan_far,
     planned_routes,
-    squared_costs,
     write_trajectories,
 )
 from terrain_forge.rovers import rover_of
@@ -29,8 +27,6 @@ from terrain_forge.tiling.making import world_of
 from terrain_forge.tiling.order import TileOrder
 from terrain_forge.truth import rate_world, write_surroundings
 
-_SMALLEST_BLOCK, _MOST_BLOCKS = 8, 1100
-"""Nodes of a block each way, and blocks of a site."""
 AHEAD, _AHEAD_CELLS = 96.0, 400
 """How far a window looks along a path [m], and at most [cells]."""
 _SNAP = 128
@@ -54,16 +50,21 @@ def lay_paths(order: TileOrder, watch: Stopwatch) -> tuple[Trajectory, ...]:
         RecipeError: if a planned path cannot be found.
     """
     site, rover = order.site, rover_of(order.site)
-    land = Land(order)
+    land, blocks = Land(order), list[Blocks]()
 
     def found(spec: PathSpec, route: Planned, key: Key) -> Route:
         watch(f"paths: planning {spec.name}")
+        if not blocks:
+            nodes = order.grid.rows + 1, order.grid.columns + 1
+            corner = site.west, site.south
+            blocks.append(
+                blocks_of(costs_of(order), shape=nodes, origin=corner, spacing=site.spacing)
+            )
         return plan_far(
-            spec, route, blocks=blocks(), field_at=land.field, rover=rover, key=key,
+            spec, route, blocks=blocks[0], field_at=land.field, rover=rover, key=key,
             ahead=reach_of(site),
         )  # fmt: skip
 
-    blocks = lru_cache(partial(read_blocks, order))
     routes = {route.name: route for route in site.routes}
     routes |= planned_routes(site, rover, found)
     made = []
@@ -170,41 +171,11 @@ class FarGround:
         return heights
 
 
-def read_blocks(order: TileOrder) -> Blocks:
-    """What it costs to cross the site's blocks, by the costs of the tiles' nodes."""
+def costs_of(order: TileOrder) -> Iterator[tuple[int, int, NDArray[np.float32]]]:
+    """Row and column of each tile's first node, and the costs of its nodes."""
     import rasterio
 
-    grid, side = order.grid, _SMALLEST_BLOCK
-    nodes = grid.rows + 1, grid.columns + 1
-    while max(nodes) > side * _MOST_BLOCKS:
-        side *= 2
-    shape = -(-nodes[0] // side), -(-nodes[1] // side)
-    total, free = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
-    dear = np.zeros(shape)
-    for number in range(len(grid)):
-        with rasterio.open(_cost_of(order, number)) as raster:
-            squares, passed = squared_costs(raster.read(1)[::-1])
-        window = grid.window(number)
-        rows, columns = (
-            (first + np.arange(count)) // side
-            for first, count in zip((window.row, window.column), squares.shape, strict=True)
-        )
-        place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-        cuts = [np.flatnonzero(np.diff(index, prepend=-1)) for index in (rows, columns)]
-        for sums, values in (
-            (total, np.ones(squares.shape, np.int64)),
-            (free, passed.astype(np.int64)),
-            (dear, squares),
-        ):
-            part = np.add.reduceat(np.add.reduceat(values, cuts[0], 0), cuts[1], 1)
-            sums[place] += part
-    middle = 0.5 * (side - 1) * order.site.spacing
-    return Blocks(
-        origin=(order.site.west + middle, order.site.south + middle),
-        spacing=side * order.site.spacing,
-        weight=block_weights(total, dear, free),
-    )
-
-
-def _cost_of(order: TileOrder, number: int) -> Path:
-    return order.folder(number) / "truth/cost.tif"
+    for number in range(len(order.grid)):
+        window = order.grid.window(number)
+        with rasterio.open(order.folder(number) / "truth/cost.tif") as raster:
+            yield window.row, window.column, raster.read(1)[::-1]
