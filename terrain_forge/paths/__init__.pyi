@@ -8,6 +8,7 @@ from .curves import trace_spline as trace_spline
 from .far import Blocks as Blocks
 from .far import blocks_of as blocks_of
 from .far import plan_far as plan_far
+from .far import require_stops as require_stops
 from .files import columns as columns
 from .files import pose_columns as pose_columns
 from .files import write_trajectories as write_trajectories

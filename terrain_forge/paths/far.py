@@ -150,9 +150,7 @@ def plan_far(
     """
     key = (*key, "route")
     margin = max(_BESIDE_GUIDE * ahead, _LEAST_BESIDE)
-    turning = require_free(
-        route, lambda place: field_at(_around(np.array([place]), margin)), rover=rover, key=key
-    )
+    turning = require_stops(route, field_at, rover=rover, key=key)
 
     def line(clearance: float) -> Line:
         walk = _Walk(
@@ -164,6 +162,21 @@ def plan_far(
         return walk.line, walk.fixed, walk.obstacles()
 
     return smooth_route(spec, line, (0.5 * rover.width + route.margin_m, turning), rover, key)
+
+
+def require_stops(
+    route: Planned, field_at: Callable[[Bounds], Traversability], *, rover: Rover, key: Key
+) -> float:
+    """Refuse places of a route that are blocked; returns the clearance to turn on the spot [m].
+
+    Raises:
+        RecipeError: says by what.
+    """
+
+    def around(place: Place) -> Traversability:
+        return field_at(_around(np.array([place]), _LEAST_BESIDE))
+
+    return require_free(route, around, rover=rover, key=key)
 
 
 @dataclass(kw_only=True)

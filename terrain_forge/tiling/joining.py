@@ -13,7 +13,6 @@ from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import world_of
 from terrain_forge.tiling.order import FOLDER, TILE, TileOrder
-from terrain_forge.tiling.routing import lay_paths
 from terrain_forge.truth import write_merged
 
 MANIFEST = "manifest.json"
@@ -68,7 +67,6 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     out, site = order.out, order.site
     watch("verification")
     verification = write_merged(site, (one["counts"] for _, one in _each(order)), out / "truth")
-    lay_paths(order, watch)
     exports: dict[str, Any] = {}
     world = sample_world(order)
     beyond = () if site.recipe.horizon.reach_m == 0.0 else (_NO_HORIZON,)
@@ -91,6 +89,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         for path in sorted((out / folder).rglob("*"))
         if path.is_file()
     ]
+    names += [f"validation/{path.name}" for path in sorted((out / "validation").glob("drive*"))]
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,

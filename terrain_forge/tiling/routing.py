@@ -19,6 +19,7 @@ from terrain_forge.paths import (
     make_trajectory,
     plan_far,
     planned_routes,
+    require_stops,
     write_trajectories,
 )
 from terrain_forge.rovers import rover_of
@@ -41,6 +42,19 @@ Bounds = tuple[float, float, float, float]
 def reach_of(site: Site) -> float:
     """How far a window looks along a path [m]."""
     return min(AHEAD, _AHEAD_CELLS * site.spacing)
+
+
+def require_paths_begin(order: TileOrder) -> None:
+    """Refuse planned paths whose places are blocked, before any tile is made.
+
+    Raises:
+        RecipeError: says by what.
+    """
+    land, rover = Land(order), rover_of(order.site)
+    for number, spec in enumerate(order.site.recipe.paths):
+        if isinstance(spec.route, Planned):
+            key = ("paths", number, "route")
+            require_stops(spec.route, land.field, rover=rover, key=key)
 
 
 def lay_paths(order: TileOrder, watch: Stopwatch) -> tuple[Trajectory, ...]:
@@ -86,7 +100,8 @@ class Land:
 
     def __init__(self, order: TileOrder) -> None:
         self._order, self._site = order, order.site
-        self._border = known_within(rover_of(order.site), order.site.spacing)
+        rover = rover_of(order.site)
+        self._border = known_within(rover, order.site.spacing) if rover.wheels else 0
         self._kept = dict[tuple[int, ...], tuple[World, Traversability]]()
 
     def field(self, bounds: Bounds) -> Traversability:

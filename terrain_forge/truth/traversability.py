@@ -138,7 +138,7 @@ def write_surroundings(
     and gap of its rectangle to what it does not go over (at most a little more than it needs), and
     cost. Each part of the path's samples comes with the world around it.
     """
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     found = [_meetings(path, part, world, field) for part, world, field in parts]
     figures = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
     file = folder / f"{path.name}.csv"

@@ -152,7 +152,10 @@ def test_tiles_of_another_recipe_stay(built, tmp_path, changes, message):
         ({"size_m: 20": "size_m: 20.1"}, "20.1 m is not a whole number"),
         ({"size_m: 20": "size_m: 1"}, "tiles of 1 m are smaller than the ground that a rock"),
         ({"[geotiff, usd, glb, sdf]": "[mjcf]"}, "mjcf is not written tile by tile"),
-        ({"tiles:": "validate: {drives: 3}\ntiles:"}, "a site in tiles is not driven"),
+        (
+            {"tiles:": "validate: {drives: 3}\ntiles:"},
+            "from random starts are for one world",
+        ),
     ],
 )
 def test_what_cannot_be_is_told_before_anything_is_written(tmp_path, changes, message):
