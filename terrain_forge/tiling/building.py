@@ -132,7 +132,7 @@ def build_tiles(
             passed = not driven or drive_far(order, paths, driven, watch)
             joined = join(order, watch)
             watch("report page")
-            write_page(order, joined["verification"], joined["manifest"])
+            write_page(order, joined["verification"], joined["manifest"], paths)
             write_manifest(order, joined["manifest"])
     watch.figures.update(
         tiles=len(order.grid), tiles_made=pace.made,
