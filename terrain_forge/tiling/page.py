@@ -23,7 +23,7 @@ color:#221e1a;background:#faf8f5}h1{margin-bottom:0}table{border-collapse:collap
 td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd5cb}
 #map{position:relative;overflow:hidden;height:70vh;background:#2a2622;border-radius:6px;
 touch-action:none;cursor:grab}#plane{position:absolute;left:0;top:0;transform-origin:0 0}
-#plane svg{position:absolute;left:0;top:0;width:100%;height:100%;z-index:1;pointer-events:none}
+#plane svg{position:absolute;left:0;top:0;z-index:1;pointer-events:none}
 polyline{fill:none;stroke:#f2c230;stroke-width:3;vector-effect:non-scaling-stroke}
 #plane img{position:absolute;display:block}#place{font-variant-numeric:tabular-nums}
 figure{margin:1rem 0}figure img{max-width:100%}code{background:#efe9e1;padding:0 .2rem}
@@ -134,7 +134,7 @@ def _lines(order: TileOrder, paths: Sequence[Trajectory]) -> str:
         places = (path.position[chosen, :2] - (site.west, site.south)) / site.spacing
         points = " ".join(f"{column:.1f},{grid.rows - row:.1f}" for column, row in places.tolist())
         drawn += f'<polyline points="{points}"><title>{escape(path.name)}</title></polyline>'
-    return f'<svg viewBox="0 0 {grid.columns} {grid.rows}">{drawn}</svg>'
+    return f'<svg width="{grid.columns}" height="{grid.rows}">{drawn}</svg>'
 
 
 def _paths(order: TileOrder, paths: Sequence[Trajectory]) -> str:
