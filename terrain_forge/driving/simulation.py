@@ -63,6 +63,7 @@ def drive(
     spec: DriveSpec,
     progress: Callable[[float], None] | None = None,
     logger: Logger | None = None,
+    onward: Callable[[float], Any | None] | None = None,
 ) -> DriveResult:
     """Set the rover on the start of a path and follow it to its end, or until a watchdog stops it.
 
@@ -73,6 +74,8 @@ def drive(
         spec: Limits; the drive goes on beyond them as long as it makes sense.
         progress: Told the share of the path that is done, 0 to 1, now and then.
         logger: Keeps the motion at hundreds of looks a second.
+        onward: Asked at each look, by how far along the path the rover is [m], for the model of
+            another scene in which it goes on; None as long as it stays where it is.
 
     Raises:
         SimulationError: if the scene cannot be loaded, lacks the rover, or its start is not free.
@@ -95,6 +98,8 @@ def drive(
         yaw = math.atan2(turn[1, 0], turn[0, 0])
         speed, turn_rate = pursuit.command(vehicle.position[:2], yaw)
         watch.look(vehicle, pursuit)
+        if onward is not None and (following := onward(pursuit.progress)) is not None:
+            vehicle = vehicle.moved_to(following)
         if progress and len(watch.ticks) % 250 == 0:
             progress(pursuit.progress / pursuit.path.length)
         wanted = wheel_rates(rover, speed, turn_rate, gain=skid.value)

@@ -56,6 +56,11 @@ class EnergyAudit:
         self._taken = max(self._taken, taken)
         self._unexplained = max(self._unexplained, self._taken - taken)
 
+    def go_on(self, energy: float) -> None:
+        """Go on in another scene, whose other bodies hold more or less energy [J]."""
+        self._start += energy - self._energy
+        self._energy = energy
+
     def fault(self) -> str:
         """What is wrong with the energy; empty if nothing is."""
         if self._unexplained <= self.limit:
@@ -109,6 +114,10 @@ class Vehicle:
             [self._qpos + np.arange(7), model.jnt_qposadr[self._axles], self._angles]
         )
         """Where `qpos` holds base_link's pose, the wheels' angles and those of passive joints."""
+        dofs = model.jnt_dofadr[model.body_jntadr[self._body]] + np.arange(6)
+        self._velocities = np.concatenate(
+            [dofs, self.axle_rates, model.jnt_dofadr[np.array(found, dtype=np.int64)]]
+        )
         self.logger: Logger | None = None
         """Told of each time step."""
         axes = {link.name: link.axis for link in rover.links}
@@ -176,6 +185,27 @@ class Vehicle:
         self.audit = EnergyAudit(reference=lift, energy=float(data.energy.sum()))
         self._rates, self._forces = data.actuator_velocity.copy(), data.actuator_force.copy()
         self.saturated_steps = self.steps = 0
+
+    def moved_to(self, model: Any) -> Vehicle:
+        """The vehicle in another scene with the same ground here, as it stands and moves now.
+
+        Raises:
+            SimulationError: if that scene does not hold this rover.
+        """
+        other = Vehicle(model, self.rover)
+        here, there = self.data, other.data
+        mujoco.mj_resetData(model, there)
+        there.qpos[other.coordinates] = here.qpos[self.coordinates]
+        there.qvel[other._velocities] = here.qvel[self._velocities]
+        there.act[other._activations] = here.act[self._activations]
+        there.ctrl[other.motors] = here.ctrl[self.motors]
+        there.time = here.time
+        mujoco.mj_forward(model, there)
+        self.audit.go_on(float(there.energy.sum()))
+        other.audit, other.logger = self.audit, self.logger
+        other._rates, other._forces = self._rates.copy(), self._forces.copy()
+        other.saturated_steps, other.steps = self.saturated_steps, self.steps
+        return other
 
     def _what_it_is_in(self) -> str:
         """The rocks that a part of the rover reaches into, or else the ground; empty if neither."""

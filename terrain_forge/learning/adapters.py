@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, Stopwatch, silent
+from terrain_forge.base import Array, Stopwatch, silent, stage_key
 from terrain_forge.geometry import grid_faces, grid_vertices
 from terrain_forge.making import make_world
 from terrain_forge.model import World, rotations
@@ -74,10 +74,14 @@ class GroundMaker:
     def isaac_lab(self, difficulty: float, cfg: Any) -> tuple[list[Any], Array]:
         """What Isaac Lab's `SubTerrainBaseCfg.function` does: trimesh meshes and the origin.
 
-        The number of the world is drawn from NumPy's global state, as Isaac Lab's own do, which its
-        generator seeds.
+        The number of the world hangs on the difficulty, which differs from place to place, and the
+        generator's seed, which is that of NumPy's global state where it has none: so Isaac Lab's
+        cache of terrains holds what is made anew.
         """
-        number = int(np.random.randint(2**31 - 1))  # noqa: NPY002
+        seed = getattr(cfg, "seed", None)
+        if seed is None:
+            seed = int(np.random.get_state()[1][0])  # type: ignore[index]  # noqa: NPY002
+        number = int(stage_key(seed, f"isaac_lab/{float(difficulty)!r}")) % 2**31
         world = self.world(difficulty, number, size=(float(cfg.size[0]), float(cfg.size[1])))
         return trimeshes(world), self._origin(world)
 

@@ -5,6 +5,10 @@ from .arrival import arrivals as arrivals
 from .curves import Curve as Curve
 from .curves import trace_polyline as trace_polyline
 from .curves import trace_spline as trace_spline
+from .far import Blocks as Blocks
+from .far import blocks_of as blocks_of
+from .far import plan_far as plan_far
+from .far import require_stops as require_stops
 from .files import columns as columns
 from .files import pose_columns as pose_columns
 from .files import write_trajectories as write_trajectories
@@ -29,6 +33,7 @@ from .planner import plan_path as plan_path
 from .recorded import read_recorded as read_recorded
 from .routes import make_trajectories as make_trajectories
 from .routes import plan_routes as plan_routes
+from .routes import planned_routes as planned_routes
 from .shapes.figure_eight import FigureEight as FigureEight
 from .shapes.lawnmower import Lawnmower as Lawnmower
 from .shapes.loop import Loop as Loop
@@ -46,10 +51,12 @@ from .surroundings import FARTHEST as FARTHEST
 from .surroundings import Surroundings as Surroundings
 from .surroundings import survey_path as survey_path
 from .surroundings import survey_paths as survey_paths
+from .trajectory import Heights as Heights
 from .trajectory import duration as duration
 from .trajectory import make_trajectory as make_trajectory
 from .trajectory import stand as stand
 from .traversability_field import IMPASSABLE as IMPASSABLE
 from .traversability_field import UNKNOWN as UNKNOWN
 from .traversability_field import Traversability as Traversability
+from .traversability_field import known_within as known_within
 from .traversability_field import traversability as traversability

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
 
@@ -13,7 +14,7 @@ from terrain_forge.base import Array, Key, RecipeError
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
 from terrain_forge.paths.lattice import GridPath, bend, cheapest_path, straighten
-from terrain_forge.paths.obstacles import half_diagonal
+from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.plan import as_route
 from terrain_forge.paths.spec import PathSpec, Planned
 from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traversability
@@ -21,6 +22,8 @@ from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traver
 Weight = NDArray[np.float32]
 Place = tuple[float, float]
 Stop = tuple[str, Place]
+Line = tuple[Array, NDArray[np.bool_], Obstacles]
+"""Points east and north [m], which of them stay, and the obstacles beside them."""
 
 DISLIKE = 9.0
 """How much dearer than smooth level ground a node of almost full cost is, in units of the former;
@@ -50,17 +53,50 @@ def plan_path(
             for the rover where it turns.
     """
     key = (*key, "route")
-    needed, stops = field.half_width + route.margin_m, route.stops
+    turning = require_free(route, lambda _: field, rover=rover, key=key)
+
+    def line(clearance: float) -> Line:
+        found, fixed = _line(field, route.stops, clearance, key)
+        return found, fixed, field.obstacles
+
+    return smooth_route(spec, line, (0.5 * rover.width + route.margin_m, turning), rover, key)
+
+
+def require_free(
+    route: Planned, field_at: Callable[[Place], Traversability], *, rover: Rover, key: Key
+) -> float:
+    """Refuse places that are blocked; returns the clearance [m] with which the rover can turn.
+
+    Raises:
+        RecipeError: says by what.
+    """
+    needed = 0.5 * rover.width + route.margin_m
     turning = max(needed, half_diagonal(rover))
-    for name, place in stops:
-        reason = blocked_by(field, place, needed if name == "via_m" else turning)
+    for name, place in route.stops:
+        reason = blocked_by(field_at(place), place, needed if name == "via_m" else turning)
         if reason:
             raise RecipeError(f"({place[0]:g}, {place[1]:g}) m: {reason}", key=(*key, name))
-    curve, touched = _curve(*_line(field, stops, needed, key), field, rover, key)
+    return turning
+
+
+def smooth_route(
+    spec: PathSpec,
+    line: Callable[[float], Line],
+    clearances: tuple[float, float],
+    rover: Rover,
+    key: Key,
+) -> Route:
+    """The route along a line that is found for a clearance [m], or with one to turn on the way.
+
+    Raises:
+        RecipeError: if the way is too narrow for the rover where it turns.
+    """
+    needed, turning = clearances
+    curve, touched = _curve(*line(needed), rover, key)
     if touched:
         # Where the rover's corners would touch, there may be a way on which it can even turn.
         with suppress(RecipeError):
-            curve, touched = _curve(*_line(field, stops, turning, key), field, rover, key)
+            curve, touched = _curve(*line(turning), rover, key)
     if touched:
         raise RecipeError(
             f"the only way is too narrow for the rover, which touches {touched}; a larger margin_m "
@@ -76,13 +112,13 @@ def _line(
     """A line through all stops, east and north [m], and which of its points are stops."""
     weight = node_weights(field, needed)
     legs = [
-        _leg(field, weight, (begin, end), (*key, name))
+        leg_between(field, weight, (begin, end), (*key, name))
         for (_, begin), (name, end) in pairwise(stops)
     ]
     line = np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])])
     fixed = np.zeros(len(line), np.bool_)
     fixed[np.cumsum([len(leg) - 1 for leg in legs])] = True
-    return _place(field, bend(weight, _nodes(field, line), fixed)), fixed
+    return places_of(field, bend(weight, nodes_of(field, line), fixed)), fixed
 
 
 def node_weights(field: Traversability, needed: float) -> Weight:
@@ -99,7 +135,7 @@ def blocked_by(field: Traversability, place: Place, needed: float) -> str:
     inside = 0 <= row < rows and 0 <= column < columns
     if not inside or field.cost[row, column] == UNKNOWN:
         return "the rover would stand out over the border of the terrain"
-    node = _place(field, np.array([(column, row)]))[0]
+    node = places_of(field, np.array([(column, row)]))[0]
     away = np.minimum(*(field.obstacles.distances(point) for point in (np.array(place), node)))
     if len(away) and away.min() < needed:
         n = int(np.argmin(away))
@@ -119,11 +155,13 @@ def blocked_by(field: Traversability, place: Place, needed: float) -> str:
     return ""
 
 
-def _leg(field: Traversability, weight: Weight, ends: tuple[Place, Place], key: Key) -> Array:
+def leg_between(
+    field: Traversability, weight: Weight, ends: tuple[Place, Place], key: Key
+) -> Array:
     """A line between two places, east and north [m], shape [points, 2]."""
     path, stride = _grid_path(field, weight, ends)
     if not len(path.nodes):
-        x, y = _place(field, np.array([path.nearest[::-1]]) * stride)[0]
+        x, y = places_of(field, np.array([path.nearest[::-1]]) * stride)[0]
         area = path.reached * (stride * field.spacing) ** 2
         raise RecipeError(
             f"no way leads from ({ends[0][0]:g}, {ends[0][1]:g}) m to ({ends[1][0]:g}, "
@@ -136,7 +174,7 @@ def _leg(field: Traversability, weight: Weight, ends: tuple[Place, Place], key: 
         return np.array(ends)
     coarse = _coarsened(weight, stride)
     line = straighten(coarse, path.nodes, step=LINE_STEP / (stride * field.spacing))
-    points = _place(field, line * stride)
+    points = places_of(field, line * stride)
     points[0], points[-1] = ends
     return points
 
@@ -166,19 +204,19 @@ def _coarsened(weight: Weight, stride: int) -> Weight:
     return np.asarray(maximum_filter(weight, size=2 * (stride // 2) + 1))[::stride, ::stride]
 
 
-def _place(field: Traversability, nodes: Array) -> Array:
+def places_of(field: Traversability, nodes: Array | NDArray[np.int64]) -> Array:
     """East and north [m] of columns and rows, shape [n, 2]."""
-    return np.asarray(field.origin) + field.spacing * nodes
+    return np.asarray(np.asarray(field.origin) + field.spacing * nodes)
 
 
-def _nodes(field: Traversability, points: Array) -> Array:
+def nodes_of(field: Traversability, points: Array) -> Array:
     """Columns and rows of east and north [m], shape [n, 2]."""
     nodes: Array = (points - np.asarray(field.origin)) / field.spacing
     return nodes
 
 
 def _curve(
-    line: Array, fixed: NDArray[np.bool_], field: Traversability, rover: Rover, key: Key
+    line: Array, fixed: NDArray[np.bool_], obstacles: Obstacles, rover: Rover, key: Key
 ) -> tuple[Curve, str]:
     """The smooth curve along a line, through its fixed points, and the obstacle that it touches.
 
@@ -195,7 +233,7 @@ def _curve(
             chosen[max(n - every // 2, 0) : n + every // 2 + 1] = False
         chosen[stays] = True
         curve = trace_spline(line[chosen], closed=False, key=key)
-        touched = field.obstacles.first_touched(curve.position, curve.heading, rover)
+        touched = obstacles.first_touched(curve.position, curve.heading, rover)
         if not touched:
             break
     return curve, touched

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +21,7 @@ from terrain_forge.model import (
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
 from terrain_forge.paths.planner import plan_path
 from terrain_forge.paths.recorded import read_recorded
-from terrain_forge.paths.spec import Planned, Recorded
+from terrain_forge.paths.spec import PathSpec, Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
 from terrain_forge.paths.trajectory import duration, make_trajectory
 from terrain_forge.paths.traversability_field import traversability
@@ -91,16 +93,32 @@ def _plan_on_ground(
     site: Site, ground: Heightfield, rocks: RockField, library: RockLibrary, rover: Rover
 ) -> dict[str, Route]:
     """The planned routes, by name, over the whole site."""
-    routes, field = dict[str, Route](), None
+    rated = lru_cache(
+        partial(traversability, ground=ground, rocks=rocks, library=library, rover=rover)
+    )
+
+    def found(spec: PathSpec, route: Planned, key: Key) -> Route:
+        return plan_path(spec, route, field=rated(), rover=rover, key=key)
+
+    return planned_routes(site, rover, found)
+
+
+def planned_routes(
+    site: Site, rover: Rover, found: Callable[[PathSpec, Planned, Key], Route]
+) -> dict[str, Route]:
+    """The planned routes of a site, by name, as a function finds them.
+
+    Raises:
+        RecipeError: if one cannot be found, or leaves the site.
+    """
+    routes = dict[str, Route]()
     for number, spec in enumerate(site.recipe.paths):
-        if not isinstance(spec.route, Planned):
-            continue
-        key = ("paths", number)
-        field = field or traversability(ground=ground, rocks=rocks, library=library, rover=rover)
-        route = plan_path(spec, spec.route, field=field, rover=rover, key=key)
-        require_inside(route, size=site.size, rover=rover, key=key)
-        require_samples(route, rate=spec.rate_hz, key=key)
-        routes[route.name] = route
+        if isinstance(spec.route, Planned):
+            key = ("paths", number)
+            route = found(spec, spec.route, key)
+            require_inside(route, size=site.size, rover=rover, key=key)
+            require_samples(route, rate=spec.rate_hz, key=key)
+            routes[route.name] = route
     return routes
 
 

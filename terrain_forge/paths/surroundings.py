@@ -17,6 +17,7 @@ FARTHEST = 2.0
 """Largest gap that is told [m]."""
 MOST_POSES = 20_000
 """Poses of one path that are looked at, evenly over its samples."""
+_ALL = slice(None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,11 +44,22 @@ class Surroundings(Record):
 
 
 def survey_path(
-    trajectory: Trajectory, *, ground: Heightfield, obstacles: Obstacles, rover: Rover
+    trajectory: Trajectory,
+    *,
+    ground: Heightfield,
+    obstacles: Obstacles,
+    rover: Rover,
+    part: slice = _ALL,
 ) -> Surroundings:
-    """Look along a path that lies within the bare ground, beside what the rover cannot go over."""
+    """Look along a path, beside what the rover cannot go over.
+
+    The part of its samples that is asked for lies within the bare ground.
+    """
     count = min(len(trajectory.time), MOST_POSES)
     sample = np.linspace(0, len(trajectory.time) - 1, count).astype(np.int64)
+    first, end, _ = part.indices(len(trajectory.time))
+    sample = sample[(sample >= first) & (sample < end)]
+    count = len(sample)
     position, heading = trajectory.position[sample, :2], trajectory.rpy[sample, 2]
     _, rpy = stand(ground, rover, position, heading)
     gap = np.full(count, FARTHEST)

@@ -7,19 +7,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from terrain_forge.base import Array, portable, rpy_from_matrix, stage_key, uniforms
-from terrain_forge.model import Heightfield, Route, Rover, Trajectory
+from terrain_forge.model import Route, Rover, Trajectory
 from terrain_forge.paths.spec import PathSpec
 
 _FOOTPRINT = 5
 """Ground heights taken along each side of the rover's footprint."""
 
 
+class Heights(Protocol):
+    """Ground that tells its height."""
+
+    def height_at(self, east: Array, north: Array) -> Array:
+        """Heights [m] at places [m]."""
+
+
 def make_trajectory(
-    route: Route, *, spec: PathSpec, ground: Heightfield, rover: Rover, seed: int
+    route: Route, *, spec: PathSpec, ground: Heights, rover: Rover, seed: int
 ) -> Trajectory:
     """The motion along a route, on the bare ground.
 
@@ -51,9 +59,7 @@ def make_trajectory(
     )
 
 
-def stand(
-    ground: Heightfield, rover: Rover, position: Array, heading: Array
-) -> tuple[Array, Array]:
+def stand(ground: Heights, rover: Rover, position: Array, heading: Array) -> tuple[Array, Array]:
     """Height of the ground plane under the rover [m] and its roll, pitch, yaw [rad].
 
     At places east and north [m], shape [places, 2], and headings [rad], shape [places].

@@ -92,11 +92,8 @@ def traversability(
             What stands there is not known, so the cost is unknown where it could matter.
     """
     spacing, limit = ground.spacing, highest_step(rover)
-    far = 2.0 * half_diagonal(rover)
-    footprint, lag = max(round(0.5 * rover.length / spacing), 1), wheel_reach(rover, spacing)
-    border = max(footprint, 2 * lag, math.ceil(half_diagonal(rover) / spacing))
+    far, reaches = 2.0 * half_diagonal(rover), _reaches(rover, spacing)
     slope, roughness, step = (np.full(ground.shape, UNKNOWN, np.float32) for _ in range(3))
-    reaches = footprint, lag, border
     args = ground.elevation, spacing, reaches, slope, roughness, step
     over_chunks(_measure_ground, len(slope), *args)
     obstacles = find_obstacles(rocks, library, rover)
@@ -104,7 +101,7 @@ def traversability(
     solid = rocks.select(rocks.collides)
     radii = 0.5 * solid.diameter / spacing + 0.5
     _stamp_heights(step, _columns_and_rows(solid.position, ground), radii, solid.height)
-    widest = border + math.ceil(far / spacing)
+    widest, border = known_within(rover, spacing), reaches[-1]
     margins = tuple(widest if cut else border for cut in cut_sides)
     return Traversability(
         origin=ground.origin,
@@ -118,6 +115,17 @@ def traversability(
         half_width=0.5 * rover.width,
         steepest=rover.tilt_limit,
     )
+
+
+def _reaches(rover: Rover, spacing: float) -> tuple[int, int, int]:
+    """Half the footprint, a wheel's reach, and the border where nothing is known [cells]."""
+    footprint, lag = max(round(0.5 * rover.length / spacing), 1), wheel_reach(rover, spacing)
+    return footprint, lag, max(footprint, 2 * lag, math.ceil(half_diagonal(rover) / spacing))
+
+
+def known_within(rover: Rover, spacing: float) -> int:
+    """How far from a side beyond which the world goes on the cost is known [cells]."""
+    return _reaches(rover, spacing)[-1] + math.ceil(2.0 * half_diagonal(rover) / spacing)
 
 
 def wheel_reach(rover: Rover, spacing: float) -> int:

@@ -20,17 +20,29 @@ from terrain_forge.base import (
     size_text,
 )
 from terrain_forge.building import BuildResult, holding, storing
+from terrain_forge.tiling.driving import drive_far
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
-from terrain_forge.tiling.order import TileOrder, save_order
+from terrain_forge.tiling.order import TileOrder, is_site, save_order
 from terrain_forge.tiling.page import write_page
+from terrain_forge.tiling.routing import lay_paths, require_paths_begin
 from terrain_forge.truth import require_parquet
 
 _log = logging.getLogger(__name__)
 _MOST_FAILURES = 16
 """Tiles that fail until no further one is begun."""
 _NAMED = 5
-STAGES = ("compile", "plan", "tiles", "verification", "joining", "report page", "manifest")
+STAGES = (
+    "compile",
+    "plan",
+    "tiles",
+    "verification",
+    "paths",
+    "drive",
+    "joining",
+    "report page",
+    "manifest",
+)
 """Stages of a build in tiles."""
 
 
@@ -87,6 +99,8 @@ def build_tiles(
     tiles = order.site.recipe.tiles
     if tiles is not None and tiles.parquet:
         require_parquet()
+    if not is_site(out):
+        require_paths_begin(order)
     save_order(order)
     with holding(out):
         with storing(out, out):
@@ -113,9 +127,12 @@ def build_tiles(
         if pace.failed:
             raise _failure(order, pace.failed)
         with storing(out, out):
+            paths = lay_paths(order, watch)
+            driven = order.site.recipe.validate and order.site.recipe.validate.drive_spec
+            passed = not driven or drive_far(order, paths, driven, watch)
             joined = join(order, watch)
             watch("report page")
-            write_page(order, joined["verification"], joined["manifest"])
+            write_page(order, joined["verification"], joined["manifest"], paths)
             write_manifest(order, joined["manifest"])
     watch.figures.update(
         tiles=len(order.grid), tiles_made=pace.made,
@@ -126,7 +143,7 @@ def build_tiles(
     return TiledResult(
         directory=out,
         world=sample_world(order),
-        passed=True,
+        passed=passed,
         exports=order.exports,
         tiles=len(order.grid),
         made=pace.made,

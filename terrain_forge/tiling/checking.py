@@ -7,10 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, Stopwatch, run_tasks, to_plain
+from terrain_forge.base import OutputError, Stopwatch, run_tasks
 from terrain_forge.building import holding, storing
 from terrain_forge.model import Check, at_most
 from terrain_forge.recipe import sha256
+from terrain_forge.tiling.driving import checks_of_drive, to_plain_check
 from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
 from terrain_forge.tiling.order import FOLDER, TILE, TileOrder, load_order
 
@@ -67,9 +68,10 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
         if not any(name.startswith(f"{_COUNTS} ") for name in bad):
             pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
             checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
+        told = [*(to_plain_check(check) for check in checks), *checks_of_drive(order)]
         report = {
             "format": FORMAT,
-            "checks": [to_plain_check(check) for check in checks],
+            "checks": told,
             "conformance": [],
             "damaged": sorted(bad),
         }
@@ -77,20 +79,13 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
             (out / "validation").mkdir(exist_ok=True)
             text = json.dumps(report, indent=1) + "\n"
             (out / "validation/report.json").write_text(text, encoding="utf-8")
-    return all(check.passed for check in checks)
+    return all(check["passed"] for check in told)
 
 
 def _check(name: str, bad: list[str], what: str) -> Check:
     named = "; ".join(sorted(bad)[:_NAMED]) + (" …" if len(bad) > _NAMED else "")
     repair = "; move the folders of damaged tiles away, and build again" if bad else ""
     return at_most(name, len(bad), 0, note=f"{what}: {named}{repair}" if bad else what)
-
-
-def to_plain_check(check: Check) -> dict[str, Any]:
-    """A check as JSON."""
-    plain: dict[str, Any] = to_plain(check, {})
-    plain.pop("record")
-    return plain
 
 
 def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:

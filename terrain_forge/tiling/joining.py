@@ -85,10 +85,11 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     rocks, size = _write_table(order)
     names = [
         path.relative_to(out).as_posix()
-        for folder in (FOLDER, "truth", *exports)
+        for folder in (FOLDER, "paths", "truth", *exports)
         for path in sorted((out / folder).rglob("*"))
         if path.is_file()
     ]
+    names += [f"validation/{path.name}" for path in sorted((out / "validation").glob("drive*"))]
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,

@@ -16,15 +16,15 @@ from terrain_forge.base import Stopwatch, silent
 from terrain_forge.building import storing, write_through
 from terrain_forge.making import make_world
 from terrain_forge.model import Tile, Window, World
+from terrain_forge.paths import known_within
 from terrain_forge.recipe import sha256
+from terrain_forge.rovers import rover_of
 from terrain_forge.tiling.order import TILE, TileOrder, load_order
 from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
 
 STAGING = ".terrain-forge"
 """Where tiles are made, in the site's folder."""
-_MARGIN = 1
-"""Cells around a tile whose ground its normals need."""
 
 
 def make_tile(out: str, number: int) -> dict[str, Any]:
@@ -99,7 +99,9 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
 def tile_of(order: TileOrder, number: int) -> Tile:
     """A tile, in a world that is somewhat larger: what shapes its border lies beyond it."""
     window = order.grid.window(number)
-    around = order.site.padded(window, _MARGIN * order.site.spacing)
+    site, rover = order.site, rover_of(order.site)
+    margin = known_within(rover, site.spacing) if rover.wheels else 1  # normals need one cell
+    around = site.padded(window, margin * site.spacing)
     return world_of(order, around).tile(window, number=number)
 
 

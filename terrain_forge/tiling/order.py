@@ -107,12 +107,11 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
 
 def _require_no_whole(site: Site) -> None:
     validate = site.recipe.validate
-    if validate is not None and (validate.drive or validate.drives):
-        key = "drive" if validate.drive else "drives"
+    if validate is not None and validate.drives:
         raise RecipeError(
-            "a site in tiles is not driven: leave it out, and drive a part that "
+            "drives from random starts are for one world: leave it out, and drive in a part that "
             "`terrain-forge cut` takes",
-            key=("validate", key),
+            key=("validate", "drives"),
         )
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from terrain_forge import __version__
 from terrain_forge.base import size_text
+from terrain_forge.model import Trajectory
+from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.order import TileOrder
 from terrain_forge.tiling.picture import PICTURE, write_map
 
@@ -19,11 +23,15 @@ color:#221e1a;background:#faf8f5}h1{margin-bottom:0}table{border-collapse:collap
 td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd5cb}
 #map{position:relative;overflow:hidden;height:70vh;background:#2a2622;border-radius:6px;
 touch-action:none;cursor:grab}#plane{position:absolute;left:0;top:0;transform-origin:0 0}
+#plane svg{position:absolute;left:0;top:0;z-index:1;pointer-events:none}
+polyline{fill:none;stroke:#f2c230;stroke-width:3;vector-effect:non-scaling-stroke}
 #plane img{position:absolute;display:block}#place{font-variant-numeric:tabular-nums}
 figure{margin:1rem 0}figure img{max-width:100%}code{background:#efe9e1;padding:0 .2rem}
 @media(prefers-color-scheme:dark){body{color:#eee7de;background:#1c1916}code{background:#332d27}
 td,th{border-color:#443c34}}
 """
+_POINTS = 4000
+"""Points of a path on the map."""
 _SCRIPT = """
 const map=document.getElementById('map'),plane=document.getElementById('plane'),
 told=document.getElementById('place'),d=map.dataset,cells=+d.cells,across=+d.across,up=+d.up,
@@ -60,7 +68,12 @@ map.addEventListener('pointerup',()=>held=null);addEventListener('resize',fit);f
 """
 
 
-def write_page(order: TileOrder, verification: dict[str, Any], manifest: dict[str, Any]) -> None:
+def write_page(
+    order: TileOrder,
+    verification: dict[str, Any],
+    manifest: dict[str, Any],
+    paths: Sequence[Trajectory] = (),
+) -> None:
     """Write map.png and report.html; the page loads pictures of tiles as one looks closer."""
     write_map(order.grid, order.out)
     title = escape(order.site.name)
@@ -71,7 +84,7 @@ def write_page(order: TileOrder, verification: dict[str, Any], manifest: dict[st
     )
     body = (
         f"<h1>{title}</h1><p>{_lead(order, manifest)}</p>"
-        f"{_map(order)}{_rocks(verification)}{_exports(manifest)}"
+        f"{_map(order, paths)}{_paths(order, paths)}{_rocks(verification)}{_exports(manifest)}"
         f"<footer><p>World frame: x east, y north, z up, in metres. Made by terrain-forge "
         f"{__version__}.</p></footer>"
     )
@@ -95,7 +108,7 @@ def _lead(order: TileOrder, manifest: dict[str, Any]) -> str:
     )
 
 
-def _map(order: TileOrder) -> str:
+def _map(order: TileOrder, paths: Sequence[Trajectory]) -> str:
     grid = order.grid
     data = {
         "cells": grid.cells, "across": grid.across, "up": grid.up, "columns": grid.columns,
@@ -105,9 +118,42 @@ def _map(order: TileOrder) -> str:
     return (
         f'<h2>Map</h2><div id="map" role="img" aria-label="Map of the site from above" {told}>'
         f'<div id="plane"><img src="{PICTURE}" alt="" width="{grid.columns}" '
-        f'height="{grid.rows}"></div></div><p id="place">Turn the wheel to look closer, '
-        "drag to move.</p>"
+        f'height="{grid.rows}">{_lines(order, paths)}</div></div>'
+        '<p id="place">Turn the wheel to look closer, drag to move.</p>'
     )
+
+
+def _lines(order: TileOrder, paths: Sequence[Trajectory]) -> str:
+    """The paths over the map, in cells."""
+    if not paths:
+        return ""
+    site, grid = order.site, order.grid
+    drawn = ""
+    for path in paths:
+        chosen = np.linspace(0, len(path.time) - 1, min(len(path.time), _POINTS)).astype(np.int64)
+        places = (path.position[chosen, :2] - (site.west, site.south)) / site.spacing
+        points = " ".join(f"{column:.1f},{grid.rows - row:.1f}" for column, row in places.tolist())
+        drawn += f'<polyline points="{points}"><title>{escape(path.name)}</title></polyline>'
+    return f'<svg width="{grid.columns}" height="{grid.rows}">{drawn}</svg>'
+
+
+def _paths(order: TileOrder, paths: Sequence[Trajectory]) -> str:
+    if not paths:
+        return ""
+    rows = [(path.name, f"{path.length:,.1f} m", f"{path.time[-1]:,.0f} s") for path in paths]
+    told = f"<h2>Paths</h2>{_table(('path', 'length', 'takes'), rows)}"
+    checks = [
+        (
+            check["name"],
+            f"{check['figure']:.4g} {check['unit']}",
+            "–" if check["limit"] is None else f"{check['limit']:.4g}",
+            "passed" if check["passed"] else "failed",
+            check["note"],
+        )
+        for check in checks_of_drive(order)
+    ]
+    head = ("check", "found", "limit", "", "")
+    return told + (f"<h2>Drive</h2>{_table(head, checks)}" if checks else "")
 
 
 def _rocks(verification: dict[str, Any]) -> str:

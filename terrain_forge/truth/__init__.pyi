@@ -10,3 +10,4 @@ from .tiled import disjoint as disjoint
 from .tiled import require_parquet as require_parquet
 from .tiled import write_tile_truth as write_tile_truth
 from .traversability import rate_world as rate_world
+from .traversability import write_surroundings as write_surroundings

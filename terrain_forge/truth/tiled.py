@@ -18,13 +18,14 @@ from terrain_forge.truth.materials import write_materials
 from terrain_forge.truth.merging import count_rocks
 from terrain_forge.truth.rasters import rock_rasters
 from terrain_forge.truth.tables import write_rocks
+from terrain_forge.truth.traversability import rate_world, write_rasters
 from terrain_forge.writers import write_geotiff
 
 
 def write_tile_truth(
     tile: Tile, folder: Path, *, parquet: bool
 ) -> tuple[dict[str, Any], NDArray[np.int32]]:
-    """Write surface, rock on top, materials and the rocks; returns their counts, and the ids.
+    """Write surface, rock on top, slope, step, cost, materials, rocks; returns counts, and ids.
 
     Rasters hold the tile's nodes but those of its northern and eastern border, which the next
     tiles have; at the site's own border all.
@@ -38,10 +39,31 @@ def write_tile_truth(
     about = "id of the rock on top, -1 where there is none"
     write(folder / "rock_id.tif", rock_id[own], units="", nodata=-1, description=about)
     write_materials(world, folder, ground=ground, part=own)
+    if world.rover.wheels:
+        _write_traversability(tile, folder, ground, own)
     write_rocks(world, folder / "rocks.csv")
     if parquet:
         write_parquet(world, folder / "rocks.parquet")
     return count_rocks(world, rock_id), rock_id
+
+
+def _write_traversability(tile: Tile, folder: Path, ground: Any, own: tuple[slice, slice]) -> None:
+    """Write slope, step and cost as the whole site has them: what lies around the tile counts."""
+    inner, outer = tile.world.window, tile.whole.window
+    part = tuple(
+        slice(cells.start + shift, cells.stop + shift)
+        for cells, shift in zip(
+            own, (inner.row - outer.row, inner.column - outer.column), strict=True
+        )
+    )
+    write_rasters(
+        rate_world(tile.whole),
+        folder,
+        ground=ground,
+        site=tile.world.site,
+        part=(part[0], part[1]),
+        cloud_optimized=True,
+    )
 
 
 def disjoint(tile: Tile) -> tuple[Any, tuple[slice, slice]]:
@@ -55,7 +77,7 @@ def disjoint(tile: Tile) -> tuple[Any, tuple[slice, slice]]:
         )
     )
     ground = tile.ground.cut(column=0, row=0, columns=columns - 1, rows=rows - 1)
-    return ground, (slice(rows), slice(columns))
+    return ground, (slice(0, rows), slice(0, columns))
 
 
 def require_parquet() -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
-from terrain_forge.model import World, merge
+from terrain_forge.model import Heightfield, Site, Trajectory, World, merge
 from terrain_forge.paths import (
     IMPASSABLE,
     UNKNOWN,
@@ -44,20 +44,43 @@ def write_traversability(world: World, truth: Path) -> list[Path]:
     if not world.rover.wheels:
         return []
     field = rate_world(world)
+    files = write_rasters(field, truth, ground=world.ground, site=world.site)
+    files += write_map(field, truth / "map")
+    whole = [(slice(None), world, field)]
+    return files + [write_surroundings(path, whole, truth / "paths") for path in world.trajectories]
+
+
+def write_rasters(
+    field: Traversability,
+    truth: Path,
+    *,
+    ground: Heightfield,
+    site: Site,
+    part: tuple[slice, slice] = (slice(None), slice(None)),
+    cloud_optimized: bool = False,
+) -> list[Path]:
+    """Write slope, step and cost of a part of a field, which are the nodes of a ground."""
     rasters = {
         "slope": (np.where(field.slope < 0.0, field.slope, np.degrees(field.slope)), "deg",
                   "slope of the plane under the rover's footprint"),
         "step": (field.step, "m", "step of ground and rocks within a wheel's reach"),
         "cost": (field.cost, "", "cost for the rover's centre, 1 where it cannot be"),
     }  # fmt: skip
-    write = partial(write_geotiff, world_ground=world.ground, site=world.site, nodata=UNKNOWN)
     files = []
     for name, (grid, units, description) in rasters.items():
         files.append(truth / f"{name}.tif")
         finest = np.float32(_FINEST[name])
-        write(files[-1], np.rint(grid / finest) * finest, units=units, description=description)
-    files += write_map(field, truth / "map")
-    return files + write_surroundings(world, field, truth / "paths")
+        write_geotiff(
+            files[-1],
+            np.rint(grid[part] / finest) * finest,
+            world_ground=ground,
+            site=site,
+            units=units,
+            nodata=UNKNOWN,
+            description=description,
+            cloud_optimized=cloud_optimized,
+        )
+    return files
 
 
 def rate_world(world: World) -> Traversability:
@@ -104,30 +127,41 @@ def write_map(field: Traversability, folder: Path) -> list[Path]:
     return files
 
 
-def write_surroundings(world: World, field: Traversability, folder: Path) -> list[Path]:
-    """Write NAME.csv for each path: what the rover meets at its samples; returns the files.
+def write_surroundings(
+    path: Trajectory,
+    parts: Iterable[tuple[slice, World, Traversability]],
+    folder: Path,
+) -> Path:
+    """Write NAME.csv for a path: what the rover meets at its samples; returns the file.
 
     Columns: time, place, tilt of the ground, step under the wheels, clearance of the rover's centre
     and gap of its rectangle to what it does not go over (at most a little more than it needs), and
-    cost.
+    cost. Each part of the path's samples comes with the world around it.
     """
-    if world.trajectories:
-        folder.mkdir(exist_ok=True)
-    files = []
-    for path in world.trajectories:
-        met = survey_path(path, ground=world.ground, obstacles=field.obstacles, rover=world.rover)
-        place = path.position[met.sample, :2]
-        column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
-        figures = {
-            "time_s": path.time[met.sample],
-            "x_m": place[:, 0],
-            "y_m": place[:, 1],
-            "tilt_deg": np.degrees(met.tilt),
-            "step_m": met.step,
-            "clearance_m": field.clearance[row, column],
-            "gap_m": met.gap,
-            "cost": field.cost[row, column],
-        }
-        files.append(folder / f"{path.name}.csv")
-        write_table(files[-1], columns_of(tuple(figures), figures.values(), "%.4f"))
-    return files
+    folder.mkdir(parents=True, exist_ok=True)
+    found = [_meetings(path, part, world, field) for part, world, field in parts]
+    figures = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+    file = folder / f"{path.name}.csv"
+    write_table(file, columns_of(tuple(figures), figures.values(), "%.4f"))
+    return file
+
+
+def _meetings(
+    path: Trajectory, part: slice, world: World, field: Traversability
+) -> dict[str, NDArray[np.float64]]:
+    """What the rover meets at the samples of a part of a path."""
+    met = survey_path(
+        path, ground=world.ground, obstacles=field.obstacles, rover=world.rover, part=part
+    )
+    place = path.position[met.sample, :2]
+    column, row = np.rint((place - field.origin) / field.spacing).astype(np.int64).T
+    return {
+        "time_s": path.time[met.sample],
+        "x_m": place[:, 0],
+        "y_m": place[:, 1],
+        "tilt_deg": np.degrees(met.tilt),
+        "step_m": met.step,
+        "clearance_m": field.clearance[row, column],
+        "gap_m": met.gap,
+        "cost": field.cost[row, column],
+    }

@@ -1,5 +1,7 @@
 """Checking what was written with the programs that read it."""
 
+from .checks.drives import drive_checks as drive_checks
+from .checks.drives import drive_json as drive_json
 from .checks.dynamic import MOST_WATCHED as MOST_WATCHED
 from .consumer import Consumer as Consumer
 from .consumer import NotRun as NotRun

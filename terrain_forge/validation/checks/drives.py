@@ -97,7 +97,7 @@ class Drives(Inspection):
 
     def report(self) -> dict[str, Any]:
         """The drives' figures."""
-        one = {"drive": _drive_json(self.drive)} if self.drive else {}
+        one = {"drive": drive_json(self.drive)} if self.drive else {}
         many = {"drives": _starts_json(self._starts)} if self._starts else {}
         return {**one, **many}
 
@@ -216,7 +216,7 @@ def _figures(result: DriveResult) -> dict[str, tuple[float, str]]:
     return figures
 
 
-def _drive_json(result: DriveResult) -> dict[str, Any]:
+def drive_json(result: DriveResult) -> dict[str, Any]:
     """A drive for report.json."""
     energy = {**vars(result.energy), "dissipated": result.energy.dissipated}
     return {

@@ -62,6 +62,29 @@ def drive_through(world, folder, **limits):
     return drive(scene=folder / "scene.xml", trajectory=trajectory, rover=world.rover, spec=spec)
 
 
+def test_another_scene_of_the_same_ground_changes_nothing(tmp_path):
+    """The rover goes on in it as it stands and moves."""
+    way = line((-5, 0), (4, 0))
+    world = plain(way)
+    alone = drive_through(world, tmp_path)
+    scenes = [load_scene(tmp_path / "scene.xml") for _ in range(3)]
+    handed = list[float]()
+
+    def onward(progress):
+        if progress < 3.0 * (len(handed) + 1) or len(handed) == 2:
+            return None
+        handed.append(progress)
+        return scenes[len(handed)]
+
+    result = drive(scene=scenes[0], trajectory=way, rover=world.rover, spec=ARC, onward=onward)
+    assert len(handed) == 2
+    assert result.completed
+    assert len(result.time) == len(alone.time)
+    assert np.abs(result.position - alone.position).max() < 1e-3
+    assert np.abs(result.wheel_rate - alone.wheel_rate).max() < 0.02
+    assert result.energy.driving == pytest.approx(alone.energy.driving, rel=0.01)
+
+
 def boulder_at(position):
     """One rock of 2.5 m."""
     return (

@@ -16,6 +16,7 @@ from pxr import Usd, UsdGeom
 import terrain_forge as tf
 from terrain_forge.base import OutputError, RecipeError, StorageError
 from terrain_forge.truth import rock_rasters
+from terrain_forge.truth.traversability import write_traversability
 from tests.helpers import command_line as command
 from tests.unit.tiling.conftest import write_recipe
 
@@ -47,6 +48,20 @@ def test_rasters_of_all_tiles_are_those_of_one_world(built, whole):
                 assert tile.crs == raster.crs
                 assert tile.shape == (80, 80)
             assert raster.xy(raster.height - 1, 0) == pytest.approx((-25.0, -20.0))
+
+
+def test_traversability_of_all_tiles_is_that_of_one_world(built, whole, tmp_path):
+    write_traversability(whole, tmp_path)
+    for name in ("slope", "step", "cost"):
+        with rasterio.open(tmp_path / f"{name}.tif") as raster:
+            wanted = raster.read(1)[::-1]
+        assert len(np.unique(wanted)) > 100
+        for path in sorted(built.glob(f"tiles/*/*/truth/{name}.tif")):
+            row, column = (int(part) for part in path.parts[-4:-2])
+            with rasterio.open(path) as raster:
+                found = raster.read(1)[::-1]
+            here = wanted[80 * row :, 80 * column :]
+            assert np.array_equal(found, here[: found.shape[0], : found.shape[1]])
 
 
 def test_materials_of_all_tiles_are_those_of_one_world(built, whole):
@@ -137,7 +152,10 @@ def test_tiles_of_another_recipe_stay(built, tmp_path, changes, message):
         ({"size_m: 20": "size_m: 20.1"}, "20.1 m is not a whole number"),
         ({"size_m: 20": "size_m: 1"}, "tiles of 1 m are smaller than the ground that a rock"),
         ({"[geotiff, usd, glb, sdf]": "[mjcf]"}, "mjcf is not written tile by tile"),
-        ({"tiles:": "validate: {drives: 3}\ntiles:"}, "a site in tiles is not driven"),
+        (
+            {"tiles:": "validate: {drives: 3}\ntiles:"},
+            "from random starts are for one world",
+        ),
     ],
 )
 def test_what_cannot_be_is_told_before_anything_is_written(tmp_path, changes, message):
