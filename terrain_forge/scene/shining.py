@@ -1,7 +1,6 @@
 """Light that comes back from what the eight rays of a packet see: texture, tracks, reflectance.
 
-Reflectance is the lunar-Lambert law (McEwen 1991, doi:10.1016/0019-1035(91)90228-U) with an
-opposition surge.
+Ground and rocks send it back by the law of `photometry.py`, a rover by Lambert's.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ from terrain_forge.scene.stage import (
 )
 
 _0, _HALF, _1, _2, _TINY = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-6))
-_ROUGH, _LEAST_MU, _SURGE, _SURGE_WIDTH = (np.float32(n) for n in (0.05**2, 0.1, 0.5, 0.08))
+_ROUGH, _LEAST_MU, _ROVER = (np.float32(n) for n in (0.05**2, 0.1, -4.0))
 _SHADE = np.float32(0.7)
 _TREAD, _TREAD_PHASE, _FULL_TURN = np.float32(0.09), np.float32(0.25), np.float32(2.0 * np.pi)
 
@@ -265,18 +264,25 @@ def _shine_sky(space, stage, channel):  # type: ignore[no-untyped-def]
 
 @merged
 def _reflect(space, stage):  # type: ignore[no-untyped-def]
-    """Lunar-Lambert reflectance over albedo times the cosine of incidence."""
-    sun_x, sun_y, sun_z, lunar = stage.sun[0], stage.sun[1], stage.sun[2], stage.lunar
+    """Light that comes back over that of a surface as light as the albedo that faces the Sun."""
+    sun_x, sun_y, sun_z, law = stage.sun[0], stage.sun[1], stage.sun[2], stage.law
+    last = law.shape[1] - 2
     for lane in range(LANES):
         x, y, z = space[BENT_X + lane], space[BENT_Y + lane], space[BENT_Z + lane]
         a, b, c = space[AIM_X + lane], space[AIM_Y + lane], space[AIM_Z + lane]
         mu0 = x * sun_x + y * sun_y + z * sun_z
         mu0 = _HALF * (mu0 + np.sqrt(mu0 * mu0 + _ROUGH))
         mu = max(-(x * a + y * b + z * c), _LEAST_MU)
-        phase = -(sun_x * a + sun_y * b + sun_z * c)
-        half = np.sqrt(max(_0, _1 - phase) / (_1 + phase + _TINY))
-        surge = _1 + _SURGE / (_1 + half / _SURGE_WIDTH)
-        back = surge * (lunar * _2 * mu0 / (mu0 + mu) + (_1 - lunar) * mu0)
+        x, y, w = sun_x + a, sun_y + b, sun_z + c  # between eye and Sun
+        half = _HALF * np.sqrt(x * x + y * y + w * w)
+        place = min(np.sqrt(half), _1) * np.float32(last + 1)
+        i = min(max(np.int64(place), np.int64(0)), last)  # an unaimed lane may hold anything
+        t = place - np.float32(i)
+        lommel = law[0, i] + t * (law[0, i + 1] - law[0, i])
+        lambert = law[1, i] + t * (law[1, i + 1] - law[1, i])
+        if space[OWNER + lane] == _ROVER:
+            lommel, lambert = _0, _1
+        back = mu0 * (lommel / (mu0 + mu) + lambert)
         space[BACK + lane] = back * (_1 - _SHADE * space[DARK + lane])
         # Ground that grain tilts sees less of the sky.
         space[OPEN + lane] *= min(_1, (_1 + z) / (_1 + space[SMOOTH_Z + lane]))

@@ -69,8 +69,8 @@ class Stage(NamedTuple):
     """From the Sun's middle to its upper limb, over its distance."""
     sun_side: tuple[np.float32, np.float32, np.float32]
     """From the Sun's middle to its limb beside, over its distance."""
-    lunar: np.float32
-    """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
+    law: NDArray[np.float32]
+    """How ground and rocks send light back, as `photometric_law` makes it."""
     haze: np.float32
     """Distance after which 1/e of the contrast is left [m]; infinite without air."""
 
@@ -139,7 +139,7 @@ def prepare_stage(
         sun=triple32(light.towards_sun),
         sun_up=triple32(light.upwards),
         sun_side=triple32(light.sideways),
-        lunar=np.float32(light.lunar),
+        law=light.law.astype(np.float32),
         haze=np.float32(light.haze),
     )
 
