@@ -37,6 +37,7 @@ from terrain_forge.scene.lanes import (
     SMOOTH_Y,
     SMOOTH_Z,
     SOIL_RGB,
+    STEP,
     WIDE,
     set_unit,
 )
@@ -260,6 +261,35 @@ def _shine_sky(space, stage, channel):  # type: ignore[no-untyped-def]
         near, far = stage.dome[1, j, channel], stage.dome[1, j + 1, channel]
         across, around = low + u * (high - low), near + v * (far - near)
         space[PLACE_Z + lane] = across * around + stage.colours[EVEN, channel]
+    if len(stage.disc) > 0:
+        _shine_disc(space, stage, channel)
+
+
+_COLOUR = 7
+
+
+@merged
+def _shine_disc(space, stage, channel):  # type: ignore[no-untyped-def]
+    """Add the Earth's radiance, as `Disc.radiance` has it, to that of the sky."""
+    disc = stage.disc[0]
+    radius = disc[3]
+    for lane in range(LANES):
+        x = (space[AIM_X + lane] - disc[0]) / radius
+        y = (space[AIM_Y + lane] - disc[1]) / radius
+        z = (space[AIM_Z + lane] - disc[2]) / radius
+        away = np.sqrt(x * x + y * y + z * z)
+        covered = min(_1, max(_0, _HALF + (_1 - away) * radius / space[STEP + lane]))
+        if space[AIM_Z + lane] < stage.lowest:
+            covered = _0
+        inside = _1 / max(away, _1)
+        x, y, z = x * inside, y * inside, z * inside
+        nearer = np.sqrt(max(_0, _1 - x * x - y * y - z * z))
+        lit = (
+            (x - nearer * disc[0]) * disc[4]
+            + (y - nearer * disc[1]) * disc[5]
+            + (z - nearer * disc[2]) * disc[6]
+        )
+        space[PLACE_Z + lane] += covered * max(_0, lit) * disc[_COLOUR + channel]
 
 
 @merged
