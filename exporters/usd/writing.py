@@ -17,6 +17,7 @@ from terrain_forge.geometry import (
     collision_losses,
     detail_loss,
     dome_image,
+    dome_level,
     largest_outline_error,
     level_of_detail,
     light_levels,
@@ -108,8 +109,9 @@ def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), towards).GetQuat()
     UsdGeom.Xformable(sun).AddOrientOp().Set(Gf.Quatf(turn))
     sky = UsdLux.DomeLight.Define(stage, f"/{ROOT}/Sky")
-    sky.CreateIntensityAttr(levels.sky)
-    if lighting.dust is None:
+    level = dome_level(lighting, levels)
+    sky.CreateIntensityAttr(levels.sky if level is None else level)
+    if level is None:
         sky.CreateColorAttr(Gf.Vec3f(*lighting.sky_rgb))
         return
     sky.CreateTextureFileAttr(Sdf.AssetPath(f"./assets/{SKY}"))

@@ -4,6 +4,7 @@ from .beyond import horizon_surface as horizon_surface
 from .beyond import with_horizon_loss as with_horizon_loss
 from .beyond import write_horizon_mesh as write_horizon_mesh
 from .dome import dome_image as dome_image
+from .dome import dome_level as dome_level
 from .ground_mesh import cell_bands as cell_bands
 from .ground_mesh import grid_faces as grid_faces
 from .ground_mesh import grid_normals as grid_normals

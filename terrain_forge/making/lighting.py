@@ -33,6 +33,8 @@ def light_of(site: Site) -> Lighting:
     if sun.by_date:
         ephemeris, lonlat = place_of(site, key=("sun", "time"))
         return light_at(site, moment_of(sun, ephemeris, lonlat))
+    if site.recipe.sky.stars:
+        raise RecipeError("stars need the date: give sun.time", key=("sky", "stars"))
     dust, sky_rgb = _air(site)
     return Lighting(
         sun_azimuth=float(np.radians(sun.azimuth_deg)),
@@ -67,7 +69,7 @@ def lighting(site: Site, above: Above, at: int, time: str) -> Lighting:
     ephemeris, _ = place_of(site, key=("sun", "time"))
     azimuth, elevation = compass(above.sun[at])
     nearness = ephemeris.orbit.semi_major[0] / float(above.sun_distance[at])
-    earth = above.earth[at]
+    earth, lit, sky = above.earth[at], above.earth_sun[at], site.recipe.sky
     dust, sky_rgb = _air(site)
     return Lighting(
         sun_azimuth=azimuth,
@@ -81,6 +83,9 @@ def lighting(site: Site, above: Above, at: int, time: str) -> Lighting:
         season=float(above.season[at]),
         earth=(float(earth[0]), float(earth[1]), float(earth[2])),
         earth_diameter=float(above.earth_diameter[at]),
+        earth_sun=(float(lit[0]), float(lit[1]), float(lit[2])),
+        celestial=above.celestial[at] if sky.stars else None,
+        star_gain=sky.star_gain if sky.stars else 1.0,
     )
 
 
@@ -89,9 +94,14 @@ def _air(site: Site) -> tuple[Dust | None, tuple[float, float, float]]:
     dust, tau = site.body.dust, site.recipe.sky.tau
     if tau is not None and dust is None:
         raise RecipeError(f"{site.body.name} has no dusty air", key=("sky", "tau"))
-    if dust is None or tau is None:
-        return dust, site.body.sky_rgb
-    return (dust.replace(tau=tau), site.body.sky_rgb) if tau else (None, (0.0, 0.0, 0.0))
+    sky_rgb = site.body.sky_rgb
+    if dust is not None and tau is not None:
+        dust, sky_rgb = (dust.replace(tau=tau), sky_rgb) if tau else (None, (0.0, 0.0, 0.0))
+    if site.recipe.sky.stars and max(sky_rgb) > 0.0:
+        raise RecipeError(
+            f"no stars are seen by day through the air of {site.body.name}", key=("sky", "stars")
+        )
+    return dust, sky_rgb
 
 
 def place_of(site: Site, *, key: tuple[str | int, ...]) -> tuple[Ephemeris, tuple[float, float]]:

@@ -15,6 +15,7 @@ from .body import Chronology as Chronology
 from .body import CraterConstants as CraterConstants
 from .body import Dust as Dust
 from .body import Frictions as Frictions
+from .body import Photometry as Photometry
 from .body import ProductionFunction as ProductionFunction
 from .body import Soil as Soil
 from .body import SurfaceFriction as SurfaceFriction

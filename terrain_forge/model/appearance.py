@@ -105,6 +105,13 @@ class Lighting(Record):
     """Unit vector (east, north, up) to the Earth, where the date is known."""
     earth_diameter: float = 0.0
     """Angle that the Earth fills [rad], where the date is known."""
+    earth_sun: tuple[float, float, float] | None = None
+    """From the Earth to the Sun (east, north, up) over the Sun's distance from here, where the date
+    is known."""
+    celestial: Array | None = field(default=None, metadata=shaped(3, 3))
+    """From the celestial frame of J2000 to east, north, up, where stars are shown, shape [3, 3]."""
+    star_gain: float = 1.0
+    """How much brighter than they are stars are shown."""
 
     @property
     def towards_sun(self) -> Array:

@@ -174,6 +174,30 @@ class Dust(Record):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Photometry(Record):
+    """How the light that ground and rocks send back hangs on the angles: figures of Hapke's law.
+
+    Hapke 2012, Theory of Reflectance and Emittance Spectroscopy, doi:10.1017/CBO9781139025683,
+    without coherent backscatter and with the porosity factor 1. Colours scale it.
+    """
+
+    albedo: float
+    """Albedo w of a single particle, which tells how much is scattered more than once."""
+    lobe: float
+    """b: how narrow both lobes of a particle are, 0 where it scatters alike all around."""
+    back: float
+    """c: (1 + c) / 2 of what it scatters is in the lobe towards the light."""
+    surge: float
+    """B₀: how much brighter its shadows' hiding makes it, where the light comes from behind."""
+    surge_width: float
+    """h: tangent of half the phase angle at which half of that is left."""
+    roughness: float
+    """Mean slope of what is too small to be seen [rad]."""
+    source: str
+    """Where the figures come from."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Body(Record):
     """A planet or moon as far as a rover's world needs it."""
 
@@ -214,6 +238,8 @@ class Body(Record):
     """Shapes and numbers of craters."""
     dust: Dust | None = None
     """Dust in its air, with the optical depth of a usual day; None without air."""
+    photometry: Photometry | None = None
+    """How its surface sends light back; None for Lambert's law."""
     ephemeris: Ephemeris | None = None
     """Orbit, rotation and figure, which tell the Sun's place by date; None where a recipe must give
     its azimuth and elevation."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.model import Lighting, Mesh
 from terrain_forge.scene.light import Light, triple
+from terrain_forge.scene.photometry import photometric_law, reflected
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.subject import Subject
 from terrain_forge.sky import SKY_STEPS, daylight
@@ -68,15 +69,15 @@ def prepare_stones(scene: RayScene) -> Stones:
 def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Light:
     """Sun and sky, exposed so that level sunlit ground shows in its own colour.
 
-    `facing` is the cosine of the angle that level ground is seen under.
+    `facing` is the cosine of the angle that level ground is seen under, with the Sun from the side.
     """
     radius = 0.5 * subject.sun_diameter
     sine, cosine = np.sin(lighting.sun_azimuth), np.cos(lighting.sun_azimuth)
     low, high = np.cos(lighting.sun_elevation), np.sin(lighting.sun_elevation)
     air = lighting.dust is not None or max(lighting.sky_rgb) > 0.0
     up = max(float(lighting.towards_sun[2]), 0.05)
-    lunar = 0.35 if air else 0.75
-    level, grazing = (lunar * 2.0 * up / (up + mu) + (1.0 - lunar) * up for mu in (facing, 0.1))
+    law = photometric_law(subject.photometry)
+    level = reflected(law, up, facing, up * facing)
     albedo = linear_from_srgb(subject.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
     from_sky, dome, even, through = _sky(lighting, albedo)
     sun = (1.0 - from_sky) / level
@@ -90,10 +91,9 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
         dome=dome,
         even=triple(even),
         through=through,
-        plain=triple(albedo * (sun * grazing + from_sky)),
         haze=_haze(lighting),
         airy=air,
-        lunar=lunar,
+        law=law,
     )
 
 

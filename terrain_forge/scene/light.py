@@ -32,14 +32,12 @@ class Light(NamedTuple):
     """What is added to it all over the sky, linear RGB."""
     through: float
     """What of the Sun's light on level ground gets through the air, directly or as the sky's."""
-    plain: Triple
-    """Level ground without an edge, linear RGB."""
     haze: float
     """Distance after which 1/e of the contrast is left [m]; infinite without air."""
     airy: bool
     """Whether there is a sky that shines."""
-    lunar: float
-    """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
+    law: NDArray[np.float64]
+    """How surfaces send light back, as `photometric_law` makes it."""
 
 
 def triple(vector: Any) -> Triple:

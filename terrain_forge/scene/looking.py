@@ -34,6 +34,7 @@ from terrain_forge.scene.embree import COHERENT
 from terrain_forge.scene.lanes import DIRECT, OWNER, RANGE, REST, SMOOTH_X, STEP, WORKSPACE, meet
 from terrain_forge.scene.lending import borrow
 from terrain_forge.scene.packets import LANES, hit_rock
+from terrain_forge.scene.points import SIDE, add_points
 from terrain_forge.scene.relief import relief_about
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.shining import shine
@@ -123,6 +124,8 @@ def look(
         over_chunks(refine, len(pixels), *given, state, pixels)
         more = np.empty(8 * len(pixels), np.int64)
         pixels = more[: spread(state, pixels, more)]
+    if len(stage.points):
+        over_chunks(add_points, -(-height // SIDE), stage.points, stage.point_rgb, view, seen)
     return seen
 
 

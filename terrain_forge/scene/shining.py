@@ -1,7 +1,6 @@
 """Light that comes back from what the eight rays of a packet see: texture, tracks, reflectance.
 
-Reflectance is the lunar-Lambert law (McEwen 1991, doi:10.1016/0019-1035(91)90228-U) with an
-opposition surge.
+Ground and rocks send it back by the law of `photometry.py`, a rover by Lambert's.
 """
 
 from __future__ import annotations
@@ -38,6 +37,7 @@ from terrain_forge.scene.lanes import (
     SMOOTH_Y,
     SMOOTH_Z,
     SOIL_RGB,
+    STEP,
     WIDE,
     set_unit,
 )
@@ -67,7 +67,7 @@ from terrain_forge.scene.stage import (
 )
 
 _0, _HALF, _1, _2, _TINY = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-6))
-_ROUGH, _LEAST_MU, _SURGE, _SURGE_WIDTH = (np.float32(n) for n in (0.05**2, 0.1, 0.5, 0.08))
+_ROUGH, _LEAST_MU, _ROVER = (np.float32(n) for n in (0.05**2, 0.1, -4.0))
 _SHADE = np.float32(0.7)
 _TREAD, _TREAD_PHASE, _FULL_TURN = np.float32(0.09), np.float32(0.25), np.float32(2.0 * np.pi)
 
@@ -261,22 +261,58 @@ def _shine_sky(space, stage, channel):  # type: ignore[no-untyped-def]
         near, far = stage.dome[1, j, channel], stage.dome[1, j + 1, channel]
         across, around = low + u * (high - low), near + v * (far - near)
         space[PLACE_Z + lane] = across * around + stage.colours[EVEN, channel]
+    if len(stage.disc) > 0:
+        _shine_disc(space, stage, channel)
+
+
+_COLOUR = 7
+
+
+@merged
+def _shine_disc(space, stage, channel):  # type: ignore[no-untyped-def]
+    """Add the Earth's radiance, as `Disc.radiance` has it, to that of the sky."""
+    disc = stage.disc[0]
+    radius = disc[3]
+    for lane in range(LANES):
+        x = (space[AIM_X + lane] - disc[0]) / radius
+        y = (space[AIM_Y + lane] - disc[1]) / radius
+        z = (space[AIM_Z + lane] - disc[2]) / radius
+        away = np.sqrt(x * x + y * y + z * z)
+        covered = min(_1, max(_0, _HALF + (_1 - away) * radius / space[STEP + lane]))
+        if space[AIM_Z + lane] < stage.lowest:
+            covered = _0
+        inside = _1 / max(away, _1)
+        x, y, z = x * inside, y * inside, z * inside
+        nearer = np.sqrt(max(_0, _1 - x * x - y * y - z * z))
+        lit = (
+            (x - nearer * disc[0]) * disc[4]
+            + (y - nearer * disc[1]) * disc[5]
+            + (z - nearer * disc[2]) * disc[6]
+        )
+        space[PLACE_Z + lane] += covered * max(_0, lit) * disc[_COLOUR + channel]
 
 
 @merged
 def _reflect(space, stage):  # type: ignore[no-untyped-def]
-    """Lunar-Lambert reflectance over albedo times the cosine of incidence."""
-    sun_x, sun_y, sun_z, lunar = stage.sun[0], stage.sun[1], stage.sun[2], stage.lunar
+    """Light that comes back over that of a surface as light as the albedo that faces the Sun."""
+    sun_x, sun_y, sun_z, law = stage.sun[0], stage.sun[1], stage.sun[2], stage.law
+    last = law.shape[1] - 2
     for lane in range(LANES):
         x, y, z = space[BENT_X + lane], space[BENT_Y + lane], space[BENT_Z + lane]
         a, b, c = space[AIM_X + lane], space[AIM_Y + lane], space[AIM_Z + lane]
         mu0 = x * sun_x + y * sun_y + z * sun_z
         mu0 = _HALF * (mu0 + np.sqrt(mu0 * mu0 + _ROUGH))
         mu = max(-(x * a + y * b + z * c), _LEAST_MU)
-        phase = -(sun_x * a + sun_y * b + sun_z * c)
-        half = np.sqrt(max(_0, _1 - phase) / (_1 + phase + _TINY))
-        surge = _1 + _SURGE / (_1 + half / _SURGE_WIDTH)
-        back = surge * (lunar * _2 * mu0 / (mu0 + mu) + (_1 - lunar) * mu0)
+        x, y, w = sun_x + a, sun_y + b, sun_z + c  # between eye and Sun
+        half = _HALF * np.sqrt(x * x + y * y + w * w)
+        place = min(np.sqrt(half), _1) * np.float32(last + 1)
+        i = min(max(np.int64(place), np.int64(0)), last)  # an unaimed lane may hold anything
+        t = place - np.float32(i)
+        lommel = law[0, i] + t * (law[0, i + 1] - law[0, i])
+        lambert = law[1, i] + t * (law[1, i + 1] - law[1, i])
+        if space[OWNER + lane] == _ROVER:
+            lommel, lambert = _0, _1
+        back = mu0 * (lommel / (mu0 + mu) + lambert)
         space[BACK + lane] = back * (_1 - _SHADE * space[DARK + lane])
         # Ground that grain tilts sees less of the sky.
         space[OPEN + lane] *= min(_1, (_1 + z) / (_1 + space[SMOOTH_Z + lane]))

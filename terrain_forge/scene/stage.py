@@ -13,6 +13,7 @@ from terrain_forge.scene.buffers import prepare_light, prepare_stones, resampled
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.skylight import sky_shares
+from terrain_forge.sky import earth_disc, sky_points
 
 HEIGHT, SLOPE_X, SLOPE_Y, SKY, GRAIN = range(5)
 GROUND_RGB = GRAIN + 3
@@ -70,8 +71,18 @@ class Stage(NamedTuple):
     """From the Sun's middle to its upper limb, over its distance."""
     sun_side: tuple[np.float32, np.float32, np.float32]
     """From the Sun's middle to its limb beside, over its distance."""
-    lunar: np.float32
-    """Part of the Lommel-Seeliger term, 0 (Lambert) to 1."""
+    law: NDArray[np.float32]
+    """How ground and rocks send light back, as `photometric_law` makes it."""
+    disc: NDArray[np.float32]
+    """The Earth, if it is more than a point: unit vector to it, half the angle that it fills [rad],
+    unit vector from there to the Sun, radiance where it is full, shape [0 or 1, 7 + channels]."""
+    points: NDArray[np.float32]
+    """Unit vectors to points of light in the sky, shape [points, 3]."""
+    point_rgb: NDArray[np.float32]
+    """What comes from them, radiance times solid angle, shape [points, channels]."""
+    lowest: np.float32
+    """Sine of the elevation above which the sky is seen through: where nothing lies beyond the
+    ground's edge, what is below that is not sky."""
     haze: np.float32
     """Distance after which 1/e of the contrast is left [m]; infinite without air."""
 
@@ -126,6 +137,10 @@ def prepare_stage(
         faces = np.concatenate([faces, beyond.mesh.faces + len(normals)])
         normals = np.concatenate([normals, beyond.normals])
         land = linear_from_srgb(np.arange(256) / 255.0)[beyond.rgb]
+    points, point_rgb = sky_points(lighting)
+    lowest = np.float32(0.0 if beyond is None else -1.0)
+    shown = points[:, 2] > lowest
+    points, point_rgb = points[shown], point_rgb[shown]
     return Stage(
         nodes=nodes,
         corner_x=np.float32(ground.origin[0] - scene.origin[0]),
@@ -147,7 +162,11 @@ def prepare_stage(
         sun=triple32(light.towards_sun),
         sun_up=triple32(light.upwards),
         sun_side=triple32(light.sideways),
-        lunar=np.float32(light.lunar),
+        law=light.law.astype(np.float32),
+        disc=_disc(lighting, light.sun, channels),
+        points=points.astype(np.float32),
+        point_rgb=bands(np.pi * point_rgb * np.array(light.sun), channels),
+        lowest=lowest,
         haze=np.float32(light.haze),
     )
 
@@ -171,6 +190,14 @@ def prepare_wheels(scene: RayScene, plan: Array) -> Wheels:
 def bands(rgb: Array, channels: int) -> NDArray[np.float32]:
     """Linear colours as a picture's channels."""
     return np.asarray(rgb if channels == 3 else rgb.mean(axis=-1, keepdims=True), np.float32)
+
+
+def _disc(lighting: Lighting, sun: tuple[float, ...], channels: int) -> NDArray[np.float32]:
+    if (disc := earth_disc(lighting)) is None:
+        return np.empty((0, 7 + channels), np.float32)
+    rgb = bands((disc.rgb * np.array(sun))[None], channels)[0]
+    numbers = np.concatenate([disc.towards, [disc.radius], disc.sun, rgb])
+    return np.asarray(numbers[None], np.float32)
 
 
 def _dome(dome: Array, channels: int) -> NDArray[np.float32]:

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, Rows, shaped
-from terrain_forge.model import USUAL, Heightfield, Horizon, Lighting, Mesh, World, merge, rotations
+from terrain_forge.model import (
+    USUAL,
+    Heightfield,
+    Horizon,
+    Lighting,
+    Mesh,
+    Photometry,
+    World,
+    merge,
+    rotations,
+)
 from terrain_forge.scene.rock_tile import no_tile, rock_tile
 from terrain_forge.scene.tints import rock_colours
 
@@ -55,6 +65,8 @@ class Subject(Record):
     """Angle that the Sun's disc fills [rad]."""
     seed: int
     """Seed of the fine texture."""
+    photometry: Photometry | None = None
+    """How ground and instances send light back; None for Lambert's law."""
     tracks: tuple[Array, ...] = ()
     """Paths that wheels have left tracks along, east and north [m], shape [points, 2] each."""
     half_gauge: float = 0.5
@@ -119,6 +131,7 @@ def subject_of(world: World) -> Subject:
         lighting=world.lighting,
         sun_diameter=world.sun_diameter,
         seed=world.site.seed,
+        photometry=world.site.body.photometry,
         horizon=world.horizon,
         tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
         **wheels,

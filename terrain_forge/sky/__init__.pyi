@@ -9,6 +9,9 @@ from .dust import SKY_STEPS as SKY_STEPS
 from .dust import Daylight as Daylight
 from .dust import beam as beam
 from .dust import daylight as daylight
+from .heavens import Disc as Disc
+from .heavens import earth_disc as earth_disc
+from .heavens import sky_points as sky_points
 from .moments import day_of as day_of
 from .moments import days_of as days_of
 from .moments import read_time as read_time

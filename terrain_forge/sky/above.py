@@ -12,7 +12,7 @@ from terrain_forge.sky.orbits import AU, about_sun, axes, cross, earth_about_sun
 
 _LIGHT = 299_792.458 * 86_400.0
 """How far light goes in a day [km]."""
-_SUN_RADIUS = 695_700.0
+SUN_RADIUS = 695_700.0
 """Nominal radius of the Sun [km], IAU 2015 resolution B3."""
 _STEP = 0.01
 """Days over which velocities are taken."""
@@ -34,6 +34,11 @@ class Above(Record):
     """Distance of the Earth [m], shape [times]."""
     earth_diameter: Array = field(metadata=shaped("times"))
     """Angle that the Earth fills [rad], shape [times]."""
+    earth_sun: Array = field(metadata=shaped("times", 3))
+    """From the Earth to the Sun (east, north, up) over the Sun's distance from here, shape
+    [times, 3]."""
+    celestial: Array = field(metadata=shaped("times", 3, 3))
+    """From the celestial frame of J2000 to east, north, up, shape [times, 3, 3]."""
     season: Array = field(metadata=shaped("times"))
     """Areocentric longitude of the Sun, Ls, or its like on another body [rad], 0 to 2π, shape
     [times]."""
@@ -66,10 +71,12 @@ def look_up(ephemeris: Ephemeris, lonlat: tuple[float, float], days: Array) -> A
     return Above(
         sun=portable.product(seen[0], local.T),
         sun_distance=distances[0] / AU,
-        sun_diameter=2.0 * portable.arcsin(_SUN_RADIUS / distances[0]),
+        sun_diameter=2.0 * portable.arcsin(SUN_RADIUS / distances[0]),
         earth=portable.product(seen[1], local.T),
         earth_distance=1e3 * distances[1],
         earth_diameter=2.0 * portable.arcsin(1e-3 * EARTH_RADIUS / distances[1]),
+        earth_sun=portable.product((sun - earth) / distances[0][:, None], local.T),
+        celestial=(local[None, :, :, None] * turn[:, None, :, :]).sum(axis=2),
         season=_season(turn[:, 2], orbit_pole(ephemeris.orbit, days), unit(-here)),
         solar_time=np.remainder(0.5 + (lonlat[0] - longitude) / (2.0 * np.pi), 1.0),
     )

@@ -85,3 +85,8 @@ class SkySpec(Spec):
     tau: Annotated[float, Interval(ge=0, le=10)] | None = None
     """Optical depth of the dust, 0 for none; a usual day of the body where it is left out. On Mars
     0.3 is clear, 1 dusty, above 3 a storm."""
+    stars: bool = False
+    """Whether stars down to magnitude 5 stand in a black sky; the Sun must be given by a date."""
+    star_gain: Annotated[float, Interval(gt=0, le=1e7)] = 3e4
+    """How much brighter than they are stars are shown. At 1, as they are, none is bright enough to
+    show beside ground in the Sun."""

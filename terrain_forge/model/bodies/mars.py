@@ -21,12 +21,15 @@ Orbit and rotation: at their values. Ellipsoid: IAU 2009, the same report.
 
 from __future__ import annotations
 
+import math
+
 from terrain_forge.model.body import (
     Body,
     Chronology,
     CraterConstants,
     Dust,
     Frictions,
+    Photometry,
     ProductionFunction,
     Soil,
     sheared,
@@ -111,6 +114,16 @@ MARS = Body(
         "grains of 1.6 µm (van de Hulst 1957), the rest so that the mean cosine is 0.66 "
         "(Tomasko et al.); optical depth of a clear season (Lemmon et al. 2015, "
         "doi:10.1016/j.icarus.2014.03.029)",
+    ),
+    photometry=Photometry(
+        albedo=0.85,
+        lobe=0.12,
+        back=0.2,
+        surge=1.0,
+        surge_width=0.05,
+        roughness=math.radians(17.0),
+        source="mean of the planet's surface in orbital images without the air: Vincendon 2013, "
+        "arXiv:1208.4518 (c there is the part scattered back, 0.6)",
     ),
     ephemeris=Ephemeris(
         orbit=KeplerOrbit(

@@ -19,11 +19,14 @@ Ellipsoid: IAU 2015, Archinal et al. 2018, doi:10.1007/s10569-017-9805-5.
 
 from __future__ import annotations
 
+import math
+
 from terrain_forge.model.body import (
     Body,
     Chronology,
     CraterConstants,
     Frictions,
+    Photometry,
     ProductionFunction,
     Soil,
     sheared,
@@ -77,6 +80,15 @@ MERCURY = Body(
                 "doi:10.1016/S0032-0633(01)00089-7, coefficients as in Craterstats",
             ),
         ),
+    ),
+    photometry=Photometry(
+        albedo=0.22,
+        lobe=0.18,
+        back=1.1,
+        surge=2.7,
+        surge_width=0.09,
+        roughness=math.radians(20.0),
+        source="650 nm: Warell & Valegård 2006, doi:10.1051/0004-6361:20065850, table 1",
     ),
     ephemeris=Ephemeris(
         orbit=KeplerOrbit(

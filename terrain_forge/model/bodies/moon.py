@@ -17,11 +17,14 @@ Orbit and rotation: at their values.
 
 from __future__ import annotations
 
+import math
+
 from terrain_forge.model.body import (
     Body,
     Chronology,
     CraterConstants,
     Frictions,
+    Photometry,
     ProductionFunction,
     Soil,
     sheared,
@@ -77,6 +80,16 @@ MOON = Body(
                 source="Neukum et al. 2001, doi:10.1023/A:1011989004263",
             ),
         ),
+    ),
+    photometry=Photometry(
+        albedo=0.222,
+        lobe=0.254,
+        back=0.160,
+        surge=1.993,
+        surge_width=0.0597,
+        roughness=math.radians(23.657),
+        source="643 nm at Tranquility Base in the maps of Sato et al. 2014, "
+        "doi:10.1002/2013JE004580 (the cell's figures are known at second hand)",
     ),
     ephemeris=Ephemeris(
         orbit=EARTH_ORBIT,

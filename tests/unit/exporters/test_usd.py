@@ -514,6 +514,20 @@ def test_the_sky_lights_the_world(small_world, stage):
     assert 0 < sky.GetIntensityAttr().Get() < small_world.lighting.irradiance
 
 
+def brightest(sky, rows, columns):
+    """A dome's image, the sum of its colours, and the direction of its brightest pixel."""
+    file = Path(sky.GetTextureFileAttr().Get().resolvedPath).read_bytes()
+    header, pixels = file.split(f"-Y {rows} +X {columns}\n".encode(), 1)
+    assert header.startswith(b"#?RADIANCE")
+    image = np.frombuffer(pixels, np.uint8).reshape(rows, columns, 4).astype(float)
+    bright = image[..., :3].sum(axis=-1) * 2.0 ** (image[..., 3] - 136.0)
+    row, column = np.unravel_index(bright.argmax(), bright.shape)
+    # OpenEXR's map of longitudes, which USD takes: the middle on z, to its right towards -x.
+    lat, lon = np.pi * (0.5 - (row + 0.5) / rows), np.pi * (1.0 - 2.0 * (column + 0.5) / columns)
+    own = Gf.Vec3d(np.cos(lat) * np.sin(lon), np.sin(lat), np.cos(lat) * np.cos(lon))
+    return bright, UsdGeom.Xformable(sky).GetLocalTransformation().TransformDir(own)
+
+
 def test_a_dusty_sky_is_an_image_with_its_glow_where_the_sun_is(small_world, tmp_path):
     light = small_world.lighting.replace(
         dust=MARS.dust, sun_azimuth=np.radians(60.0), sun_elevation=np.radians(20.0)
@@ -521,17 +535,33 @@ def test_a_dusty_sky_is_an_image_with_its_glow_where_the_sun_is(small_world, tmp
     export(small_world.replace(lighting=light), tmp_path, options=Options())
     stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
     sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
-    file = Path(sky.GetTextureFileAttr().Get().resolvedPath).read_bytes()
-    header, pixels = file.split(b"-Y 256 +X 512\n", 1)
-    assert header.startswith(b"#?RADIANCE")
-    image = np.frombuffer(pixels, np.uint8).reshape(256, 512, 4).astype(float)
-    bright = image[..., :3].sum(axis=-1) * 2.0 ** (image[..., 3] - 136.0)
-    row, column = np.unravel_index(bright.argmax(), bright.shape)
-    # OpenEXR's map of longitudes, which USD takes: the middle on z, to its right towards -x.
-    lat, lon = np.pi * (0.5 - (row + 0.5) / 256), np.pi * (1.0 - 2.0 * (column + 0.5) / 512)
-    own = Gf.Vec3d(np.cos(lat) * np.sin(lon), np.sin(lat), np.cos(lat) * np.cos(lon))
-    towards = UsdGeom.Xformable(sky).GetLocalTransformation().TransformDir(own)
+    _, towards = brightest(sky, 256, 512)
     assert np.dot(towards, light.towards_sun) > np.cos(np.radians(1.5))
+
+
+def test_a_black_sky_is_an_image_with_the_earth_and_stars(small_world, tmp_path):
+    earth = np.array([-0.5, 0.6, 0.62]) / np.linalg.norm([-0.5, 0.6, 0.62])
+    light = small_world.lighting.replace(
+        sky_rgb=(0.0, 0.0, 0.0), earth=tuple(earth), earth_diameter=0.033,
+        earth_sun=tuple(-earth), celestial=np.eye(3), star_gain=10.0,
+    )  # fmt: skip
+    export(small_world.replace(lighting=light), tmp_path, options=Options())
+    stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
+    sky = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
+    image, towards = brightest(sky, 512, 1024)
+    assert np.dot(towards, earth) > np.cos(0.0165)
+    # As bright as the Sun makes it, from all that is on its disc: 2/3 of its albedo over π.
+    level = sky.GetIntensityAttr().Get()
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun")).GetIntensityAttr().Get()
+    up = np.pi * (0.5 - (np.arange(512) + 0.5) / 512)
+    received = level * (image * np.cos(up)[:, None]).sum() * (np.pi / 512) ** 2
+    assert received / sun == pytest.approx(0.95 * 2.0 / 3.0 * 0.0165**2, rel=0.1)
+    assert 500 < (image > 0.0).sum() < 1800
+    # Sirius, in the frame that this light has: a third of that image's longitudes from the north.
+    ra, dec = np.radians((101.287, -16.716))
+    east, north = np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra)
+    column = int(np.arctan2(east, north) % (2 * np.pi) / np.pi * 512)
+    assert image[int((0.5 - dec / np.pi) * 512), column] > 0.0
 
 
 @pytest.fixture(scope="module")
