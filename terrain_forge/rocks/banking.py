@@ -132,15 +132,18 @@ def _banks(
     if isinstance(contact, WindContact):
         towards = np.radians(wind_from(contact, site) + 180.0)
         lee, windward = contact.drift * height, contact.moat * height
+        hidden = np.full_like(height, np.inf)
         laid, tail = (float(np.sin(towards)), float(np.cos(towards)), 1.0), contact.tail * height
     else:
         worn = wear_rate(diameter) * contact.exposure_myr
         lee, windward = np.sqrt(1.5 * _CONTACT_SLOPE * worn * height), np.zeros_like(height)
+        hidden = buried / (1.0 - buried) * height  # a fillet lifts no rock off the ground beneath
         laid, tail = (0.0, 1.0, 0.0), np.zeros_like(height)
     fade = np.clip((diameter / site.spacing - _FEWEST) / (_FULL - _FEWEST), 0.0, 1.0)
     yaw = scattered.yaw[rows]
+    most = np.minimum(_HIGHEST_BANK * height, hidden)
     rocks = np.column_stack(
-        [scattered.xy[rows], np.cos(yaw), np.sin(yaw), diameter, height, lee, windward, tail, fade]
+        [scattered.xy[rows], np.cos(yaw), np.sin(yaw), diameter, most, lee, windward, tail, fade]
     )
     named = np.column_stack([scattered.id[rows], shape]).astype(np.int64)
     outlines = np.array([_outline(prototype) for prototype in shapes])
@@ -203,13 +206,13 @@ def _bank(  # type: ignore[no-untyped-def]
 @inner
 def _drawn(rock, own, laid):  # type: ignore[no-untyped-def]
     """The wind of a rock, what it lays to the lee and digs before it, tail and width [m]."""
-    height, fade, amount = rock[5], rock[9], 2.0 * uniform(mix(own, 0))
+    most, fade, amount = rock[5], rock[9], 2.0 * uniform(mix(own, 0))
     if laid[2] == 0.0:
-        lee = fade * min(rock[6] * np.sqrt(amount), _HIGHEST_BANK * height)
+        lee = fade * min(rock[6] * np.sqrt(amount), most)
         return 0.0, 0.0, lee, lee, 0.0, 2.0 * lee / _CONTACT_SLOPE
     turn = _JITTER * (2.0 * uniform(mix(own, 1)) - 1.0)
     cos, sin = np.cos(turn), np.sin(turn)
-    lee = fade * min(rock[6] * amount, _HIGHEST_BANK * height)
+    lee = fade * min(rock[6] * amount, most)
     windward = -fade * rock[7] * (2.0 - amount)
     tail = rock[8] * (0.5 + 0.5 * amount) if rock[6] > 0.0 else 0.0
     width = 2.0 * max(lee, -windward) / _CONTACT_SLOPE
@@ -226,7 +229,9 @@ def _height(rock, bank, outline, dx, dy, spacing):  # type: ignore[no-untyped-de
         outline, rock[2] * dx + rock[3] * dy, rock[2] * dy - rock[3] * dx
     )
     share = 0.5 + 0.5 * along / away if away > 0.0 else 0.5
-    rim = windward + share * (lee - windward)
+    rim = lee  # a fillet's
+    if windward <= 0.0:
+        rim = lee * share + windward * (1.0 - share) * (1.0 - share)
     if away < edge:
         part = away * away / (edge * edge)
         height = windward + (rim - windward) * part * part
