@@ -12,6 +12,7 @@ from terrain_forge.making.lighting import light_of
 from terrain_forge.model import Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories
 from terrain_forge.rocks import (
+    FILLED,
     bank_reach,
     bank_soil,
     drifted_soil,
@@ -41,8 +42,9 @@ def make_world(
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
     reach = bank_reach(site, library)
+    known = margin + (FILLED * site.spacing if reach else 0.0)
     around = site.padded(
-        window, max(margin, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
+        window, max(known, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
     )
     bare = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
     progress("rocks", 0.0)
@@ -70,9 +72,9 @@ def make_world(
     )
     own = owned(rocks, ground, site.bounds)
     laid = None
-    if banked and (soil := drifted_soil(site)) != "regolith":
+    if banked:
         own_nodes = np.s_[row : row + window.rows + 1, column : column + window.columns + 1]
-        laid = banked.raised[own_nodes], soil
+        laid = banked.raised[own_nodes], drifted_soil(site)
     appearance = paint(site, window, bare, laid=laid)
     progress("paths", 0.0)
     rover = rover_of(site)

@@ -4,6 +4,7 @@ from .arrangement import AroundCraters as AroundCraters
 from .arrangement import Clustered as Clustered
 from .arrangement import Crater as Crater
 from .arrangement import Poisson as Poisson
+from .banking import FILLED as FILLED
 from .banking import Banked as Banked
 from .banking import bank_reach as bank_reach
 from .banking import bank_soil as bank_soil

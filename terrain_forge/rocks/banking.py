@@ -5,7 +5,9 @@ drawn burial alone, so that what embeds them has the ground as it will be. Outsi
 the bank runs out as (1 - d / w)², with 25° at the rock; beneath the rock, where nobody sees it, it
 goes down to the lowest that it has anywhere around. So the ground at a rock's centre is the lowest
 soil that touches it, from which its diameter and its burial count. Banks that meet are as high as
-the higher, and as deep as the deeper, so that no order of the rocks changes the ground.
+the higher, and as deep as the deeper, so that no order of the rocks changes the ground. Soil fills
+what is rough beneath it: the thicker it is, the nearer the ground comes to the mean of the nodes
+around.
 """
 
 from __future__ import annotations
@@ -38,6 +40,9 @@ from terrain_forge.rocks.contact import (
 from terrain_forge.rocks.embedding.exposure import DEEPEST, exposure
 from terrain_forge.rocks.embedding.outline import edges, exposed_diameter, exposed_points
 from terrain_forge.rocks.scattering.scatter import Scattered
+
+FILLED = 3
+"""Nodes around one over whose mean soil lies even."""
 
 _CONTACT_SLOPE = 0.466
 """Rise of a bank where it meets its rock: 25°."""
@@ -77,7 +82,7 @@ def bank_soil(
     """The ground with what lies at the static rocks; None where the recipe wants none.
 
     A node has the same height whatever part of the site the ground is, if all rocks are there that
-    lie within `bank_reach` of it.
+    lie within `bank_reach` of it, and `FILLED` nodes around it.
 
     Args:
         site: The place.
@@ -96,8 +101,9 @@ def bank_soil(
         places = (site.west, site.south), (column, row), site.spacing
         banks = _banks(contact, site, scattered, static, library)
         over_chunks(_bank, len(raised), *banks, places, raised, scoured)
-    elevation = (ground.elevation.astype(np.float64) + raised) - scoured
-    return Banked(ground.replace(elevation=elevation.astype(np.float32)), raised)
+    elevation = ground.elevation.copy()
+    over_chunks(_lay, len(raised), ground.elevation, raised, scoured, elevation)
+    return Banked(ground.replace(elevation=elevation), raised)
 
 
 def bank_reach(site: Site, library: RockLibrary) -> float:
@@ -201,6 +207,26 @@ def _bank(  # type: ignore[no-untyped-def]
                     raised[j, i] = height
                 if -height > scoured[j, i]:
                     scoured[j, i] = -height
+
+
+@kernel
+def _lay(first, last, bare, raised, scoured, elevation):  # type: ignore[no-untyped-def]
+    """The ground of some rows, with its soil."""
+    rows, columns = bare.shape
+    for j in range(first, last):
+        for i in range(columns):
+            soil = np.float64(raised[j, i])
+            height = np.float64(bare[j, i]) + soil - np.float64(scoured[j, i])
+            if soil > 0.0:
+                south, north = max(j - FILLED, 0), min(j + FILLED + 1, rows)
+                west, east = max(i - FILLED, 0), min(i + FILLED + 1, columns)
+                total = 0.0
+                for row in range(south, north):
+                    for column in range(west, east):
+                        total += np.float64(bare[row, column])
+                hollow = total / ((north - south) * (east - west)) - np.float64(bare[j, i])
+                height += hollow * soil / (soil + abs(hollow))
+            elevation[j, i] = height
 
 
 @inner

@@ -125,7 +125,7 @@ def colour_ground(
         first = strip.row - window.row
         own = slice(first, first + strip.rows + 1)
         base = _base(site, strip, spec, materials, None if material is None else material[own])
-        if laid is not None:
+        if laid is not None and laid[1] != "regolith":
             base = _covered(base, laid[0][own], soil_tint(laid[1], site.body))
         over_chunks(
             _paint,
@@ -146,8 +146,12 @@ def colour_ground(
 
 def _covered(base: Array, thickness: NDArray[np.float32], tint: Array) -> Array:
     """Linear colour where soil of another tint lies on the ground, more or less of it."""
-    share = np.minimum(thickness.astype(np.float64) / _HIDING, 1.0)
-    return base * (1.0 + share[..., None] * (tint - 1.0))
+    return base * (1.0 + _covering(thickness)[..., None] * (tint - 1.0))
+
+
+def _covering(thickness: NDArray[np.float32]) -> Array:
+    """Share of the ground that so much soil hides."""
+    return np.minimum(thickness.astype(np.float64) / _HIDING, 1.0)
 
 
 def paint(
@@ -180,6 +184,7 @@ def paint(
         detail=ground_detail(spec.detail, site),
         materials=materials,
         material=material,
+        drift=None if laid is None else np.rint(255.0 * _covering(laid[0])).astype(np.uint8),
     )
 
 

@@ -197,11 +197,30 @@ def test_dust_brightens_what_it_lies_on_and_nothing_else():
     bare = tf.realise(tf.plan(recipe(NoContact())))
     assert np.array_equal(own.appearance.ground_rgb, bare.appearance.ground_rgb)
     assert np.array_equal(own.ground.elevation, dusty.ground.elevation)
-    raised = dusty.ground.elevation - bare.ground.elevation
+    covered = dusty.appearance.drift
+    assert covered.max() == 255
     brighter = dusty.appearance.ground_rgb.astype(int) - bare.appearance.ground_rgb
-    assert brighter[raised > 0.01].min() > 0
-    assert not brighter[raised == 0.0].any()
+    assert brighter[covered == 255].min() > 0
+    assert brighter[covered == 0].max() <= 1  # less than 20 µm of dust
     assert brighter.min() == 0
+    pebbles = dusty.appearance.grain[..., 0]
+    assert pebbles[covered == 255].max() < 0.2 * pebbles[covered == 0].min()
+
+
+def test_soil_evens_what_is_rough_beneath_it():
+    """A spike under a fillet: hidden by as much soil as it is high, half gone."""
+    place, scattered = site(FilletContact(exposure_myr=60.0)), rocks(1)
+    level = flat(place)
+    found, raised = bank_soil(site=place, scattered=scattered, library=LIBRARY, ground=level)
+    j, i = np.unravel_index(raised.argmax(), raised.shape)
+    spiked = level.elevation.copy()
+    spiked[j, i] += 0.02
+    over = bank_soil(
+        site=place, scattered=scattered, library=LIBRARY, ground=level.replace(elevation=spiked)
+    ).ground
+    above = float(over.elevation[j, i] - found.elevation[j, i])
+    soil, spike = float(raised[j, i]), 0.02 * 48 / 49
+    assert above == pytest.approx(0.02 - spike * soil / (soil + spike), abs=1e-6)
 
 
 def test_the_mean_height_hardly_changes():
