@@ -17,8 +17,9 @@ from terrain_forge.geometry import (
     rock_maps,
     rock_texture,
     surface,
+    vertex_dust,
 )
-from terrain_forge.model import Mesh, RockField, Tile, World
+from terrain_forge.model import Mesh, RockField, Tile, World, rotations
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     ROCK,
@@ -31,6 +32,8 @@ from terrain_forge.writers import (
 
 from .ground import matt, tile_corner
 
+_UPRIGHT = 0.8
+"""Cosine of a rock's lean up to which its shape's top is its own."""
 _BLOCK = 4096
 """Rocks whose nodes are one text."""
 _PIECES = tuple(
@@ -56,16 +59,25 @@ def rock_meshes(
     """Add the meshes that the rocks share; returns the index of each rock's, shape [rocks].
 
     A mesh is a level of detail of a shape in the look of a population; those of one shape share
-    their arrays. `levels` are the rocks' levels of detail, shape [rocks].
+    their arrays. Dust lies on top of rocks that lie as their shape does; one that was settled on
+    another side has none. `levels` are the rocks' levels of detail, shape [rocks].
     """
     prototypes = world.library.prototypes
     bumpy = world.library.normals is not None
-    shape = cache(
-        lambda kind, level: gltf.add_surface(surface(prototypes[kind], level), bumpy=bumpy)
-    )
-    picture = cache(
-        lambda n: gltf.add_texture(encode_png(rock_texture(world, n, tinted=True)), tiles=True)
-    )
+    cut = cache(lambda kind, level: surface(prototypes[kind], level))
+    shape = cache(lambda kind, level: gltf.add_surface(cut(kind, level), bumpy=bumpy))
+
+    @cache
+    def picture(population: int) -> int:
+        image = rock_texture(world, population, tinted=True, dusty=True)
+        return gltf.add_texture(encode_png(image), tiles=True)
+
+    @cache
+    def dust(kind: int, level: int, population: int, upright: int) -> int:
+        up = cut(kind, level).normals[:, 2]
+        lying = up if upright else np.full_like(up, -1.0)
+        return gltf.add_colours(vertex_dust(world, population, lying))
+
     relief = _add_maps(world, gltf) if len(rocks) else {}
 
     @cache
@@ -76,11 +88,14 @@ def rock_meshes(
         return gltf.add("materials", made)
 
     tints = rock_tints(rocks.id, world.site.seed)
-    kinds = np.stack([rocks.prototype, levels, rocks.population, tints], axis=-1)
+    upright = rotations(rocks)[:, 2, 2] > _UPRIGHT
+    kinds = np.stack([rocks.prototype, levels, rocks.population, tints, upright], axis=-1)
     distinct, kind_of_rock = np.unique(kinds, axis=0, return_inverse=True)
     meshes = []
-    for prototype, level, population, tint in distinct.tolist():
+    for prototype, level, population, tint, lies in distinct.tolist():
         primitive = {**shape(prototype, level), "material": look(population, tint)}
+        colours = dust(prototype, level, population, lies)
+        primitive["attributes"] = {**primitive["attributes"], "COLOR_0": colours}
         name = f"rock_shape_{prototype:03}_{level}_{world.field.populations[population]}_{tint}"
         meshes.append(gltf.add("meshes", {"name": name, "primitives": [primitive]}))
     return np.array(meshes, np.int64)[kind_of_rock.reshape(-1)]
@@ -130,6 +145,8 @@ def merged_rocks(
             places = vertices - corner
             normals, indices = vertex_normals(places, faces), gltf.add_indices(faces)
             primitive = gltf.add_primitive(places, normals, indices)
+            colours = vertex_dust(tile.whole, population, normals[:, 2])
+            primitive["attributes"]["COLOR_0"] = gltf.add_colours(colours)
             primitive["material"] = materials[population]
             mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})
             nodes.append({"name": name, "mesh": mesh, "translation": corner.tolist()})

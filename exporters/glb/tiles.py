@@ -34,6 +34,7 @@ from terrain_forge.geometry import (
     merge_in_parts,
     shifted,
     tile_anchor,
+    vertex_dust,
 )
 from terrain_forge.model import BuiltTile, Mesh, RockField, Tile, TiledSite, TileGrid, World
 from terrain_forge.writers import Gltf, encode_png, vertex_normals
@@ -131,10 +132,11 @@ def _write_level(
         gltf.add("meshes", {"name": "ground", "primitives": [primitive]})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
         for population, name, vertices, faces in _merged(rocks, shapes, local):
-            rgb = mean_rock_colour(tile.world, population).tolist()
-            piece = gltf.add_primitive(
-                vertices, vertex_normals(vertices, faces), gltf.add_indices(faces)
-            )
+            rgb = mean_rock_colour(tile.world, population, dusty=True).tolist()
+            normals = vertex_normals(vertices, faces)
+            piece = gltf.add_primitive(vertices, normals, gltf.add_indices(faces))
+            colours = vertex_dust(tile.world, population, normals[:, 2])
+            piece["attributes"]["COLOR_0"] = gltf.add_colours(colours)
             piece["material"] = gltf.add("materials", matt(name, rgb=rgb))
             mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
             nodes.append({"name": name, "mesh": mesh})

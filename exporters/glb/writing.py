@@ -89,9 +89,13 @@ def _tiles(
     nodes = []
     small = world.field.diameter < options.instances_min_m
     merged = world.replace(field=world.field.select(small))
+    names = world.field.populations if small.any() else ()
     materials = [
-        gltf.add("materials", matt(f"{name}_mean", rgb=mean_rock_colour(world, n).tolist()))
-        for n, name in enumerate(world.field.populations if small.any() else ())
+        gltf.add(
+            "materials",
+            matt(f"{name}_mean", rgb=mean_rock_colour(world, n, dusty=True).tolist()),
+        )
+        for n, name in enumerate(names)
     ]
     for tile in merged.tiles(cells=options.tile_cells):
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, image_rows, portable, srgb_from_linear
 from terrain_forge.model import RockField, RockLibrary, World
-from terrain_forge.scene import tint_colours
+from terrain_forge.scene import dusty_factors, tint_colours
 
 
 def inertias(field: RockField, library: RockLibrary) -> Array:
@@ -34,11 +34,14 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     return moments, np.roll(Rotation.from_matrix(axes).as_quat(), 1, axis=-1)
 
 
-def rock_texture(world: World, population: int, *, tinted: bool = False) -> NDArray[np.uint8]:
+def rock_texture(
+    world: World, population: int, *, tinted: bool = False, dusty: bool = False
+) -> NDArray[np.uint8]:
     """The sRGB image that tiles over a population's rocks, first row on top.
 
     Its mean is that of the population's colours; `tinted`, for formats whose materials multiply it
-    by `rock_factors`, it is the lightest of them in each channel.
+    by `rock_factors`, it is the lightest of them in each channel; `dusty`, for those whose vertices
+    multiply it by `vertex_dust`, it has all of the dust.
 
     Returns:
         Pixels, shape [rows, columns, 3]; texture coordinates of 1 are the image's width and height.
@@ -46,6 +49,8 @@ def rock_texture(world: World, population: int, *, tinted: bool = False) -> NDAr
     # 256 brightnesses at most: colours are looked up, not computed for each pixel.
     colours = tint_colours(world)[population]
     colour = colours.max(axis=0) if tinted else colours.mean(axis=0)
+    if dusty:
+        colour = colour * _lightest(world, population)
     shades = np.arange(256)[:, None] / world.library.texture.mean() * colour
     table = np.rint(255.0 * srgb_from_linear(np.minimum(shades, 1.0))).astype(np.uint8)
     pixels: NDArray[np.uint8] = table[image_rows(world.library.texture)]
@@ -56,6 +61,26 @@ def rock_factors(world: World, population: int) -> Array:
     """What the texture's linear light is multiplied by for each tint, 0 to 1, shape [TINTS, 3]."""
     colours = tint_colours(world)[population]
     return np.asarray(colours / np.maximum(colours.max(axis=0), 1e-9))
+
+
+def vertex_dust(world: World, population: int, up: Array) -> NDArray[np.uint8]:
+    """Linear colours of vertices by the dust that lies on them, opaque, shape [vertices, 4].
+
+    They multiply a colour that has all of the dust. Dust lies as our own pictures have it.
+
+    Args:
+        world: The world.
+        population: Whose rocks.
+        up: How far the vertices' normals rise, -1 to 1, shape [vertices]; -1 where no dust lies.
+    """
+    share = dusty_factors(world, population, up) / _lightest(world, population)
+    opaque = np.ones((len(up), 1))
+    return np.rint(255.0 * np.minimum(np.hstack([share, opaque]), 1.0)).astype(np.uint8)
+
+
+def _lightest(world: World, population: int) -> Array:
+    """The largest that dust can make of a population's colours, at least 1, shape [3]."""
+    return np.asarray(np.maximum(dusty_factors(world, population, np.ones(1))[0], 1.0))
 
 
 def rock_maps(world: World) -> tuple[NDArray[np.uint8], NDArray[np.uint8]] | None:
@@ -71,9 +96,13 @@ def rock_maps(world: World) -> tuple[NDArray[np.uint8], NDArray[np.uint8]] | Non
     return image_rows(normals), image_rows(roughness)
 
 
-def mean_rock_colour(world: World, population: int) -> Array:
-    """Mean linear colour of a population's rocks, 0 to 1, shape [3]: for those without texture."""
-    return np.asarray(tint_colours(world)[population].mean(axis=0))
+def mean_rock_colour(world: World, population: int, *, dusty: bool = False) -> Array:
+    """Mean linear colour of a population's rocks, 0 to 1, shape [3]: for those without texture.
+
+    With all of the dust where it is `dusty`, as `rock_texture`.
+    """
+    mean = tint_colours(world)[population].mean(axis=0)
+    return np.asarray(np.minimum(mean * _lightest(world, population), 1.0) if dusty else mean)
 
 
 def mean_rock_srgb(world: World, population: int) -> list[float]:

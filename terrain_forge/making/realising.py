@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
+
 from terrain_forge.base import Stopwatch
 from terrain_forge.making.horizon import make_horizon
 from terrain_forge.making.lighting import light_of
 from terrain_forge.model import Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories
 from terrain_forge.rocks import (
+    FILLED,
+    bank_reach,
+    bank_soil,
+    drifted_soil,
     find_library,
     place_rocks,
+    reaching,
     rock_margin,
     scatter,
 )
@@ -34,16 +41,12 @@ def make_world(
     library = find_library(recipe.rocks.library, custom=site.meshes)
     progress("ground", 0.0)
     margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
+    reach = bank_reach(site, library)
+    known = margin + (FILLED * site.spacing if reach else 0.0)
     around = site.padded(
-        window, max(margin, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
+        window, max(known, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
     )
-    land = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
-    ground = land.cut(
-        column=window.column - around.column,
-        row=window.row - around.row,
-        columns=window.columns,
-        rows=window.rows,
-    )
+    bare = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
     progress("rocks", 0.0)
     scattered = scatter(
         site=site,
@@ -51,18 +54,28 @@ def make_world(
         lists=lists,
         library=library,
         window=window,
-        ground=land,
+        ground=bare,
+        margin=margin + reach if reach else 0.0,
     )
+    banked = bank_soil(site=site, scattered=scattered, library=library, ground=bare)
+    land = banked.ground if banked else bare
+    row, column = window.row - around.row, window.column - around.column
+    ground = land.cut(column=column, row=row, columns=window.columns, rows=window.rows)
     rocks = place_rocks(
-        scattered,
+        scattered.select(reaching(scattered, site=site, library=library, window=window)),
         site=site,
         library=library,
         ground=land,
+        bare=bare,
         settled=settled,
         progress=partial(progress, "rocks: settling the dynamic ones"),
     )
     own = owned(rocks, ground, site.bounds)
-    appearance = paint(site, window, land)
+    laid = None
+    if banked:
+        own_nodes = np.s_[row : row + window.rows + 1, column : column + window.columns + 1]
+        laid = banked.raised[own_nodes], drifted_soil(site)
+    appearance = paint(site, window, bare, laid=laid)
     progress("paths", 0.0)
     rover = rover_of(site)
     return World(

@@ -13,6 +13,8 @@ from terrain_forge.model.body import Dust
 
 USUAL = (0.6, 1.0, 0.0)
 """Pebbles, roughness and slabs of ground of which nothing is known."""
+_OF_DRIFT = np.array([0.15, 0.6, 0.0])
+"""The same of soil laid at rocks, over those of what it lies on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,6 +68,11 @@ class Appearance(Record):
         default=None, metadata=shaped("rows", "columns", dtype=np.uint8)
     )
     """Index into `materials` at each node, shape [rows, columns]; None where all is the first."""
+    drift: NDArray[np.uint8] | None = field(
+        default=None, metadata=shaped("rows", "columns", dtype=np.uint8)
+    )
+    """Share of each node that soil laid at rocks covers, 255 for all of it, shape [rows, columns];
+    None for none. It has fewer pebbles and is finer than what it lies on."""
 
     @property
     def grain(self) -> NDArray[np.uint8]:
@@ -75,6 +82,10 @@ class Appearance(Record):
         levels = np.clip(np.rint(100.0 * table), 0, 255).astype(np.uint8)
         whole = self.material is None
         grain = np.tile(levels[0], (rows, columns, 1)) if whole else levels[self.material]
+        if self.drift is not None:
+            covered = self.drift > 0
+            share = self.drift[covered][:, None] / 255.0
+            grain[covered] = np.rint(grain[covered] * (1.0 - share * (1.0 - _OF_DRIFT)))
         grain.setflags(write=False)  # as the arrays of records are: one kernel serves both
         return np.asarray(grain)
 

@@ -117,10 +117,8 @@ class World(Record):
         everyone = merge(self.field, self.neighbours)
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
         near = touches(everyone, ground, self.library) & ~own
-        colours = self.appearance.ground_rgb[row : row + rows + 1, column : column + columns + 1]
-        material = self.appearance.material
-        if material is not None:
-            material = material[row : row + rows + 1, column : column + columns + 1]
+        nodes = np.s_[row : row + rows + 1, column : column + columns + 1]
+        looks = self.appearance
         return self.replace(
             window=Window(
                 column=self.window.column + column,
@@ -129,7 +127,11 @@ class World(Record):
                 rows=rows,
             ),
             ground=ground,
-            appearance=self.appearance.replace(ground_rgb=colours, material=material),
+            appearance=looks.replace(
+                ground_rgb=looks.ground_rgb[nodes],
+                material=None if looks.material is None else looks.material[nodes],
+                drift=None if looks.drift is None else looks.drift[nodes],
+            ),
             field=everyone.select(own),
             neighbours=everyone.select(near),
             horizon=None,

@@ -4,6 +4,14 @@ from .arrangement import AroundCraters as AroundCraters
 from .arrangement import Clustered as Clustered
 from .arrangement import Crater as Crater
 from .arrangement import Poisson as Poisson
+from .banking import FILLED as FILLED
+from .banking import Banked as Banked
+from .banking import bank_reach as bank_reach
+from .banking import bank_soil as bank_soil
+from .contact import FilletContact as FilletContact
+from .contact import NoContact as NoContact
+from .contact import WindContact as WindContact
+from .contact import drifted_soil as drifted_soil
 from .editing import add_rock as add_rock
 from .editing import remove_rocks as remove_rocks
 from .embedding.dynamic import dynamic_contact as dynamic_contact
@@ -48,6 +56,7 @@ from .scattering.layer_craters import with_layer_craters as with_layer_craters
 from .scattering.overlap import find_overlaps as find_overlaps
 from .scattering.overlap import overlapping_pairs as overlapping_pairs
 from .scattering.scatter import Scattered as Scattered
+from .scattering.scatter import reaching as reaching
 from .scattering.scatter import rock_margin as rock_margin
 from .scattering.scatter import scatter as scatter
 from .settling import place_rocks as place_rocks

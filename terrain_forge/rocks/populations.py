@@ -23,6 +23,7 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import Site, Window
 from terrain_forge.rocks.arrangement import Arrangement, Poisson
+from terrain_forge.rocks.contact import Contact
 from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.library import LibrarySpec
 
@@ -215,6 +216,10 @@ class RocksSpec(Spec):
     exclusion_zones: tuple[ExclusionSpec, ...] = ()
     """Circles that no scattered rock reaches into, as a landing pad or the rover's start; listed
     rocks are left where they are."""
+
+    contact: Contact | None = None
+    """What the ground does at static rocks that are at least two spacings wide: `wind`, `fillets`
+    or `none`; by default wind on Mars and fillets on bodies without air."""
 
     @property
     def groups(self) -> tuple[PopulationSpec | RockListSpec, ...]:

@@ -66,6 +66,7 @@ def place_rocks(
     site: Site,
     library: RockLibrary,
     ground: Heightfield,
+    bare: Heightfield | None = None,
     settled: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> RockField:
@@ -75,7 +76,8 @@ def place_rocks(
         scattered: rocks with their places on the plane.
         site: the place.
         library: their shapes.
-        ground: the bare ground under all of them.
+        ground: the ground under all of them.
+        bare: the same without the soil that lies at rocks; by default `ground`.
         settled: whether to settle the dynamic ones; else they are embedded too.
         progress: called with the share of the dynamic ones that are settled, 0 to 1.
     """
@@ -87,6 +89,7 @@ def place_rocks(
         ground=ground,
         density=density,
         burial=burial_ranges(site),
+        bare=bare,
     )
     if not settled:
         return embedded

@@ -14,6 +14,7 @@ from terrain_forge.scene.light import Light, triple
 from terrain_forge.scene.photometry import photometric_law, reflected
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.subject import Subject
+from terrain_forge.scene.tints import TOP_DUST, TOP_DUST_AIRLESS
 from terrain_forge.sky import SKY_STEPS, daylight
 from terrain_forge.writers import vertex_normals
 
@@ -62,7 +63,7 @@ def prepare_stones(scene: RayScene) -> Stones:
         first_face=first[stones.mesh],
         faces=faces,
         normals=normals,
-        dust=0.55 if airy else 0.25,
+        dust=TOP_DUST if airy else TOP_DUST_AIRLESS,
     )
 
 

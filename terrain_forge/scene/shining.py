@@ -65,6 +65,7 @@ from terrain_forge.scene.stage import (
     SUN,
     TURN,
 )
+from terrain_forge.scene.tints import DUST_FROM, DUST_OVER
 
 _0, _HALF, _1, _2, _TINY = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-6))
 _ROUGH, _LEAST_MU, _ROVER = (np.float32(n) for n in (0.05**2, 0.1, -4.0))
@@ -146,8 +147,8 @@ def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anc
             space[RGB + LANES * channel + lane] *= space[VALUE + lane] * (_1 - _DARKER * depth)
 
 
-_LOW_0, _LOW_1, _UP, _UP_VALUE, _LOW_DUST, _SPOTS, _SOILED = (
-    np.float32(n) for n in (0.04, 0.12, 0.35, 1.0, 0.6, 1.0, 0.4)
+_LOW_0, _LOW_1, _UP, _OVER, _UP_VALUE, _LOW_DUST, _SPOTS, _SOILED = (
+    np.float32(n) for n in (0.04, 0.12, DUST_FROM, DUST_OVER, 1.0, 0.6, 1.0, 0.4)
 )
 _SMOOTH = np.float32(1e-3)  # things that are made for a size below this have no relief [m]
 
@@ -184,7 +185,7 @@ def _grow_faces(space, stage):  # type: ignore[no-untyped-def]
             - (record[TURN + 6] * x + record[TURN + 7] * y + record[TURN + 8] * z),
         )  # fmt: skip
         low = max(_0, _1 - space[ABOVE + lane] / (_LOW_0 + _LOW_1 * space[WIDE + lane]))
-        up = (space[BENT_Z + lane] - _UP + _UP_VALUE * value) / _HALF
+        up = (space[BENT_Z + lane] - _UP + _UP_VALUE * value) / _OVER
         dust = min(_1, stage.dust * min(_1, max(_0, up)) + _LOW_DUST * low * low)
         for channel in range(channels):
             bare = space[RGB + LANES * channel + lane] * (_1 + _SPOTS * value)

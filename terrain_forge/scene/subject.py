@@ -107,7 +107,7 @@ class Subject(Record):
 
 def subject_of(world: World) -> Subject:
     """A world for the renderer: the instances are its rocks and those that reach into it, by id."""
-    rocks, rover = merge(world.field, world.neighbours), world.rover
+    rocks, rover, looks = merge(world.field, world.neighbours), world.rover, world.appearance
     wheels: dict[str, Any] = {}
     if rover.wheels:
         wheels = {
@@ -116,8 +116,8 @@ def subject_of(world: World) -> Subject:
         }
     return Subject(
         ground=world.ground,
-        ground_rgb=world.appearance.ground_rgb,
-        grain=None if world.appearance.material is None else world.appearance.grain,
+        ground_rgb=looks.ground_rgb,
+        grain=None if looks.material is None and looks.drift is None else looks.grain,
         instances=Instances(
             meshes=tuple(prototype.meshes[0] for prototype in world.library.prototypes),
             mesh=rocks.prototype,

@@ -17,6 +17,12 @@ TINTS = len(_TINTS)
 """How many colours a population's rocks have."""
 
 
+TOP_DUST, TOP_DUST_AIRLESS = 0.55, 0.25
+"""How much of the soil's colour lies on what looks up, with air and without: assumptions."""
+DUST_FROM, DUST_OVER = 0.35, 0.5
+"""Rise of a face's normal from which dust lies on it, and what more it takes for all of it."""
+
+
 def rock_tints(ids: NDArray[np.int32], seed: int) -> NDArray[np.int64]:
     """Which of its population's colours each of some rocks has; it is the same in any window."""
     return (_spread(ids, seed) * TINTS).astype(np.int64)
@@ -24,12 +30,28 @@ def rock_tints(ids: NDArray[np.int32], seed: int) -> NDArray[np.int64]:
 
 def tint_colours(world: World) -> Array:
     """Linear colours of the populations' rocks, shape [populations, TINTS, 3]."""
-    looks = world.appearance
-    bare = linear_from_srgb(looks.rock_rgb / 255.0)[:, None, :]
-    known = looks.materials[0].rgb if looks.materials else world.site.body.ground_rgb
+    bare = linear_from_srgb(world.appearance.rock_rgb / 255.0)[:, None, :]
     tone, dust = _TINTS[:, :1], _TINTS[:, 1:]
     colours = tone * bare
-    return np.asarray(np.minimum(colours + dust * (linear_from_srgb(known) - colours), 1.0))
+    return np.asarray(np.minimum(colours + dust * (_soil(world) - colours), 1.0))
+
+
+def dusty_factors(world: World, population: int, up: Array) -> Array:
+    """What dust makes of the mean colour of a population's rocks, shape [faces, 3].
+
+    `up` is how far the faces' normals rise, -1 to 1, shape [faces].
+    """
+    most = TOP_DUST if max(world.lighting.sky_rgb) > 0.0 else TOP_DUST_AIRLESS
+    share = most * np.clip((up - DUST_FROM) / DUST_OVER, 0.0, 1.0)
+    mean = np.maximum(tint_colours(world)[population].mean(axis=0), 1e-3)
+    return np.asarray(1.0 + share[:, None] * (_soil(world) / mean - 1.0))
+
+
+def _soil(world: World) -> Array:
+    """Linear colour of the regolith."""
+    looks = world.appearance
+    known = looks.materials[0].rgb if looks.materials else world.site.body.ground_rgb
+    return linear_from_srgb(known)
 
 
 def rock_colours(world: World, rocks: RockField) -> Array:

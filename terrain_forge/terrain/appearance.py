@@ -30,6 +30,7 @@ from terrain_forge.terrain.materials import (
     ground_materials,
     materials_reach,
     of_window,
+    soil_tint,
 )
 from terrain_forge.terrain.noise import octaves
 from terrain_forge.terrain.orthoimage import OrthoimageSpec, orthoimage_albedo
@@ -39,7 +40,12 @@ if TYPE_CHECKING:
 else:
     SoilName = Literal[tuple(soil.name for body in BODIES.values() for soil in body.soils)]
 
+Laid = tuple[NDArray[np.float32], str]
+"""How much soil was laid on the nodes of a window [m], shape [rows, columns], and its kind."""
+
 _STENCIL_M = 1.0
+_HIDING = 0.01
+"""Soil that hides the ground beneath it [m]."""
 _WAVELENGTHS = 23.0 * 0.5 ** np.arange(7.0)
 _AMPLITUDES = 0.68 ** np.arange(7.0)
 _STEPS = 4096
@@ -99,13 +105,15 @@ def colour_ground(
     layers: tuple[Layer, ...] = (),
     materials: tuple[GroundMaterial, ...] = (),
     material: NDArray[np.uint8] | None = None,
+    laid: Laid | None = None,
 ) -> NDArray[np.uint8]:
     """The sRGB colour of the window's nodes, rows run north, shape [rows, columns, 3].
 
     Steep ground shows less of the bright dust, hollows hold darker sand, and noise that is
     addressed by position mottles all of it, so that nothing repeats. Layers brighten it, as fresh
     ejecta do; their masks are taken on the finished ground. `material` are indices into `materials`
-    of the nodes, whose colours then count instead of the regolith's.
+    of the nodes, whose colours then count instead of the regolith's. Soil that was laid on the
+    ground since has the colour of its kind.
 
     A node has the same colour in every window if the ground reaches `stencil_reach` beyond the
     window, or to the site's edge.
@@ -115,6 +123,10 @@ def colour_ground(
     for strip in window.strips(STRIP):
         east, north = site.axes(strip)
         first = strip.row - window.row
+        own = slice(first, first + strip.rows + 1)
+        base = _base(site, strip, spec, materials, None if material is None else material[own])
+        if laid is not None and laid[1] != "regolith":
+            base = _covered(base, laid[0][own], soil_tint(laid[1], site.body))
         over_chunks(
             _paint,
             len(north),
@@ -123,25 +135,32 @@ def colour_ground(
             stencil_cells(_STENCIL_M, site.spacing),
             site.spacing,
             octaves(key, east=east, north=north, wavelengths=_WAVELENGTHS, amplitudes=_AMPLITUDES),
-            _base(
-                site,
-                strip,
-                spec,
-                materials,
-                None if material is None else material[first : first + strip.rows + 1],
-            ),
+            base,
             _brightness(site, strip, ground, layers),
             spec.variation,
             _ENCODED,
-            rgb[first : first + strip.rows + 1],
+            rgb[own],
         )
     return rgb
 
 
-def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
+def _covered(base: Array, thickness: NDArray[np.float32], tint: Array) -> Array:
+    """Linear colour where soil of another tint lies on the ground, more or less of it."""
+    return base * (1.0 + _covering(thickness)[..., None] * (tint - 1.0))
+
+
+def _covering(thickness: NDArray[np.float32]) -> Array:
+    """Share of the ground that so much soil hides."""
+    return np.minimum(thickness.astype(np.float64) / _HIDING, 1.0)
+
+
+def paint(
+    site: Site, window: Window, ground: Heightfield, *, laid: Laid | None = None
+) -> Appearance:
     """What the window's ground and the site's rocks look like, as the recipe wants it.
 
-    The ground reaches `stencil_reach` around the window, within the site.
+    The ground reaches `stencil_reach` around the window, within the site. `laid` is what lies on
+    it since, by rocks.
     """
     terrain = site.recipe.terrain
     spec = terrain.appearance
@@ -159,11 +178,13 @@ def paint(site: Site, window: Window, ground: Heightfield) -> Appearance:
             layers=terrain.layers,
             materials=materials,
             material=material,
+            laid=laid,
         ),
         rock_rgb=np.round(255.0 * np.reshape(colours, (-1, 3))).astype(np.uint8),
         detail=ground_detail(spec.detail, site),
         materials=materials,
         material=material,
+        drift=None if laid is None else np.rint(255.0 * _covering(laid[0])).astype(np.uint8),
     )
 
 

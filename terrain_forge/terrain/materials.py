@@ -138,6 +138,12 @@ def ground_materials(
     return tuple(_made(spec, body, soil_rgb) for spec in (usual, *specs))
 
 
+def soil_tint(kind: str, body: Body) -> Array:
+    """Linear colour of a kind of ground over that of the regolith, shape [3]."""
+    found = _KINDS[kind]
+    return np.array(found.airless if body.airless else found.windy)
+
+
 def _made(spec: MaterialSpec, body: Body, soil_rgb: Array) -> GroundMaterial:
     kind, friction = _KINDS[spec.kind], body.friction
     of_kind = {
@@ -145,8 +151,7 @@ def _made(spec: MaterialSpec, body: Body, soil_rgb: Array) -> GroundMaterial:
         "loose": friction.regolith.lowest,
         "bedrock": friction.bedrock.coefficient,
     }[kind.surface]
-    factor = kind.airless if body.airless else kind.windy
-    own = linear_from_srgb(spec.rgb) if spec.rgb else soil_rgb * factor
+    own = linear_from_srgb(spec.rgb) if spec.rgb else soil_rgb * soil_tint(spec.kind, body)
     return GroundMaterial(
         name=spec.label,
         kind=spec.kind,

@@ -29,7 +29,7 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import USUAL_CELLS, Export, Site, TileGrid, plain_options, sensor_kinds
 from terrain_forge.recipe import ExportOrder
-from terrain_forge.rocks import find_library, rock_margin
+from terrain_forge.rocks import bank_reach, find_library, rock_margin
 from terrain_forge.terrain import stencil_reach
 
 FOLDER, ORDER = "site", "order.json"
@@ -136,7 +136,8 @@ def _cells(site: Site) -> int:
         site=site, populations=rocks.populations, lists=rocks.lists, library=library
     )
     reaches = {
-        f"the ground that a rock of {site.largest_rock:.3g} m needs around it": margin,
+        f"the ground that a rock of {site.largest_rock:.3g} m needs around it": margin
+        + bank_reach(site, library),
         "the reach of the ground's layers": stencil_reach(site, layers),
     }
     what, reach = max(reaches.items(), key=lambda item: item[1])

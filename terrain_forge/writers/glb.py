@@ -27,7 +27,7 @@ LARGEST_FILE = 2**32 - 1
 """Bytes that a GLB can hold."""
 
 _VERTICES, _INDICES = 34962, 34963
-_COMPONENT = {"float32": 5126, "uint32": 5125, "uint16": 5123}
+_COMPONENT = {"float32": 5126, "uint32": 5125, "uint16": 5123, "uint8": 5121}
 _RESTART = 2**16 - 1  # no index: it ends a strip
 _SHAPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _CHUNK_HEADER = 8
@@ -55,6 +55,12 @@ class Gltf:
     def add_vertices(self, values: NDArray[np.float32], *, bounded: bool = False) -> int:
         """Add an accessor of vertex attributes, shape [vertices, n]; positions are `bounded`."""
         return self._add_array(values, {"target": _VERTICES}, bounded=bounded)
+
+    def add_colours(self, values: NDArray[np.uint8]) -> int:
+        """Add an accessor of linear vertex colours, 0 to 255 for 0 to 1, shape [vertices, 4]."""
+        accessor = self._add_array(values, {"target": _VERTICES}, bounded=False)
+        self._parts["accessors"][accessor]["normalized"] = True
+        return accessor
 
     def add_indices(self, faces: NDArray[np.integer[Any]]) -> int:
         """Add an accessor of corner indices, shape [faces, 3], in 16 bits where they fit."""

@@ -1,10 +1,10 @@
 """How scattered rocks lie on the ground: leaning with it, partly buried, without daylight beneath.
 
 The ground's tangent plane at a rock goes through the ground under its centre of mass; its slope is
-that of a least-squares plane through the ground on a ring of 0.8 diameters. The rock stands upright
-on that plane, sunk into it by its share of burial, which is no less than what the real ground
-demands where it falls short of the plane: its foot must reach the ground all around. Only then is
-it scaled, so that the part above the plane has the wanted exposed diameter exactly.
+that of a least-squares plane through the bare ground on a ring of 0.8 diameters. The rock stands
+upright on that plane, sunk into it by its share of burial, which is no less than what the real
+ground demands where it falls short of the plane: its foot must reach the ground all around. Only
+then is it scaled, so that the part above the plane has the wanted exposed diameter exactly.
 """
 
 from __future__ import annotations
@@ -62,6 +62,7 @@ def embed(
     ground: Heightfield,
     density: ArrayLike,
     burial: ArrayLike | None = None,
+    bare: Heightfield | None = None,
 ) -> RockField:
     """Embed rocks in the ground.
 
@@ -73,6 +74,8 @@ def embed(
         burial: Range from which burial was drawn evenly for each population's static rocks, and
             over which it is to stay even, shape [populations, 2]; NaN where it is as the user says.
             By default it is so for all.
+        bare: The ground without the soil that lies at the rocks, of the same nodes, which tells how
+            rocks lean and what their surroundings demand; by default `ground`.
 
     Returns:
         The rocks in the order of `scattered`, all of them fixed and buried; `dynamic` says as there
@@ -89,7 +92,8 @@ def embed(
     # Feet are sampled alike whichever shapes a window has.
     points, elsewhere, everywhere, reach = _feet(library)
     feet = _Feet(points[used], elsewhere[used], everywhere[used], reach[used])
-    shapes, grid = (exposure(shown), feet), lattice(ground)
+    shapes = exposure(shown), feet
+    grids = lattice(ground), lattice(bare or ground)
     ranges = np.full((len(scattered.populations), 2), np.nan) if burial is None else burial
     ranges = np.asarray(ranges, np.float64)[scattered.population]
     ranges[scattered.dynamic] = np.nan
@@ -97,8 +101,8 @@ def embed(
         scattered.id, scattered.xy, scattered.yaw, scattered.buried, ranges, scattered.diameter,
         prototype.astype(scattered.prototype.dtype),
     )  # fmt: skip
-    lying = _embed(rocks, np.arange(len(scattered)), shapes, grid, MAX_BURIED)
-    _sink_deeper(lying, rocks, shown, shapes, grid)
+    lying = _embed(rocks, np.arange(len(scattered)), shapes, grids, MAX_BURIED)
+    _sink_deeper(lying, rocks, shown, shapes, grids)
     unit_volume = np.array([prototype.volume for prototype in library.prototypes])
     volume = unit_volume[scattered.prototype] * lying.scale * lying.scale * lying.scale
     names = ("populations", "id", "population", "prototype", "diameter", "dynamic", "collides")
@@ -225,15 +229,17 @@ def _foot(mesh: Mesh) -> Array:
 
 _Shapes = tuple[Exposure, _Feet]
 """Exposed diameters of the prototypes, and their feet."""
+_Grounds = tuple[Lattice, Lattice]
+"""The ground, and the bare one."""
 
 
 def _embed(
-    rocks: _Rocks, rows: NDArray[np.int64], shapes: _Shapes, ground: Lattice, deepest: float
+    rocks: _Rocks, rows: NDArray[np.int64], shapes: _Shapes, grounds: _Grounds, deepest: float
 ) -> _Embedded:
     """How some of the rocks lie; daylight buries none deeper than to a part of its extent."""
     count = len(rows)
     lying = _Embedded(np.empty(count), np.empty((count, 4)), *(np.empty(count) for _ in range(3)))
-    over_chunks(_embed_some, count, rocks, rows, shapes, ground, deepest, lying)
+    over_chunks(_embed_some, count, rocks, rows, shapes, grounds, deepest, lying)
     return lying
 
 
@@ -242,14 +248,14 @@ def _sink_deeper(
     rocks: _Rocks,
     prototypes: list[RockPrototype],
     shapes: _Shapes,
-    ground: Lattice,
+    grounds: _Grounds,
 ) -> None:
     """Bury rocks that would still show daylight deeper, where their footprint has space for it.
 
     Few rocks on the roughest ground need it. They grow, since less of them is exposed.
     """
     rows = np.flatnonzero(lying.buried >= MAX_BURIED)
-    deeper = _embed(rocks, rows, shapes, ground, DEEPEST)
+    deeper = _embed(rocks, rows, shapes, grounds, DEEPEST)
     supports = footprints(prototypes, rocks.prototype[rows])
     for n, row in enumerate(rows.tolist()):
         prototype = prototypes[rocks.prototype[row]]
@@ -264,8 +270,8 @@ def _sink_deeper(
 
 
 @kernel
-def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # type: ignore[no-untyped-def]
-    exposure, feet = shapes
+def _embed_some(first, last, rocks, rows, shapes, grounds, deepest, lying):  # type: ignore[no-untyped-def]
+    (exposure, feet), (ground, bare) = shapes, grounds
     ring = np.empty((_RING_POINTS, 5))  # the last three are room for places and heights
     for k in range(_RING_POINTS):
         angle = 2.0 * np.pi * k / _RING_POINTS
@@ -277,12 +283,13 @@ def _embed_some(first, last, rocks, rows, shapes, ground, deepest, lying):  # ty
         low, span = exposure.low[p], exposure.span[p]
         foot = feet.points[p, : feet.everywhere[p]]
         half_turn = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
-        plane, upright, turn = _lying(ground, x, y, diameter, half_turn, ring)
+        plane, upright, turn = _lying(bare, x, y, diameter, half_turn, ring)
+        plane = height(ground, x, y), plane[1], plane[2]
         axes = plan_axes(turn)
         burial = rocks.buried[rock]
         if rocks.range[rock, 1] > rocks.range[rock, 0]:
             some = foot[: feet.elsewhere[p]]
-            burial = _wanted(rocks, rock, exposure, some, ground, half_turn, ring)
+            burial = _wanted(rocks, rock, exposure, some, bare, half_turn, ring)
         size = diameter / upright_width(exposure, p, low + burial * span)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
             deepest_gap = _largest_gap(ground, feet.reach[p] * size, len(foot) // 4, x, y, plane)

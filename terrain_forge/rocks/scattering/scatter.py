@@ -17,13 +17,13 @@ and a window is computed from itself and a margin.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record
+from terrain_forge.base import Array, Rows, shaped
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
 from terrain_forge.rocks.embedding.burial import PATTERN, PITCH
 from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, footprints
@@ -43,43 +43,31 @@ from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE, size_clas
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scattered(Record):
+class Scattered(Rows):
     """Rocks in plan, before there is any ground; one row each, ordered by id."""
 
     populations: tuple[str, ...]
     """Names of the populations, then of the lists; rocks name them by index."""
-    id: NDArray[np.int32]
+    id: NDArray[np.int32] = field(metadata=shaped("rocks", dtype=np.int32))
     """Unique within the site and the same in every window of it, shape [rocks]."""
-    population: NDArray[np.int32]
+    population: NDArray[np.int32] = field(metadata=shaped("rocks", dtype=np.int32))
     """Index into `populations`, shape [rocks]."""
-    prototype: NDArray[np.int32]
+    prototype: NDArray[np.int32] = field(metadata=shaped("rocks", dtype=np.int32))
     """Index into the library, shape [rocks]."""
-    xy: Array
+    xy: Array = field(metadata=shaped("rocks", 2))
     """East and north of the centre of mass [m], shape [rocks, 2]."""
-    yaw: Array
+    yaw: Array = field(metadata=shaped("rocks"))
     """Turn about the ground's normal [rad], shape [rocks]."""
-    buried: Array
+    buried: Array = field(metadata=shaped("rocks"))
     """Part of the rock's extent that should lie below the ground, 0 to 1, shape [rocks]."""
-    diameter: Array
+    diameter: Array = field(metadata=shaped("rocks"))
     """Exposed plan diameter [m], shape [rocks]."""
-    dynamic: NDArray[np.bool_]
+    dynamic: NDArray[np.bool_] = field(metadata=shaped("rocks", dtype=np.bool_))
     """Which rocks lie unburied, as bodies that can be pushed, shape [rocks]."""
-    collides: NDArray[np.bool_]
+    collides: NDArray[np.bool_] = field(metadata=shaped("rocks", dtype=np.bool_))
     """Which rocks can be touched, shape [rocks]."""
     unplaced: tuple[int, ...]
     """Rocks of each population, of those first put into the window, that found no free place."""
-
-    def __post_init__(self) -> None:
-        for name in ("id", "population", "prototype"):
-            self.freeze(name, np.int32, ("rocks",))
-        self.freeze("xy", np.float64, ("rocks", 2))
-        for name in ("yaw", "buried", "diameter"):
-            self.freeze(name, np.float64, ("rocks",))
-        for name in ("dynamic", "collides"):
-            self.freeze(name, np.bool_, ("rocks",))
-
-    def __len__(self) -> int:
-        return len(self.id)
 
 
 def scatter(
@@ -90,8 +78,11 @@ def scatter(
     window: Window,
     lists: tuple[RockListSpec, ...] = (),
     ground: Heightfield | None = None,
+    margin: float = 0.0,
 ) -> Scattered:
     """The rocks whose centre lies in a window of the site, and all that could reach into it.
+
+    With a margin [m] also those that come so near to it.
 
     No two rocks' footprints overlap, but those of listed rocks; a footprint holds all of a rock,
     buried parts too, however it comes to rest (`footprint.footprint`), and of a dynamic rock
@@ -107,15 +98,15 @@ def scatter(
         window: Part of the site.
         lists: The user's own rocks.
         ground: Ground that is known already, for slope limits; what it lacks is shaped.
+        margin: How far around the window rocks count too [m].
 
     Raises:
         RecipeError: if a population is too dense to be placed without overlap, or too numerous, or
             if no place of the whole site is flat enough for it.
         DataError: if a density image holds no densities.
     """
-    east, north = site.axes(window)
-    area = float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
-    drawn, layout, intensity = _draw(site, populations, lists, library, area, ground)
+    area, near = _rectangle(site, window), _rectangle(site, site.padded(window, margin))
+    drawn, layout, intensity = _draw(site, populations, lists, library, near, ground)
     if intensity.limits_slope and window == site.window:
         require_place(populations, site, intensity)
     rocks = _at_first_places(drawn, layout, library)
@@ -131,7 +122,7 @@ def scatter(
     )
     xy, radius = rocks.circle[:, :2], rocks.circle[:, 2]
     lost = (rocks.state == UNPLACED) & (_distance(drawn.xy, area) == 0.0)
-    kept = np.flatnonzero((rocks.state == PLACED) & (_distance(xy, area) <= radius))
+    kept = np.flatnonzero((rocks.state == PLACED) & (_distance(xy, near) <= radius))
     kept = kept[np.argsort(drawn.id[kept])]
     smallest = np.array([p.collision_min_m for p in populations] + [0.0] * len(lists))
     names = ("id", "population", "prototype", "yaw", "buried", "diameter", "dynamic")
@@ -143,6 +134,15 @@ def scatter(
         collides=(drawn.dynamic | (drawn.diameter >= smallest[drawn.population]))[kept],
         unplaced=tuple(np.bincount(drawn.population[lost], minlength=len(smallest)).tolist()),
     )
+
+
+def reaching(
+    found: Scattered, *, site: Site, library: RockLibrary, window: Window
+) -> NDArray[np.bool_]:
+    """Which of some rocks could reach into a window, as `scatter` has them without a margin."""
+    reach = np.array([prototype.reach for prototype in library.prototypes])[found.prototype]
+    radius = reach * (np.where(found.dynamic, DYNAMIC_SPACE, 1.0) * found.diameter)
+    return np.asarray(_distance(found.xy, _rectangle(site, window)) <= radius)
 
 
 def rock_margin(
@@ -247,6 +247,11 @@ def _layout(
         population=np.array(population, np.int64),
         local=np.array([c.local for c in cells], np.bool_),
     )
+
+
+def _rectangle(site: Site, window: Window) -> Rectangle:
+    east, north = site.axes(window)
+    return float(east[0]), float(north[0]), float(east[-1]), float(north[-1])
 
 
 def _distance(xy: Array, area: Rectangle) -> Array:
