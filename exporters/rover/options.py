@@ -31,3 +31,9 @@ class Options(Spec):
     release: Literal["fortress", "harmonic"] = "fortress"
     """The oldest gz-sim that shall read the SDF: `fortress` writes SDF 1.9, `harmonic` SDF 1.11,
     which knows joints that follow others."""
+
+
+def prepare(options: Options) -> None:
+    """Load OpenUSD, before other threads run."""
+    if "usd" in options.formats:
+        from pxr import Usd  # noqa: F401

@@ -1,6 +1,7 @@
 """OpenUSD with physics: a stage for Isaac Sim, Newton and every USD viewer."""
 
 from .options import Options as Options
+from .options import prepare as prepare
 from .readback import CONSUMERS as CONSUMERS
 from .readback import opening as opening
 from .tiles import begin_tiles as begin_tiles

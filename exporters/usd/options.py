@@ -44,3 +44,9 @@ class Options(Spec):
     friction: NotNegative | None = None
     """Coulomb friction of ground and static rocks; without it each has its own, by body and
     surface. Dynamic rocks keep what they were settled with."""
+
+
+def prepare(options: Options) -> None:
+    """Load OpenUSD, before other threads run."""
+    del options
+    from pxr import Usd  # noqa: F401

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import ExportError, Stopwatch, in_turn, worker_threads
-from terrain_forge.model import Export, World, html_picture, plain_options
+from terrain_forge.model import Export, World, html_picture, plain_options, prepare
 from terrain_forge.recipe import ExportOrder
 
 
@@ -50,6 +50,8 @@ def write_files(
     from terrain_forge.scene import write_preview
     from terrain_forge.truth import write_truth
 
+    for order in orders:
+        prepare(order.exporter, order.options)
     # The picture first: its rays leave Python's lock to the exports.
     tasks: dict[str, Callable[[], Any]] = {
         "preview": partial(write_preview, world, directory / "preview.png"),

@@ -43,6 +43,7 @@ from .exporting import exporter_names as exporter_names
 from .exporting import material_frictions as material_frictions
 from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options
+from .exporting import prepare as prepare
 from .exporting import world_friction as world_friction
 from .heightfield import Bounds as Bounds
 from .heightfield import Heightfield as Heightfield

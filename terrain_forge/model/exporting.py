@@ -110,8 +110,8 @@ def plain_options(options: Spec) -> dict[str, Any]:
 class Exporter(Protocol):
     """A module (or object) that writes a world in one format.
 
-    It may have more, which docs/exporters/writing-one.md describes: `check_capacity`, `CONSUMERS`
-    (how its folders are read back) and `opening` (how they are opened).
+    It may have more, which docs/exporters/writing-one.md describes: `check_capacity`, `prepare`,
+    `CONSUMERS` (how its folders are read back) and `opening` (how they are opened).
     """
 
     Options: type[Spec]
@@ -158,6 +158,18 @@ def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: flo
     check = getattr(exporter, "check_capacity", None)
     if check is not None:
         check(options, nodes=nodes, rocks=rocks)
+
+
+def prepare(exporter: Exporter, options: Any) -> None:
+    """Load an exporter's code, and what it must load before other threads run.
+
+    A library whose constructors give Python's lock away, as OpenUSD's do, waits for ever where
+    another thread of Python's asks the loader meanwhile, which NumPy does for large arrays.
+    """
+    exporter.export  # noqa: B018  # a door loads what is behind it when asked
+    load = getattr(exporter, "prepare", None)
+    if load is not None:
+        load(options)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from terrain_forge.base import Stopwatch, worker_threads
+from terrain_forge.base import RecipeError, Stopwatch, worker_threads
 from terrain_forge.building import FolderState, write_manifest
-from terrain_forge.model import Export, World
+from terrain_forge.model import Export, World, prepare
 from terrain_forge.recipe import ValidateSpec
 from terrain_forge.report.page import write_report_page
 from terrain_forge.report.section import take_map
@@ -47,6 +48,9 @@ def assess(
         spec = replace(spec, consumers="all")
     if drives:
         spec = replace(spec, drives=drives)
+    for export in exports:
+        with suppress(RecipeError):  # one whose exporter is gone is not read back
+            prepare(*export.opened())
     with worker_threads(1) as pool:
         # The page's largest picture is all rays, which leave Python's lock to the checks.
         above = pool.submit(take_map, world)

@@ -3,14 +3,17 @@
 import ast
 import json
 import re
+import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-from terrain_forge.building import exports_in, write_export, write_manifest
-from terrain_forge.model import Export, Opening, exporter, plain_options
+from terrain_forge.base import Stopwatch
+from terrain_forge.building import exports_in, write_export, write_files, write_manifest
+from terrain_forge.model import Export, ExportReport, Opening, exporter, plain_options
 from terrain_forge.recipe import ExportOrder, ValidateSpec
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.summary import Usage
@@ -71,6 +74,39 @@ def test_what_is_written_is_recorded_with_its_defaults(small_world, tmp_path):
     expected = {"products": ["elevation"], "heights": "world", "cloud_optimized": False}
     assert written.options == expected
     assert written.losses
+
+
+def test_libraries_are_loaded_before_other_threads_run(small_world, tmp_path):
+    said = []
+
+    class Apart:
+        Options = exporter("geotiff").Options
+
+        @staticmethod
+        def prepare(options):
+            said.append(("prepare", options, threading.active_count()))
+
+        @staticmethod
+        def export(world, directory, *, options):
+            said.append(("export", options, threading.active_count()))
+            return ExportReport(files=(), losses=())
+
+    before, options = threading.active_count(), Apart.Options()
+    order = ExportOrder(folder="mine", kind="apart", exporter=Apart, options=options)
+    write_files(small_world, tmp_path, orders=(order,), watch=Stopwatch(lambda *_: None))
+    (first, *_, during) = said
+    assert first == ("prepare", options, before)
+    assert during[2] > before
+
+
+@pytest.mark.parametrize("kind", ["usd", "rover"])
+def test_openusd_is_loaded_by_preparing(kind):
+    code = (
+        "import sys; from terrain_forge.model import exporter, prepare;"
+        f"e = exporter({kind!r}); assert 'pxr' not in sys.modules;"
+        "prepare(e, e.Options()); assert 'pxr.Usd' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=100)
 
 
 def test_the_drive_takes_an_mjcf_and_no_other_world_xml(small_world, tmp_path):
