@@ -24,6 +24,9 @@ odometry = KissICP(config)
 with Path(output).open("w", encoding="utf-8") as file:
     for stamp, points in sweeps(Path(dataset), "lidar0"):
         places = np.column_stack([points[axis] for axis in "xyz"]).astype(np.float64)
-        odometry.register_frame(places, points["time"].astype(np.float64))
+        times = points["time"].astype(np.float64)
+        if np.ptp(times) == 0.0:  # taken at once: KISS-ICP divides by how long a sweep lasts
+            times = times[:0]
+        odometry.register_frame(places, times)
         pose = odometry.last_pose
         write_pose(file, stamp, pose[:3, 3], quaternion_of(pose[:3, :3]))
