@@ -65,13 +65,14 @@ def hello(out: Path) -> Path:
     from terrain_forge.recipe import load_recipe
 
     found = load_recipe(HERE.parent / "recipes" / "hello.yaml")
-    build(found.recipe, out, folder=found.folder, only=["mjcf"])
+    build(found.recipe, out, folder=found.folder, only=("mjcf",))
     return out
 
 
 def table(world: Path, runs: int, before: Path | None, notes: Path) -> None:
     """Measure a world in all ways and print their lines."""
     simulated = one("note", world, notes)
+    ways: list[tuple[str, str, Path | None]]
     ways = [(part, part, None) for part in PARTS if part != "note"]
     ways += [(f"{part} before", part, before) for part in ("drive", "pictures") if before]
     measured = [[one(part, world, notes, tree) for _, part, tree in ways] for _ in range(runs)]
@@ -89,7 +90,7 @@ def one(part: str, world: Path, notes: Path, tree: Path | None = None) -> float:
     """What a part of the work prints, done in a process of its own by a checkout."""
     command = [sys.executable, __file__, "--part", part, str(world), str(notes)]
     path = os.pathsep.join(
-        filter(None, [tree and str(tree.resolve()), os.environ.get("PYTHONPATH")])
+        filter(None, [str(tree.resolve()) if tree else "", os.environ.get("PYTHONPATH")])
     )
     done = subprocess.run(
         command, env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE, check=True
@@ -116,7 +117,7 @@ def note(folder: Path, notes: Path) -> float:
         step(vehicle, wheel_rates, count)
         controls.append((before + parts * change, vehicle.data.act.copy()))
 
-    Vehicle.step = noting  # type: ignore[method-assign]
+    Vehicle.step = noting  # type: ignore[method-assign, assignment]
     result, _ = driven(folder)
     notes.write_bytes(pickle.dumps((result, controls)))
     return float(result.duration)
