@@ -274,7 +274,7 @@ def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = S
     rate of the wheels over that of the rover, which skids.
     """
     speeds = speed - gain * turn_rate * rover.wheel_centres[:, 1]
-    excess = max(float(np.abs(speeds).max()) / rover.speed_limit, 1.0)
+    excess = max(max(map(abs, speeds.tolist())) / rover.speed_limit, 1.0)
     return np.asarray(speeds / excess / rover.wheel_radii)
 
 
@@ -284,7 +284,8 @@ def eased(rover: Rover, wanted: Array, before: Array, *, time: float) -> Array:
     All wheels change by the same part, so that the rover keeps its arc.
     """
     change = wanted - before
-    excess = float(np.abs(change * rover.wheel_radii).max()) / (RIM_ACCELERATION * time)
+    fastest = max(map(abs, (change * rover.wheel_radii).tolist()))
+    excess = fastest / (RIM_ACCELERATION * time)
     return np.asarray(before + change / max(excess, 1.0))
 
 
@@ -293,7 +294,9 @@ def wheels_turn_rate(rover: Rover, rates: Array) -> float:
 
     The least-squares slope of the rims' speeds over the wheels' distance to the left.
     """
-    sides = rover.wheel_centres[:, 1]
-    sides = sides - sides.sum() / len(sides)
-    rims = rates * rover.wheel_radii
-    return -float((sides * rims).sum()) / float((sides * sides).sum())
+    rims: list[float] = (rates * rover.wheel_radii).tolist()
+    sides: list[float] = rover.wheel_centres[:, 1].tolist()
+    middle = sum(sides) / len(sides)
+    sides = [side - middle for side in sides]
+    weight = sum(side * side for side in sides)
+    return -sum(side * rim for side, rim in zip(sides, rims, strict=True)) / weight

@@ -158,10 +158,20 @@ class Vehicle:
             )
         self._stiffness = model.actuator_gainprm[self.motors, 0]
         self._damping = -model.actuator_biasprm[self.motors, 2]
-        self._lag = self._damping / self._stiffness
         # MuJoCo's states hold time, places, rates, activations.
         angles, rates = 1 + model.jnt_qposadr[self._axles], 1 + model.nq + self.axle_rates
         self._servos = np.stack([angles, rates, 1 + model.nq + model.nv + self._activations])
+        limits = _AT_LIMIT * self._torque_limits
+        bounds = (
+            self.motors,
+            self._activations,
+            self._damping / self._stiffness,
+            self._reach,
+            limits,
+        )
+        self._bounds = list(zip(*(part.tolist() for part in bounds), strict=True))
+        self._parts: Array = np.empty((0, 1))
+        self._change = np.zeros(model.nu)
         self._states = np.empty((1, mujoco.mj_stateSize(model, _STATE)))
         self._rollout = Rollout(nthread=0)
         self._mark_geoms()
@@ -241,24 +251,35 @@ class Vehicle:
         The command is reached by even changes over these steps.
         """
         data, motors = self.data, self.motors
-        change = np.zeros(len(data.ctrl))
-        change[motors] = self.sides * wheel_rates - data.ctrl[motors]
-        commands = data.ctrl + np.arange(1, count + 1)[:, None] * (1.0 / count) * change
-        states = self._run(commands)
+        if len(self._parts) != count:
+            self._parts = np.arange(1, count + 1)[:, None] * (1.0 / count)
+        self._change[motors] = self.sides * wheel_rates - data.ctrl[motors]
+        states = self._run(data.ctrl + self._parts * self._change)
         if self.logger is not None:
             self.logger.note(states)
         self._noted.append(states[:, self._servos])
         self._energies.append(float(data.energy[0] + data.energy[1]))
         if len(self._energies) >= _AUDITED:
             self._add_work()
-        # The angles that the servos follow run ahead of wheels that are held, which would spin to
-        # catch up once they are free: they stay within the reach of the motors' torques.
-        held = data.actuator_length[motors] + self._lag * data.actuator_velocity[motors]
-        run = np.minimum(data.act[self._activations], held + self._reach)
-        data.act[self._activations] = np.maximum(run, held - self._reach)
-        strained = np.abs(data.actuator_force[motors]) >= _AT_LIMIT * self._torque_limits
-        self.saturated_steps += bool(strained.any())
+        self._hold_back()
         self.steps += 1
+
+    def _hold_back(self) -> None:
+        """Keep the angles that the servos follow near wheels that are held.
+
+        They run ahead of those, which would spin to catch up once they are free: they stay within
+        the reach of the motors' torques. In plain numbers, which for a few wheels are quickest.
+        """
+        data = self.data
+        angles, rates = data.actuator_length.tolist(), data.actuator_velocity.tolist()
+        runs, forces, strained = data.act.tolist(), data.actuator_force.tolist(), False
+        for motor, activation, lag, reach, limit in self._bounds:
+            held = angles[motor] + lag * rates[motor]
+            run = runs[activation]
+            if not held - reach <= run <= held + reach:
+                data.act[activation] = max(held - reach, min(run, held + reach))
+            strained |= abs(forces[motor]) >= limit
+        self.saturated_steps += strained
 
     def _run(self, commands: Array) -> Array:
         """Step with a row of controls at each step; the states before them, shape [steps, state].
@@ -282,9 +303,11 @@ class Vehicle:
                 nstep=len(commands) - 1,
             )
         data.ctrl[:] = commands[-1]
-        model.opt.enableflags |= _ENERGY
+        option = model.opt
+        flags = option.enableflags
+        option.enableflags = flags | _ENERGY
         mujoco.mj_step(model, data)
-        model.opt.enableflags &= ~_ENERGY
+        option.enableflags = flags
         return states
 
     def _forces(self, servos: Array) -> Array:
@@ -422,7 +445,7 @@ class Vehicle:
             return "contacts were dropped (MuJoCo's memory is full)"
         if warned & _UNSTABLE:
             return "the simulation became unstable (a number is not finite or far too large)"
-        if not math.isfinite(data.qpos.sum()):
+        if not math.isfinite(sum(data.qpos.tolist())):
             return "the simulation became unstable (a position is not finite)"
         if data.ncon >= _PAIR_LIMIT:
             own = data.contact.geom[self._is_rover[data.contact.geom].any(axis=1)]
