@@ -171,7 +171,7 @@ class Vehicle:
         )
         self._bounds = list(zip(*(part.tolist() for part in bounds), strict=True))
         self._parts: Array = np.empty((0, 1))
-        self._change = np.zeros(model.nu)
+        self._change = np.zeros(int(model.nu))
         self._states = np.empty((1, mujoco.mj_stateSize(model, _STATE)))
         self._rollout = Rollout(nthread=0)
         self._mark_geoms()
@@ -252,7 +252,7 @@ class Vehicle:
         """
         data, motors = self.data, self.motors
         if len(self._parts) != count:
-            self._parts = np.arange(1, count + 1)[:, None] * (1.0 / count)
+            self._parts = np.arange(1.0, count + 1.0)[:, None] * (1.0 / count)
         self._change[motors] = self.sides * wheel_rates - data.ctrl[motors]
         states = self._run(data.ctrl + self._parts * self._change)
         if self.logger is not None:
