@@ -57,7 +57,7 @@ _LENGTH = 1.2
 """Length of a rover that is seen well from there [m]; the camera stands off more for longer
 ones."""
 _FIELD_OF_VIEW = math.radians(62.0)
-_LARGEST = 3.0
+SHARED = 3.0
 """How large a piece of the world may be that frames share, over that of one frame."""
 _SMOOTH = 1e-6
 """Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
@@ -102,7 +102,7 @@ def _shared(world: World, result: DriveResult, poses: list[int]) -> Iterator[lis
     alone = (2.0 * _reach(world)) ** 2
     for pose in poses:
         east, north, _ = np.ptp(result.position[[*together, pose]], axis=0) + 2.0 * _reach(world)
-        if together and east * north > _LARGEST * alone:
+        if together and east * north > SHARED * alone:
             yield together
             together = []
         together.append(pose)
