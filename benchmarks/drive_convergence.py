@@ -179,7 +179,7 @@ def lead(variant: Variant, world: World, scene: Path) -> float:
     for tick in range(1, 51):
         vehicle.step(np.full(6, 0.25 * 0.02 * tick / radius), steps)
         if tick > 15:
-            along = vehicle.rotation[:, 0] @ vehicle.data.qvel[:3]
+            along = vehicle.data.body(world.rover.links[0].name).xmat[::3] @ vehicle.data.qvel[:3]
             ahead.append(along - radius * vehicle.wheel_rates.mean())
     return 1e3 * float(np.mean(ahead))
 

@@ -304,6 +304,8 @@ def export(
                 watch=watch,
                 before=before,
                 dataset=dataset_folder(out),
+                # No other format can change how a rover drives through the MJCF.
+                keep_drives=before.intact and all(order.kind != "mjcf" for order in orders),
             )
     mine = tuple(f"{folder}: " for folder in folders)
     failed = (check.name for check in failed_checks(out))

@@ -35,7 +35,7 @@ SETTLING = 0.035
 """Time to settle a dynamic rock [s]."""
 WATCHING = 0.06
 """Time to watch a dynamic rock in the exported world [s]."""
-DRIVING = 1 / 13
+DRIVING = 1 / 20
 """Time to simulate a second of driving [s]; of many drives two are made at once."""
 TEXEL, USUAL_SIDE = 1e-6, 1024
 """Time for each pixel of a larger texture [s] than one of so many pixels a side."""

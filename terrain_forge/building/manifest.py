@@ -69,7 +69,7 @@ def write_manifest(
         "name": site.name,
         "seed": site.seed,
         "recipe": recipe,
-        "versions": {"python": platform.python_version(), **_versions()},
+        "versions": _made_with(),
         "inputs": dict(site.inputs),
         **_origins(recipe["dtm"]),
         "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
@@ -247,9 +247,9 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
 
 
 @cache
-def _versions() -> dict[str, str]:
+def _made_with() -> dict[str, str]:
     """Versions of what makes a world: libraries, and installed packages with parts for us."""
-    found = {}
+    found = {"python": platform.python_version()}
     for package in _PACKAGES:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
@@ -303,6 +303,9 @@ class FolderState:
     """Files that are not the world's."""
     assessment: tuple[str, ...] = ()
     """Files of an earlier assessment."""
+    intact: bool = False
+    """Whether world, exports and assessment are as versions like ours wrote them, but for what is
+    about to be written anew."""
 
 
 def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
@@ -315,7 +318,10 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
     """
     foreign, altered = foreign_files(out, manifest), altered_files(out, manifest)
     anew = (*ASSESSED, *renewed)
+    kept = (name for name in altered if not name.startswith(renewed or "\0"))
+    made_by = manifest.get("terrain_forge"), manifest.get("versions")
     return FolderState(
+        intact=not any(kept) and made_by == (__version__, _made_with()),
         altered={name: wanted for name, wanted in altered.items() if not name.startswith(anew)},
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
         assessment=tuple(

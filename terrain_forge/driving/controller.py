@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,6 +38,9 @@ _CREEPING = 0.05
 _LOWEST_GAIN, _HIGHEST_GAIN = 1.0, 4.0
 _MEMORY = 10.0
 _PRIOR_RATE = 0.1
+
+Place = Sequence[float] | Array
+"""East and north [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,10 +106,17 @@ class PlanarPath(Record):
         return self.distance.tolist()  # type: ignore[no-any-return]
 
     @cached_property
-    def _segments(self) -> tuple[Array, Array]:
-        """Directions, shape [segments, 2], and lengths [m] of the segments."""
+    def _segments(self) -> tuple[Array, ...]:
+        """Of each segment east and north of its begin [m] and of its direction, and length [m]."""
         steps = np.diff(self.position, axis=0)
-        return steps / np.linalg.norm(steps, axis=1)[:, None], np.diff(self.distance)
+        units = steps / np.linalg.norm(steps, axis=1)[:, None]
+        columns = *self.position[:-1].T, *units.T, np.diff(self.distance)
+        return tuple(np.ascontiguousarray(column) for column in columns)
+
+    @cached_property
+    def _points(self) -> list[tuple[float, float]]:
+        """East and north of each point [m]."""
+        return [(east, north) for east, north in self.position.tolist()]
 
     @cached_property
     def _headings(self) -> list[float]:
@@ -114,7 +125,7 @@ class PlanarPath(Record):
         return [math.atan2(north, east) for east, north in steps]
 
     def nearest(
-        self, point: Array, *, near: float, leg: tuple[float, float] | None = None
+        self, point: Place, *, near: float, leg: tuple[float, float] | None = None
     ) -> tuple[float, float, float]:
         """Where the path passes a point: distance along [m], offset to the left [m], heading [rad].
 
@@ -125,27 +136,32 @@ class PlanarPath(Record):
         low, high = max(near - _BACKWARD, begin), min(near + _FORWARD, end)
         first = max(bisect_right(self._along, low) - 1, 0)
         last = max(bisect_left(self._along, high), first + 1)
-        units, lengths = (part[first:last] for part in self._segments)
-        offsets = point - self.position[first:last]
-        on = np.maximum(0.0, np.minimum((offsets * units).sum(1), lengths))
-        misses = offsets - on[:, None] * units
-        best = int((misses**2).sum(1).argmin())
-        (east, north), (aside, up) = units[best].tolist(), misses[best].tolist()
-        side = math.copysign(1.0, east * up - north * aside)
-        distance = self._along[first + best] + float(on[best])
-        return distance, side * math.hypot(aside, up), math.atan2(north, east)
+        begins_east, begins_north, units_east, units_north, lengths = (
+            part[first:last] for part in self._segments
+        )
+        east, north = point[0] - begins_east, point[1] - begins_north
+        on = np.maximum(0.0, np.minimum(east * units_east + north * units_north, lengths))
+        east -= on * units_east
+        north -= on * units_north
+        best = int((east * east + north * north).argmin())
+        aside, up, along = float(east[best]), float(north[best]), first + best
+        ahead, across = float(units_east[best]), float(units_north[best])
+        side = math.copysign(1.0, ahead * up - across * aside)
+        distance = self._along[along] + float(on[best])
+        return distance, side * math.hypot(aside, up), math.atan2(across, ahead)
 
-    def point(self, distance: float, *, end: float | None = None) -> Array:
-        """The point at a distance along the path [m], shape [2]; straight on beyond `end`."""
+    def point(self, distance: float, *, end: float | None = None) -> tuple[float, float]:
+        """East and north at a distance along the path [m]; straight on beyond `end`."""
         end = self.length if end is None else end
         if distance > end:
-            heading = self.heading(end - 1e-6)
-            ahead = (distance - end) * np.array([math.cos(heading), math.sin(heading)])
-            return np.asarray(self.point(end, end=end) + ahead)
+            heading, (east, north) = self.heading(end - 1e-6), self.point(end, end=end)
+            ahead = distance - end
+            return east + ahead * math.cos(heading), north + ahead * math.sin(heading)
         at = self._segment(distance)
-        begin, end = self.position[at], self.position[at + 1]
+        (west, south), (east, north) = self._points[at : at + 2]
         part = (distance - self._along[at]) / (self._along[at + 1] - self._along[at])
-        return np.asarray(begin + min(max(part, 0.0), 1.0) * (end - begin))
+        part = min(max(part, 0.0), 1.0)
+        return west + part * (east - west), south + part * (north - south)
 
     def heading(self, distance: float) -> float:
         """Direction of the path at a distance along it [rad]."""
@@ -211,8 +227,8 @@ class PurePursuit:
         self._at_corner = False
         self._corner = 0
 
-    def command(self, position: Array, yaw: float) -> tuple[float, float]:
-        """Wanted speed [m/s] and turn rate [rad/s] at a place, shape [2] [m], and a yaw [rad]."""
+    def command(self, position: Place, yaw: float) -> tuple[float, float]:
+        """Wanted speed [m/s] and turn rate [rad/s] at a place [m] and a yaw [rad]."""
         path = self.path
         leg = path.leg(self._corner)
         self.progress, self.offset, heading = path.nearest(position, near=self.progress, leg=leg)
@@ -221,12 +237,13 @@ class PurePursuit:
             self._at_corner = True
         if self._at_corner:
             return self._turn_corner(yaw, leg[1])
-        to_target = path.point(self.progress + self.lookahead, end=leg[1]) - position
-        bearing = wrap(math.atan2(to_target[1], to_target[0]) - yaw)
+        east, north = path.point(self.progress + self.lookahead, end=leg[1])
+        east, north = east - position[0], north - position[1]
+        bearing = wrap(math.atan2(north, east) - yaw)
         self._turning = abs(bearing) > (_SPOT_END if self._turning else _SPOT_BEGIN)
         if self._turning:
             return 0.0, math.copysign(TURN_RATE, bearing)
-        curvature = 2.0 * math.sin(bearing) / math.hypot(*to_target)
+        curvature = 2.0 * math.sin(bearing) / math.hypot(east, north)
         sharpest = max(abs(curvature), path.bend(self.progress, end=leg[1]), 1e-9)
         speed = min(path.speed, TURN_RATE / sharpest)
         if self._corner < len(path.corners):  # at which the rover must still be able to stop
@@ -257,7 +274,7 @@ def wheel_rates(rover: Rover, speed: float, turn_rate: float, *, gain: float = S
     rate of the wheels over that of the rover, which skids.
     """
     speeds = speed - gain * turn_rate * rover.wheel_centres[:, 1]
-    excess = max(float(np.abs(speeds).max()) / rover.speed_limit, 1.0)
+    excess = max(max(map(abs, speeds.tolist())) / rover.speed_limit, 1.0)
     return np.asarray(speeds / excess / rover.wheel_radii)
 
 
@@ -267,7 +284,8 @@ def eased(rover: Rover, wanted: Array, before: Array, *, time: float) -> Array:
     All wheels change by the same part, so that the rover keeps its arc.
     """
     change = wanted - before
-    excess = float(np.abs(change * rover.wheel_radii).max()) / (RIM_ACCELERATION * time)
+    fastest = max(map(abs, (change * rover.wheel_radii).tolist()))
+    excess = fastest / (RIM_ACCELERATION * time)
     return np.asarray(before + change / max(excess, 1.0))
 
 
@@ -276,7 +294,9 @@ def wheels_turn_rate(rover: Rover, rates: Array) -> float:
 
     The least-squares slope of the rims' speeds over the wheels' distance to the left.
     """
-    sides = rover.wheel_centres[:, 1]
-    sides = sides - sides.sum() / len(sides)
-    rims = rates * rover.wheel_radii
-    return -float((sides * rims).sum()) / float((sides * sides).sum())
+    rims: list[float] = (rates * rover.wheel_radii).tolist()
+    sides: list[float] = rover.wheel_centres[:, 1].tolist()
+    middle = sum(sides) / len(sides)
+    sides = [side - middle for side in sides]
+    weight = sum(side * side for side in sides)
+    return -sum(side * rim for side, rim in zip(sides, rims, strict=True)) / weight

@@ -1,14 +1,16 @@
 """A drive as an animated picture, a picture of its end, and the rover as it stood during it.
 
-Its links join the rocks around it: the renderer then gives them their shadows, the Sun and whatever
-stands before them.
+The rover is a body that passes through a piece of the world, as for a recording's cameras: the
+piece is made ready once for all frames that show it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +23,21 @@ from terrain_forge.base import (
     worker_threads,
 )
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.geometry import rover_looks
+from terrain_forge.geometry import RoverLook, rover_looks
 from terrain_forge.model import Rover, World
 from terrain_forge.scene import (
+    SKIN,
+    BodyShapes,
     Instances,
     RayScene,
     Subject,
     pinhole_camera,
+    prepare_stage,
     subject_of,
     take_picture,
     tones,
 )
+from terrain_forge.scene import Rover as Passing
 from terrain_forge.terrain import shape_horizon
 from terrain_forge.writers import write_png
 
@@ -40,7 +46,7 @@ FRAMES = 24
 _SIZE = (400, 225)
 END_SIZE = (960, 540)
 """Of the picture of a drive's end [pixels]."""
-_FRAME_MS, _LAST_MS, _QUALITY = 180, 1500, 60
+_FRAME_MS, _LAST_MS, _QUALITY, _EFFORT = 180, 1500, 60, 2
 _INSET, _EDGE = 72, 6
 _PATH, _TRACK, _TEXT, _SHADE = (242, 194, 48), (120, 190, 255), (255, 255, 255), (0, 0, 0, 120)
 
@@ -51,6 +57,8 @@ _LENGTH = 1.2
 """Length of a rover that is seen well from there [m]; the camera stands off more for longer
 ones."""
 _FIELD_OF_VIEW = math.radians(62.0)
+SHARED = 3.0
+"""How large a piece of the world may be that frames share, over that of one frame."""
 _SMOOTH = 1e-6
 """Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
@@ -59,13 +67,15 @@ def write_film(world: World, result: DriveResult, path: Path) -> Path:
     """Write the drive as an animated WebP, seen from behind the rover, with a map of the path."""
     poses = np.unique(np.linspace(0, len(result.time) - 1, FRAMES).round().astype(int)).tolist()
     planned = next(t for t in world.trajectories if t.name == result.path).position[:, :2]
-    with worker_threads(2) as pool:
-        # While one frame's rays are cast, the next one's scene is made.
-        frames = list(pool.map(partial(_frame, world, result, planned), poses))
+    frames = list[Image.Image]()
+    for together in _shared(world, result, poses):
+        with _Set(world, result, together) as scenery, worker_threads(2) as pool:
+            # While one frame's rays are cast, the next one is begun and the last one is drawn on.
+            frames += pool.map(partial(_frame, scenery, planned), together)
     times = [_FRAME_MS] * (len(frames) - 1) + [_LAST_MS]
     frames[0].save(
         path, format="WEBP", save_all=True, append_images=frames[1:], duration=times, loop=0,
-        quality=_QUALITY, method=3,
+        quality=_QUALITY, method=_EFFORT,
     )  # fmt: skip
     return path
 
@@ -78,9 +88,84 @@ def write_end(world: World, result: DriveResult, path: Path) -> Path:
     return path
 
 
-def _frame(world: World, result: DriveResult, planned: Array, pose: int) -> Image.Image:
-    width, height = _SIZE
-    image = Image.fromarray(photograph(world, result, pose, width=width, height=height))
+def photograph(
+    world: World, result: DriveResult, pose: int, *, width: int, height: int
+) -> NDArray[np.uint8]:
+    """The rover from behind and above at a pose of its drive; sRGB, shape [height, width, 3]."""
+    with _Set(world, result, [pose]) as scenery:
+        return scenery.photograph(pose, width=width, height=height)
+
+
+def _shared(world: World, result: DriveResult, poses: list[int]) -> Iterator[list[int]]:
+    """The poses in runs that show one piece of the world: it costs more than what passes there."""
+    together = list[int]()
+    alone = (2.0 * _reach(world)) ** 2
+    for pose in poses:
+        east, north, _ = np.ptp(result.position[[*together, pose]], axis=0) + 2.0 * _reach(world)
+        if together and east * north > SHARED * alone:
+            yield together
+            together = []
+        together.append(pose)
+    yield together
+
+
+def _reach(world: World) -> float:
+    """How far around the rover a picture shows the ground [m]."""
+    return _REACH + _away(world) - _BEHIND
+
+
+def _away(world: World) -> float:
+    """How far behind the rover the camera stands [m]."""
+    return _BEHIND * max(world.rover.length / _LENGTH, 1.0)
+
+
+class _Set:
+    """A piece of the world in its light, through which the rover drives. Use it in a `with`."""
+
+    def __init__(self, world: World, result: DriveResult, poses: list[int]) -> None:
+        self.world, self.result = world, result
+        subject = _around(world, result.position[poses], _reach(world))
+        self._scene = RayScene(subject)
+        self._stage = prepare_stage(self._scene, subject.lighting, 3)
+        self._looks = rover_looks(world.rover)
+        self._parts = _rover_parts(self._looks, world.site.seed)
+        self._shapes = BodyShapes(self._parts)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._shapes.close()
+        self._scene.close()
+
+    def photograph(self, pose: int, *, width: int, height: int) -> NDArray[np.uint8]:
+        """The rover from behind and above at a pose; sRGB, shape [height, width, 3]."""
+        position, away = self.result.position[pose], _away(self.world)
+        # The mean heading around the pose, so that the camera swings calmly.
+        yaw = self.result.rpy[max(pose - 15, 0) : pose + 16, 2]
+        heading = math.atan2(np.sin(yaw).mean(), np.cos(yaw).mean())
+        behind = position - away * np.array([math.cos(heading), math.sin(heading), 0.0])
+        west, south, east, north = self._scene.subject.ground.bounds
+        at = np.clip(behind[:2], (west, south), (east, north))
+        lowest = float(self._scene.subject.ground.height_at(*at)) + _LOWEST
+        behind[2] = max(position[2] + away * _ABOVE / _BEHIND, lowest)
+        camera = pinhole_camera(
+            position=behind, yaw=heading, pitch=_PITCH, field_of_view=_FIELD_OF_VIEW, width=width,
+            height=height,
+        )  # fmt: skip
+        poses = link_poses(self.world.rover, self.result, pose)
+        parts = [poses[look.link] for look in self._looks]
+        places = np.array([place for place, _ in parts])
+        turns = np.array([turn for _, turn in parts])
+        placed = self._shapes.placed(places - position, turns)  # held as long as rays are cast
+        frame = np.column_stack([np.eye(3), position - self._scene.origin])[None]
+        rover = Passing(placed.beyond(SKIN), frame, self._parts.rgb)
+        return take_picture(self._scene, camera, stage=self._stage, rover=rover)
+
+
+def _frame(scenery: _Set, planned: Array, pose: int) -> Image.Image:
+    (width, height), result = _SIZE, scenery.result
+    image = Image.fromarray(scenery.photograph(pose, width=width, height=height))
     draw = ImageDraw.Draw(image, "RGBA")
     travelled = np.linalg.norm(np.diff(result.position[: pose + 1], axis=0), axis=1).sum()
     draw.rectangle((0, height - 18, width, height), fill=_SHADE)
@@ -113,42 +198,24 @@ def _draw_inset(draw: ImageDraw.ImageDraw, planned: Array, driven: Array, width:
     draw.ellipse((east - 3, south - 3, east + 3, south + 3), fill=_TEXT)
 
 
-def photograph(
-    world: World, result: DriveResult, pose: int, *, width: int, height: int
-) -> NDArray[np.uint8]:
-    """The rover from behind and above at a pose of its drive; sRGB, shape [height, width, 3]."""
-    position = result.position[pose]
-    size = max(world.rover.length / _LENGTH, 1.0)
-    away = size * _BEHIND
-    subject = _around(world, position, _REACH + away - _BEHIND)
-    rover = rover_parts(world, result, pose)
-    ground = subject.ground
-    # The mean heading around the pose, so that the camera swings calmly.
-    yaw = result.rpy[max(pose - 15, 0) : pose + 16, 2]
-    heading = math.atan2(np.sin(yaw).mean(), np.cos(yaw).mean())
-    behind = position - away * np.array([math.cos(heading), math.sin(heading), 0.0])
-    west, south, east, north = ground.bounds
-    at = np.clip(behind[:2], (west, south), (east, north))
-    lowest = float(ground.height_at(*at)) + _LOWEST
-    behind[2] = max(position[2] + size * _ABOVE, lowest)
-    camera = pinhole_camera(
-        position=behind, yaw=heading, pitch=_PITCH, field_of_view=_FIELD_OF_VIEW, width=width,
-        height=height,
-    )  # fmt: skip
-    with RayScene(subject.replace(instances=subject.instances.add(rover))) as scene:
-        return take_picture(scene, camera)
-
-
-def _around(world: World, position: Array, reach_m: float) -> Subject:
-    """The ground and the rocks so far around a place, and what lies beyond, without rocks."""
+def _around(world: World, places: Array, reach: float) -> Subject:
+    """The ground and the rocks so far around places, and what lies beyond, without rocks."""
     subject = subject_of(world)
     ground, rocks, grain = subject.ground, subject.instances, subject.node_grain
     rows, columns = ground.shape
-    reach = math.ceil(reach_m / ground.spacing)
-    i, j = (round((position[n] - ground.origin[n]) / ground.spacing) for n in range(2))
-    column, row = max(min(i, columns - 2) - reach, 0), max(min(j, rows - 2) - reach, 0)
-    wide, high = min(2 * reach, columns - 1 - column), min(2 * reach, rows - 1 - row)
-    near = np.abs(rocks.position[:, :2] - position[:2]).max(axis=1) < reach_m + 2.0
+    first, last = places.min(axis=0)[:2] - reach, places.max(axis=0)[:2] + reach
+    column, row = (
+        min(max(math.floor((first[n] - ground.origin[n]) / ground.spacing), 0), count - 2)
+        for n, count in enumerate((columns, rows))
+    )
+    last_column, last_row = (
+        math.ceil((last[n] - ground.origin[n]) / ground.spacing) for n in range(2)
+    )
+    wide = max(min(last_column, columns - 1) - column, 1)
+    high = max(min(last_row, rows - 1) - row, 1)
+    near = ((rocks.position[:, :2] > first - 2.0) & (rocks.position[:, :2] < last + 2.0)).all(
+        axis=1
+    )
     part = ground.cut(column=column, row=row, columns=wide, rows=high)
     rgb = subject.ground_rgb[row : row + high + 1, column : column + wide + 1]
     beyond = shape_horizon(site=world.site, ground=part, ground_rgb=rgb, layers=(), reach=None)
@@ -162,22 +229,20 @@ def _around(world: World, position: Array, reach_m: float) -> Subject:
     )
 
 
-def rover_parts(world: World, result: DriveResult, pose: int) -> Instances:
-    """The rover's visible shapes at a pose of a drive, one instance for each link and colour."""
-    poses = link_poses(world.rover, result, pose)
-    parts = [(*poses[link], mesh, rgb) for link, mesh, rgb in rover_looks(world.rover)]
-    positions, rotations, meshes, colours = zip(*parts, strict=True)
-    count = len(parts)
+def _rover_parts(looks: list[RoverLook], seed: int) -> Instances:
+    """The rover's visible shapes, one for each link and colour, wherever they are."""
+    count = len(looks)
     number = np.arange(count, dtype=np.int32)
-    tone = tones(np.int32(np.iinfo(np.int32).max - count) + number, world.site.seed)
+    tone = tones(np.int32(np.iinfo(np.int32).max - count) + number, seed)
     return Instances(
-        meshes=meshes,
+        meshes=tuple(look.mesh for look in looks),
         mesh=number,
-        position=np.array(positions),
-        rotation=np.array(rotations),
+        position=np.zeros((count, 3)),
+        rotation=np.tile(np.eye(3), (count, 1, 1)),
         scale=np.ones(count),
         grain=np.full(count, _SMOOTH),
-        rgb=linear_from_srgb(np.round(255.0 * np.array(colours)) / 255.0) * tone[:, None],
+        rgb=linear_from_srgb(np.round(255.0 * np.array([o.rgb for o in looks])) / 255.0)
+        * tone[:, None],
     )
 
 

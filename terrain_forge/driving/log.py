@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -45,35 +46,35 @@ class Logger:
     def __init__(self) -> None:
         self._vehicle: Vehicle | None = None
         self._every = self._count = 0
-        self._positions: list[Array] = []
-        self._rates: list[Array] = []
-        self._torques: list[Array] = []
+        self._before = np.empty(0)
+        self._kept: list[tuple[Array, Array, Array]] = []
 
     def begin(self, vehicle: Vehicle) -> None:
         """Begin with a vehicle that has settled."""
-        self._vehicle, self._count = vehicle, 0
+        self._vehicle, self._count, self._before = vehicle, 0, vehicle.settled
         self._every = max(round(1.0 / FASTEST / vehicle.model.opt.timestep), 1)
-        for notes in (self._positions, self._rates, self._torques):
-            notes.clear()
-        self._keep(vehicle)
+        self._kept.clear()
 
-    def note(self, vehicle: Vehicle) -> None:
-        """Note a time step."""
-        self._count += 1
-        if self._count % self._every == 0:
-            self._keep(vehicle)
+    def go_on(self, vehicle: Vehicle, told: Callable[[Array], Array]) -> None:
+        """Go on with the vehicle in another scene, in which states are told otherwise."""
+        self._vehicle, self._before = vehicle, told(self._before)
 
-    def _keep(self, vehicle: Vehicle) -> None:
-        data = vehicle.data
-        self._positions.append(data.qpos[vehicle.coordinates])
-        self._rates.append(data.qvel[vehicle.axle_rates])
-        self._torques.append(data.actuator_force[vehicle.motors])
+    def note(self, states: Array) -> None:
+        """Note MuJoCo's states before some time steps, shape [steps, state]."""
+        vehicle, kept = self._vehicle, slice(-self._count % self._every, None, self._every)
+        assert vehicle is not None
+        before = np.vstack([self._before, states[:-1]])
+        places, rates, _ = vehicle.motion(states[kept])
+        self._kept.append((places, rates, vehicle.motion(before[kept])[2]))
+        self._count, self._before = self._count + len(states), states[-1].copy()
 
     def log(self) -> DriveLog:
         """What was noted."""
         vehicle = self._vehicle
         assert vehicle is not None
-        found, wheels = np.array(self._positions), len(vehicle.rover.wheels)
+        self.note(vehicle.state[None])
+        found, rates, torques = map(np.concatenate, zip(*self._kept, strict=True))
+        wheels = len(vehicle.rover.wheels)
         angles = vehicle.sides * (found[:, 7 : 7 + wheels] - found[0, 7 : 7 + wheels])
         return DriveLog(
             step=self._every * vehicle.model.opt.timestep,
@@ -82,6 +83,6 @@ class Logger:
             joints=vehicle.joints,
             joint_angle=found[:, 7 + wheels :],
             wheel_angle=angles,
-            wheel_rate=vehicle.sides * np.array(self._rates),
-            wheel_torque=vehicle.sides * np.array(self._torques),
+            wheel_rate=vehicle.sides * rates,
+            wheel_torque=vehicle.sides * torques,
         )

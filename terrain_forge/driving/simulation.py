@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from terrain_forge.base import Array, SimulationError, load_model, quaternion_from_rpy
+from terrain_forge.base import SimulationError, load_model, quaternion_from_rpy
 from terrain_forge.driving.controller import (
     PlanarPath,
     PurePursuit,
@@ -27,7 +26,7 @@ from terrain_forge.recipe import DriveSpec
 
 if TYPE_CHECKING:
     from terrain_forge.driving.log import Logger
-    from terrain_forge.driving.vehicle import Vehicle
+    from terrain_forge.driving.vehicle import Snapshot, Vehicle
 
 
 LOG_RATE = 10.0
@@ -94,10 +93,9 @@ def drive(
     watch = Watch(trajectory=trajectory, spec=spec, tick=steps * model.opt.timestep)
     rates = np.zeros(len(rover.wheels))
     while not watch.reason:
-        turn = vehicle.rotation
-        yaw = math.atan2(turn[1, 0], turn[0, 0])
-        speed, turn_rate = pursuit.command(vehicle.position[:2], yaw)
-        watch.look(vehicle, pursuit)
+        yaw, tilt = vehicle.attitude
+        speed, turn_rate = pursuit.command(vehicle.place, yaw)
+        watch.look(vehicle, pursuit, tilt)
         if onward is not None and (following := onward(pursuit.progress)) is not None:
             vehicle = vehicle.moved_to(following)
         if progress and len(watch.ticks) % 250 == 0:
@@ -108,23 +106,6 @@ def drive(
         turned = wheels_turn_rate(rover, vehicle.wheel_rates)
         skid.note(wheels=turned, rover=vehicle.turn_rate, time=watch.tick)
     return watch.result(vehicle, pursuit, skid_gain=skid.value)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Look:
-    """The rover at one of the looks that are kept; see `DriveResult` for units."""
-
-    time: float
-    position: Array
-    quaternion: Array
-    cross_track: float
-    heading_error: float
-    tilt: float
-    wheel_rate: Array
-    wheel_torque: Array
-    wheel_slip: Array
-    wheel_moves: NDArray[np.bool_]
-    joint_angle: Array
 
 
 class Tick(NamedTuple):
@@ -152,14 +133,18 @@ class Watch:
     """Time between looks [s]."""
     ticks: list[Tick] = field(default_factory=list)
     """All looks."""
-    looks: list[Look] = field(default_factory=list)
-    """Those at the logging rate, and the last one."""
+    looks: list[tuple[int, Snapshot]] = field(default_factory=list)
+    """The rover at those at the logging rate, and at the last one, by their numbers."""
     contacts: dict[str, RockContact] = field(default_factory=dict)
     reason: str = ""
     """Why the drive is over; empty as long as it is not."""
     completed: bool = False
 
-    def look(self, vehicle: Vehicle, pursuit: PurePursuit) -> None:
+    def __post_init__(self) -> None:
+        self._duration = float(self.trajectory.time[-1] - self.trajectory.time[0])
+        self._kept = max(round(1.0 / LOG_RATE / self.tick), 1)
+
+    def look(self, vehicle: Vehicle, pursuit: PurePursuit, tilt: float) -> None:
         """Note the rover's state and decide whether the drive is over.
 
         Raises:
@@ -175,45 +160,32 @@ class Watch:
             progress=pursuit.progress,
             cross_track=pursuit.offset,
             heading_error=pursuit.heading_error,
-            tilt=math.acos(min(max(float(vehicle.rotation[2, 2]), -1.0), 1.0)),
+            tilt=tilt,
             saturated=vehicle.saturated_steps,
         )
-        number, kept = len(self.ticks), max(round(1.0 / LOG_RATE / self.tick), 1)
+        number = len(self.ticks)
         self.ticks.append(now)
-        if number % kept == 0:
-            self._keep(vehicle)
         self._note_rocks(vehicle)
         self.completed = pursuit.progress >= pursuit.path.length - ARRIVAL
-        self.reason = "arrived" if self.completed else self._trouble(pursuit)
-        if self.reason and number % kept:
-            self._keep(vehicle)
+        trouble = self._trouble(pursuit)
+        if number % self._kept == 0 or self.completed or trouble:
+            self.looks.append((number, vehicle.snapshot()))
+        if self.completed:
+            self.reason = "arrived"
+        elif trouble:
+            where = f"after {pursuit.progress:.1f} m of {pursuit.path.length:.1f} m"
+            self.reason = trouble.format(where=where, causes=self._causes(vehicle))
 
     @property
     def time(self) -> float:
         """Time of the last look [s]."""
         return (len(self.ticks) - 1) * self.tick
 
-    def _keep(self, vehicle: Vehicle) -> None:
-        """Note all of the rover's state."""
-        now = self.ticks[-1]
-        look = Look(
-            time=self.time,
-            position=vehicle.position,
-            quaternion=vehicle.quaternion,
-            cross_track=now.cross_track,
-            heading_error=now.heading_error,
-            tilt=now.tilt,
-            **vehicle.wheel_states(),
-            joint_angle=vehicle.joint_angles,
-        )
-        self.looks.append(look)
-
     def _note_rocks(self, vehicle: Vehicle) -> None:
         """Note the rocks that the rover touches."""
         for name, (force, by_body) in vehicle.rock_forces().items():
-            east, north = vehicle.position[:2].tolist()
             first = self.contacts.get(name) or RockContact(
-                rock=name, time=self.time, position=(east, north), force=0.0, duration=0.0,
+                rock=name, time=self.time, position=vehicle.place, force=0.0, duration=0.0,
                 by_body=False,
             )  # fmt: skip
             self.contacts[name] = first.replace(
@@ -223,25 +195,23 @@ class Watch:
             )
 
     def _trouble(self, pursuit: PurePursuit) -> str:
-        """Why the drive must end before its time; empty if it need not."""
+        """Why the drive must end before its time, without the place; empty if it need not."""
         now = self.ticks[-1]
-        duration = float(self.trajectory.time[-1] - self.trajectory.time[0])
-        where = f"after {pursuit.progress:.1f} m of {pursuit.path.length:.1f} m"
         if now.tilt > _TIPPED:
-            return f"tipped over {where}"
+            return "tipped over {where}"
         if abs(pursuit.offset) > _OFF_PATH_FACTOR * self.spec.cross_track_m:
-            return f"left the path by {abs(pursuit.offset):.3g} m {where}{self._causes()}"
+            return f"left the path by {abs(pursuit.offset):.3g} m {{where}}{{causes}}"
         window = round(_STUCK_TIME / self.tick)
         if len(self.ticks) > window:  # which must bring it on, as its speed would, or round
             then, wanted = self.ticks[-1 - window], pursuit.path.speed * _STUCK_TIME
             turned = abs(now.heading_error - then.heading_error) > _STUCK_ANGLE
             if now.progress - then.progress < _STUCK_PART * wanted and not turned:
-                return f"stuck {where}{self._causes()}"
-        if self.time > self.spec.time_factor * duration + _STUCK_TIME:
-            return f"out of time {where}"
+                return "stuck {where}{causes}"
+        if self.time > self.spec.time_factor * self._duration + _STUCK_TIME:
+            return "out of time {where}"
         return ""
 
-    def _causes(self) -> str:
+    def _causes(self, vehicle: Vehicle) -> str:
         """What held the rover in the last ten seconds, as far as it can be told."""
         window = min(round(_STUCK_TIME / self.tick), len(self.ticks) - 1)
         strained = (self.ticks[-1].saturated - self.ticks[-1 - window].saturated) / max(window, 1)
@@ -250,7 +220,8 @@ class Watch:
         if strained > _STRAINED:
             reasons.append("motors at their torque limit")
         # The median passes over the last metre before the obstacle, which is in the window too.
-        slip = np.median([look.wheel_slip.mean() for look in self.looks if look.time >= begin])
+        late = [taken for number, taken in self.looks if number * self.tick >= begin]
+        slip = np.median(vehicle.states(late)["wheel_slip"].mean(axis=1))
         if slip > _STRAINED:
             reasons.append(f"wheels slip by {slip:.0%}")
         touched = [c for c in self.contacts.values() if c.time + c.duration > begin]
@@ -268,14 +239,19 @@ class Watch:
 
     def result(self, vehicle: Vehicle, pursuit: PurePursuit, *, skid_gain: float) -> DriveResult:
         """The drive as it went, at the logging rate (its end kept)."""
-        path, columns = pursuit.path, vars(self.looks[0]).keys()
-        poses = {name: np.array([getattr(look, name) for look in self.looks]) for name in columns}
+        path, numbers = pursuit.path, [number for number, _ in self.looks]
+        ticks = [self.ticks[number] for number in numbers]
+        poses = vehicle.states([taken for _, taken in self.looks])
         return DriveResult(
             **poses,
+            time=np.array(numbers) * self.tick,
+            cross_track=np.array([tick.cross_track for tick in ticks]),
+            heading_error=np.array([tick.heading_error for tick in ticks]),
+            tilt=np.array([tick.tilt for tick in ticks]),
             path=self.trajectory.name,
             completed=self.completed,
             reason=self.reason,
-            planned_time=float(self.trajectory.time[-1] - self.trajectory.time[0]),
+            planned_time=self._duration,
             planned_distance=path.length,
             progress=min(pursuit.progress, path.length),
             distance=float(np.linalg.norm(np.diff(poses["position"], axis=0), axis=1).sum()),

@@ -49,6 +49,7 @@ from .rock_properties import rock_factors as rock_factors
 from .rock_properties import rock_maps as rock_maps
 from .rock_properties import rock_texture as rock_texture
 from .rock_properties import vertex_dust as vertex_dust
+from .rover_meshes import RoverLook as RoverLook
 from .rover_meshes import rover_looks as rover_looks
 from .rover_meshes import rover_mesh as rover_mesh
 from .rover_meshes import shape_triangles as shape_triangles

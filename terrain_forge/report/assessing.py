@@ -25,6 +25,7 @@ def assess(
     dataset: Path | None = None,
     every_consumer: bool = False,
     drives: int | None = None,
+    keep_drives: bool = False,
 ) -> bool:
     """Validate what lies in the folder, write its report page, timings and manifest.
 
@@ -37,6 +38,7 @@ def assess(
         dataset: the folder of the world's recording.
         every_consumer: whether to open the exports in all consumers, whatever the recipe says.
         drives: from how many random starts to drive, instead of what the recipe says.
+        keep_drives: whether those of the earlier assessment hold.
 
     Returns:
         Whether every check passed.
@@ -62,6 +64,7 @@ def assess(
             altered=tuple(before.altered),
             foreign=before.foreign,
             earlier=before.assessment,
+            keep_drives=keep_drives,
             progress=lambda part, share: watch(f"validation: {part}", share),
         )
     watch.figures.update(result.timings)

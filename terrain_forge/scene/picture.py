@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import portable, srgb_from_linear
 from terrain_forge.model import Lighting
+from terrain_forge.scene.aiming import Rover
 from terrain_forge.scene.camera import Camera
 from terrain_forge.scene.looking import look
 from terrain_forge.scene.scene import RayScene
-from terrain_forge.scene.stage import prepare_stage, prepare_wheels
+from terrain_forge.scene.stage import Stage, prepare_stage, prepare_wheels
 
 _CLEAR = np.float32(1e30)
 _AWAY = 100.0
@@ -21,29 +22,42 @@ _BRIGHT = 0.7
 
 
 def take_picture(
-    scene: RayScene, camera: Camera, lighting: Lighting | None = None, *, tracks: bool = False
+    scene: RayScene,
+    camera: Camera,
+    lighting: Lighting | None = None,
+    *,
+    tracks: bool = False,
+    stage: Stage | None = None,
+    rover: Rover | None = None,
 ) -> NDArray[np.uint8]:
     """A scene through a camera, sRGB, shape [height, width, 3]; in its own light by default.
 
-    With `tracks` the wheels have driven the first of the subject's paths.
+    With `tracks` the wheels have driven the first of the subject's paths; `stage` is the scene made
+    ready for three channels in this light, and `rover` what moves in it.
     """
-    radiance = radiance_seen(scene, camera, lighting, tracks=tracks)
+    radiance = radiance_seen(scene, camera, lighting, tracks=tracks, stage=stage, rover=rover)
     # Towards the Sun, a dusty sky is many times brighter than the ground: a camera exposes for it.
     median = float(np.median(radiance.mean(axis=-1)))
     return develop(radiance * np.float32(min(1.0, _BRIGHT / max(median, 1e-6))))
 
 
 def radiance_seen(
-    scene: RayScene, camera: Camera, lighting: Lighting | None = None, *, tracks: bool = False
+    scene: RayScene,
+    camera: Camera,
+    lighting: Lighting | None = None,
+    *,
+    tracks: bool = False,
+    stage: Stage | None = None,
+    rover: Rover | None = None,
 ) -> NDArray[np.float32]:
     """What comes to a camera from a scene, 1 for white level ground, shape [height, width, 3].
 
-    A camera of parallel rays is taken for one that is far away. With `tracks` the wheels have
-    driven the first of the subject's paths.
+    A camera of parallel rays is taken for one that is far away. The rest is as `take_picture` says.
     """
     facing = 0.35 if camera.pinhole else 1.0
-    lighting = lighting or scene.subject.lighting
-    stage = prepare_stage(scene, lighting, 3, facing=facing, camera=camera)
+    if stage is None:
+        lighting = lighting or scene.subject.lighting
+        stage = prepare_stage(scene, lighting, 3, facing=facing, camera=camera)
     right, down = (float(portable.norm(axis)) for axis in (camera.right, camera.down))
     turn = np.column_stack([camera.right / right, camera.down / down, camera.forward])
     place, ahead = camera.position, 1.0
@@ -66,6 +80,7 @@ def radiance_seen(
         rotation=np.broadcast_to(turn, (camera.height, 3, 3)),
         wheels=prepare_wheels(scene, paths[0]) if paths else None,
         behind=np.inf if paths else -np.inf,
+        rover=rover,
     )
     return seen.radiance
 

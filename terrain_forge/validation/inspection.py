@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -29,6 +29,8 @@ class BuiltFolder:
     """Files of the folder that are not as they were built."""
     foreign: tuple[str, ...] = ()
     """Files of the folder that are not the world's."""
+    driven: Mapping[str, Any] | None = None
+    """The earlier report where its drives still hold, with their `files`."""
     progress: Callable[[float], None] | None = None
     """Told how far a long check is, 0 to 1."""
 

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from terrain_forge.base import Record, parts
 from terrain_forge.driving import DriveResult
@@ -15,7 +16,7 @@ from terrain_forge.model import Check, Export, World, exporter, failed, plain_op
 from terrain_forge.recipe import ValidateSpec
 from terrain_forge.terrain import terrain_statistics
 from terrain_forge.validation.checks.drives import Drives
-from terrain_forge.validation.inspection import BuiltFolder, Inspection
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
 
 GROUPS = ("files", "exports", "paths", "rocks", "truth", "drive", "craters", "other programs")
 """The order of the groups; those of other packages' checks follow."""
@@ -30,7 +31,7 @@ class ValidationResult(Record):
     checks: tuple[Check, ...]
     """Every check, in the order of the report."""
     drive: DriveResult | None
-    """The drive, where one was asked for and could begin."""
+    """The drive, where one was asked for, could begin, and was not kept."""
     timings: tuple[tuple[str, float], ...]
     """Wall times of the drives [s] and simulated over wall time, for timings.json."""
     files: tuple[Path, ...]
@@ -59,6 +60,7 @@ def validate(
     altered: tuple[str, ...] = (),
     foreign: tuple[str, ...] = (),
     earlier: Sequence[str] = (),
+    keep_drives: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> ValidationResult:
     """Check the world and what was exported of it; write the report into `directory`/validation.
@@ -74,9 +76,12 @@ def validate(
         altered: Files of the folder that are not as they were built.
         foreign: Files of the folder that are not the world's.
         earlier: Files that an earlier validation wrote, which go.
+        keep_drives: Whether its drives hold: they went through the same scene with the same spec.
         progress: Told which checks are made, and the share of long ones that is done, 0 to 1.
     """
     folder = directory / "validation"
+    driven = _driven(folder, earlier) if keep_drives else None
+    earlier = [name for name in earlier if not driven or name not in driven["files"]]
     exported = [name for name in earlier if name.startswith(_EXPORTED)]
     _remove(directory, exported)
     folder.mkdir(exist_ok=True)
@@ -87,6 +92,7 @@ def validate(
         spec=spec,
         altered=altered,
         foreign=foreign,
+        driven=driven,
     )
     made = [kind() for kind in inspections()]
     found = [
@@ -104,6 +110,15 @@ def validate(
         files=tuple(files),
         exports=built.exports,
     )
+
+
+def _driven(folder: Path, earlier: Sequence[str]) -> dict[str, Any] | None:
+    """An earlier report and the files of its drives, where there is one."""
+    report = read_json(folder / "report.json")
+    if not report:
+        return None
+    files = [name for name in earlier if name.startswith(f"{folder.name}/drive")]
+    return {**report, "files": files}
 
 
 def _checks(

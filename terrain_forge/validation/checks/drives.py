@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,11 @@ from terrain_forge.driving import (
 from terrain_forge.model import Check, Rover, World, at_least, at_most, failed
 from terrain_forge.recipe import DriveSpec, StartsSpec
 from terrain_forge.scene import open_scene
-from terrain_forge.validation.inspection import BuiltFolder, Inspection
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
 
+_REPORTED = "drive", "drives"
+"""Parts of the report."""
+_TIMED = "wall_time_s", "real_time_factor"
 _BELLY = (7, 5)
 _ABOVE = 1.0
 _TOLD = 3
@@ -40,11 +43,15 @@ class Drives(Inspection):
         self.drive: DriveResult | None = None
         """The drive along the path, where it could begin."""
         self._starts: StartsResult | None = None
+        self._kept: dict[str, Any] = {}
         self._timings: list[tuple[str, float]] = []
 
     def checks(self, built: BuiltFolder) -> Iterable[Check]:
         """What the drives must keep, and what was measured of them."""
         one, many = built.spec.drive_spec, built.spec.starts_spec
+        if built.driven is not None:
+            yield from self._keep(built, built.driven)
+            return
         if built.mjcf is None:
             return
         scene = built.mjcf / "scene.xml"
@@ -58,6 +65,16 @@ class Drives(Inspection):
                 yield from self._start(built, scene, many)
             except SimulationError as error:
                 yield failed("drives from many starts", str(error))
+
+    def _keep(self, built: BuiltFolder, driven: Mapping[str, Any]) -> Iterable[Check]:
+        """The checks of drives that hold; their figures and files stay too."""
+        self._kept = {name: driven[name] for name in _REPORTED if name in driven}
+        told = read_json(built.directory / "timings.json")
+        names = [f"{one}_{what}" for one in _REPORTED for what in _TIMED]
+        self._timings = [(name, told[name]) for name in names if name in told]
+        for check in driven["checks"]:
+            if check["group"] == self.group:
+                yield Check(**check)
 
     def _drive(self, built: BuiltFolder, scene: Path, spec: DriveSpec) -> list[Check]:
         """Drive a path through the exported scene."""
@@ -99,7 +116,7 @@ class Drives(Inspection):
         """The drives' figures."""
         one = {"drive": drive_json(self.drive)} if self.drive else {}
         many = {"drives": _starts_json(self._starts)} if self._starts else {}
-        return {**one, **many}
+        return {**self._kept, **one, **many}
 
     def timings(self) -> tuple[tuple[str, float], ...]:
         """Wall times of the drives [s] and simulated over wall time."""
@@ -110,6 +127,8 @@ class Drives(Inspection):
         from terrain_forge import driving
 
         world, spec = built.world, built.spec.drive_spec
+        if built.driven is not None:
+            yield from (built.directory / name for name in built.driven["files"])
         if result := self.drive:
             name = driving.stem(result)
             yield from driving.write_tables(result, folder)

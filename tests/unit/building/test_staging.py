@@ -18,6 +18,7 @@ import pytest
 from terrain_forge.base import DataError, OutputError, StorageError
 from terrain_forge.building import (
     finish,
+    folder_state,
     read_manifest,
     replacing,
     require_apart,
@@ -87,6 +88,19 @@ def world(small, tmp_path):
 
 def build(out: Path, *more: object, recipe: Path | None = None):
     return run("build", recipe or out.parent / "mini.yaml", "-o", out, *more)
+
+
+def test_an_assessment_holds_for_what_it_assessed(world):
+    """Not for edited files or another version's; what is written anew is left out."""
+    manifest = read_manifest(world)
+    assert folder_state(world, manifest).intact
+    assert not folder_state(world, {**manifest, "terrain_forge": "0"}).intact
+    assert not folder_state(world, {**manifest, "versions": {}}).intact
+    (world / "geotiff" / "elevation.tif").write_text("edited")
+    assert not folder_state(world, manifest).intact
+    assert folder_state(world, manifest, "geotiff/").intact
+    (world / "validation" / "report.json").write_text("{}")
+    assert not folder_state(world, manifest, "geotiff/").intact
 
 
 def test_files_of_others_are_named_and_stay(world):

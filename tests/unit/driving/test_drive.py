@@ -343,6 +343,20 @@ def test_a_validation_again_leaves_nothing_old(hill, validated, tmp_path):
     assert left == ["drive_notes.txt", "report.json", "terrain.png"]
 
 
+def test_drives_that_hold_are_not_driven_again(hill, validated, tmp_path, monkeypatch):
+    """Another format is written: the report says the same, and no rover moved."""
+    folder, first = validated
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    monkeypatch.setattr("terrain_forge.validation.checks.drives.drive", None)
+    earlier = [file.relative_to(folder).as_posix() for file in first.files]
+    spec = ValidateSpec(drive="arc", points=100)
+    again = validate(hill, tmp_path, spec=spec, earlier=earlier, keep_drives=True)
+    assert again.checks == first.checks
+    assert {*again.files} == {tmp_path / name for name in earlier}
+    for name in earlier:
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+
+
 def test_a_failed_check_is_a_result(hill, tmp_path):
     result = validate(hill, tmp_path, spec=ValidateSpec(drive="nowhere"))
     assert not result.passed

@@ -173,7 +173,7 @@ def test_wheels_that_speed_up_uphill_push_and_do_not_lag(tmp_path):
     slips, torques = [], []
     for tick in range(1, 50):
         vehicle.step(np.full(6, gain * 0.02 * tick / 0.14), 10)
-        states = vehicle.wheel_states()
+        states = vehicle.states([vehicle.snapshot()])
         slips.append(states["wheel_slip"])
         torques.append(states["wheel_torque"].sum())
     assert min(map(np.min, slips[15:])) > -0.03

@@ -8,7 +8,7 @@ from multiprocessing import active_children
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import SimulationError
@@ -165,6 +165,13 @@ def test_the_rover_is_in_its_picture(across_a_rock):
     assert 60 < columns.mean() < 100
 
 
+def frames_of(film):
+    """The frames of an animated picture, 8 bits each."""
+    with Image.open(film) as picture:
+        frames = ImageSequence.all_frames(picture)
+        return [np.asarray(frame.convert("RGB"), float) for frame in frames]
+
+
 def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, monkeypatch):
     monkeypatch.setattr("terrain_forge.driving.film.FRAMES", 3)
     monkeypatch.setattr("terrain_forge.driving.film.END_SIZE", (192, 108))
@@ -174,6 +181,11 @@ def test_a_drive_becomes_a_film_and_its_end_a_picture(across_a_rock, tmp_path, m
         assert picture.n_frames == 3
         assert picture.size == (400, 225)
     assert film.stat().st_size < 1.5e6 / 10
+    with monkeypatch.context() as alone:  # frames look alike that each have a piece of the world
+        alone.setattr("terrain_forge.driving.film.SHARED", 0.0)
+        other = write_film(world, result, tmp_path / "alone.webp")
+    for one, two in zip(frames_of(film), frames_of(other), strict=True):
+        assert np.abs(one - two).mean() < 2.0
     with Image.open(write_end(world, result, tmp_path / "end.png")) as picture:
         assert picture.size == (192, 108)
 
