@@ -293,6 +293,12 @@ def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     return library
 
 
+def is_library_kept(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> bool:
+    """Whether the cache has the library."""
+    folder = cache_folder()
+    return folder is not None and (folder / f"rocks-{library_key(spec, custom)}.npz").is_file()
+
+
 _at_hand: dict[tuple[Path, tuple[int, int]], RockLibrary] = {}
 """The library that was found last, by its file and the state of that: many worlds share one."""
 
