@@ -35,21 +35,25 @@ SETTLING = 0.035
 """Time to settle a dynamic rock [s]."""
 WATCHING = 0.06
 """Time to watch a dynamic rock in the exported world [s]."""
-DRIVING = 1 / 13
-"""Time to simulate a second of driving [s]; of many drives two are made at once."""
+DRIVING, FILMING = 0.1, 1.5
+"""Time to simulate a second of driving [s], of many drives two at once, and to film a drive [s]."""
 TEXEL, USUAL_SIDE = 1e-6, 1024
 """Time for each pixel of a larger texture [s] than one of so many pixels a side."""
 READ_SHAPE, SHAPE, CUT_SHAPE, CUT = 0.002, 0.035, 0.3, 2.0
 """Time for each shape of a library [s] to read it, make it, make it where hulls are to be closer
 than usual, of which some are cut up, and make the user's own."""
-WRITING, READING = 1 / 2.5e8, 1 / 4e8
-"""Time to write a byte of an export [s], and to read it again."""
+EXPORT, WRITING, READING = 0.2, 9e-9, 6.5e-9
+"""Processor time for each export, to write a byte of it, and to read it again [s]."""
+SHARED = 0.75
+"""Part of the processor time that passes where two cores share the work."""
 CONSUMER = 3.0
 """Time that an export's own programs take to begin [s]."""
 OTHER_SIZE = (100, 4000)
 """Bytes of an export for each node and rock whose options have no `bytes_each`."""
 WORLD_SIZE, WORLD_SIZES = 12e6, (30, 400)
 """Bytes of all but the exports, and what each node and rock adds to them."""
+HELD, DRIVEN = 0.4, 0.15e9
+"""Memory for each byte of an export, and for driving [bytes]."""
 CALIBRATED = 0.021
 """How long the machine of the rates takes for the work of `pace` [s]."""
 LIBRARY = "rock library"
@@ -132,15 +136,19 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    written = 1.4 + nodes / 3.7e5 + rocks / 4e4 + EXPORT * len(orders) + exported * WRITING
+    read = 1.6 + nodes / 4.2e5 + exported * READING
     watched = min(dynamic, MOST_WATCHED) * WATCHING
     stages = {
-        "plan": 1.0,
+        "plan": 0.7,
         LIBRARY: _library(site),
-        "ground": nodes / 4e6,
-        "rocks": 0.2 + rocks / 60e3 + dynamic * SETTLING,
-        "writing": 1.0 + nodes / 1.4e6 + exported * WRITING + _pictures(orders),
-        "validation": 1.2 + nodes / 2e6 + exported * READING + watched + _drives(site),
-        "report page": 0.5 + nodes / 5e6,
+        "ground": 0.05 + nodes / 6e6,
+        "rocks": 0.35 + rocks / 60e3 + dynamic * SETTLING,
+        "paths": 0.05 + 0.1 * len(site.routes),
+        "writing": SHARED * written + _pictures(orders),
+        "validation": SHARED * read + watched + _drives(site),
+        "report page": 0.65 + nodes / 5e6,
+        "manifest": 0.05 + exported / 1.5e9,
     }
     if recipe.validate and recipe.validate.consumers == "all":
         stages["validation"] += CONSUMER * len(orders) + 2 * exported * READING
@@ -160,8 +168,8 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     seconds = sum(stage_seconds(site, orders).values())
-    disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks
-    disk += sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
     if recipe.tiles is not None:
@@ -171,10 +179,10 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
             f"{told}{seconds:.0f} s of a core, {memory / 1e9:.1f} GB of memory for each worker, "
             f"{disk / 1e9:,.2g} GB on disk"
         )
-    return (
-        f"{told}{seconds:.0f} s, "
-        f"{memory_needed(nodes, rocks) / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
-    )
+    memory = memory_needed(nodes, rocks) + HELD * exported
+    if recipe.validate and (recipe.validate.drive or recipe.validate.drives):
+        memory += DRIVEN
+    return f"{told}{seconds:.0f} s, {memory / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
 
 
 def _pictures(orders: Sequence[ExportOrder]) -> float:
@@ -197,4 +205,4 @@ def _drives(site: Site) -> float:
     starts, drive = (spec.starts_spec, spec.drive_spec) if spec else (None, None)
     seconds = 0.5 * starts.count * starts.length_m / starts.speed_m_s if starts else 0.0
     seconds += sum(duration(r) for r in site.routes if drive and r.name == drive.path)
-    return DRIVING * seconds
+    return DRIVING * seconds + (FILMING if drive and drive.film else 0.0)
