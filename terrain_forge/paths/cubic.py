@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from terrain_forge.base import Array
 
 
-class Cubic(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cubic:
     """A piecewise polynomial."""
 
     knots: Array
@@ -40,7 +41,7 @@ class Cubic(NamedTuple):
     def derivative(self) -> Cubic:
         """That by the parameter."""
         orders = np.arange(len(self.coefficients) - 1, 0, -1.0)[:, None, None]
-        return self._replace(coefficients=self.coefficients[:-1] * orders)
+        return replace(self, coefficients=self.coefficients[:-1] * orders)
 
 
 def cubic_spline(knots: Array, points: Array, *, closed: bool) -> Cubic:
@@ -53,7 +54,7 @@ def cubic_spline(knots: Array, points: Array, *, closed: bool) -> Cubic:
     rise = _closed_slopes(width, slope) if closed else _open_slopes(width, slope, points)
     bend = (rise[:-1] + rise[1:] - 2 * slope) / width
     powers = bend / width, (slope - rise[:-1]) / width - bend, rise[:-1], points[:-1]
-    return Cubic(knots, np.stack(powers), closed)
+    return Cubic(knots=knots, coefficients=np.stack(powers), closed=closed)
 
 
 def _open_slopes(width: Array, slope: Array, points: Array) -> Array:
