@@ -208,7 +208,7 @@ def test_a_plan_cuts_up_no_shape_but_the_users(monkeypatch):
     def never(*_, **__):
         raise AssertionError("cut up")
 
-    monkeypatch.setattr("terrain_forge.rocks.shapes.collision._decompose", never)
+    monkeypatch.setattr("coacd.run_coacd", never)
     dense = PopulationSpec(name="a", size_frequency=Golombek(k=0.3), diameter_m=(0.3, 1.0))
     few = replace(tight, shapes=3, families=("breccia",))
     rocks = RocksSpec(library=few, populations=(dense,))
