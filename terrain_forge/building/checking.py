@@ -7,7 +7,7 @@ from math import degrees
 from pathlib import Path
 
 from terrain_forge.base import DataError, reading
-from terrain_forge.building.cost import cost_line
+from terrain_forge.building.cost import cost_line, stage_line
 from terrain_forge.dtm import (
     Description,
     RasterDtm,
@@ -97,6 +97,7 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     yield f"cost           {cost_line(site, orders)}"
+    yield f"  {'time':<12} {stage_line(site, orders)}"
 
 
 def check_raster(path: Path) -> list[str]:

@@ -60,6 +60,8 @@ LIBRARY = "rock library"
 """The stage that takes no time where its result is in the cache."""
 SHORTEST = 0.2
 """What a stage must take to tell anything [s]."""
+TOLD = 0.1
+"""What a stage must take to be named [s]."""
 FARTHEST = 5.0
 """By how much a stage may be slower or faster here than its rate says, at most."""
 
@@ -140,9 +142,9 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     read = 1.6 + nodes / 4.2e5 + exported * READING
     watched = min(dynamic, MOST_WATCHED) * WATCHING
     stages = {
-        "plan": 0.7,
+        "plan": 0.45,
         LIBRARY: _library(site),
-        "ground": 0.05 + nodes / 6e6,
+        "ground": 0.3 + nodes / 6e6,
         "rocks": 0.35 + rocks / 60e3 + dynamic * SETTLING,
         "paths": 0.05 + 0.1 * len(site.routes),
         "writing": SHARED * written + _pictures(orders),
@@ -183,6 +185,13 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     if recipe.validate and (recipe.validate.drive or recipe.validate.drives):
         memory += DRIVEN
     return f"{told}{seconds:.0f} s, {memory / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
+
+
+def stage_line(site: Site, orders: Sequence[ExportOrder]) -> str:
+    """Time of those stages that take any, as a line."""
+    stages = stage_seconds(site, orders)
+    told = (f"{stage} {seconds:.2g} s" for stage, seconds in stages.items() if seconds >= TOLD)
+    return ", ".join(told)
 
 
 def _pictures(orders: Sequence[ExportOrder]) -> float:
