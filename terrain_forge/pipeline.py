@@ -28,6 +28,7 @@ from terrain_forge.building import (
     fetch_lines,
     finish,
     folder_state,
+    learn,
     re_export_orders,
     read_manifest,
     replacing,
@@ -171,10 +172,12 @@ def build(
         require_whole(out, workers, scheduler)
         require_recordable(recipe, rover_of(site))
         require_exports(orders, site)
-        watch.expect(stage_seconds(site, orders))
+        expected = stage_seconds(site, orders)
+        watch.expect(expected)
         with replacing(out, force=force) as directory:
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
+        learn(expected, watch.seconds)
     return BuildResult(directory=out, world=world, passed=passed, exports=exports, removed=removed)
 
 

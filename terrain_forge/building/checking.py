@@ -7,7 +7,7 @@ from math import degrees
 from pathlib import Path
 
 from terrain_forge.base import DataError, reading
-from terrain_forge.building.cost import cost_line
+from terrain_forge.building.cost import cost_line, stage_line
 from terrain_forge.dtm import (
     Description,
     RasterDtm,
@@ -79,6 +79,11 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     yield f"  horizon      {_horizon(site)}"
     rocks = rocks_of(site)
     yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
+    if recipe.rocks.library.shapes and recipe.rocks.library.is_tight:
+        yield (
+            f"  {'shapes':<12} {recipe.rocks.library.shapes}, their hulls closer than usual: some "
+            "may not be cut up so closely, which a build sees first of all"
+        )
     for population in recipe.rocks.populations:
         fit = population.size_frequency.fit_to_counts(*population.diameters)
         if fit:
@@ -92,6 +97,7 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     yield f"cost           {cost_line(site, orders)}"
+    yield f"  {'time':<12} {stage_line(site, orders)}"
 
 
 def check_raster(path: Path) -> list[str]:

@@ -1,6 +1,7 @@
 """What a build costs on the machine at hand: time stage by stage, memory, disk.
 
 The rates are those of one machine of two cores, of which `pace` tells how much slower this one is.
+Each build then tells how long its stages took here, and the next estimate goes by that as well.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import os
 import platform
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -22,50 +23,90 @@ from terrain_forge.model import Site
 from terrain_forge.paths import duration
 from terrain_forge.recipe import (
     ExportOrder,
-    Recipe,
     expected_nodes,
     memory_needed,
     rocks_of,
     tile_cells,
 )
-from terrain_forge.rocks import LibrarySpec, expected_dynamic
+from terrain_forge.rocks import expected_dynamic, is_library_kept
 from terrain_forge.validation import MOST_WATCHED
 
 SETTLING = 0.035
 """Time to settle a dynamic rock [s]."""
 WATCHING = 0.06
 """Time to watch a dynamic rock in the exported world [s]."""
-DRIVING = 1 / 20
-"""Time to simulate a second of driving [s]; of many drives two are made at once."""
+DRIVING, FILMING = 0.05, 0.8
+"""Time to simulate a second of driving [s], of many drives two at once, and to film a drive [s]."""
 TEXEL, USUAL_SIDE = 1e-6, 1024
 """Time for each pixel of a larger texture [s] than one of so many pixels a side."""
-SHAPE = 0.1
-"""Time to make each shape of a library [s] beyond the usual number."""
-WRITING, READING = 1 / 2.5e8, 1 / 4e8
-"""Time to write a byte of an export [s], and to read it again."""
+READ_SHAPE, SHAPE, CUT_SHAPE, CUT = 0.002, 0.035, 0.3, 2.0
+"""Time for each shape of a library [s] to read it, make it, make it where hulls are to be closer
+than usual, of which some are cut up, and make the user's own."""
+EXPORT, WRITING, READING = 0.2, 9e-9, 6.5e-9
+"""Processor time for each export, to write a byte of it, and to read it again [s]."""
+SHARED = 0.75
+"""Part of the processor time that passes where two cores share the work."""
 CONSUMER = 3.0
 """Time that an export's own programs take to begin [s]."""
 OTHER_SIZE = (100, 4000)
 """Bytes of an export for each node and rock whose options have no `bytes_each`."""
 WORLD_SIZE, WORLD_SIZES = 12e6, (30, 400)
 """Bytes of all but the exports, and what each node and rock adds to them."""
+HELD, DRIVEN = 0.4, 0.15e9
+"""Memory for each byte of an export, and for driving [bytes]."""
 CALIBRATED = 0.021
 """How long the machine of the rates takes for the work of `pace` [s]."""
+LIBRARY = "rock library"
+"""The stage that takes no time where its result is in the cache."""
+SHORTEST = 0.2
+"""What a stage must take to tell anything [s]."""
+TOLD = 0.1
+"""What a stage must take to be named [s]."""
+FARTHEST = 5.0
+"""By how much a stage may be slower or faster here than its rate says, at most."""
+
+_KEPT = "pace.json"
 
 
 def pace() -> float:
     """How much slower this machine is; measured once, in a tenth of a second, and kept."""
-    folder, machine = cache_folder(), f"{platform.node()} {platform.machine()} {os.cpu_count()}"
-    kept = folder / "pace.json" if folder else None
-    with suppress(OSError, ValueError, KeyError, TypeError):
+    return _machine()[0]
+
+
+def _machine() -> tuple[float, dict[str, float]]:
+    """How much slower this machine is, and its stages than that, by the builds that it has made."""
+    folder, machine = cache_folder(), _name()
+    kept = folder / _KEPT if folder else None
+    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
         found = json.loads(kept.read_text(encoding="utf-8")) if kept else {}
         if found["machine"] == machine and 0.0 < float(found["pace"]) < 1e3:
-            return float(found["pace"])
+            stages = {str(stage): float(part) for stage, part in found["stages"].items()}
+            if all(1.0 / FARTHEST <= part <= FARTHEST for part in stages.values()):
+                return float(found["pace"]), stages
     measured = min(_work() for _ in range(5)) / CALIBRATED
-    with suppress(OSError):
-        if kept:
-            _keep(kept, {"machine": machine, "pace": round(measured, 3)})
-    return measured
+    _keep(measured, {})
+    return measured, {}
+
+
+def learn(expected: Mapping[str, float], taken: Mapping[str, float]) -> None:
+    """Take note of how long the stages of a build took [s]; what compiled anything is no measure.
+
+    Half of what was found counts, so that one build on a busy machine does not spoil the next
+    estimates.
+    """
+    slower, stages = _machine()
+    if cache_folder() is None or "compile" in taken:
+        return
+    for stage, seconds in taken.items():
+        if stage in expected and stage != LIBRARY and seconds >= SHORTEST:
+            part = stages.get(stage, 1.0) * (seconds / expected[stage]) ** 0.5
+            stages[stage] = min(max(part, 1.0 / FARTHEST), FARTHEST)
+    _keep(slower, stages)
+
+
+def _name() -> str:
+    """This machine's."""
+    return f"{platform.node()} {platform.machine()} {os.cpu_count()}"
 
 
 def _work() -> float:
@@ -79,12 +120,16 @@ def _work() -> float:
     return time.process_time() - since
 
 
-def _keep(path: Path, content: dict[str, object]) -> None:
-    """Write a file that others see all of or nothing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-        json.dump(content, file)
-    Path(file.name).replace(path)
+def _keep(slower: float, stages: Mapping[str, float]) -> None:
+    """Keep what is known of this machine, in a file that others see all of or nothing."""
+    parts = {stage: round(part, 3) for stage, part in stages.items()}
+    content = {"machine": _name(), "pace": round(slower, 3), "stages": parts}
+    with suppress(OSError):
+        if (folder := cache_folder()) is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            with NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
+                json.dump(content, file)
+            Path(file.name).replace(folder / _KEPT)
 
 
 def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
@@ -93,20 +138,24 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    written = 1.4 + nodes / 3.7e5 + rocks / 4e4 + EXPORT * len(orders) + exported * WRITING
+    read = 1.6 + nodes / 4.2e5 + exported * READING
     watched = min(dynamic, MOST_WATCHED) * WATCHING
     stages = {
-        "plan": 1.0,
-        "rock library": 0.3 + _library(recipe),
-        "ground": nodes / 4e6,
-        "rocks": 0.2 + rocks / 60e3 + dynamic * SETTLING,
-        "writing": 1.0 + nodes / 1.4e6 + exported * WRITING + _pictures(orders),
-        "validation": 1.2 + nodes / 2e6 + exported * READING + watched + _drives(site),
-        "report page": 0.5 + nodes / 5e6,
+        "plan": 0.45,
+        LIBRARY: _library(site),
+        "ground": 0.3 + nodes / 6e6,
+        "rocks": 0.35 + rocks / 60e3 + dynamic * SETTLING,
+        "paths": 0.05 + 0.1 * len(site.routes),
+        "writing": SHARED * written + _pictures(orders),
+        "validation": SHARED * read + watched + _drives(site),
+        "report page": 0.65 + nodes / 5e6,
+        "manifest": 0.05 + exported / 1.5e9,
     }
     if recipe.validate and recipe.validate.consumers == "all":
         stages["validation"] += CONSUMER * len(orders) + 2 * exported * READING
-    slower = pace()
-    return {stage: slower * seconds for stage, seconds in stages.items()}
+    slower, parts = _machine()
+    return {stage: slower * parts.get(stage, 1.0) * seconds for stage, seconds in stages.items()}
 
 
 def export_bytes(order: ExportOrder, *, nodes: float, rocks: float) -> float:
@@ -121,8 +170,8 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     seconds = sum(stage_seconds(site, orders).values())
-    disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks
-    disk += sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
     if recipe.tiles is not None:
@@ -132,10 +181,17 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
             f"{told}{seconds:.0f} s of a core, {memory / 1e9:.1f} GB of memory for each worker, "
             f"{disk / 1e9:,.2g} GB on disk"
         )
-    return (
-        f"{told}{seconds:.0f} s, "
-        f"{memory_needed(nodes, rocks) / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
-    )
+    memory = memory_needed(nodes, rocks) + HELD * exported
+    if recipe.validate and (recipe.validate.drive or recipe.validate.drives):
+        memory += DRIVEN
+    return f"{told}{seconds:.0f} s, {memory / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
+
+
+def stage_line(site: Site, orders: Sequence[ExportOrder]) -> str:
+    """Time of those stages that take any, as a line."""
+    stages = stage_seconds(site, orders)
+    told = (f"{stage} {seconds:.2g} s" for stage, seconds in stages.items() if seconds >= TOLD)
+    return ", ".join(told)
 
 
 def _pictures(orders: Sequence[ExportOrder]) -> float:
@@ -144,10 +200,12 @@ def _pictures(orders: Sequence[ExportOrder]) -> float:
     return TEXEL * sum(side**2 for side in sides if side > USUAL_SIDE)
 
 
-def _library(recipe: Recipe) -> float:
-    """Time that the library takes where it is not in the cache [s]."""
-    spec = recipe.rocks.library
-    return SHAPE * max(spec.shapes - LibrarySpec().shapes, 0)
+def _library(site: Site) -> float:
+    """Time that the library takes, to be read or to be made [s]."""
+    spec = site.recipe.rocks.library
+    if is_library_kept(spec, custom=site.meshes):
+        return 0.1 + READ_SHAPE * spec.shapes
+    return 0.3 + (CUT_SHAPE if spec.is_tight else SHAPE) * spec.shapes + CUT * len(spec.meshes)
 
 
 def _drives(site: Site) -> float:
@@ -156,4 +214,4 @@ def _drives(site: Site) -> float:
     starts, drive = (spec.starts_spec, spec.drive_spec) if spec else (None, None)
     seconds = 0.5 * starts.count * starts.length_m / starts.speed_m_s if starts else 0.0
     seconds += sum(duration(r) for r in site.routes if drive and r.name == drive.path)
-    return DRIVING * seconds
+    return DRIVING * seconds + (FILMING if drive and drive.film else 0.0)

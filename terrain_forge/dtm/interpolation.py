@@ -16,6 +16,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inlined, inner, kernel, over_chunks
 from terrain_forge.dtm.lattice import Nodes, PixelFrame, Places, node_places, pixel_of
@@ -29,6 +30,7 @@ STENCIL = 2
 """Pixels beyond its own whose coefficients a node no larger than a pixel depends on."""
 
 _BEYOND = 3
+_FEW = 5000  # places, which NumPy does in a few milliseconds
 
 
 @inner
@@ -277,7 +279,27 @@ def cubic(grid: Array, *, column: Array, row: Array, wrap: bool = False) -> Arra
         row: the same for rows.
         wrap: whether the grid is one tile of a repeating pattern.
     """
+    if column.size <= _FEW:
+        return _cubic_few(grid, column, row, wrap=wrap)
     result = np.empty(column.shape)
     places = np.array(column, order="C"), np.array(row, order="C")
     over_chunks(_cubic, len(result), np.array(grid, order="C"), *places, wrap, result)
     return result
+
+
+def _cubic_few(grid: Array, column: Array, row: Array, *, wrap: bool) -> Array:
+    """The same bits for a few places, without what loading a first kernel takes: 0.2 s."""
+    left, top = np.floor(column), np.floor(row)
+    across, down = _weights.py_func(column - left), _weights.py_func(row - top)
+
+    def index(first: Array, step: int, length: int) -> NDArray[np.int64]:
+        n = first.astype(np.int64) + step - 1
+        return n % length if wrap else np.clip(n, 0, length - 1)
+
+    total = np.zeros(column.shape)
+    for n in range(4):
+        source, line = index(top, n, grid.shape[0]), np.zeros(column.shape)
+        for m in range(4):
+            line = line + across[m] * grid[source, index(left, m, grid.shape[1])]
+        total = total + down[n] * line
+    return total

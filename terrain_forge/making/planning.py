@@ -64,7 +64,9 @@ def plan(
         progress: called with the share of a terrain model that is fetched.
 
     Raises:
-        RecipeError, DataError: before any work starts, if the recipe cannot be built.
+        RecipeError, DataError: before any work starts, if the recipe cannot be built. Only that a
+            shape cannot be cut up as closely as its library wants, closer than usual, is not known
+            before the library is made, which is the first work.
     """
     folder = Path(folder)
     recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
@@ -138,8 +140,8 @@ def plan(
     require_place(populations, site)
     wanted = site.recipe.rocks.library
     check_packing(populations, size, partial(find_library, wanted.sample(), custom=site.meshes))
-    if wanted.may_fail:
-        find_library(wanted, custom=site.meshes)
+    if (doubtful := wanted.doubtful()) is not None:
+        find_library(doubtful, custom=site.meshes)
     return site
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from terrain_forge.base import Array, Key, RecipeError, portable
+from terrain_forge.paths.cubic import cubic_spline
 
 STEP = 0.02
 """Distance of a curve's points [m]."""
@@ -53,14 +54,12 @@ def trace_spline(points: Array, *, closed: bool, key: Key) -> Curve:
     Raises:
         RecipeError: if neighbouring points are the same, or if the curve turns back on itself.
     """
-    from scipy.interpolate import CubicSpline
-
     points = np.vstack([points, points[:1]]) if closed else points
     chords = _legs(points, closed, key)
     # Centripetal parameters keep the curve from looping at sharp corners (Lee 1989,
     # doi:10.1016/0010-4485(89)90003-1).
     knots = np.concatenate([[0.0], np.cumsum(np.sqrt(chords))])
-    curve = CubicSpline(knots, points, bc_type="periodic" if closed else "natural")
+    curve = cubic_spline(knots, points, closed=closed)
     traced = trace(curve, curve.derivative(), (0.0, knots[-1]), samples=64 * len(points))
     turns = np.abs(np.diff(traced.heading))
     if turns.max() > SHARPEST:

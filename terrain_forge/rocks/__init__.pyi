@@ -37,6 +37,7 @@ from .laws.tabulated import Tabulated as Tabulated
 from .library import LibrarySpec as LibrarySpec
 from .library import MeshSpec as MeshSpec
 from .library import find_library as find_library
+from .library import is_library_kept as is_library_kept
 from .library import make_library as make_library
 from .pebbles import path_pebbles as path_pebbles
 from .populations import ExclusionSpec as ExclusionSpec

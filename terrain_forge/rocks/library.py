@@ -104,15 +104,36 @@ class LibrarySpec(Spec):
     distance), as a part of its mean axis."""
 
     def sample(self) -> LibrarySpec:
-        """As many shapes as tell how they can be packed: making more takes minutes."""
-        return replace(self, shapes=min(self.shapes, max(MOST_PACKED, len(self.families))))
+        """As many shapes as tell how they can be packed, none cut up: more would take minutes."""
+        few = replace(self, shapes=min(self.shapes, max(MOST_PACKED, len(self.families))))
+        if not self.is_tight:
+            return few
+        usual = LibrarySpec()
+        excess = max(self.hull_excess, usual.hull_excess)
+        distance = max(self.hull_distance, usual.hull_distance)
+        return replace(
+            few, hull_vertices=usual.hull_vertices, hull_excess=excess, hull_distance=distance
+        )
 
     @property
-    def may_fail(self) -> bool:
-        """Whether only making the library tells if its collision parts are as close as wanted."""
+    def is_tight(self) -> bool:
+        """Whether the collision parts are to be closer than usual.
+
+        One hull then fits few of the slabs, vesicular rocks and breccias, and not all of them can
+        be cut so closely, which only making them tells: seconds of processor time for each.
+        """
         usual = LibrarySpec()
-        tight = self.hull_excess < usual.hull_excess or self.hull_distance < usual.hull_distance
-        return tight or self.hull_vertices < usual.hull_vertices or bool(self.meshes)
+        closer = self.hull_excess < usual.hull_excess or self.hull_distance < usual.hull_distance
+        return closer or self.hull_vertices < usual.hull_vertices
+
+    def doubtful(self) -> LibrarySpec | None:
+        """What a plan makes of it, to see whether it can be: the user's shapes, if there are any.
+
+        With them come the others where these are made in a moment; a build then has them all.
+        """
+        if not self.meshes:
+            return None
+        return replace(self, shapes=0) if self.is_tight or self.sample() != self else self
 
     def family_names(self) -> tuple[str, ...]:
         """The families that the library has shapes of, each once."""
@@ -270,6 +291,12 @@ def find_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
     if (state := _state(file)) is not None:
         _at_hand[file, state] = library
     return library
+
+
+def is_library_kept(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> bool:
+    """Whether the cache has the library."""
+    folder = cache_folder()
+    return folder is not None and (folder / f"rocks-{library_key(spec, custom)}.npz").is_file()
 
 
 _at_hand: dict[tuple[Path, tuple[int, int]], RockLibrary] = {}

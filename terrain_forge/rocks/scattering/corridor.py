@@ -100,6 +100,14 @@ def corridors(site: Site) -> Corridors:
     )
 
 
+def largest_area(strips: Corridors) -> float:
+    """What corridors and exclusion zones cover at most [m²], beyond the site too."""
+    steps = strips.segments[:, 2:] - strips.segments[:, :2]
+    lengths = np.sqrt((steps * steps).sum(axis=1))
+    sides = 2.0 * strips.half_width[strips.corridor] * lengths
+    return float(sides.sum() + np.pi * (strips.half_width**2).sum())
+
+
 def in_corridor(site: Site, xy: Array, *, reach: ArrayLike = 0.0) -> NDArray[np.bool_]:
     """Which points (east, north) [m], shape [points, 2], lie in a corridor or exclusion zone.
 

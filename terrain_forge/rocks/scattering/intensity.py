@@ -18,11 +18,19 @@ from terrain_forge.base import Array, DataError, RecipeError, inner, kernel, por
 from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters
 from terrain_forge.rocks.scattering.cells import Rectangle
-from terrain_forge.rocks.scattering.corridor import corridors, is_kept_free, search_radius
+from terrain_forge.rocks.scattering.corridor import (
+    corridors,
+    is_kept_free,
+    largest_area,
+    search_radius,
+)
 from terrain_forge.terrain import shape_ground
 
 if TYPE_CHECKING:
     from terrain_forge.rocks.populations import PopulationSpec
+
+_SURELY_LEFT = 0.5
+"""Part of a site that corridors may cover without it being looked for what they leave."""
 
 
 class Intensity(NamedTuple):
@@ -196,9 +204,11 @@ def require_place(
         steepest=np.full(len(populations), np.inf)
     )
     strips = corridors(site)
+    narrow = largest_area(strips) > _SURELY_LEFT * site.size[0] * site.size[1]
     for number, population in enumerate(populations):
-        limited = known.thins(number) or len(strips.half_width) > 0
-        if limited and not _has_place(known, number, strips, population.diameters[0]):
+        if (narrow or known.thins(number)) and not _has_place(
+            known, number, strips, population.diameters[0]
+        ):
             reasons = {
                 "its slope limit": np.isfinite(known.steepest[number]),
                 "its density image": population.density_image is not None,

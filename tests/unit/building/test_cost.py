@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from terrain_forge.building.cost import pace
+from terrain_forge.building.cost import FARTHEST, learn, pace
 
 
 def test_pace_is_measured_once_for_each_machine(tmp_path, monkeypatch):
@@ -18,3 +18,33 @@ def test_pace_is_measured_once_for_each_machine(tmp_path, monkeypatch):
         file.write_text(broken)
         assert 0.0 < pace() != 77.5
         assert json.loads(file.read_text())["machine"] == kept["machine"]
+
+
+def test_builds_teach_how_long_their_stages_take(tmp_path, monkeypatch):
+    """A stage that always takes four times its rate is soon expected to; others stay as they were.
+
+    What was too short to measure, the library, which may be in the cache, and a build that compiled
+    teach nothing.
+    """
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    file = tmp_path / "pace.json"
+
+    def known():
+        return json.loads(file.read_text())["stages"]
+
+    learn({"writing": 2.0}, {"writing": 8.0, "compile": 9.0})
+    assert known() == {}
+    factor = 1.0
+    for _ in range(6):
+        expected = {"writing": 2.0 * factor, "ground": 1.0, "rock library": 1.0}
+        learn(expected, {"writing": 8.0, "ground": 0.01, "rock library": 9.0, "paths": 3.0})
+        assert set(known()) == {"writing"}
+        factor = known()["writing"]
+    assert factor == pytest.approx(4.0, rel=0.05)
+    learn({"writing": 2.0}, {"writing": 8e6})
+    assert known() == {"writing": FARTHEST}
+    assert pace() == json.loads(file.read_text())["pace"]
+    for broken in ({"writing": 1e9}, {"writing": "x"}, [], None):
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"stages": broken}))
+        assert 0.0 < pace()
+        assert known() == {}

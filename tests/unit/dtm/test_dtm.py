@@ -274,6 +274,16 @@ def test_kernel_reproduces_quadratics_and_samples():
     assert np.array_equal(cubic(grid, column=columns, row=rows), grid)
 
 
+@pytest.mark.parametrize("wrap", [False, True])
+def test_few_places_have_the_same_bits_as_many(wrap):
+    random = np.random.default_rng(2)
+    grid = random.normal(size=(12, 9)) * 1e3
+    column, row = random.uniform(-9.0, 20.0, (2, 90, 100))
+    many = cubic(grid, column=column, row=row, wrap=wrap)
+    few = [cubic(grid, column=column[[n]], row=row[[n]], wrap=wrap) for n in range(90)]
+    assert np.array_equal(np.concatenate(few), many)
+
+
 def test_roughness_of_a_known_surface():
     """Points of a self-affine ground, averaged to posts of 0.5 m."""
     site = worlds.site().replace(size=(128.0, 128.0), spacing=0.125)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Heightfield
@@ -15,12 +16,28 @@ from terrain_forge.paths import (
     plan_route,
     require_inside,
 )
+from terrain_forge.paths.cubic import cubic_spline
 from terrain_forge.paths.spec import Corridor, Shake
 from terrain_forge.rovers import find_rover
 from tests.helpers import worlds
 
 ROVER = find_rover("morpheus")
+RANDOM = np.random.default_rng(3)
 SQUARE = ((-8.0, -5.0), (8.0, -5.0), (8.0, 5.0), (-8.0, 5.0))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 40, 300])
+def test_splines_are_those_of_scipy_to_the_bit(count, closed):
+    """Uneven knots make its equations exchange rows, too."""
+    points = RANDOM.normal(size=(count, 2)) * 100.0
+    points = np.vstack([points, points[:1]]) if closed else points
+    knots = np.concatenate([[0.0], np.cumsum(10.0 ** RANDOM.uniform(-2, 2, len(points) - 1))])
+    theirs = CubicSpline(knots, points, bc_type="periodic" if closed else "natural")
+    ours = cubic_spline(knots, points, closed=closed)
+    at = np.concatenate([knots, np.linspace(0.0, knots[-1], 1001)])
+    assert np.array_equal(ours(at), theirs(at))
+    assert np.array_equal(ours.derivative()(at), theirs.derivative()(at))
 
 
 def path(**changes):

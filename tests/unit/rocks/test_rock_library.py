@@ -12,8 +12,19 @@ from numpy.random import Generator, Philox
 from pydantic import TypeAdapter, ValidationError
 
 from terrain_forge.base import fibonacci_sphere
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
 from terrain_forge.model import Mesh
-from terrain_forge.rocks import FAMILIES, LibrarySpec, make_library
+from terrain_forge.pipeline import realise
+from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.rocks import (
+    FAMILIES,
+    Golombek,
+    LibrarySpec,
+    PopulationSpec,
+    RocksSpec,
+    make_library,
+)
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.library import MeshSpec, lay_down
 from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces
@@ -179,6 +190,33 @@ def test_fewer_hull_vertices_when_asked(library):
     for rock, full in zip(few, library.prototypes, strict=False):
         assert len(rock.hulls[0].vertices) <= 16
         assert rock.meshes == full.meshes
+
+
+def test_a_plan_cuts_up_no_shape_but_the_users(monkeypatch):
+    """A library that is closer than usual is first made by a build, which ends there if it fails.
+
+    A few shapes tell how rocks are packed, and their meshes do not depend on their hulls.
+    """
+    tight, own = LibrarySpec(shapes=1000, hull_excess=0.1), (MeshSpec(file="a.obj"),)
+    assert tight.doubtful() is None
+    assert replace(tight, meshes=own).doubtful() == replace(tight, meshes=own, shapes=0)
+    assert LibrarySpec(shapes=1000, meshes=own).doubtful() == LibrarySpec(shapes=0, meshes=own)
+    assert LibrarySpec(meshes=own).doubtful() == LibrarySpec(meshes=own)
+    assert tight.sample() == LibrarySpec(shapes=64)
+    assert LibrarySpec().sample() == LibrarySpec()
+
+    def never(*_, **__):
+        raise AssertionError("cut up")
+
+    monkeypatch.setattr("coacd.run_coacd", never)
+    dense = PopulationSpec(name="a", size_frequency=Golombek(k=0.3), diameter_m=(0.3, 1.0))
+    few = replace(tight, shapes=3, families=("breccia",))
+    rocks = RocksSpec(library=few, populations=(dense,))
+    dtm, terrain = FlatDtm(size_m=(20.0, 20.0)), TerrainSpec(spacing_m=0.5)
+    recipe = Recipe(name="tight", body="mars", dtm=dtm, terrain=terrain, rocks=rocks)
+    site = plan(recipe)
+    with pytest.raises(AssertionError, match="cut up"):
+        realise(site)
 
 
 def test_hull_of_a_box_is_the_box():

@@ -326,8 +326,9 @@ def test_dynamic_rocks_that_cannot_be_settled_are_refused():
         limit(recipe(diameter_m=[0.03, 3.0], dynamic_m=[0.03, 0.8]))
 
 
-def test_dynamic_rocks_are_part_of_the_estimate(tmp_path):
+def test_dynamic_rocks_are_part_of_the_estimate(tmp_path, monkeypatch):
     """Their number by the law, and their time, which is most of it."""
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "cache"))
     stones = recipe(dynamic_m=[0.2, 0.8])
     law = stones.rocks.populations[0].size_frequency
     wanted = 2500.0 * float(law.cumulative_number(0.2) - law.cumulative_number(0.8))
