@@ -33,6 +33,7 @@ from terrain_forge.building import (
     read_manifest,
     replacing,
     require_apart,
+    require_folder,
     require_listed,
     require_ours,
     require_readable_recipe,
@@ -206,6 +207,7 @@ def write_world(
         OutputError, StorageError: as `build`.
     """
     out, recipe = Path(out).resolve(), world.site.recipe
+    require_folder(out)
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
     removed = require_ours(out, force=force)
     with (

@@ -22,6 +22,7 @@ from .staging import finish as finish
 from .staging import holding as holding
 from .staging import replacing as replacing
 from .staging import require_apart as require_apart
+from .staging import require_folder as require_folder
 from .staging import require_listed as require_listed
 from .staging import require_ours as require_ours
 from .staging import updating as updating

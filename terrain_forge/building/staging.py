@@ -11,6 +11,7 @@ import fcntl
 import json
 import logging
 import os
+import re
 import shutil
 import time
 from collections.abc import Collection, Iterable, Iterator
@@ -42,8 +43,26 @@ _FOREIGN = "that its manifest does not list"
 _CHANGED = "changed since it was built"
 _NAMED = 5
 """Files that a message names."""
+_ADDRESS = re.compile("[a-z][a-z0-9+]+:")
+"""What is left in a path of the scheme of an address, such as s3://bucket/worlds."""
 _LONGEST, _DEEPEST = 255, 3500
 """Bytes of a name, and of the path of a world, whose files' paths are longer."""
+
+
+def require_folder(out: Path) -> None:
+    """Refuse an address of an object store, which is no folder: all is staged, renamed and locked.
+
+    Raises:
+        OutputError: names it, and what does serve.
+    """
+    for number, place in enumerate(out.parts, 1):
+        if _ADDRESS.fullmatch(place) and not Path(*out.parts[:number]).exists():
+            rest = "/".join(out.parts[number:])
+            raise OutputError(
+                f"{place}//{rest} is an address: worlds are written into a folder, which is renamed"
+                " and locked as object stores cannot; copy the built folder there, or mount the"
+                " store"
+            )
 
 
 def require_apart(out: Path, inputs: Iterable[Path]) -> None:
@@ -52,6 +71,7 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
     Raises:
         OutputError: names the file, or says that the folder's own name is too long.
     """
+    require_folder(out)
     longest = [*((name, _LONGEST) for name in out.parts), (out.name, _LONGEST - len(f".{STAGING}"))]
     for name, most in (*longest, (str(out), _DEEPEST)):
         if (size := len(os.fsencode(name))) > most:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ class Arena:
     model: Any
     """MuJoCo's model of its scene."""
     data: Any
-    """MuJoCo's state."""
+    """MuJoCo's state, which no other environment has."""
     rover: Rover
     """Who drives."""
     world: World
@@ -135,13 +135,19 @@ def find_parts(model: Any, rover: Rover) -> Parts:
     )
 
 
-@lru_cache(maxsize=KEPT)
 def load_arena(folder: Path) -> Arena:
-    """A built world with an MJCF export, loaded; a process keeps the last ones.
+    """A built world with an MJCF export, loaded, with a state of its own.
 
     Raises:
         OutputError: if the folder holds no such world, or its rover has no wheels.
     """
+    loaded = _load(folder)
+    return replace(loaded, data=mujoco.MjData(loaded.model))
+
+
+@lru_cache(maxsize=KEPT)
+def _load(folder: Path) -> Arena:
+    """The world, which a process keeps, without a state: environments share the rest."""
     from scipy.ndimage import label
 
     kinds = {export.kind: export.folder for export in exports_in(read_manifest(folder))}
@@ -158,7 +164,7 @@ def load_arena(folder: Path) -> Arena:
     return Arena(
         folder=folder,
         model=model,
-        data=mujoco.MjData(model),
+        data=None,
         rover=world.rover,
         world=world,
         top=rock_rasters(world)[0],

@@ -108,6 +108,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 f"{self._distance:g} m that the rover can go"
             )
         self._enter(arena)
+        arena = self.arena
         start, self._goal, heading = mission
         arena.set_down(self.parts, start, heading)
         mujoco.mj_step(arena.model, arena.data, round(_SETTLING / arena.model.opt.timestep))
@@ -124,7 +125,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
     def _enter(self, arena: Arena) -> None:
         if len(arena.rover.wheels) != len(self.arena.rover.wheels):
             raise OutputError(f"{arena.folder} has another rover than {self.arena.folder}")
-        if arena is not self.arena:
+        if arena.folder != self.arena.folder:
             self.arena, self.parts = arena, find_parts(arena.model, arena.rover)
             self.close()
 

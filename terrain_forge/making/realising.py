@@ -9,7 +9,7 @@ import numpy as np
 from terrain_forge.base import Stopwatch
 from terrain_forge.making.horizon import make_horizon
 from terrain_forge.making.lighting import light_of
-from terrain_forge.model import Site, Window, World, owned, touches
+from terrain_forge.model import Route, Site, Window, World, owned, touches
 from terrain_forge.paths import make_trajectories
 from terrain_forge.rocks import (
     FILLED,
@@ -31,9 +31,18 @@ from terrain_forge.terrain import (
 
 
 def make_world(
-    site: Site, window: Window, *, settled: bool, progress: Stopwatch, horizon: bool = True
+    site: Site,
+    window: Window,
+    *,
+    settled: bool,
+    progress: Stopwatch,
+    horizon: bool = True,
+    planned: tuple[Route, ...] = (),
 ) -> World:
-    """The world of a window of a site, as `realise` says; on demand without what lies beyond."""
+    """The world of a window of a site, as `realise` says; on demand without what lies beyond.
+
+    Routes of planned paths are given where they were found on all of the site.
+    """
     recipe = site.recipe
     populations, lists = recipe.rocks.populations, recipe.rocks.lists
 
@@ -86,7 +95,7 @@ def make_world(
         library=library,
         field=rocks.select(own),
         neighbours=rocks.select(touches(rocks, ground, library) & ~own),
-        trajectories=make_trajectories(site, window, ground, rocks, library, rover),
+        trajectories=make_trajectories(site, window, ground, rocks, library, rover, planned),
         rover=rover,
         lighting=light_of(site),
         unplaced=scattered.unplaced,

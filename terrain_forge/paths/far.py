@@ -3,14 +3,17 @@
 A path over blocks of many nodes guides the search. Along it the way is found in windows of full
 detail, each from where the last one was left to what is ahead on the guide; only the first part of
 what is found is kept. Where a window has no way, the first block of the guide that cannot be
-reached is barred, and the leg begins anew with another guide.
+reached is barred, and the search goes on from where another guide leaves this one; at last windows
+look twice as far.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -43,7 +46,9 @@ AHEAD = 96.0
 """How far along the guide a window looks [m]."""
 _BESIDE_GUIDE, _LEAST_BESIDE = 0.25, 8.0
 """Ground beside the guide in a window, over how far it looks; and at least [m]."""
-_KEPT = 2.0 / 3.0
+_WIDER = 2.0
+"""How much farther windows look where no way was found."""
+_KEPT = 0.5
 """Part of the way in a window that is kept."""
 _BENT = 64
 """Points of the kept line that are made smooth once more with what follows."""
@@ -149,19 +154,21 @@ def plan_far(
         RecipeError: as `plan_path`.
     """
     key = (*key, "route")
-    margin = max(_BESIDE_GUIDE * ahead, _LEAST_BESIDE)
     turning = require_stops(route, field_at, rover=rover, key=key)
+    clearances = 0.5 * rover.width + route.margin_m, turning
 
-    def line(clearance: float) -> Line:
+    def line(clearance: float, *, ahead: float) -> Line:
         walk = _Walk(
-            blocks=blocks, field_at=field_at, needed=clearance, ahead=ahead, margin=margin,
+            blocks=blocks, field_at=field_at, needed=clearance, ahead=ahead,
             beside=_BESIDE + 3.0 * rover.length, line=np.array([route.stops[0][1]]),
         )  # fmt: skip
         for (_, begin), (name, end) in pairwise(route.stops):
             walk.go(begin, end, (*key, name))
         return walk.line, walk.fixed, walk.obstacles()
 
-    return smooth_route(spec, line, (0.5 * rover.width + route.margin_m, turning), rover, key)
+    with suppress(RecipeError):
+        return smooth_route(spec, partial(line, ahead=ahead), clearances, rover, key)
+    return smooth_route(spec, partial(line, ahead=_WIDER * ahead), clearances, rover, key)
 
 
 def require_stops(
@@ -179,6 +186,18 @@ def require_stops(
     return require_free(route, around, rover=rover, key=key)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Step:
+    """How far the line was after a window."""
+
+    there: int
+    """The last block of the guide that the window saw."""
+    at: int
+    """The block of the guide at which the line then ended."""
+    length: int
+    """Points of the line."""
+
+
 @dataclass(kw_only=True)
 class _Walk:
     """The line while it is found."""
@@ -187,7 +206,6 @@ class _Walk:
     field_at: Callable[[Bounds], Traversability]
     needed: float
     ahead: float
-    margin: float
     beside: float
     line: Array
     """Points so far."""
@@ -205,33 +223,45 @@ class _Walk:
         for place in (begin, end):  # the rover can be there, whatever else is in its block
             row, column = self.blocks.at(place)
             weight[row, column] = min(weight[row, column], np.float32(1.0 / _LEAST_SHARE))
+        guide, steps = np.zeros((0, 2), np.int64), [_Step(there=-1, at=0, length=first)]
         for _ in range(_DETOURS):
             path = cheapest_path(weight, start=self.blocks.at(begin), goal=self.blocks.at(end))
             if not len(path.nodes):
                 break
-            barred = self._follow(path.nodes, end, key)
+            # What was found where this guide is the last one's stays.
+            common = min(len(guide), len(path.nodes))
+            same = (guide[:common] == path.nodes[:common]).all(axis=1)
+            common = int(np.argmin(same)) if not same.all() else common
+            guide = path.nodes
+            while steps[-1].there >= common:
+                steps.pop()
+            length = steps[-1].length
+            self.line, self.fixed = self.line[:length], self.fixed[:length]
+            barred = self._follow(guide, end, steps, key)
             if barred is None:
                 self.fixed[-1] = True
                 return
             weight[barred] = np.inf
-            self.line, self.fixed = self.line[:first], self.fixed[:first]
         x, y = _middles(self.blocks, np.array([path.nearest]))[0]
         raise RecipeError(
-            f"no way leads from ({begin[0]:g}, {begin[1]:g}) m to ({end[0]:g}, {end[1]:g}) m: the "
-            f"rover comes no nearer than about ({x:.0f}, {y:.0f}) m",
+            f"no way was found from ({begin[0]:g}, {begin[1]:g}) m to ({end[0]:g}, {end[1]:g}) m: "
+            f"the rover comes no nearer than about ({x:.0f}, {y:.0f}) m; via_m lead it "
+            "elsewhere",
             key=key,
         )
 
-    def _follow(self, guide: NDArray[np.int64], end: Place, key: Key) -> tuple[int, int] | None:
-        """Find the way along blocks; the one to bar where there is none."""
-        places, at = _middles(self.blocks, guide), 0
+    def _follow(
+        self, guide: NDArray[np.int64], end: Place, steps: list[_Step], key: Key
+    ) -> tuple[int, int] | None:
+        """Find the way along blocks, on from the last step; the one to bar where there is none."""
+        places, at = _middles(self.blocks, guide), steps[-1].at
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
         for _ in range(4 * len(guide) + 4):
             there = min(int(np.searchsorted(along, along[at] + self.ahead)), len(guide) - 1)
             last = there == len(guide) - 1
             tail = min(_BENT, len(self.line) - 1)
             near = np.vstack([places[at : there + 1], self.line[-1 - tail :]])
-            land = self.field_at(_around(near, self.margin))
+            land = self.field_at(_around(near, max(_BESIDE_GUIDE * self.ahead, _LEAST_BESIDE)))
             weight = node_weights(land, self.needed)
             goal, barred = self._goal(land, weight, guide[at : there + 1], end if last else None)
             if goal is None:
@@ -244,6 +274,7 @@ class _Walk:
                 return None
             gap = np.linalg.norm(places[at : there + 1] - self.line[-1], axis=1)
             at += int(np.argmin(gap))
+            steps.append(_Step(there=there, at=at, length=len(self.line)))
         return int(guide[there][0]), int(guide[there][1])
 
     def _goal(

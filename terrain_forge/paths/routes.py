@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,17 +64,18 @@ def make_trajectories(
     rocks: RockField,
     library: RockLibrary,
     rover: Rover,
+    planned: Iterable[Route] = (),
 ) -> tuple[Trajectory, ...]:
     """The paths that lie wholly within a window, on its bare ground.
 
-    Planned ones depend on all of the ground and its rocks: only the whole site has them. The rocks
-    are those of the window, and those that reach into it.
+    Planned ones depend on all of the ground and its rocks: only the whole site has them, unless
+    their routes are given. The rocks are those of the window, and those that reach into it.
 
     Raises:
         RecipeError: if a planned path cannot be found, or the driven one starts within a rock.
     """
-    routes = {route.name: route for route in site.routes}
-    if window == site.window:
+    routes = {route.name: route for route in (*site.routes, *planned)}
+    if window == site.window and not planned:
         routes |= _plan_on_ground(site, ground, rocks, library, rover)
     driven, made = site.recipe.driven_path, []
     for number, spec in enumerate(site.recipe.paths):

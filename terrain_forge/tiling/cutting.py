@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from terrain_forge.base import OutputError, Stopwatch
 from terrain_forge.making import make_world
 from terrain_forge.model import Site, Window, World
-from terrain_forge.recipe import require_window_fits
+from terrain_forge.recipe import recipe_json, require_window_fits
 from terrain_forge.tiling.order import load_order
+from terrain_forge.tiling.routing import load_routes
 
 
 def cut_world(
     out: Path, *, centre: tuple[float, float], size: tuple[float, float], watch: Stopwatch
 ) -> World:
     """The world of a rectangle [m] of a site in tiles, to whole cells; the same bits as its tiles.
+
+    Planned paths that lie wholly in it are those of the site, once it is built. A drive that the
+    recipe asks for is not asked of a part that does not hold its path.
 
     Raises:
         OutputError: if the folder holds no site in tiles, or the rectangle is not in it.
@@ -23,7 +28,13 @@ def cut_world(
     site = load_order(out).site
     window = window_of(site, centre, size)
     require_window_fits(site, window)
-    return make_world(site, window, settled=True, progress=watch)
+    world = make_world(site, window, settled=True, progress=watch, planned=load_routes(out) or ())
+    recipe = site.recipe
+    if recipe.driven_path in {None, *(path.name for path in world.trajectories)}:
+        return world
+    assert recipe.validate is not None
+    recipe = replace(recipe, validate=replace(recipe.validate, drive=None))
+    return world.replace(site=site.replace(recipe_json=recipe_json(recipe)))
 
 
 def window_of(site: Site, centre: tuple[float, float], size: tuple[float, float]) -> Window:

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Key, Stopwatch
+from terrain_forge.base import (
+    Array,
+    Key,
+    OutputError,
+    Stopwatch,
+    from_plain,
+    read_arrays,
+    read_text,
+    to_plain,
+)
 from terrain_forge.model import Route, Site, TileGrid, Trajectory, Window, World
 from terrain_forge.paths import (
     Blocks,
@@ -25,9 +38,10 @@ from terrain_forge.paths import (
 from terrain_forge.rovers import rover_of
 from terrain_forge.terrain import shape_ground
 from terrain_forge.tiling.making import world_of
-from terrain_forge.tiling.order import TileOrder
+from terrain_forge.tiling.order import FOLDER, MOST, TileOrder
 from terrain_forge.truth import rate_world, write_surroundings
 
+_ROUTES = "routes.json", "routes.npz"
 AHEAD, _AHEAD_CELLS = 96.0, 400
 """How far a window looks along a path [m], and at most [cells]."""
 _SNAP = 128
@@ -60,6 +74,8 @@ def require_paths_begin(order: TileOrder) -> None:
 def lay_paths(order: TileOrder, watch: Stopwatch) -> tuple[Trajectory, ...]:
     """Find and write the paths of a site whose tiles are there: paths/, truth/paths/.
 
+    Planned routes are kept in the site's folder when they are found.
+
     Raises:
         RecipeError: if a planned path cannot be found.
     """
@@ -80,7 +96,10 @@ def lay_paths(order: TileOrder, watch: Stopwatch) -> tuple[Trajectory, ...]:
         )  # fmt: skip
 
     routes = {route.name: route for route in site.routes}
-    routes |= planned_routes(site, rover, found)
+    if (planned := load_routes(order.out)) is None:
+        planned = tuple(planned_routes(site, rover, found).values())
+        _save_routes(planned, order.out)
+    routes |= {route.name: route for route in planned}
     made = []
     for spec in site.recipe.paths:
         watch(f"paths: {spec.name}")
@@ -93,6 +112,38 @@ def lay_paths(order: TileOrder, watch: Stopwatch) -> tuple[Trajectory, ...]:
     if made:
         write_trajectories(tuple(made), order.out / "paths")
     return tuple(made)
+
+
+def load_routes(out: Path) -> tuple[Route, ...] | None:
+    """The planned routes of a site in tiles; None where they were not found yet.
+
+    Raises:
+        OutputError: if they are damaged.
+    """
+    table, binary = (out / FOLDER / name for name in _ROUTES)
+    if not table.is_file():
+        return None
+    try:
+        routes: tuple[Route, ...] = from_plain(
+            json.loads(read_text(table, table.name, most=MOST)), read_arrays(binary)
+        )
+    except (ValueError, KeyError, TypeError, LookupError) as error:
+        raise OutputError(
+            f"{table} is damaged: {error}; move it away, and build again, which plans anew"
+        ) from None
+    return routes
+
+
+def _save_routes(routes: tuple[Route, ...], out: Path) -> None:
+    arrays: dict[str, NDArray[Any]] = {}
+    text = json.dumps(to_plain(routes, arrays, "routes"), indent=1, allow_nan=False) + "\n"
+    binary = BytesIO()
+    np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+    contents = text.encode(), binary.getvalue()
+    for name, content in reversed([*zip(_ROUTES, contents, strict=True)]):  # the table last
+        fresh = out / FOLDER / f".{name}"
+        fresh.write_bytes(content)
+        fresh.replace(out / FOLDER / name)
 
 
 class Land:

@@ -26,7 +26,13 @@ from terrain_forge.base import (
     run_tasks,
     silent,
 )
-from terrain_forge.building import chosen_exports, holding, write_export, write_manifest
+from terrain_forge.building import (
+    chosen_exports,
+    holding,
+    require_apart,
+    write_export,
+    write_manifest,
+)
 from terrain_forge.making import make_world
 from terrain_forge.model import World
 from terrain_forge.paths import arrivals, write_trajectories
@@ -113,7 +119,7 @@ def worlds(
         raise RecipeError(text, key=("worlds", "count"))
     orders = orders_of(recipe, only)
     draw(recipe, 0, folder=folder)  # what is wrong in all of them is told at once
-    _require_apart(out, recipe, folder)
+    require_apart(out, input_paths(recipe, folder))
     _require_ours(out, recipe, orders)
     with holding(out):
         (out / POOL).mkdir(exist_ok=True)
@@ -193,12 +199,6 @@ def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) ->
         if not isinstance(found, dict) or found.get(key) != wanted[key]:
             what = {"exports": "other exports"}.get(key, f"another {key}")
             raise OutputError(f"{out} holds worlds of {what}: choose another folder")
-
-
-def _require_apart(out: Path, recipe: Recipe, folder: Path) -> None:
-    for path in input_paths(recipe, folder):
-        if path.resolve().is_relative_to(out):
-            raise OutputError(f"the input {path} lies in {out}, where the worlds go")
 
 
 def _make(

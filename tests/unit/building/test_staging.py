@@ -29,6 +29,7 @@ from terrain_forge.building import staging as staging_file
 from terrain_forge.building.manifest import MARK, altered_files, foreign_files
 from terrain_forge.validation import read_json
 from tests.helpers.command_line import run
+from tests.helpers.places import ROOT
 from tests.unit.building.test_build import MINI
 
 RECIPE = MINI.replace("sdf, ", "")
@@ -659,3 +660,19 @@ def test_damaged_files_of_a_world_are_named(tmp_path, text):
     (tmp_path / "report.json").write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(DataError, match=r"report\.json is damaged"):
         read_json(tmp_path / "report.json")
+
+
+@pytest.mark.parametrize("command", ["build", "worlds"])
+def test_an_address_is_no_folder(tmp_path, monkeypatch, command):
+    """Such as fsspec and Dask take; nothing is made of it here."""
+    monkeypatch.chdir(tmp_path)
+    done = run(command, ROOT / "recipes/hello.yaml", "-o", "s3://bucket/a/b")
+    assert done.returncode == 2
+    assert "s3://bucket/a/b is an address" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_may_be_called_as_an_address_begins(tmp_path):
+    (tmp_path / "s3:").mkdir()
+    require_apart(tmp_path / "s3:/out", ())
+    require_apart(tmp_path / "C:/out", ())

@@ -70,6 +70,16 @@ def test_a_seed_tells_all_that_follows(made):
     assert np.array_equal(episode(make(made), 1)[0], first[0][0])
 
 
+def test_two_in_the_same_world_do_not_meet(made):
+    one, other = make(made, numbers=[0]), make(made, numbers=[0])
+    one.reset(seed=1)
+    seen = one.step(np.array([0.5, 0.0], np.float32))[0]["proprioception"]
+    one.reset(seed=1)
+    other.reset(seed=2)
+    other.step(np.array([1.0, 1.0], np.float32))
+    assert np.array_equal(one.step(np.array([0.5, 0.0], np.float32))[0]["proprioception"], seen)
+
+
 def test_side_by_side_they_do_what_each_does_alone(made):
     given = {"worlds": str(made.directory), "distance_m": 3.0}
     many = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="sync", **given)
@@ -84,6 +94,28 @@ def test_side_by_side_they_do_what_each_does_alone(made):
         assert np.array_equal(own["proprioception"], seen["proprioception"][n])
         assert gained == reward[n]
     many.close()
+
+
+@pytest.mark.slow
+def test_in_processes_of_their_own_they_do_the_same(made):
+    """Gymnasium's AsyncVectorEnv: steps, observations and what is told, over an episode's end."""
+    given = {"worlds": str(made.directory), "distance_m": 3.0}
+    rounds = []
+    for mode in ("sync", "async"):
+        many = gymnasium.make_vec(ID, num_envs=2, vectorization_mode=mode, **given)
+        seen, _ = many.reset(seed=7)
+        random, found, ends = np.random.default_rng(2), [], 0
+        for _ in range(60):
+            turn = 0.1 * random.standard_normal((2, 1))
+            action = np.concatenate([np.zeros((2, 1)), turn], axis=1).astype(np.float32)
+            seen, reward, ended, late, _ = many.step(action)
+            found += [seen["heights"].copy(), seen["proprioception"].copy(), reward, ended, late]
+            ends += int(ended.sum())
+        many.close()
+        assert ends >= 1  # stuck after five seconds: it begins anew
+        rounds.append(found)
+    for one, other in zip(*rounds, strict=True):
+        assert np.array_equal(one, other)
 
 
 def test_driving_to_the_goal_pays_and_standing_does_not(made):

@@ -96,9 +96,33 @@ def test_what_the_guide_does_not_see_is_found_on_the_way():
     assert north[1] < -15.0
 
 
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_among_many_rocks_it_finds_nearly_the_way_of_one_world(seed):
+    random = np.random.default_rng(seed)
+    count = int(random.integers(100, 260))
+    east, north = random.uniform(-1, 1, (count, 2)).T * [[25.0], [18.0]]
+    radius = random.uniform(0.3, 1.2, count)
+
+    def rocks(x, y):
+        away = [
+            (x - e) ** 2 + (y - n) ** 2 < r * r for e, n, r in zip(east, north, radius, strict=True)
+        ]
+        return np.any(away, axis=0) * 1.0
+
+    land = Land(ground(rocks, size=(64.0, 40.0)))
+    route = Planned(start_m=(-29.0, -8.0), goal_m=(29.0, 8.0))
+    spec = PathSpec(name="far", route=route, speed_m_s=0.3)
+    wanted = plan_path(spec, route, field=rate(land.whole), rover=ROVER)
+    found = find(land, *(place for _, place in route.stops))
+    require_drivable(found, land)
+    assert found.length < 1.25 * wanted.length
+
+
 def test_no_way_is_told_with_the_place_that_is_reached():
     land = Land(ground(lambda x, y: np.where(np.abs(x) + 0.0 * y < 0.3, 1.0, 0.0)))
-    with pytest.raises(RecipeError, match=r"no way leads from \(-9, 0\) m to \(9, 0\) m") as error:
+    with pytest.raises(
+        RecipeError, match=r"no way was found from \(-9, 0\) m to \(9, 0\) m"
+    ) as error:
         find(land, (-9.0, 0.0), (9.0, 0.0))
     assert error.value.key == ("paths", "route", "goal_m")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
+import signal
 from hashlib import sha256
 from pathlib import Path
 
@@ -127,6 +129,26 @@ def test_order_and_workers_change_no_byte_and_a_build_goes_on(built, recipe, tmp
     assert (result.tiles, result.made) == (6, 2)
     assert (out / "notes.txt").read_text() == "a user's"
     (out / "notes.txt").unlink()
+    assert contents(out) == contents(built)
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_that_loses_a_worker_makes_the_same_bytes(built, recipe, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    out, killed = tmp_path / "six", list[int]()
+    options = {"n_workers": 2, "threads_per_worker": 1, "memory_limit": 0}
+    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+
+        def kill(stage, share=None):
+            """One of the workers, once the first tile is there; the cluster starts another."""
+            if not killed and list(out.glob("tiles/*/*/tile.json")):
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        given = tf.load_recipe(recipe).recipe
+        result = tf.build(given, out, scheduler=cluster.scheduler_address, progress=kill)
+    assert killed
+    assert result.made == 6
     assert contents(out) == contents(built)
 
 

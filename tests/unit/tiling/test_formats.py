@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.truth.tiled import write_parquet
+from tests.unit.exporters.test_glb import gltf_issues, require_gltf_validator
 
 LEVELS = ("full", "quarter", "sixteenth")
 
@@ -88,16 +89,22 @@ def contents(site: Path):
     tileset = json.loads((site / "glb/tileset.json").read_text())
     assert tileset["asset"]["version"] == "1.1"
 
-    def walk(node, shift, above):
+    def walk(node, shift, above, around):
         assert node["geometricError"] <= above
         if "transform" in node:
             shift = shift + np.array(node["transform"])[12:15]
+        box = np.array(node["boundingVolume"]["box"])
+        half = np.diag(box[3:].reshape(3, 3))
+        low, high = box[:3] + shift - half, box[:3] + shift + half
+        assert (low >= around[0] - 1e-9).all()
+        assert (high <= around[1] + 1e-9).all()
         if "content" in node:
             yield node, shift
         for child in node.get("children", ()):
-            yield from walk(child, shift, node["geometricError"])
+            yield from walk(child, shift, node["geometricError"], (low, high))
 
-    return list(walk(tileset["root"], np.zeros(3), tileset["geometricError"]))
+    far = -np.inf, np.inf
+    return list(walk(tileset["root"], np.zeros(3), tileset["geometricError"], far))
 
 
 def test_3d_tiles_hold_what_they_say(built, whole):
@@ -123,6 +130,15 @@ def test_3d_tiles_hold_what_they_say(built, whole):
         middle = points[faces].mean(axis=1)
         ground = whole.ground.height_at(middle[:, 0], middle[:, 1])
         assert np.abs(middle[:, 2] - ground).max() <= node["geometricError"]
+
+
+@pytest.mark.consumer
+def test_khronos_validator_finds_nothing_in_tiles(built):
+    """Wants `npm install gltf-validator`, and NODE_PATH to lead to its node_modules."""
+    require_gltf_validator()
+    for path in sorted(built.glob("tiles/*/*/glb/*.glb")):
+        issues = gltf_issues(path)
+        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
 
 
 def test_sdf_world_has_a_level_for_each_tile(built):

@@ -104,6 +104,22 @@ def test_paths_are_those_of_one_world(driven, recipe, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_part_has_the_sites_paths_that_lie_in_it(driven, tmp_path):
+    """A planned one too; a part without the driven path is not driven."""
+    whole = tf.cut(driven, tmp_path / "whole", centre=(0, 0), size=(38, 14), only=())
+    names = ["there.csv", "line.csv"]
+    for name in names:
+        mine, wanted = table(tmp_path / "whole/paths" / name), table(driven / "paths" / name)
+        assert all(np.allclose(mine[key], wanted[key], rtol=0, atol=2e-9) for key in wanted)
+    assert whole.passed
+    assert (tmp_path / "whole/validation/drive_there.csv").is_file()
+    part = tf.cut(driven, tmp_path / "part", centre=(0, 0), size=(12, 10), only=())
+    assert part.passed
+    assert list((tmp_path / "part/paths").iterdir()) == []
+    assert tf.World.load(tmp_path / "part").site.recipe.driven_path is None
+
+
+@pytest.mark.slow
 def test_windows_know_all_costs_that_are_asked_for(driven):
     land = Land(load_order(driven))
     bounds = -9.0, -2.0, -3.0, 4.0

@@ -65,6 +65,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return worlds(recipe(folder), folder / "out", workers=0).directory
 
 
+@pytest.mark.slow
+def test_a_dask_cluster_makes_the_same_bytes(made: Path, tmp_path: Path) -> None:
+    """Two workers of a cluster that runs, given by its address; it runs on afterwards."""
+    distributed: Any = pytest.importorskip("distributed")
+    options = {"n_workers": 2, "threads_per_worker": 1, "memory_limit": 0}
+    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        done = worlds(recipe(tmp_path), tmp_path / "out", scheduler=address)
+        assert (done.made, done.failed) == (4, ())
+        assert len(cluster.scheduler_info["workers"]) == 2
+    assert contents(done.directory) == contents(made)
+
+
 def test_a_killed_series_goes_on_to_the_same_bytes(made: Path, tmp_path: Path) -> None:
     path, out = recipe(tmp_path), tmp_path / "out"
     worlds(path, out, count=1, workers=0)

@@ -1,7 +1,8 @@
-"""Our ground in the terrain generators of mjlab and Isaac Lab, as their packages have them.
+"""What is ours in mjlab, Isaac Lab and Stable-Baselines3, as their packages have it.
 
-Wants `pip install --no-deps mjlab isaaclab`. Their generators are plain NumPy and trimesh; what
-else their packages import, PyTorch and Warp among it, is left out or stands in as empty modules.
+Wants `pip install --no-deps mjlab isaaclab stable-baselines3 cloudpickle`. What is called of them
+is plain NumPy, trimesh and Gymnasium; what else they import, PyTorch and Warp among it, is left out
+or stands in as empty modules.
 """
 
 from __future__ import annotations
@@ -12,23 +13,27 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from unittest.mock import MagicMock
 
+import gymnasium
 import mujoco
 import numpy as np
 import pytest
 
 from terrain_forge import learning
+from terrain_forge.variation import worlds
 from tests.unit.learning.test_learning import recipe
 
 pytestmark = pytest.mark.consumer
 SIZE = (6.0, 5.0)
+OTHERS = {"mjlab", "isaaclab", "stable_baselines3", "torch", "warp"}
 ABOVE = np.array([0.0, 0.0, 5.0])
 
 
 @pytest.fixture
 def package():
     """Makes packages importable without what their `__init__` does; all is undone afterwards."""
-    before = dict(sys.modules)
+    before = {name: sys.modules.pop(name) for name in [*sys.modules] if root(name) in OTHERS}
 
     def bare(name: str, folder: Path, *parts: str) -> None:
         for part in ("", *parts):
@@ -37,9 +42,14 @@ def package():
             sys.modules[module.__name__] = module
 
     yield bare
-    for name in set(sys.modules) - set(before):
+    for name in [name for name in sys.modules if root(name) in OTHERS]:
         del sys.modules[name]
     sys.modules.update(before)
+
+
+def root(name: str) -> str:
+    """The package of a module."""
+    return name.partition(".")[0]
 
 
 def place_of(name: str, inside: str = "") -> Path:
@@ -137,3 +147,33 @@ def test_isaac_lab_makes_a_grid_of_it(package, tmp_path):
     assert gap.max() < 0.5
     assert np.array_equal(make(4).terrain_mesh.vertices, generator.terrain_mesh.vertices)
     assert not np.array_equal(make(5).terrain_origins, origins)
+
+
+def test_stable_baselines_steps_several(package, tmp_path):
+    """The documented call, its checker, and what its algorithms read at the end of an episode."""
+    package("stable_baselines3", place_of("stable_baselines3"), "common")
+    pytest.importorskip("cloudpickle")
+    if find_spec("torch") is None:
+        for name in ("torch", "torch.nn", "torch.optim", "torch.utils", "torch.utils.tensorboard"):
+            sys.modules[name] = MagicMock()
+    checker = importlib.import_module("stable_baselines3.common.env_checker")
+    util = importlib.import_module("stable_baselines3.common.env_util")
+    made = worlds(recipe(), tmp_path / "many", count=2, workers=0).directory
+    given = {"worlds": str(made), "distance_m": 3.0}
+    name = "terrain_forge.learning:TerrainForge/Drive-v0"
+    with pytest.warns(UserWarning, match="heights has an unconventional shape"):  # it is flattened
+        checker.check_env(gymnasium.make(name, **given).unwrapped, skip_render_check=True)
+    many = util.make_vec_env(name, n_envs=3, seed=4, env_kwargs=given)
+    seen = many.reset()
+    assert seen["heights"].shape == (3, *many.observation_space["heights"].shape)
+    ends = list[dict]()
+    for _ in range(55):  # standing still is stuck after five seconds
+        _, _, done, told = many.step(np.zeros((3, 2), np.float32))
+        ends += [one for one, over in zip(told, done, strict=True) if over]
+    many.close()
+    assert len(ends) == 3
+    for end in ends:
+        assert end["ended"] == "stuck"
+        assert end["episode"]["r"] < -5.0
+        assert end["terminal_observation"]["proprioception"].shape == (15,)
+        assert not end["TimeLimit.truncated"]
