@@ -35,7 +35,7 @@ class WindContact(Spec):
     """
 
     kind: Literal["wind"] = "wind"
-    wind_from_deg: float | None = None
+    wind_from_deg: Annotated[float, Interval(ge=-360, le=360)] | None = None
     """Where the wind comes from, clockwise from north [degrees]; without it that of the recipe's
     first layer of ripples, or 29 as at the Pathfinder site."""
     drift: Annotated[float, Interval(ge=0, le=0.3)] = 0.12
