@@ -127,6 +127,7 @@ from .rocks import embed as embed
 from .rocks import make_library as make_library
 from .rocks import remove_rocks as remove_rocks
 from .rocks import scatter as scatter
+from .rocks import with_pebbles as with_pebbles
 from .rovers import FileRover as FileRover
 from .sky import SkySpec as SkySpec
 from .sky import SunSpec as SunSpec

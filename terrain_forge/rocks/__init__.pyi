@@ -39,6 +39,7 @@ from .library import MeshSpec as MeshSpec
 from .library import find_library as find_library
 from .library import make_library as make_library
 from .pebbles import path_pebbles as path_pebbles
+from .pebbles import with_pebbles as with_pebbles
 from .populations import ExclusionSpec as ExclusionSpec
 from .populations import PopulationSpec as PopulationSpec
 from .populations import RockListSpec as RockListSpec

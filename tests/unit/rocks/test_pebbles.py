@@ -9,9 +9,12 @@ from terrain_forge.exporters.usd import Options, export
 
 from terrain_forge.base import ExportError, xyzw
 from terrain_forge.making import plan
+from terrain_forge.model import merge
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import recipe_from_json
-from terrain_forge.rocks import path_pebbles
+from terrain_forge.recipe import DatasetSpec, recipe_from_json
+from terrain_forge.recording import open_setting
+from terrain_forge.rocks import path_pebbles, with_pebbles
+from terrain_forge.scene import open_scene
 from tests.helpers.plain_readers import glb_parts
 
 
@@ -71,6 +74,32 @@ def test_usd_draws_them_and_no_physics_knows_them(world, tmp_path):
             drawn += len(UsdGeom.PointInstancer(prim).GetIdsAttr().Get())
     assert drawn == len(path_pebbles(world, smallest=0.03, within=1.0)) > 50
     assert any(f"{drawn} pebbles" in loss for loss in report.losses)
+
+
+def test_rays_meet_them_and_the_motion_does_not(world):
+    """What cameras and lidars see has them as rocks; the world has not changed."""
+    seen = with_pebbles(world, smallest=0.03, within=1.0)
+    pebbles = path_pebbles(world, smallest=0.03, within=1.0)
+    assert len(seen.field) == len(world.field) + len(pebbles)
+    assert np.array_equal(np.unique(seen.field.id), seen.field.id)
+    rocks = merge(seen.field, seen.neighbours)
+    above = np.add(pebbles.position, (0.0, 0.0, 5.0))
+    with open_scene(seen) as scene:
+        hits = scene.cast(above, np.tile((0.0, 0.0, -1.0), (len(above), 1)))
+    met = np.where(hits.rock >= 0, rocks.id[hits.rock], -1)
+    assert (met == pebbles.id).mean() > 0.9  # a few lie under a rock or a larger one
+    spec = DatasetSpec(pebbles_min_m=0.03, pebbles_within_m=1.0)
+    with open_setting(world, spec) as setting, open_setting(world) as without:
+        assert setting.world.field == seen.field
+        assert without.world.field == world.field
+        assert np.array_equal(
+            setting.motion.base.samples, without.motion.base.samples, equal_nan=True
+        )
+    with (
+        pytest.raises(ExportError, match=r"below 0.2 m"),
+        open_setting(world, DatasetSpec(pebbles_min_m=0.3)),
+    ):
+        pass
 
 
 def test_glb_has_them_in_a_file_of_instances(world, tmp_path):
