@@ -11,6 +11,7 @@ from .banking import bank_soil as bank_soil
 from .contact import FilletContact as FilletContact
 from .contact import NoContact as NoContact
 from .contact import WindContact as WindContact
+from .contact import check_contact as check_contact
 from .contact import drifted_soil as drifted_soil
 from .editing import add_rock as add_rock
 from .editing import remove_rocks as remove_rocks

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import BY_KIND, Array, Spec, portable
+from terrain_forge.base import BY_KIND, Array, RecipeError, Spec, portable
 from terrain_forge.model import Site
 from terrain_forge.terrain import Ripples
 
@@ -75,6 +75,22 @@ def contact_of(site: Site) -> NoContact | WindContact | FilletContact:
     if wanted is not None:
         return wanted
     return FilletContact() if site.body.airless else WindContact()
+
+
+def check_contact(site: Site) -> None:
+    """Refuse what the site's body cannot do.
+
+    Raises:
+        RecipeError: says what it can.
+    """
+    wanted, airless = site.recipe.rocks.contact, site.body.airless
+    if isinstance(wanted, WindContact) and airless:
+        why = "has no wind; allowed: fillets, none"
+    elif isinstance(wanted, FilletContact) and not airless:
+        why = "has air that stops the impacts which make fillets; allowed: wind, none"
+    else:
+        return
+    raise RecipeError(f"{site.body.name} {why}", key=("rocks", "contact", "kind"))
 
 
 def wind_from(contact: WindContact, site: Site) -> float:
