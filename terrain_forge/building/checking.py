@@ -27,6 +27,7 @@ from terrain_forge.recipe import (
     rocks_of,
     tile_cells,
 )
+from terrain_forge.rocks import contact_told
 
 
 def fetch_lines(recipe: Recipe) -> Iterator[str]:
@@ -79,6 +80,8 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     yield f"  horizon      {_horizon(site)}"
     rocks = rocks_of(site)
     yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
+    if recipe.rocks.groups:
+        yield f"  soil at them {contact_told(site)}"
     for population in recipe.rocks.populations:
         fit = population.size_frequency.fit_to_counts(*population.diameters)
         if fit:

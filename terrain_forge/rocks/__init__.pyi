@@ -12,6 +12,7 @@ from .contact import FilletContact as FilletContact
 from .contact import NoContact as NoContact
 from .contact import WindContact as WindContact
 from .contact import check_contact as check_contact
+from .contact import contact_told as contact_told
 from .contact import drifted_soil as drifted_soil
 from .editing import add_rock as add_rock
 from .editing import remove_rocks as remove_rocks

@@ -111,3 +111,13 @@ def drifted_soil(site: Site) -> str:
     """What kind of soil lies at the site's rocks."""
     contact = contact_of(site)
     return contact.soil if isinstance(contact, WindContact) else "regolith"
+
+
+def contact_told(site: Site) -> str:
+    """What lies at the site's rocks, for people."""
+    contact = contact_of(site)
+    if isinstance(contact, WindContact):
+        return f"drifts of {contact.soil}, wind from {wind_from(contact, site):g}°"
+    if isinstance(contact, FilletContact):
+        return f"fillets of {contact.exposure_myr:g} · 10⁶ years in the mean"
+    return "nothing"

@@ -234,7 +234,14 @@ def test_the_mean_height_hardly_changes():
 
 
 def test_bodies_have_what_is_usual_there():
-    assert isinstance(SITE.recipe.rocks.contact, type(None))
+    assert "  soil at them drifts of dust, wind from 29°" in tf.check(recipe(None))
+    windy = replace(
+        recipe(None),
+        terrain=tf.TerrainSpec(
+            spacing_m=0.1, layers=(tf.Ripples(wavelength_m=1.0, wind_from_deg=120.0),)
+        ),
+    )
+    assert "  soil at them drifts of dust, wind from 120°" in tf.check(windy)
     moon = tf.plan(replace(recipe(None), body="moon"))
     soiled = tf.realise(moon)
     bare = tf.realise(tf.plan(replace(recipe(NoContact()), body="moon")))
