@@ -112,9 +112,11 @@ from .rocks import Counts as Counts
 from .rocks import Crater as Crater
 from .rocks import ExclusionSpec as ExclusionSpec
 from .rocks import Exponential as Exponential
+from .rocks import FilletContact as FilletContact
 from .rocks import Golombek as Golombek
 from .rocks import LibrarySpec as LibrarySpec
 from .rocks import MeshSpec as MeshSpec
+from .rocks import NoContact as NoContact
 from .rocks import Poisson as Poisson
 from .rocks import PopulationSpec as PopulationSpec
 from .rocks import PowerLaw as PowerLaw
@@ -122,11 +124,13 @@ from .rocks import RockListSpec as RockListSpec
 from .rocks import RocksSpec as RocksSpec
 from .rocks import SizeLaw as SizeLaw
 from .rocks import Tabulated as Tabulated
+from .rocks import WindContact as WindContact
 from .rocks import add_rock as add_rock
 from .rocks import embed as embed
 from .rocks import make_library as make_library
 from .rocks import remove_rocks as remove_rocks
 from .rocks import scatter as scatter
+from .rocks import with_pebbles as with_pebbles
 from .rovers import FileRover as FileRover
 from .sky import SkySpec as SkySpec
 from .sky import SunSpec as SunSpec

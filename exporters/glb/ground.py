@@ -23,6 +23,8 @@ from terrain_forge.writers import Gltf, encode_png
 from .options import Options
 
 TRANSFORM = "KHR_texture_transform"
+Z_UP_TO_Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
+"""Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
 
 
 class SharedParts:

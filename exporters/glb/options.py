@@ -40,3 +40,9 @@ class Options(Spec):
     sun_lux: Positive | None = None
     """Illuminance of the Sun [lx], instead of what `lights` says: of `physical` it is the Sun's
     irradiance times 98 lm/W."""
+    pebbles_min_m: NotNegative = 0.0
+    """Smallest pebbles that lie near the paths, for pictures alone [m]; 0 for none. They are in
+    `pebbles.glb`, beside the world's file, as many as the law of the recipe's smallest rocks gives
+    on down to there."""
+    pebbles_within_m: Positive = 2.0
+    """How far from a path they lie, at most [m]."""

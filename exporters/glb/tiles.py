@@ -39,13 +39,11 @@ from terrain_forge.geometry import (
 from terrain_forge.model import BuiltTile, Mesh, RockField, Tile, TiledSite, TileGrid, World
 from terrain_forge.writers import Gltf, encode_png, vertex_normals
 
-from .ground import matt
+from .ground import Z_UP_TO_Y_UP, matt
 from .options import Options
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
-_HALF = 0.5**0.5
-_Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
 _BLOCK = 16
 """Tiles each way of which a tileset has a file of its own, where there are more."""
 Box = tuple[Array, Array]
@@ -141,7 +139,7 @@ def _write_level(
             mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
             nodes.append({"name": name, "mesh": mesh})
             boxes.append(_box(vertices))
-        root = {"rotation": _Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
+        root = {"rotation": Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
         gltf.write(
             path,
             nodes=map(json.dumps, [root, *nodes]),

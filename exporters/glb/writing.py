@@ -22,20 +22,19 @@ from terrain_forge.geometry import (
     with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Horizon, Trajectory, World
+from terrain_forge.rocks import path_pebbles
 from terrain_forge.writers import LARGEST_FILE, Gltf, encode_png
 
-from .ground import TRANSFORM, SharedParts, ground_tile, matt
+from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, ground_tile, matt
 from .lights import EXTENSION, add_lights
 from .options import Options
+from .pebbles import FILE, write_pebbles
 from .rocks import merged_rocks, node_texts, rock_meshes
 
 _BYTES_PER_NODE = 24
 """Of a node of the ground at least: its position and normal."""
 _BYTES_PER_ROCK = 140
 """Of a rock at least: its node as text."""
-_HALF = 0.5**0.5
-_Z_UP_TO_Y_UP = (-_HALF, 0.0, 0.0, _HALF)
-"""Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
@@ -64,7 +63,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         fixed = [*paths, *shining, *tiles, *beyond]
         root = {
             "name": world.site.name,
-            "rotation": _Z_UP_TO_Y_UP,
+            "rotation": Z_UP_TO_Y_UP,
             "children": list(range(1, 1 + len(fixed) + len(single))),
         }
         gltf.write(
@@ -76,7 +75,13 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],
         )
-    report = ExportReport(files=(Path("world.glb"),), losses=_losses(world, coarse, options))
+    files, losses = [Path("world.glb")], _losses(world, coarse, options)
+    if options.pebbles_min_m > 0.0:
+        laid = path_pebbles(world, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
+        write_pebbles(world, laid, directory / FILE)
+        files.append(Path(FILE))
+        losses = (*losses, f"{len(laid)} pebbles are in {FILE}, which trimesh cannot read.")
+    report = ExportReport(files=tuple(files), losses=losses)
     return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 

@@ -27,6 +27,7 @@ from terrain_forge.recipe import (
     rocks_of,
     tile_cells,
 )
+from terrain_forge.rocks import contact_told
 
 
 def fetch_lines(recipe: Recipe) -> Iterator[str]:
@@ -84,6 +85,8 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
             f"  {'shapes':<12} {recipe.rocks.library.shapes}, their hulls closer than usual: some "
             "may not be cut up so closely, which a build sees first of all"
         )
+    if recipe.rocks.groups:
+        yield f"  soil at them {contact_told(site)}"
     for population in recipe.rocks.populations:
         fit = population.size_frequency.fit_to_counts(*population.diameters)
         if fit:

@@ -9,6 +9,9 @@ from terrain_forge.base import Array, image_rows, portable, srgb_from_linear
 from terrain_forge.model import RockField, RockLibrary, World
 from terrain_forge.scene import dusty_factors, tint_colours
 
+_RISES = 512
+"""Steps from level to upright in which vertices' dust is known."""
+
 
 def inertias(field: RockField, library: RockLibrary) -> Array:
     """Inertia tensors about the centres of mass in the rocks' own axes [kg m²], [rocks, 3, 3].
@@ -73,9 +76,12 @@ def vertex_dust(world: World, population: int, up: Array) -> NDArray[np.uint8]:
         population: Whose rocks.
         up: How far the vertices' normals rise, -1 to 1, shape [vertices]; -1 where no dust lies.
     """
-    share = dusty_factors(world, population, up) / _lightest(world, population)
-    opaque = np.ones((len(up), 1))
-    return np.rint(255.0 * np.minimum(np.hstack([share, opaque]), 1.0)).astype(np.uint8)
+    rises = np.linspace(-1.0, 1.0, 2 * _RISES + 1)  # looked up, not computed for each vertex
+    share = dusty_factors(world, population, rises) / _lightest(world, population)
+    opaque = np.ones((len(rises), 1))
+    table = np.rint(255.0 * np.minimum(np.hstack([share, opaque]), 1.0)).astype(np.uint8)
+    rounded = np.clip(np.rint(_RISES * up), -_RISES, _RISES).astype(np.intp)
+    return np.asarray(table[rounded + _RISES])
 
 
 def _lightest(world: World, population: int) -> Array:

@@ -26,6 +26,7 @@ from terrain_forge.recipe import (
     resolve,
 )
 from terrain_forge.rocks import (
+    check_contact,
     check_lists,
     check_packing,
     check_rocks,
@@ -131,6 +132,7 @@ def plan(
     check_layers(site.recipe.terrain.layers, site)
     check_materials(recipe.terrain.materials, site)
     check_appearance(recipe.terrain.appearance, site)
+    check_contact(site)
     if (picture := recipe.terrain.appearance.orthoimage) is not None:
         name = inputs.names[picture.image]
         picture_of_site = read_orthoimage(picture, name=name, site=site, folder=folder)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import FileName, Spec
+from terrain_forge.base import FileName, NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +26,12 @@ class DatasetSpec(Spec):
     """How long it takes to start and to stop along a path [s]."""
     tracks: Literal["behind", "none"] = "behind"
     """Whether the wheels leave tracks behind the rover, which cameras see."""
+    pebbles_min_m: NotNegative = 0.0
+    """Smallest pebbles near the paths that cameras and lidars see [m]; 0 for none. Their number is
+    what the law of the recipe's smallest rocks gives on down to there; nothing else knows of
+    them."""
+    pebbles_within_m: Positive = 2.0
+    """How far from a path they lie, at most [m]."""
     gravity_m_s2: Literal["body"] | Annotated[float, Interval(ge=0, le=1000)] = "body"
     """What accelerometers feel at rest [m/s²]: the body's own gravity, or a number, since several
     systems know of 9.81 alone."""

@@ -14,6 +14,7 @@ from terrain_forge.base import Progress, RecipeError, hint_at, silent
 from terrain_forge.model import Sensor, World, options_adapter
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.driven import motion_of_drive
+from terrain_forge.rocks import with_pebbles
 from terrain_forge.sensors import (
     Instrument,
     Motion,
@@ -88,13 +89,17 @@ def open_setting(
         RecipeError: if there is no such path.
         DataError: if it is too short.
         SimulationError: if a drive cannot begin.
+        ExportError: if no law tells the number of pebbles that it wants.
     """
     spec = with_path(world, dataset, path=path) if dataset else spec_of(world, path=path)
     world = with_rig(world, spec)
+    seen = world
+    if spec.pebbles_min_m > 0.0:
+        seen = with_pebbles(world, smallest=spec.pebbles_min_m, within=spec.pebbles_within_m)
     motion = motion_of(world, spec, progress)
-    with Scenery(world, motion) as scenery:
+    with Scenery(seen, motion) as scenery:
         yield Setting(
-            world=world,
+            world=seen,
             motion=motion,
             scenery=scenery,
             gravity=spec.gravity(world.site.body.gravity),

@@ -11,6 +11,8 @@ from .banking import bank_soil as bank_soil
 from .contact import FilletContact as FilletContact
 from .contact import NoContact as NoContact
 from .contact import WindContact as WindContact
+from .contact import check_contact as check_contact
+from .contact import contact_told as contact_told
 from .contact import drifted_soil as drifted_soil
 from .editing import add_rock as add_rock
 from .editing import remove_rocks as remove_rocks
@@ -40,6 +42,7 @@ from .library import find_library as find_library
 from .library import is_library_kept as is_library_kept
 from .library import make_library as make_library
 from .pebbles import path_pebbles as path_pebbles
+from .pebbles import with_pebbles as with_pebbles
 from .populations import ExclusionSpec as ExclusionSpec
 from .populations import PopulationSpec as PopulationSpec
 from .populations import RockListSpec as RockListSpec

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import BY_KIND, Array, Spec, portable
+from terrain_forge.base import BY_KIND, Array, RecipeError, Spec, portable
 from terrain_forge.model import Site
 from terrain_forge.terrain import Ripples
 
@@ -35,7 +35,7 @@ class WindContact(Spec):
     """
 
     kind: Literal["wind"] = "wind"
-    wind_from_deg: float | None = None
+    wind_from_deg: Annotated[float, Interval(ge=-360, le=360)] | None = None
     """Where the wind comes from, clockwise from north [degrees]; without it that of the recipe's
     first layer of ripples, or 29 as at the Pathfinder site."""
     drift: Annotated[float, Interval(ge=0, le=0.3)] = 0.12
@@ -77,6 +77,22 @@ def contact_of(site: Site) -> NoContact | WindContact | FilletContact:
     return FilletContact() if site.body.airless else WindContact()
 
 
+def check_contact(site: Site) -> None:
+    """Refuse what the site's body cannot do.
+
+    Raises:
+        RecipeError: says what it can.
+    """
+    wanted, airless = site.recipe.rocks.contact, site.body.airless
+    if isinstance(wanted, WindContact) and airless:
+        why = "has no wind; allowed: fillets, none"
+    elif isinstance(wanted, FilletContact) and not airless:
+        why = "has air that stops the impacts which make fillets; allowed: wind, none"
+    else:
+        return
+    raise RecipeError(f"{site.body.name} {why}", key=("rocks", "contact", "kind"))
+
+
 def wind_from(contact: WindContact, site: Site) -> float:
     """Where the wind comes from that lays drifts, clockwise from north [degrees]."""
     if contact.wind_from_deg is not None:
@@ -95,3 +111,13 @@ def drifted_soil(site: Site) -> str:
     """What kind of soil lies at the site's rocks."""
     contact = contact_of(site)
     return contact.soil if isinstance(contact, WindContact) else "regolith"
+
+
+def contact_told(site: Site) -> str:
+    """What lies at the site's rocks, for people."""
+    contact = contact_of(site)
+    if isinstance(contact, WindContact):
+        return f"drifts of {contact.soil}, wind from {wind_from(contact, site):g}°"
+    if isinstance(contact, FilletContact):
+        return f"fillets of {contact.exposure_myr:g} · 10⁶ years in the mean"
+    return "nothing"

@@ -1,7 +1,8 @@
 """Pebbles near paths: rocks below a recipe's smallest, for pictures alone.
 
 Their number and sizes follow the size-frequency law of the population with the smallest rocks, on
-down. They are no part of the world: nothing touches them, and truth does not count them.
+down. They are no part of the world: nothing touches them, and truth does not count them. A world
+that has them among its rocks is for cameras and lidars alone.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, mix, stage_key
-from terrain_forge.model import RockField, World
+from terrain_forge.model import RockField, World, merge
 
 MOST_PEBBLES = 2_000_000
 """Pebbles that one world may have."""
@@ -52,6 +53,25 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     places, drawn = np.concatenate(plan), np.concatenate(hashes)
     near = world.ground.covers(places[:, 0], places[:, 1]) & (_away(world, places) <= within)
     return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
+
+
+def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World:
+    """The world as pictures and sensors near its paths see it: with pebbles among its rocks.
+
+    They are visual-only rocks of the population with the smallest ones, with ids above all others.
+
+    Args:
+        world: The world, which stays as it is.
+        smallest: Diameter of the smallest [m].
+        within: How far from a path they lie, at most [m].
+
+    Raises:
+        ExportError: if no law tells their number, or if there would be too many.
+    """
+    pebbles = path_pebbles(world, smallest=smallest, within=within)
+    last = max(int(rocks.id.max(initial=-1)) for rocks in (world.field, world.neighbours))
+    ids = max(FIRST_ID, last + 1) + np.arange(len(pebbles))
+    return world.replace(field=merge(world.field, pebbles.replace(id=ids.astype(np.int32))))
 
 
 def _law(world: World, smallest: float) -> tuple[Any, float]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-_KINDS = {5126: "<f4", 5125: "<u4", 5123: "<u2"}
+_KINDS = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import terrain_forge as tf
 from terrain_forge.model import Window
-from terrain_forge.recipe import recipe_json
+from terrain_forge.recipe import recipe_from_json, recipe_json
 from terrain_forge.rocks import (
     FilletContact,
     NoContact,
@@ -233,10 +234,49 @@ def test_the_mean_height_hardly_changes():
 
 
 def test_bodies_have_what_is_usual_there():
-    assert isinstance(SITE.recipe.rocks.contact, type(None))
+    assert "  soil at them drifts of dust, wind from 29°" in tf.check(recipe(None))
+    windy = replace(
+        recipe(None),
+        terrain=tf.TerrainSpec(
+            spacing_m=0.1, layers=(tf.Ripples(wavelength_m=1.0, wind_from_deg=120.0),)
+        ),
+    )
+    assert "  soil at them drifts of dust, wind from 120°" in tf.check(windy)
     moon = tf.plan(replace(recipe(None), body="moon"))
     soiled = tf.realise(moon)
     bare = tf.realise(tf.plan(replace(recipe(NoContact()), body="moon")))
     change = soiled.ground.elevation - bare.ground.elevation
     assert change.max() > 0.0
     assert change.min() == 0.0  # fillets alone
+
+
+@pytest.mark.parametrize(
+    ("body", "contact", "told"),
+    [
+        ("moon", WindContact(), "moon has no wind; allowed: fillets, none"),
+        ("mars", FilletContact(), "mars has air .* allowed: wind, none"),
+    ],
+)
+def test_what_a_body_cannot_do_is_refused(body, contact, told):
+    with pytest.raises(tf.RecipeError, match=told) as refused:
+        tf.plan(replace(recipe(contact), body=body))
+    assert refused.value.key == ("rocks", "contact", "kind")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"kind": "wind", "drift": 0.7}, "drift"),
+        ({"kind": "wind", "tail": -1}, "tail"),
+        ({"kind": "wind", "moat": "nan"}, "moat"),
+        ({"kind": "wind", "wind_from_deg": 400}, "wind_from_deg"),
+        ({"kind": "fillets", "exposure_myr": -5}, "exposure_myr"),
+        ({"kind": "wind", "exposure_myr": 5}, "exposure_myr"),
+        ({"kind": "gale"}, "wind"),
+    ],
+)
+def test_bad_figures_name_their_place(wrong, told):
+    plain = json.loads(recipe_json(recipe(None)))
+    plain["rocks"]["contact"] = wrong
+    with pytest.raises(tf.RecipeError, match=told):
+        recipe_from_json(json.dumps(plain))

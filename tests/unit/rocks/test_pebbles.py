@@ -4,13 +4,18 @@ import json
 
 import numpy as np
 import pytest
+from terrain_forge.exporters import glb
 from terrain_forge.exporters.usd import Options, export
 
-from terrain_forge.base import ExportError
+from terrain_forge.base import ExportError, xyzw
 from terrain_forge.making import plan
+from terrain_forge.model import merge
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import recipe_from_json
-from terrain_forge.rocks import path_pebbles
+from terrain_forge.recipe import DatasetSpec, recipe_from_json
+from terrain_forge.recording import open_setting
+from terrain_forge.rocks import path_pebbles, with_pebbles
+from terrain_forge.scene import open_scene
+from tests.helpers.plain_readers import glb_parts
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +74,54 @@ def test_usd_draws_them_and_no_physics_knows_them(world, tmp_path):
             drawn += len(UsdGeom.PointInstancer(prim).GetIdsAttr().Get())
     assert drawn == len(path_pebbles(world, smallest=0.03, within=1.0)) > 50
     assert any(f"{drawn} pebbles" in loss for loss in report.losses)
+
+
+def test_rays_meet_them_and_the_motion_does_not(world):
+    """What cameras and lidars see has them as rocks; the world has not changed."""
+    seen = with_pebbles(world, smallest=0.03, within=1.0)
+    pebbles = path_pebbles(world, smallest=0.03, within=1.0)
+    assert len(seen.field) == len(world.field) + len(pebbles)
+    assert np.array_equal(np.unique(seen.field.id), seen.field.id)
+    rocks = merge(seen.field, seen.neighbours)
+    above = np.add(pebbles.position, (0.0, 0.0, 5.0))
+    with open_scene(seen) as scene:
+        hits = scene.cast(above, np.tile((0.0, 0.0, -1.0), (len(above), 1)))
+    met = np.where(hits.rock >= 0, rocks.id[hits.rock], -1)
+    assert (met == pebbles.id).mean() > 0.9  # a few lie under a rock or a larger one
+    spec = DatasetSpec(pebbles_min_m=0.03, pebbles_within_m=1.0)
+    with open_setting(world, spec) as setting, open_setting(world) as without:
+        assert setting.world.field == seen.field
+        assert without.world.field == world.field
+        assert np.array_equal(
+            setting.motion.base.samples, without.motion.base.samples, equal_nan=True
+        )
+    with (
+        pytest.raises(ExportError, match=r"below 0.2 m"),
+        open_setting(world, DatasetSpec(pebbles_min_m=0.3)),
+    ):
+        pass
+
+
+def test_glb_has_them_in_a_file_of_instances(world, tmp_path):
+    options = glb.Options(pebbles_min_m=0.03, pebbles_within_m=1.0)
+    report = glb.export(world, tmp_path, options=options)
+    assert [file.name for file in report.files] == ["world.glb", "pebbles.glb"]
+    text, arrays = glb_parts(tmp_path / "pebbles.glb")
+    assert text["extensionsRequired"] == ["EXT_mesh_gpu_instancing"]
+    wanted = path_pebbles(world, smallest=0.03, within=1.0)
+    assert any(f"{len(wanted)} pebbles" in loss for loss in report.losses)
+    root, *nodes = text["nodes"]
+    assert root["children"] == list(range(1, 1 + len(nodes)))
+    parts = [node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] for node in nodes]
+    found = np.concatenate([arrays[part["TRANSLATION"]] for part in parts])
+    sizes = np.concatenate([arrays[part["SCALE"]] for part in parts])
+    turns = np.concatenate([arrays[part["ROTATION"]] for part in parts])
+    order, own = (np.lexsort(rows.T) for rows in (found, wanted.position.astype(np.float32)))
+    assert np.array_equal(found[order], wanted.position.astype(np.float32)[own])
+    assert np.array_equal(sizes[order, 0], wanted.scale.astype(np.float32)[own])
+    assert np.allclose(turns[order], xyzw(wanted.quaternion)[own], atol=1e-6)
+    plain, _ = glb_parts(tmp_path / "world.glb")
+    assert "EXT_mesh_gpu_instancing" not in plain["extensionsUsed"]
 
 
 @pytest.mark.parametrize(
