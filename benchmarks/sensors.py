@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,9 @@ def _world() -> World:
     return realise(plan(read.recipe, folder=RECIPE.parent))
 
 
+@cache
 def _rays() -> np.ndarray:
+    """Those of a lens, which a recording makes once."""
     x = (np.arange(WIDTH) + 0.5 - 0.5 * WIDTH) / FOCAL
     y = (np.arange(HEIGHT) + 0.5 - 0.5 * HEIGHT) / FOCAL
     rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), axis=-1)

@@ -8,7 +8,6 @@ from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
     PLACE_LOSS,
     bake_tile,
-    friction_losses,
     largest_outline_error,
     level_of_detail,
     rock_look_losses,
@@ -17,7 +16,14 @@ from terrain_forge.geometry import (
     with_horizon_loss,
     write_ground_obj,
 )
-from terrain_forge.model import ExportReport, Mesh, Tile, World, world_friction
+from terrain_forge.model import (
+    ExportReport,
+    Mesh,
+    Tile,
+    World,
+    ground_patches,
+    material_frictions,
+)
 from terrain_forge.writers import (
     Lines,
     MattMaterial,
@@ -90,9 +96,17 @@ def _ground_link(tile: Tile, folder: Path, options: Options) -> Lines:
     texture = bake_tile(tile, options.texture_pixels)
     write_png(folder / f"{name}.png", image_rows(texture.rgb))
     uri = f"{folder.name}/{name}.obj"
-    friction = world_friction(tile.whole.site.body, options)
-    touch = collision(f"{name}_collision", uri, friction.ground)
-    return element("link", visual(f"{name}_visual", uri), touch, name=name)
+    touched = []
+    patches = ground_patches(tile.world, material_frictions(tile.whole, options))
+    for number, (friction, cells) in enumerate(patches):
+        # Where materials differ in friction, each is a collision of its own cells.
+        part = name if cells is None else f"{name}_{number}"
+        if cells is not None:
+            with (folder / f"{part}.obj").open("wb") as file:
+                write_ground_obj(file, tile, cells=cells)
+        shape = f"{folder.name}/{part}.obj"
+        touched.append(collision(f"{part}_collision", shape, friction))
+    return element("link", visual(f"{name}_visual", uri), *touched, name=name)
 
 
 def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> tuple[str, ...]:
@@ -112,7 +126,6 @@ def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> t
     if world.site.georeferenced:
         losses.append(PLACE_LOSS)
     losses += static_losses(world.field)
-    losses += friction_losses(world, options)
     losses += rock_look_losses(world.library)
     small = int((~is_single(world.field, options.individual_min_m)).sum())
     if small:

@@ -99,7 +99,7 @@ def list_losses(
     normals = options.flavour == "gz" and options.normal_maps
     losses = [
         *static_losses(world.field),
-        *friction_losses(world, options),
+        *(friction_losses(world, options) if heightmap else ()),
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
         "Gazebo takes the smaller friction of two things that touch: a wheel keeps its own where "

@@ -21,7 +21,6 @@ from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
     finest_texture,
-    friction_losses,
     shifted,
     tile_anchor,
 )
@@ -83,7 +82,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     square = tile.ground.replace(elevation=np.zeros((side, side), np.float32))
     finer = finest_texture(square, options.texture_pixels)
     texture = bake_ground(tile.world, finer=finer)
-    ground = ground_surface(local, texture, model, friction.ground, options, name="ground")
+    ground = ground_surface(local, texture, model, options, name="ground")
     shared = _shapes(directory, directory.name, options)
     links = [
         element("link", *ground, name="ground"),
@@ -134,7 +133,6 @@ def _losses(tiled: TiledSite, options: Options) -> list[str]:
     step = tiled.grid.step(tiled.site.spacing)
     losses = [
         f"Heights are rounded to {1e6 * step:.3g} µm.",
-        *friction_losses(tiled.world, options, elsewhere=True),
         "Levels load and unload tiles only where gz-sim runs with `--levels` and knows a performer:"
         " name the rover's model by the service /world/NAME/level/set_performer.",
         f"Rocks below {options.individual_min_m:g} m are merged per tile.",

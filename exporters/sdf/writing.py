@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from terrain_forge.exporters.sdf import rocks
 
 from terrain_forge.base import ExportError, image_rows
@@ -18,7 +20,15 @@ from terrain_forge.geometry import (
     write_horizon_mesh,
     write_rover_meshes,
 )
-from terrain_forge.model import ExportReport, Horizon, Tile, World, world_friction
+from terrain_forge.model import (
+    ExportReport,
+    Horizon,
+    Tile,
+    World,
+    ground_patches,
+    material_frictions,
+    world_friction,
+)
 from terrain_forge.writers import Lines, element, file_name, rock_name, write_png
 
 from .actor import replay_actor
@@ -62,7 +72,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     tiles = list(world.tiles(cells=options.tile_cells))
     links = []
     for tile in tiles:
-        parts += _write_ground(tile, ground_model, friction.ground, options)
+        parts += _write_ground(tile, ground_model, options)
         links.append(rocks.write_tile(tile, rock_model, friction.rock, coarse, options))
     ground_model.write_scripts([f"{tile.name('ground')}.png" for tile in tiles], address="clamp")
     link = element("link", *parts, name="ground")
@@ -101,41 +111,61 @@ def _write_horizon(horizon: Horizon, model: Model, *, title: str, options: Optio
     model.write(title=title, links=[element("link", visual, name="horizon")])
 
 
-def _write_ground(tile: Tile, model: Model, friction: float, options: Options) -> list[Lines]:
-    """Write one tile's mesh and textures; returns its visual and, of a mesh, its collision."""
-    name = tile.name("ground")
+def _write_ground(tile: Tile, model: Model, options: Options) -> list[Lines]:
+    """Write one tile's meshes and textures; returns its visual and, of a mesh, its collisions."""
     texture = bake_tile(tile, options.texture_pixels)
-    collision, visual = ground_surface(tile, texture, model, friction, options, name=name)
-    return [visual] if options.ground == "heightmap" else [collision, visual]
+    return ground_surface(tile, texture, model, options, name=tile.name("ground"))
 
 
 def ground_surface(
     tile: Tile,
     texture: GroundTexture,
     model: Model,
-    friction: float,
     options: Options,
     *,
     name: str,
-) -> tuple[Lines, Lines]:
-    """Write the mesh and the pictures of a piece of ground; its collision and its visual."""
-    # One file for both: it has the normals that Gazebo's physics asks of a collision mesh.
-    file = f"meshes/{name}.{'glb' if options.binary else 'obj'}"
-    if options.binary:
-        write_ground_glb(model.path(file), tile)
-    else:
-        with model.path(file).open("wb") as text:
-            write_ground_obj(text, tile)
+) -> list[Lines]:
+    """Write the meshes and the pictures of a piece of ground: its collisions, then its visual.
+
+    A ground of one friction has one file for both, with the normals that Gazebo's physics asks of a
+    collision mesh.
+    """
+    file = _write_mesh(tile, model, options, name, None)
     normals = None
     write_png(model.path(f"{TEXTURES}/{name}.png"), image_rows(texture.rgb))
     if not model.classic and options.normal_maps:
         normals = f"{name}_normals.png"
         write_png(model.path(f"{TEXTURES}/{normals}"), image_rows(texture.normals))
-    geometry, look = mesh(model.uri(file)), model.textured(f"{name}.png", normals=normals)
-    return (
-        element("collision", geometry, surface(friction), name=f"{name}_collision"),
-        element("visual", geometry, look, name=f"{name}_visual"),
-    )
+    shown = mesh(model.uri(file))
+    look = model.textured(f"{name}.png", normals=normals)
+    visual = element("visual", shown, look, name=f"{name}_visual")
+    if options.ground == "heightmap":
+        return [visual]
+    collisions = []
+    patches = ground_patches(tile.world, material_frictions(tile.whole, options))
+    for number, (friction, cells) in enumerate(patches):
+        # Where materials differ in friction, each is a collision of its own cells.
+        part = name if cells is None else f"{name}_{number}"
+        touched = shown
+        if cells is not None:
+            touched = mesh(model.uri(_write_mesh(tile, model, options, part, cells)))
+        collisions.append(
+            element("collision", touched, surface(friction), name=f"{part}_collision")
+        )
+    return [*collisions, visual]
+
+
+def _write_mesh(
+    tile: Tile, model: Model, options: Options, name: str, cells: NDArray[np.bool_] | None
+) -> str:
+    """Write the mesh of a tile's ground or of some of its cells; returns its file."""
+    file = f"meshes/{name}.{'glb' if options.binary else 'obj'}"
+    if options.binary:
+        write_ground_glb(model.path(file), tile, cells=cells)
+    else:
+        with model.path(file).open("wb") as text:
+            write_ground_obj(text, tile, cells=cells)
+    return file
 
 
 def _actors(world: World, options: Options, *, models: list[Model]) -> list[Lines]:

@@ -76,40 +76,57 @@ def cell_bands(ground: Heightfield) -> Iterator[tuple[slice, Heightfield]]:
         yield slice(first, last), cut
 
 
-def write_ground_obj(file: BinaryIO, tile: Tile, *, material: str = "") -> None:
-    """Write a tile's ground into an OBJ, as the first thing in it that has vertices."""
+def write_ground_obj(
+    file: BinaryIO, tile: Tile, *, material: str = "", cells: NDArray[np.bool_] | None = None
+) -> None:
+    """Write a tile's ground, or some of its cells, into an OBJ, as the first that has vertices."""
     ground, (rows, columns) = tile.ground, tile.ground.shape
-    for _, band in node_bands(ground):
-        write_obj_rows(file, b"v", grid_vertices(band))
-    for _, band in node_bands(ground):
-        write_obj_rows(file, b"vn", grid_normals(band, tile.whole.ground))
+    kept = np.ones(ground.shape, np.bool_) if cells is None else _corners(cells)
+    for span, band in node_bands(ground):
+        write_obj_rows(file, b"v", grid_vertices(band)[kept[span].ravel()])
+    for span, band in node_bands(ground):
+        write_obj_rows(file, b"vn", grid_normals(band, tile.whole.ground)[kept[span].ravel()])
     for span, _ in node_bands(ground):
-        write_obj_rows(file, b"vt", grid_texture_coordinates(rows, columns, span))
+        places = grid_texture_coordinates(rows, columns, span)
+        write_obj_rows(file, b"vt", places[kept[span].ravel()])
     if material:
         file.write(f"usemtl {material}\n".encode())
+    number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
     for span, band in cell_bands(ground):
         faces = grid_faces(*band.shape) + np.int32(span.start * columns)
+        if cells is not None:
+            faces = number[faces[np.repeat(cells[span].ravel(), 2)]]
         write_obj_faces(file, faces, texture_faces=faces)
 
 
-def write_ground_glb(path: Path, tile: Tile) -> None:
-    """Write a tile's ground as GLB: the mesh alone, z up as no glTF of its own would be."""
+def write_ground_glb(path: Path, tile: Tile, *, cells: NDArray[np.bool_] | None = None) -> None:
+    """Write a tile's ground, or some of its cells, as GLB.
+
+    It is the mesh alone, z up as no glTF of its own would be.
+    """
     (rows, columns) = tile.ground.shape
     with TemporaryFile(dir=path.parent) as binary:
         gltf = Gltf(binary)
-        faces = cache(lambda shape: gltf.add_indices(grid_faces(*shape)))
-        gltf.write_mesh(
-            path,
-            [
-                gltf.add_primitive(
-                    grid_vertices(band),
-                    grid_normals(band, tile.whole.ground),
-                    faces(band.shape),
-                    grid_texture_coordinates(rows, columns, slice(span.start, span.stop + 1)),
-                )
-                for span, band in cell_bands(tile.ground)
-            ],
-        )
+        shared = cache(lambda shape: gltf.add_indices(grid_faces(*shape)))
+        parts = []
+        for span, band in cell_bands(tile.ground):
+            points, normals = grid_vertices(band), grid_normals(band, tile.whole.ground)
+            places = grid_texture_coordinates(rows, columns, slice(span.start, span.stop + 1))
+            if cells is None:
+                parts.append(gltf.add_primitive(points, normals, shared(band.shape), places))
+                continue
+            faces = grid_faces(*band.shape)[np.repeat(cells[span].ravel(), 2)]
+            if len(faces):
+                used, corners = np.unique(faces, return_inverse=True)
+                indices = gltf.add_indices(corners.reshape(-1, 3).astype(np.int32))
+                parts.append(gltf.add_primitive(points[used], normals[used], indices, places[used]))
+        gltf.write_mesh(path, parts)
+
+
+def _corners(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The nodes at the corners of some cells."""
+    wide = np.pad(cells, 1)
+    return np.asarray(wide[:-1, :-1] | wide[:-1, 1:] | wide[1:, :-1] | wide[1:, 1:])
 
 
 def grid_normals(part: Heightfield, whole: Heightfield) -> NDArray[np.float32]:

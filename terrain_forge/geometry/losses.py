@@ -44,18 +44,10 @@ def texture_loss(ground: Heightfield, largest: int, *, normals: bool) -> str:
     )
 
 
-def friction_losses(
-    world: World, options: FrictionOptions, *, elsewhere: bool = False
-) -> tuple[str, ...]:
-    """What a format loses that gives all of the ground one friction, as a sentence.
-
-    Args:
-        world: The world.
-        options: Those of the export.
-        elsewhere: Whether materials count too that only other parts of the site have.
-    """
+def friction_losses(world: World, options: FrictionOptions) -> tuple[str, ...]:
+    """What a format loses that gives all of the ground one friction, as a sentence."""
     frictions = material_frictions(world, options)
-    if not ((elsewhere and len(set(frictions)) > 1) or cells_by_friction(world, frictions)):
+    if not cells_by_friction(world, frictions):
         return ()
     told = ", ".join(
         f"{material.name} {friction:g}"

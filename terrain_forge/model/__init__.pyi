@@ -40,6 +40,7 @@ from .exporting import cells_by_friction as cells_by_friction
 from .exporting import check_capacity as check_capacity
 from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
+from .exporting import ground_patches as ground_patches
 from .exporting import material_frictions as material_frictions
 from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options

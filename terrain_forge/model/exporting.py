@@ -218,6 +218,16 @@ def cells_by_friction(world: World, frictions: tuple[float, ...]) -> dict[float,
     return {one: felt == one for one in np.unique(felt).tolist()}
 
 
+def ground_patches(
+    world: World, frictions: tuple[float, ...]
+) -> list[tuple[float, NDArray[np.bool_] | None]]:
+    """Each friction of a world's ground with its cells; None for all of them."""
+    felt = cells_by_friction(world, frictions)
+    if len(felt) < 2:
+        return [(next(iter(felt), frictions[0]), None)]
+    return [*felt.items()]
+
+
 def world_friction(body: Body, options: FrictionOptions) -> Friction:
     """Friction that an export gives to the ground and the static rocks of a body."""
     if options.friction is not None:

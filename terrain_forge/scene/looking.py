@@ -1,10 +1,10 @@
 """A look at a scene through a table of rays: radiance, depth, what is seen, what the Sun lights.
 
 All that a pixel has besides radiance is that of its middle ray, and so are its normal and its
-texture, which is filtered to the pixel's size. Only where surfaces or light change are eight rays
-cast about the middle, symmetric to it, each to its own place on the Sun's disc: edges are smooth
-and displaced by nothing, and no noise hangs on the screen. From pixels that the Sun lights in part
-the search goes on to those beside them, until penumbrae of any width are done.
+texture, which is filtered to the pixel's size. Only where surfaces change are four rays cast about
+the middle, symmetric to it, and eight where light does, each to its own place on the Sun's disc:
+edges are smooth and displaced by nothing, and no noise hangs on the screen. From pixels that the
+Sun lights in part the search goes on to those beside them, until penumbrae of any width are done.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from terrain_forge.scene.aiming import (
     send,
     slopes,
 )
-from terrain_forge.scene.edges import find_edges, refine, spread
+from terrain_forge.scene.edges import find_edges, pair, refine, spread
 from terrain_forge.scene.embree import COHERENT
 from terrain_forge.scene.lanes import DIRECT, OWNER, RANGE, REST, SMOOTH_X, STEP, WORKSPACE, meet
 from terrain_forge.scene.lending import borrow
@@ -121,7 +121,8 @@ def look(
     over_chunks(find_edges, height, seen, state)
     pixels = np.flatnonzero(state)
     while len(pixels):
-        over_chunks(refine, len(pixels), *given, state, pixels)
+        pairs = pair(state, pixels)
+        over_chunks(refine, len(pairs), *given, state, pairs)
         more = np.empty(8 * len(pixels), np.int64)
         pixels = more[: spread(state, pixels, more)]
     if len(stage.points):

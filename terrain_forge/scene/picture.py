@@ -17,8 +17,9 @@ _CLEAR = np.float32(1e30)
 _AWAY = 100.0
 """From how many widths of a map it is looked at: relief then leans by a thousandth of it."""
 
-_BRIGHT = 0.7
-"""Median of a picture above which it is exposed less, over white level ground."""
+_BRIGHT, _BRIGHT_GROUND = 0.7, 0.35
+"""Median of what shines in a picture above which it is exposed less, over white level ground: with a
+sky, and where a part of it is black."""
 
 
 def take_picture(
@@ -36,9 +37,13 @@ def take_picture(
     ready for three channels in this light, and `rover` what moves in it.
     """
     radiance = radiance_seen(scene, camera, lighting, tracks=tracks, stage=stage, rover=rover)
-    # Towards the Sun, a dusty sky is many times brighter than the ground: a camera exposes for it.
-    median = float(np.median(radiance.mean(axis=-1)))
-    return develop(radiance * np.float32(min(1.0, _BRIGHT / max(median, 1e-6))))
+    # Towards the Sun, a dusty sky is many times brighter than ground, and away from it bare ground
+    # under a low Sun: a camera exposes for that.
+    bright = radiance.mean(axis=-1)
+    shines = bright[bright > 0.0]
+    most = _BRIGHT if shines.size == bright.size else _BRIGHT_GROUND
+    median = float(np.median(shines)) if shines.size else 0.0
+    return develop(radiance * np.float32(min(1.0, most / max(median, 1e-6))))
 
 
 def radiance_seen(

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.drake import Options, export
 
 from terrain_forge.model import rotations
+from tests.helpers import worlds
 from tests.helpers.ground_pictures import PIXELS, shows_its_nodes, speckled
 from tests.helpers.places import PROGRAMS
 from tests.helpers.surfaces import random_points, resting_height, top_under
@@ -176,6 +177,17 @@ def ask(directory, **order):
     )
     assert run.returncode == 0, run.stderr
     return json.loads(run.stdout)
+
+
+@pytest.mark.consumer
+def test_drake_gives_each_material_its_friction(small_world, tmp_path):
+    halves = np.zeros(small_world.ground.shape)
+    halves[:, halves.shape[1] // 2 :] = 1
+    world = worlds.of_materials(small_world, halves, (0.66, 0.8))
+    answer = ask(exported(world, tmp_path / "drake"))
+    assert answer["complaints"] == []
+    felt = {n: mu for n, mu in answer["frictions"].items() if n.startswith("ground::")}
+    assert felt == {"ground::ground_000_0_collision": 0.66, "ground::ground_000_1_collision": 0.8}
 
 
 @pytest.mark.consumer

@@ -13,6 +13,7 @@ from terrain_forge.making import make_horizon
 from terrain_forge.model import (
     MARS,
     Appearance,
+    GroundMaterial,
     Heightfield,
     Lighting,
     Mesh,
@@ -203,6 +204,19 @@ def world(*, rocks: int = 40, rover: Rover | None = None) -> World:
         ),
         unplaced=(0, 0),
     )
+
+
+def of_materials(world: World, material, frictions) -> World:
+    """A world whose nodes are of materials of some coefficients of friction."""
+    known = [
+        GroundMaterial(
+            name=f"soil_{n}", kind="own", rgb=(0.4, 0.3, 0.2), friction=friction, pebbles=0.5,
+            roughness=1.0, slabs=0.0,
+        )
+        for n, friction in enumerate(frictions)
+    ]  # fmt: skip
+    looks = world.appearance.replace(materials=tuple(known), material=material.astype(np.uint8))
+    return world.replace(appearance=looks)
 
 
 def loosened(world: World) -> World:

@@ -3,7 +3,7 @@
 Reads JSON from standard input: world [path], gravity [m/s²], balls [[x, y, z], …] of radius 0.2 m
 on vertical sliders, rovers [paths], seconds, points [[x, y, z], …]. Writes JSON: heights where the
 balls end, places where the free bodies end, their masses, inertias and poses at the start, and the
-points' signed distances to each geometry.
+points' signed distances to each geometry, and the geometries' friction.
 """
 
 import json
@@ -11,7 +11,7 @@ import logging
 import sys
 
 import numpy as np
-from pydrake.geometry import DefaultProximityProperties, SceneGraphConfig
+from pydrake.geometry import DefaultProximityProperties, Role, SceneGraphConfig
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
@@ -82,6 +82,12 @@ distances = [
     }
     for point in order.get("points", ())
 ]
+frictions = {
+    inspector.GetName(geometry): inspector.GetProximityProperties(geometry)
+    .GetProperty("material", "coulomb_friction")
+    .dynamic_friction()
+    for geometry in inspector.GetAllGeometryIds(Role.kProximity)
+}
 simulator.AdvanceTo(order.get("seconds", 0.0))
 ends = [
     plant.EvalBodyPoseInWorld(own, plant.GetBodyByName("ball", plant.GetModelInstanceByName(name)))
@@ -98,5 +104,6 @@ answer = {
     "places": {name: pose.translation().tolist() for name, pose in places.items()},
     "free": free,
     "distances": distances,
+    "frictions": frictions,
 }
 sys.stdout.write(json.dumps(answer))

@@ -1,0 +1,91 @@
+"""Ground of several materials has the friction of each where it lies, in SDF and in Drake."""
+
+from __future__ import annotations
+
+import importlib
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from terrain_forge.model import exporter
+from terrain_forge.validation import read_mesh
+from tests.helpers import worlds
+
+_FRICTIONS = 0.66, 0.8, 0.5
+_DRAKE = "{http://drake.mit.edu}"
+_MU = {
+    "sdf": "surface/friction/ode/mu",
+    "drake": f"{_DRAKE}proximity_properties/{_DRAKE}mu_dynamic",
+}
+
+
+@pytest.fixture(scope="module")
+def world():
+    small = worlds.world(rocks=4)
+    rows, columns = small.ground.shape
+    east, north = np.meshgrid(np.arange(columns), np.arange(rows))
+    material = (2 * ((east - 20) ** 2 + (north - 30) ** 2 < 90)).astype(np.uint8)
+    material[:, columns // 2 :] = 1
+    material[7, 5] = 1  # a single cell
+    return worlds.of_materials(small, material, _FRICTIONS)
+
+
+def collisions(kind, folder):
+    """Friction and mesh of each collision of the ground."""
+    files = folder.rglob("model.sdf" if kind == "sdf" else "world.sdf")
+    for file in sorted(files):
+        for collision in ET.parse(file).getroot().iter("collision"):
+            if collision.get("name").startswith("ground"):
+                uri = collision.findtext("geometry/mesh/uri")
+                place = folder / "models" / uri[8:] if kind == "sdf" else folder / uri
+                yield float(collision.findtext(_MU[kind])), read_mesh(place)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("sdf", {}),
+        ("sdf", {"flavour": "classic"}),
+        ("sdf", {"tile_cells": 24}),
+        ("drake", {}),
+        ("drake", {"tile_cells": 24}),
+    ],
+)
+def test_each_cell_has_its_materials_friction(world, tmp_path, kind, options):
+    made = exporter(kind)
+    report = made.export(world, tmp_path, options=made.Options(**options))
+    ground = world.ground
+    wanted = np.array(_FRICTIONS)[world.appearance.material[:-1, :-1]]
+    found = np.zeros((*wanted.shape, 2))
+    seen = np.zeros(wanted.shape, int)
+    for friction, mesh in collisions(kind, tmp_path):
+        corners = mesh.vertices[mesh.faces]
+        middle = corners.mean(axis=1)
+        column, row = np.floor((middle[:, :2] - ground.origin) / ground.spacing).astype(int).T
+        np.add.at(seen, (row, column), 1)
+        assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+        assert mesh.vertices[:, 2] == pytest.approx(
+            ground.height_at(mesh.vertices[:, 0], mesh.vertices[:, 1]), abs=2e-5
+        )
+        up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+        assert (up > 0.0).all()
+        found[row, column, 0] = friction
+    assert (seen == 2).all()
+    soil = world.appearance.material[:-1, :-1] == 0
+    assert found[~soil, 0] == pytest.approx(wanted[~soil])
+    assert len(np.unique(found[soil, 0])) == 1
+    assert not any("one friction" in loss for loss in report.losses)
+
+
+@pytest.mark.parametrize("kind", ["sdf", "drake"])
+def test_one_friction_is_one_mesh(world, tmp_path, kind):
+    made = exporter(kind)
+    made.export(world, tmp_path, options=made.Options(friction=0.4))
+    assert [friction for friction, _ in collisions(kind, tmp_path)] == [0.4]
+
+
+def test_a_heightmap_has_one_and_says_so(world, tmp_path):
+    options = importlib.import_module("terrain_forge.exporters.sdf").Options(ground="heightmap")
+    report = exporter("sdf").export(world, tmp_path, options=options)
+    assert any("The ground has one friction" in loss for loss in report.losses)
