@@ -35,7 +35,7 @@ _UNITS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 _FRAMES = 48
 _RAY, _NODE = 2e-6, 300.0
 """Time that a ray takes [s], and memory that a node of the map takes beside its rays [bytes]."""
-_LARGEST = 1e6
+LARGEST = 1e6
 """Length of a map [m], at most."""
 HOLDS = "illumination"
 """What the manifest of the folder says that it holds."""
@@ -70,8 +70,8 @@ class Wish:
         """
         east, north = self.size or (None, None)
         for name, value in (("size", east), ("size", north), ("spacing", self.spacing)):
-            if value is not None and not 0.0 < value <= _LARGEST:
-                raise OutputError(f"{name} {value:g} m: above 0 m, at most {_LARGEST:g} m")
+            if value is not None and not 0.0 < value <= LARGEST:
+                raise OutputError(f"{name} {value:g} m: above 0 m, at most {LARGEST:g} m")
         for name, value in (("height", self.height), ("reach", self.reach)):
             if not (isfinite(value) and value >= 0.0):
                 raise OutputError(f"{name} {value:g} m: 0 m or more")
