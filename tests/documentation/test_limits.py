@@ -43,8 +43,8 @@ ROWS = {
     f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each, or {populations.MOST_ROCKS:,.0f} evenly "
     "spread ones in all",
     "a world": "what the machine's memory holds, by the estimate of `terrain-forge check`",
-    "many worlds": f"{worlds.MOST_WORLDS:,} of a series; a scene of a `--grid` of as many, and what "
-    "memory holds; goals within half of a world's diagonal",
+    "many worlds": f"{worlds.MOST_WORLDS:,} of a series; a scene of a `--grid` of as many, and "
+    "what memory holds; goals within half of a world's diagonal",
     "a map of light": f"the DTM's area, {survey.LARGEST / 1e3:,.0f} km a side; what memory holds, "
     f"about 8 bytes for each point and azimuth; {period.MOST:,} moments",
     "a saved world": f"{world.MAX_JSON // MIB:,} MiB of world.json; {manifest.MAX_MANIFEST // MIB} "
