@@ -14,6 +14,7 @@ from terrain_forge.terminal import (
     Number,
     Numbers,
     names_of,
+    say,
 )
 
 _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "report page"
@@ -57,4 +58,13 @@ def cut(
             progress=display,
         )  # fmt: skip
     tell_build(result, into, display.elapsed)
+    west, south, east, north = result.world.ground.bounds
+    found = (west + east) / 2.0, (south + north) / 2.0, east - west, north - south
+    spacing = result.world.ground.spacing
+    if any(abs(a - b) > 1e-6 * spacing for a, b in zip(found, (*centre, *size), strict=True)):
+        say(
+            f"  whole cells of {spacing:g} m: {found[2]:g} × {found[3]:g} m around "
+            f"{found[0]:g},{found[1]:g}, asked for {size[0]:g} × {size[1]:g} m around "
+            f"{centre[0]:g},{centre[1]:g}"
+        )
     finish(result.passed, into)

@@ -69,8 +69,11 @@ def test_a_missing_tile_is_found_and_made_anew(copied, recipe, built):
 
 def test_a_part_becomes_a_world_of_its_own(built, whole, tmp_path):
     out = tmp_path / "part"
-    result = pipeline.cut(built, out, centre=(1.0, 2.5), size=(24.0, 10.0), only=("mjcf",))
-    assert result.passed
+    place = "--centre", "1.1,2.5", "--size", "24.1,10"
+    done = command.run("cut", built, *place, "--only", "mjcf", "-o", out)
+    assert done.returncode == 0
+    told = "24 × 10 m around 1,2.5, asked for 24.1 × 10 m around 1.1,2.5"
+    assert f"whole cells of 0.25 m: {told}" in done.stdout
     world = tf.World.load(out)
     wanted = whole.tile(world.window, number=0)
     assert np.array_equal(world.ground.elevation, wanted.ground.elevation)
